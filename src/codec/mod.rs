@@ -1,0 +1,1 @@
+//! Encoding of one field over time: decode any step, verify.

@@ -1,0 +1,1 @@
+//! Frames and series written to files.

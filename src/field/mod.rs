@@ -1,0 +1,128 @@
+//! Fields over time: the time axis, what a field is, and the source of an uncompressed series.
+
+use crate::error::FileResult;
+use crate::mesh::RawMesh;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Times of the steps, as stored in the file (never index * dt), in the file's unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TimeAxis {
+    /// Strictly increasing, finite.
+    pub values: Vec<f64>,
+}
+
+impl TimeAxis {
+    /// Number of steps.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there is no step.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+}
+
+/// Where the values of a field live.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Association {
+    /// One value per vertex.
+    Point,
+    /// One value per cell; made per-vertex at import by the mean over the cells around a vertex, as ParaView's
+    /// *Cell Data to Point Data* does.
+    Cell,
+}
+
+/// A field that a source offers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FieldInfo {
+    /// Name as in the file.
+    pub name: String,
+    /// 1 for scalars, 3 for vectors, otherwise as in the file.
+    pub components: usize,
+    /// Per point or per cell.
+    pub association: Association,
+}
+
+/// Which number of a tuple is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Component {
+    /// Component by index (0 for scalars).
+    Index(usize),
+    /// Euclidean norm of the tuple.
+    Magnitude,
+}
+
+/// A field and a component of it, as the user names them: `NAME`, `NAME:mag`, `NAME:0`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct FieldSelector {
+    /// Name of the field.
+    pub name: String,
+    /// `None` if the user named none: the value of a scalar, the magnitude of anything else.
+    pub component: Option<Component>,
+}
+
+impl FromStr for FieldSelector {
+    type Err = std::convert::Infallible;
+
+    /// A suffix that is neither `mag` nor a number belongs to the name: names may contain colons.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if let Some((name, suffix)) = text.rsplit_once(':') {
+            let component = match suffix {
+                "mag" => Some(Component::Magnitude),
+                _ if !suffix.is_empty() && suffix.bytes().all(|b| b.is_ascii_digit()) => {
+                    suffix.parse().ok().map(Component::Index)
+                }
+                _ => None,
+            };
+            if component.is_some() && !name.is_empty() {
+                return Ok(Self { name: name.to_owned(), component });
+            }
+        }
+        Ok(Self { name: text.to_owned(), component: None })
+    }
+}
+
+impl fmt::Display for FieldSelector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.component {
+            None => f.write_str(&self.name),
+            Some(Component::Magnitude) => write!(f, "{}:mag", self.name),
+            Some(Component::Index(i)) => write!(f, "{}:{i}", self.name),
+        }
+    }
+}
+
+impl FieldSelector {
+    /// The component to read of a field with `components` numbers a tuple.
+    pub fn component_of(&self, components: usize) -> Component {
+        self.component.unwrap_or(if components == 1 { Component::Index(0) } else { Component::Magnitude })
+    }
+}
+
+/// An uncompressed series: any step of any field, in the file's own numbering of points and cells.
+///
+/// Implementations hold at most a few steps in memory. Every error names the file and the place.
+pub trait SeriesSource: Sync {
+    /// One line that says what this is, for reports and the store's attributes (a file name, generator and seed).
+    fn describe(&self) -> String;
+    /// Times of the steps.
+    fn times(&self) -> &TimeAxis;
+    /// Fields of the first step.
+    fn fields(&self) -> &[FieldInfo];
+    /// The mesh, the same for all steps.
+    fn mesh(&self) -> FileResult<RawMesh>;
+    /// Values of one component of `field` at `step`: one per point or per cell of [`SeriesSource::mesh`], as the field's
+    /// association says, into `out` (cleared first, so that its memory is used again).
+    ///
+    /// # Errors
+    /// If the step cannot be read, lacks the field, or has another number of points or cells than the mesh.
+    fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()>;
+    /// Counts of things skipped while reading (cells of lower dimension, say), one readable line each.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+}

@@ -1,0 +1,1 @@
+//! From a source to a store in one streamed pass.

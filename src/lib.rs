@@ -1,0 +1,39 @@
+//! tetreel plays time-varying scalar fields on tetrahedral meshes.
+//!
+//! A series is imported once into a store, then every displayed frame is *decode -> order -> render*, judged by a
+//! float64 reference. The modules are floors of a house: each imports only from floors below its own.
+//!
+//! | floor | modules |
+//! |---|---|
+//! | 0 | [`error`], [`task`] |
+//! | 1 | [`mesh`], [`field`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
+//! | 2 | [`transfer`], [`optics`] |
+//! | 3 | [`codec`], [`visibility`] |
+//! | 4 | [`store`], [`import`], [`synth`] |
+//! | 5 | [`ingest`], [`render`] |
+//! | 8 | [`export`] |
+//! | 9 | [`cli`], [`bench`] |
+//!
+//! `docs/architecture.md` follows a frame through them; `examples/render_one.rs` is the shortest complete use.
+
+pub mod bench;
+pub mod camera;
+pub mod cli;
+pub mod codec;
+pub mod error;
+pub mod export;
+pub mod field;
+pub mod image;
+pub mod import;
+pub mod ingest;
+pub mod mesh;
+pub mod moments;
+pub mod node_table;
+pub mod optics;
+pub mod render;
+pub mod stats;
+pub mod store;
+pub mod synth;
+pub mod task;
+pub mod transfer;
+pub mod visibility;

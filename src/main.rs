@@ -1,0 +1,3 @@
+//! The `tetreel` command.
+
+fn main() {}

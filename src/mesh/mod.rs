@@ -1,0 +1,32 @@
+//! Tetrahedral meshes: connectivity ([`Topology`]) and coordinates ([`Positions`]) apart from each other, because the
+//! first stays the same when the second moves.
+
+mod positions;
+mod topology;
+
+pub use positions::Positions;
+pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
+
+use glam::DVec3;
+
+/// A mesh as a file holds it: any vertex order, any winding, possibly with defects. [`Mesh::build`] makes a [`Mesh`] of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RawMesh {
+    /// Vertex coordinates in world units.
+    pub points: Vec<DVec3>,
+    /// Vertex indices of the cells.
+    pub tets: Vec<[u32; 4]>,
+}
+
+/// A repaired mesh in curve order, with the way back to the file's numbering.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Connectivity.
+    pub topology: Topology,
+    /// Coordinates.
+    pub positions: Positions,
+    /// For each vertex the index it had in the [`RawMesh`].
+    pub vertex_source: Vec<u32>,
+    /// For each cell the index it had in the [`RawMesh`].
+    pub cell_source: Vec<u32>,
+}

@@ -1,0 +1,1 @@
+//! One-pass statistics of a series: ranges, mean and variance.

@@ -1,0 +1,1 @@
+//! Integration of the emission-absorption model over one segment of a ray.

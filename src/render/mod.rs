@@ -1,0 +1,1 @@
+//! From scalars and a view to a frame.

@@ -1,0 +1,39 @@
+//! What a frame cost and what it did not have to do.
+
+use serde::{Deserialize, Serialize};
+
+/// Counts and times of one frame, stage by stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FrameStats {
+    /// Bytes read from the store.
+    pub bytes_read: u64,
+    /// Scalars decoded.
+    pub vertices_decoded: u64,
+    /// Cells that can be seen with this transfer function at this step.
+    pub cells_active: u64,
+    /// Cells of the mesh.
+    pub cells_total: u64,
+    /// Faces through which rays may enter the active cells.
+    pub entry_faces: u64,
+    /// Entries found: (pixel, face) pairs.
+    pub entries: u64,
+    /// Cells stepped through by all rays.
+    pub steps: u64,
+    /// Segments between two transfer-function nodes that were integrated.
+    pub segments: u64,
+    /// Rays that met at least one active cell.
+    pub rays_hit: u64,
+    /// Rays stopped early because nothing behind could be seen.
+    pub rays_stopped_early: u64,
+    /// Path pieces skipped because they lay before what was already composited (overlapping cells).
+    pub out_of_order: u64,
+    /// Milliseconds spent decoding.
+    pub ms_decode: f64,
+    /// Milliseconds spent on active cells, view transform and entries.
+    pub ms_order: f64,
+    /// Milliseconds spent walking and compositing.
+    pub ms_render: f64,
+    /// Milliseconds from job to frame.
+    pub ms_frame: f64,
+}

@@ -1,0 +1,1 @@
+//! The dataset on disk: a Zarr v3 group.

@@ -1,0 +1,1 @@
+//! Generated series with known properties.

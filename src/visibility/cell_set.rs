@@ -1,0 +1,49 @@
+//! A set of cells, one bit each.
+
+/// A set of cells of one mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CellSet {
+    words: Vec<u64>,
+    len: usize,
+}
+
+impl CellSet {
+    /// All cells of a mesh of `len` cells.
+    pub fn all(len: usize) -> Self {
+        let mut words = vec![u64::MAX; len.div_ceil(64)];
+        if let Some(last) = words.last_mut()
+            && !len.is_multiple_of(64)
+        {
+            *last = (1 << (len % 64)) - 1;
+        }
+        Self { words, len }
+    }
+
+    /// No cell of a mesh of `len` cells.
+    pub fn none(len: usize) -> Self {
+        Self { words: vec![0; len.div_ceil(64)], len }
+    }
+
+    /// Number of cells of the mesh (not of the set).
+    pub fn universe(&self) -> usize {
+        self.len
+    }
+
+    /// Number of cells in the set.
+    pub fn count(&self) -> usize {
+        self.words.iter().map(|w| w.count_ones() as usize).sum()
+    }
+
+    /// Whether `cell` is in the set.
+    #[inline]
+    pub fn contains(&self, cell: u32) -> bool {
+        self.words[cell as usize / 64] >> (cell % 64) & 1 == 1
+    }
+
+    /// Puts `cell` in or out.
+    pub fn set(&mut self, cell: u32, member: bool) {
+        let bit = 1 << (cell % 64);
+        let word = &mut self.words[cell as usize / 64];
+        if member { *word |= bit } else { *word &= !bit }
+    }
+}
