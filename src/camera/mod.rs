@@ -2,6 +2,12 @@
 //!
 //! World: right-handed, +Z up. View: x right, y up, w forward (depth along the viewing direction); the eye is the origin.
 
+mod framing;
+mod text;
+mod view;
+
+pub use view::View;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +28,9 @@ pub enum Projection {
 }
 
 /// A camera with the fields of VTK's (`vtkCamera`), world units.
+///
+/// As text (`--camera`): `pos=x,y,z focal=x,y,z up=x,y,z angle=30 near=0`, or `parallel=SCALE` in place of `angle`; see
+/// [`Camera::parse`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// The eye.
@@ -36,30 +45,48 @@ pub struct Camera {
     pub near: f64,
 }
 
-/// An orthonormal view frame and the image plane of a given size in pixels.
-///
-/// The ray of image-plane point (px, py) is, in view coordinates, `(px * w, py * w, w)` (perspective) or `(px, py, w)`
-/// (parallel) over depth w; a step dw in depth is a length of [`View::length_per_depth`] * dw.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// The eye, world.
-    pub eye: DVec3,
-    /// Unit vector to the right, world.
-    pub right: DVec3,
-    /// Unit vector upwards in the image, world.
-    pub up: DVec3,
-    /// Unit vector of the viewing direction, world.
-    pub forward: DVec3,
-    /// Whether rays meet in the eye.
-    pub perspective: bool,
-    /// Near distance, world; negative infinity for parallel projection.
-    pub near: f64,
-    /// Half width of the image plane: at depth 1 (perspective) or in world units (parallel).
-    pub half_width: f64,
-    /// Half height, as `half_width`.
-    pub half_height: f64,
-    /// Pixels per row.
-    pub width_px: usize,
-    /// Rows.
-    pub height_px: usize,
+/// Why a camera sees nothing, or its text says nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CameraError {
+    /// A field is NaN, infinite, or so large that distances overflow.
+    #[error("camera {0} is not finite")]
+    NotFinite(&'static str),
+    /// There is no viewing direction.
+    #[error("camera position and focal point coincide; move one of them")]
+    NoDirection,
+    /// The view angle is outside (0, 180) degrees.
+    #[error("view angle {0} is outside 0..180 degrees")]
+    BadAngle(f64),
+    /// The parallel scale is not positive.
+    #[error("parallel scale {0} is not positive")]
+    BadScale(f64),
+    /// The near distance is negative.
+    #[error("near distance {0} is negative")]
+    BadNear(f64),
+    /// An image without pixels.
+    #[error("an image of {0} x {1} pixels has no pixels")]
+    NoPixels(usize, usize),
+    /// A part of the camera's text cannot be read.
+    #[error("camera '{part}': {problem}")]
+    BadText {
+        /// The offending part of the text.
+        part: String,
+        /// What is wrong with it, and what would be right.
+        problem: String,
+    },
 }
+
+/// `v` at length 1, also where the square of its length under- or overflows; `None` for zero and non-finite vectors.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let largest = v.abs().max_element();
+    (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())
+}
+
+/// Length of `v`, also where its square under- or overflows.
+fn length(v: DVec3) -> f64 {
+    let largest = v.abs().max_element();
+    if largest > 0.0 && largest.is_finite() { (v / largest).length() * largest } else { largest }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+//! From a camera to the view frame and the rays of its pixels.
+
+use super::{Camera, CameraError, Projection, unit};
+use glam::DVec3;
+
+/// An orthonormal view frame and the image plane of a given size in pixels.
+///
+/// The ray of image-plane point (px, py) is, in view coordinates, `(px * w, py * w, w)` (perspective) or `(px, py, w)`
+/// (parallel) over depth w; a step dw in depth is a length of [`View::length_per_depth`] * dw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// The eye, world.
+    pub eye: DVec3,
+    /// Unit vector to the right, world.
+    pub right: DVec3,
+    /// Unit vector upwards in the image, world.
+    pub up: DVec3,
+    /// Unit vector of the viewing direction, world.
+    pub forward: DVec3,
+    /// Whether rays meet in the eye.
+    pub perspective: bool,
+    /// Near distance, world; negative infinity for parallel projection.
+    pub near: f64,
+    /// Half width of the image plane: at depth 1 (perspective) or in world units (parallel).
+    pub half_width: f64,
+    /// Half height, as `half_width`.
+    pub half_height: f64,
+    /// Pixels per row.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+}
+
+/// Below this sine between viewing direction and up (sqrt of the f64 rounding unit) the cross product has lost half of its
+/// digits, and another up is taken.
+const DEGENERATE_SINE: f64 = 1.5e-8;
+
+impl Camera {
+    /// The view frame of an image of `width_px` x `height_px` pixels.
+    ///
+    /// An up that is zero or parallel to the viewing direction is replaced by +Z, or +Y where that is parallel too.
+    ///
+    /// # Errors
+    /// If a field is not finite, position and focal point coincide, the angle is outside (0, 180), the parallel scale or
+    /// the near distance is out of range, or the image has no pixels.
+    pub fn view(&self, width_px: usize, height_px: usize) -> Result<View, CameraError> {
+        if width_px == 0 || height_px == 0 {
+            return Err(CameraError::NoPixels(width_px, height_px));
+        }
+        let (forward, right) = self.forward_and_right()?;
+        let half_height = self.half_height()?;
+        let half_width = half_height * (width_px as f64 / height_px as f64);
+        if !(half_width.is_normal() && half_height.is_normal()) {
+            return Err(CameraError::NotFinite("image plane"));
+        }
+        if !self.near.is_finite() {
+            return Err(CameraError::NotFinite("near distance"));
+        }
+        if self.near < 0.0 {
+            return Err(CameraError::BadNear(self.near));
+        }
+        let perspective = matches!(self.projection, Projection::Perspective { .. });
+        Ok(View {
+            eye: self.position,
+            right,
+            up: right.cross(forward).normalize(),
+            forward,
+            perspective,
+            near: if perspective { self.near } else { f64::NEG_INFINITY },
+            half_width,
+            half_height,
+            width_px,
+            height_px,
+        })
+    }
+
+    /// Half height of the image plane at depth 1 (perspective) or in world units (parallel).
+    fn half_height(&self) -> Result<f64, CameraError> {
+        match self.projection {
+            Projection::Perspective { view_angle } if view_angle > 0.0 && view_angle < 180.0 => {
+                Ok((0.5 * view_angle.to_radians()).tan())
+            }
+            Projection::Perspective { view_angle } => Err(CameraError::BadAngle(view_angle)),
+            Projection::Parallel { scale } if scale > 0.0 && scale.is_finite() => Ok(scale),
+            Projection::Parallel { scale } => Err(CameraError::BadScale(scale)),
+        }
+    }
+
+    /// Unit vectors forward and to the right.
+    pub(super) fn forward_and_right(&self) -> Result<(DVec3, DVec3), CameraError> {
+        for (name, v) in [("position", self.position), ("focal point", self.focal_point), ("up", self.view_up)] {
+            if !v.is_finite() {
+                return Err(CameraError::NotFinite(name));
+            }
+        }
+        if self.position == self.focal_point {
+            return Err(CameraError::NoDirection);
+        }
+        let forward = unit(self.focal_point - self.position).ok_or(CameraError::NotFinite("distance"))?;
+        let ups = [self.view_up, DVec3::Z, DVec3::Y];
+        let sideways = ups.into_iter().filter_map(unit).map(|up| forward.cross(up));
+        let right = sideways.into_iter().find(|r| r.length() > DEGENERATE_SINE);
+        // Z and Y cannot both be parallel to one direction.
+        let right = right.map(DVec3::normalize).ok_or(CameraError::NoDirection)?;
+        Ok((forward, right))
+    }
+}
+
+impl View {
+    /// Image-plane coordinates of the centre of pixel (`px_i`, `px_j`): column from the left, row from the top.
+    pub fn ray(&self, px_i: usize, px_j: usize) -> (f64, f64) {
+        let x = (px_i as f64 + 0.5) / self.width_px as f64 * 2.0 - 1.0;
+        let y = 1.0 - (px_j as f64 + 0.5) / self.height_px as f64 * 2.0;
+        (x * self.half_width, y * self.half_height)
+    }
+
+    /// World length along the ray of image-plane point (`px`, `py`) per unit of depth.
+    pub fn length_per_depth(&self, px: f64, py: f64) -> f64 {
+        if self.perspective { (1.0 + px * px + py * py).sqrt() } else { 1.0 }
+    }
+
+    /// View coordinates (x right, y up, w forward) of a world point. The eye is subtracted in f64, so that a scene far
+    /// from the origin keeps its digits.
+    pub fn to_view(&self, world: DVec3) -> DVec3 {
+        let d = world - self.eye;
+        DVec3::new(self.right.dot(d), self.up.dot(d), self.forward.dot(d))
+    }
+}
