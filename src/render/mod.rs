@@ -1,1 +1,129 @@
 //! From scalars and a view to a frame.
+//!
+//! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to.
+//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU.
+
+pub mod cpu;
+pub mod reference;
+
+use crate::camera::View;
+use crate::image::RgbaImage;
+use crate::mesh::Mesh;
+use crate::node_table::NodeTable;
+use crate::stats::FrameStats;
+use crate::visibility::CellSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Everything that a frame depends on. Cheap to clone: the large parts are shared.
+#[derive(Clone, Debug)]
+pub struct RenderJob {
+    /// The mesh.
+    pub mesh: Arc<Mesh>,
+    /// One scalar per vertex of the mesh; finite at the vertices of active cells.
+    pub scalars: Arc<Vec<f32>>,
+    /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
+    pub active: Arc<CellSet>,
+    /// Camera and image size.
+    pub view: View,
+    /// Transfer function.
+    pub table: Arc<NodeTable>,
+    /// Whether rays stop when nothing behind can be seen.
+    pub early_termination: bool,
+}
+
+/// Why a job cannot be rendered.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RenderError {
+    /// Scalars and mesh do not belong together.
+    #[error("{scalars} scalars for a mesh of {vertices} vertices")]
+    ScalarCount {
+        /// Scalars given.
+        scalars: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// Active cells and mesh do not belong together.
+    #[error("a set over {set} cells for a mesh of {cells} cells")]
+    CellCount {
+        /// Cells that the set knows of.
+        set: usize,
+        /// Cells of the mesh.
+        cells: usize,
+    },
+}
+
+impl RenderJob {
+    /// Checks that the parts belong together.
+    ///
+    /// # Errors
+    /// If scalars or active cells are of another mesh.
+    pub fn check(&self) -> Result<(), RenderError> {
+        let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
+        if self.scalars.len() != vertices {
+            return Err(RenderError::ScalarCount { scalars: self.scalars.len(), vertices });
+        }
+        if self.active.universe() != cells {
+            return Err(RenderError::CellCount { set: self.active.universe(), cells });
+        }
+        Ok(())
+    }
+
+    /// The view in the mesh's local coordinates: eye subtracted and scaled in f64, so that the offset of the mesh in the
+    /// world costs no accuracy. Depths and lengths in it are local: world lengths divided by the scale.
+    pub fn local_view(&self) -> View {
+        let positions = &self.mesh.positions;
+        let per_scale = 1.0 / positions.scale;
+        let mut view = self.view;
+        view.eye = (view.eye - positions.origin) * per_scale;
+        view.near *= per_scale;
+        if !view.perspective {
+            view.half_width *= per_scale;
+            view.half_height *= per_scale;
+        }
+        view
+    }
+}
+
+/// The planes of a rendered image, and what it cost.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// Raw accumulators.
+    pub color: RgbaImage,
+    /// Counts and times.
+    pub stats: FrameStats,
+}
+
+/// How far a renderer has come.
+#[derive(Clone, Copy, Debug)]
+pub enum Advance<'a> {
+    /// Some pixels are final, the others still transparent.
+    Partial(&'a Frame),
+    /// All pixels are final.
+    Done(&'a Frame),
+}
+
+/// Renders one job at a time, in slices. Keeps its buffers from job to job: frames of one size allocate nothing once the
+/// first is done.
+pub trait Renderer: Send {
+    /// Starts a job; one that was under way is dropped.
+    ///
+    /// # Errors
+    /// If the parts of the job do not belong together.
+    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError>;
+
+    /// Works on the job for about `budget` (at least one tile) and shows what there is. Without a job the last frame
+    /// is done.
+    fn advance(&mut self, budget: Duration) -> Advance<'_>;
+
+    /// Renders a whole frame.
+    ///
+    /// # Errors
+    /// If the parts of the job do not belong together.
+    fn render(&mut self, job: RenderJob) -> Result<&Frame, RenderError> {
+        self.begin(job)?;
+        match self.advance(Duration::MAX) {
+            Advance::Partial(frame) | Advance::Done(frame) => Ok(frame),
+        }
+    }
+}

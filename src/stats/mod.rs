@@ -37,3 +37,15 @@ pub struct FrameStats {
     /// Milliseconds from job to frame.
     pub ms_frame: f64,
 }
+
+impl FrameStats {
+    /// Adds the counts of a part of the frame (a tile). Times are those of the whole frame and stay.
+    pub fn add_counts(&mut self, part: &FrameStats) {
+        self.entries += part.entries;
+        self.steps += part.steps;
+        self.segments += part.segments;
+        self.rays_hit += part.rays_hit;
+        self.rays_stopped_early += part.rays_stopped_early;
+        self.out_of_order += part.out_of_order;
+    }
+}

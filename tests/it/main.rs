@@ -1,8 +1,10 @@
 //! The one integration binary: tests that cross modules, read sample files or run the command.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
 mod common;
 mod import;
 mod mesh;
+mod meshes;
 mod render;
 mod store;
 mod synth;

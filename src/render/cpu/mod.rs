@@ -1,0 +1,3 @@
+//! Renderers on the CPU.
+
+pub mod raycast;

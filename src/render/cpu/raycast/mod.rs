@@ -1,0 +1,148 @@
+//! Ray casting by cell walk: per pixel, from face to face through the active cells.
+//!
+//! 1. **view transform** ([`view`]): vertices to view coordinates, once per frame.
+//! 2. **entries** ([`entries`]): faces between an active cell and an inactive one or the outside, binned into tiles; per
+//!    pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
+//!    mechanism.
+//! 3. **walk** ([`walk`]): from an entry through the active cells to the exit, compositing a segment per cell.
+//!
+//! **Why no ray is lost or doubled.** A pixel's ray is made the origin of a plane by shearing the vertices along it; a
+//! face is hit if the origin lies in its sheared triangle. Sheared coordinates are a function of vertex and pixel alone, so
+//! all cells see the same planar points, and the sign of an edge function of two of them is exact, with zeros decided by
+//! shifting the ray by (d, d^2), d -> 0 ([`view::edge`]). Of the four sheared faces of a tet, generic points lie in none or
+//! in two with opposite orientation (the boundary of a tet is a closed surface: its degree over any point of the plane is
+//! zero). So the faces hit by a ray pair up inside each tet: they form paths from a front-facing to a back-facing face of
+//! the active sub-complex's surface, each walk ends there, whatever rounding does to the shape of slivers, and entries
+//! found by the same edge functions are exactly the starts of the paths.
+//!
+//! Deviations for speed from the plain algorithm: entry candidates are culled by conservative pixel boxes; of the three
+//! edges of the exit face only those at the new vertex are evaluated.
+
+mod entries;
+mod view;
+mod walk;
+
+use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::camera::View;
+use crate::optics::exact::ExactTable;
+use crate::stats::FrameStats;
+use entries::{EntryFace, TileBins};
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+use view::ViewVertex;
+use walk::{Scene, TileScratch};
+
+/// Tiles are squares of this many pixels: small enough to balance load, large enough that neighbouring rays share cells
+/// in cache.
+const TILE_PX: usize = 16;
+
+/// The CPU ray caster.
+#[derive(Default)]
+pub struct Raycast {
+    frame: Frame,
+    vertices: Vec<ViewVertex>,
+    entry_faces: Vec<EntryFace>,
+    bins: TileBins,
+    active_job: Option<ActiveJob>,
+}
+
+/// What a job under way needs beyond the buffers.
+struct ActiveJob {
+    job: RenderJob,
+    view: View,
+    table: ExactTable,
+    eye_cells: Vec<u32>,
+    next_tile: usize,
+    started: Instant,
+}
+
+impl Raycast {
+    /// A renderer without a job.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Renderer for Raycast {
+    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
+        job.check()?;
+        let started = Instant::now();
+        let view = job.local_view();
+        let (width, height) = (view.width_px, view.height_px);
+        self.frame.color.width = width;
+        self.frame.color.height = height;
+        self.frame.color.pixels.clear();
+        self.frame.color.pixels.resize(width * height, [0.0; 4]);
+        let table = ExactTable::new(&job.table, job.mesh.positions.scale);
+        view::transform(&view, &job.mesh.positions.local, &job.scalars, &mut self.vertices);
+        let cells_active = job.active.count();
+        let everything_clear = table.is_clear() || cells_active == 0;
+        let tiles = if everything_clear {
+            self.entry_faces.clear();
+            0
+        } else {
+            entries::collect(&job.mesh.topology, &job.active, &mut self.entry_faces);
+            self.bins.fill(&view, &self.vertices, &self.entry_faces);
+            self.bins.tile_count()
+        };
+        let eye_cells = if everything_clear { Vec::new() } else { entries::cells_at_eye(&job, &view) };
+        self.frame.stats = FrameStats {
+            cells_active: cells_active as u64,
+            cells_total: job.active.universe() as u64,
+            entry_faces: self.entry_faces.len() as u64,
+            ms_order: started.elapsed().as_secs_f64() * 1e3,
+            ..FrameStats::default()
+        };
+        debug_assert!(tiles == 0 || tiles == self.bins.tile_count());
+        let next_tile = if everything_clear { self.bins.tile_count() } else { 0 };
+        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile, started });
+        Ok(())
+    }
+
+    fn advance(&mut self, budget: Duration) -> Advance<'_> {
+        let Some(active) = &mut self.active_job else { return Advance::Done(&self.frame) };
+        let slice_started = Instant::now();
+        let tile_count = self.bins.tile_count();
+        let scene = Scene {
+            mesh: &active.job.mesh,
+            active: &active.job.active,
+            all_active: active.job.active.count() == active.job.active.universe(),
+            view: &active.view,
+            table: &active.table,
+            vertices: &self.vertices,
+            entry_faces: &self.entry_faces,
+            eye_cells: &active.eye_cells,
+            early_termination: active.job.early_termination,
+        };
+        // With an endless budget all tiles are one batch, so that no thread waits at the end of a batch.
+        let batch = if budget == Duration::MAX { tile_count } else { 8 * rayon::current_num_threads() };
+        while active.next_tile < tile_count {
+            let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
+            active.next_tile = tiles.end;
+            let bins = &self.bins;
+            let done: Vec<_> = tiles
+                .into_par_iter()
+                .map_init(TileScratch::default, |scratch, tile| walk::render_tile(&scene, bins, tile, scratch))
+                .collect();
+            for (pixels, rect, stats) in done {
+                let width = self.frame.color.width;
+                for (row, line) in pixels.chunks_exact(rect.width).enumerate() {
+                    let at = (rect.y + row) * width + rect.x;
+                    self.frame.color.pixels[at..at + rect.width].copy_from_slice(line);
+                }
+                self.frame.stats.add_counts(&stats);
+            }
+            if slice_started.elapsed() >= budget {
+                break;
+            }
+        }
+        let done = active.next_tile >= tile_count;
+        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = active.started.elapsed().as_secs_f64() * 1e3;
+        if done {
+            self.active_job = None;
+            return Advance::Done(&self.frame);
+        }
+        Advance::Partial(&self.frame)
+    }
+}

@@ -1,0 +1,111 @@
+//! View transform, and the planar geometry of a ray.
+
+use crate::camera::View;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// A vertex in view coordinates (local units): x right, y up, w forward, and its scalar.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ViewVertex {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) w: f64,
+    pub(super) s: f64,
+}
+
+/// Transforms all vertices into the view.
+pub(super) fn transform(view: &View, local: &[Vec3], scalars: &[f32], out: &mut Vec<ViewVertex>) {
+    local
+        .par_iter()
+        .zip(scalars)
+        .with_min_len(4096)
+        .map(|(&p, &s)| {
+            let d = p.as_dvec3() - view.eye;
+            ViewVertex { x: view.right.dot(d), y: view.up.dot(d), w: view.forward.dot(d), s: f64::from(s) }
+        })
+        .collect_into_vec(out);
+}
+
+/// The ray of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ray {
+    pub(super) px: f64,
+    pub(super) py: f64,
+    pub(super) perspective: bool,
+    /// Length of the ray per unit of depth.
+    pub(super) length_per_depth: f64,
+}
+
+/// A vertex sheared along a ray, which becomes the origin of the plane (x, y).
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sheared {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) w: f64,
+    pub(super) s: f64,
+}
+
+impl Ray {
+    pub(super) fn of_pixel(view: &View, i: usize, j: usize) -> Self {
+        let (px, py) = view.ray(i, j);
+        Self { px, py, perspective: view.perspective, length_per_depth: view.length_per_depth(px, py) }
+    }
+
+    #[inline]
+    pub(super) fn shear(&self, v: &ViewVertex) -> Sheared {
+        let h = if self.perspective { v.w } else { 1.0 };
+        Sheared { x: v.x - self.px * h, y: v.y - self.py * h, w: v.w, s: v.s }
+    }
+}
+
+/// An edge function: twice the signed area of the triangle (origin, a, b), and whether it is positive, that is, whether b
+/// lies counter-clockwise of a seen from the ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    pub(super) value: f64,
+    pub(super) positive: bool,
+}
+
+/// The edge function of two vertices. The sign is exact, never undecided, and antisymmetric.
+///
+/// Each product is rounded by at most 2^-53 of itself and so is their difference: a value above 2^-51 of the products has
+/// the right sign. Others go through the exact predicate. A true zero is decided for the ray shifted by (d, d^2),
+/// d -> 0: the function gains d (a.y - b.y) + d^2 (b.x - a.x). Where the two vertices coincide in the plane, their ids
+/// decide: no triangle with such an edge contains the origin, since its two other edges have opposite signs.
+#[inline]
+pub(super) fn edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> Edge {
+    let (left, right) = (a.x * b.y, b.x * a.y);
+    let value = left - right;
+    const ROUNDING: f64 = 1.0 / (1u64 << 51) as f64;
+    let certain = value.abs() > ROUNDING * (left.abs() + right.abs()) && value.abs() > f64::MIN_POSITIVE;
+    Edge { value, positive: if certain { value > 0.0 } else { exact_sign(a, b, a_id, b_id) } }
+}
+
+#[cold]
+#[inline(never)]
+fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
+    let at = |v: &Sheared| robust::Coord { x: v.x, y: v.y };
+    let area = robust::orient2d(robust::Coord { x: 0.0, y: 0.0 }, at(a), at(b));
+    if area != 0.0 {
+        area > 0.0
+    } else if a.y != b.y {
+        a.y > b.y
+    } else if a.x != b.x {
+        b.x > a.x
+    } else {
+        a_id < b_id
+    }
+}
+
+/// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
+///
+/// The convex combination keeps the depth within the triangle's; the determinant form does not. Values that rounding has
+/// made negative count as zero; a triangle of nothing but rounding is hit in its middle.
+#[inline]
+pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
+    let e = e.map(|e| e.max(0.0));
+    let sum = e[0] + e[1] + e[2];
+    let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
+    let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);
+    (wp * p.w + wq * q.w + wr * r.w, wp * p.s + wq * q.s + wr * r.s)
+}

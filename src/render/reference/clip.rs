@@ -1,0 +1,122 @@
+//! A tet and a ray.
+
+use super::INFLATION;
+use crate::camera::View;
+use glam::DVec3;
+use std::ops::Range;
+
+/// A cell in view coordinates (local units), ready to be clipped by rays.
+#[derive(Clone, Debug)]
+pub(super) struct Cell {
+    /// Barycentric coordinate i at a point p is `offset[i] + gradient[i] . p`.
+    offset: [f64; 4],
+    gradient: [DVec3; 4],
+    scalars: [f64; 4],
+    /// Pixels whose rays may meet the cell.
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+}
+
+/// The part of a ray inside a cell: depths and scalars at its ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Segment {
+    pub(super) near: f64,
+    pub(super) far: f64,
+    pub(super) scalar_near: f64,
+    pub(super) scalar_far: f64,
+}
+
+impl Cell {
+    /// `None` if no pixel can see the cell.
+    pub(super) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4]) -> Option<Self> {
+        let (columns, rows) = pixel_ranges(view, &corners)?;
+        let mut offset = [0.0; 4];
+        let mut gradient = [DVec3::ZERO; 4];
+        for i in 0..4 {
+            let [a, b, c] = [1, 2, 3].map(|k| corners[(i + k) % 4]);
+            // The normal of the face opposite corner i, scaled so that the coordinate is 0 on the face and 1 at the corner.
+            let normal = (b - a).cross(c - a);
+            let height = normal.dot(corners[i] - a);
+            if height == 0.0 {
+                return None;
+            }
+            gradient[i] = normal / height;
+            offset[i] = -gradient[i].dot(a);
+        }
+        Some(Self { offset, gradient, scalars, columns, rows })
+    }
+
+    /// The segment of the ray of image-plane point (px, py) inside the cell.
+    pub(super) fn clip(&self, view: &View, px: f64, py: f64) -> Option<Segment> {
+        let (origin, direction) = if view.perspective {
+            (DVec3::ZERO, DVec3::new(px, py, 1.0))
+        } else {
+            (DVec3::new(px, py, 0.0), DVec3::new(0.0, 0.0, 1.0))
+        };
+        let start = if view.perspective { 0.0 } else { f64::NEG_INFINITY };
+        let (mut near, mut far) = (start, f64::INFINITY);
+        let mut at_zero = [0.0; 4];
+        let mut slope = [0.0; 4];
+        for i in 0..4 {
+            at_zero[i] = self.offset[i] + self.gradient[i].dot(origin);
+            slope[i] = self.gradient[i].dot(direction);
+            let meets = (-INFLATION - at_zero[i]) / slope[i];
+            if slope[i] > 0.0 {
+                near = near.max(meets);
+            } else if slope[i] < 0.0 {
+                far = far.min(meets);
+            } else if at_zero[i] < -INFLATION {
+                return None;
+            }
+        }
+        if !(near < far && near.is_finite() && far.is_finite()) {
+            return None;
+        }
+        let scalar = |depth: f64| (0..4).map(|i| (at_zero[i] + slope[i] * depth) * self.scalars[i]).sum();
+        Some(Segment { near, far, scalar_near: scalar(near), scalar_far: scalar(far) })
+    }
+}
+
+/// Columns and rows of the pixels whose rays may meet the corners' hull.
+fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Range<usize>)> {
+    let all = Some((0..view.width_px, 0..view.height_px));
+    if view.perspective {
+        if corners.iter().all(|c| c.z <= 0.0) {
+            return None;
+        }
+        // A cell that reaches behind the eye may be seen anywhere; few do.
+        if corners.iter().any(|c| c.z <= 1e-9) {
+            return all;
+        }
+    }
+    let on_plane = |c: &DVec3| if view.perspective { (c.x / c.z, c.y / c.z) } else { (c.x, c.y) };
+    let range = |values: [f64; 4], half: f64, pixels: usize| {
+        let to_px = |v: f64| (v / half + 1.0) * 0.5 * pixels as f64 - 0.5;
+        let (lo, hi) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+        // A pixel more on each side than rounding needs.
+        let first = (to_px(lo) - 1.0).floor().clamp(0.0, pixels as f64) as usize;
+        let end = (to_px(hi) + 2.0).ceil().clamp(0.0, pixels as f64) as usize;
+        (first < end).then_some(first..end)
+    };
+    let columns = range(std::array::from_fn(|i| on_plane(&corners[i]).0), view.half_width, view.width_px)?;
+    let rows = range(std::array::from_fn(|i| -on_plane(&corners[i]).1), view.half_height, view.height_px)?;
+    Some((columns, rows))
+}
+
+/// Segments sorted by their near end, each shortened to begin where the ones before it end, from depth `front` on.
+pub(super) fn without_overlap(front: f64, sorted: impl Iterator<Item = Segment>) -> impl Iterator<Item = Segment> {
+    let mut front = front;
+    sorted.filter_map(move |s| {
+        if s.far <= front {
+            return None;
+        }
+        let mut cut = s;
+        if s.near < front {
+            let f = (front - s.near) / (s.far - s.near);
+            cut.near = front;
+            cut.scalar_near = s.scalar_near + f * (s.scalar_far - s.scalar_near);
+        }
+        front = s.far;
+        Some(cut)
+    })
+}

@@ -1,0 +1,149 @@
+//! The judge: float64, brute force, no adjacency, no tables.
+//!
+//! For every pixel every tet is clipped against the ray; the segments are sorted by depth and integrated one after the
+//! other. Slow and obvious. Nothing is shared with the fast paths but the [`NodeTable`](crate::node_table::NodeTable) and
+//! the stored coordinates.
+//!
+//! 1. A tet is clipped by its barycentric coordinates, which are linear along the ray: the ray is inside where all four
+//!    are >= -[`INFLATION`]. The inflation keeps rays that run in a face or along an edge from falling between two cells.
+//! 2. Inflated cells overlap by as much, and invalid meshes more: segments are taken by their near end, each from where
+//!    the last one ended. A point of the ray is in one cell.
+//! 3. A segment is split where the scalar meets a node; each piece is integrated by its definition
+//!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth.
+//!
+//! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
+
+mod clip;
+mod integrate;
+
+use super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::camera::View;
+use clip::{Cell, Segment};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+
+/// Rows of a band.
+const BAND_ROWS: usize = 8;
+
+/// By how much, in barycentric coordinates, cells are inflated: far above f64's rounding of them on anything but slivers of
+/// 1:10^5, far below what an image can show.
+pub(crate) const INFLATION: f64 = 1e-10;
+
+/// The reference renderer. Renders 1M cells to 512 x 512 pixels in seconds.
+#[derive(Default)]
+pub struct Reference {
+    frame: Frame,
+    active_job: Option<ActiveJob>,
+}
+
+struct ActiveJob {
+    job: RenderJob,
+    view: View,
+    cells: Vec<Cell>,
+    next_band: usize,
+    started: Instant,
+}
+
+impl Reference {
+    /// A renderer without a job.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Renderer for Reference {
+    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
+        job.check()?;
+        let started = Instant::now();
+        let view = job.local_view();
+        let (width, height) = (view.width_px, view.height_px);
+        self.frame.color.width = width;
+        self.frame.color.height = height;
+        self.frame.color.pixels.clear();
+        self.frame.color.pixels.resize(width * height, [0.0; 4]);
+        let positions = &job.mesh.positions.local;
+        let to_view = |v: u32| {
+            let d = positions[v as usize].as_dvec3() - view.eye;
+            DVec3::new(view.right.dot(d), view.up.dot(d), view.forward.dot(d))
+        };
+        let topology = &job.mesh.topology;
+        let cells: Vec<Cell> = (0..topology.tets.len() as u32)
+            .into_par_iter()
+            .filter(|&c| job.active.contains(c))
+            .filter_map(|c| {
+                let tet = topology.tets[c as usize];
+                Cell::new(&view, tet.map(to_view), tet.map(|v| f64::from(job.scalars[v as usize])))
+            })
+            .collect();
+        self.frame.stats = crate::stats::FrameStats {
+            cells_active: job.active.count() as u64,
+            cells_total: job.active.universe() as u64,
+            ms_order: started.elapsed().as_secs_f64() * 1e3,
+            ..Default::default()
+        };
+        self.active_job = Some(ActiveJob { job, view, cells, next_band: 0, started });
+        Ok(())
+    }
+
+    fn advance(&mut self, budget: Duration) -> Advance<'_> {
+        let Some(active) = &mut self.active_job else { return Advance::Done(&self.frame) };
+        let slice_started = Instant::now();
+        let width = self.frame.color.width;
+        let bands = self.frame.color.height.div_ceil(BAND_ROWS);
+        let batch = 2 * rayon::current_num_threads();
+        while active.next_band < bands {
+            let range = active.next_band..(active.next_band + batch).min(bands);
+            active.next_band = range.end;
+            let rows_at = range.start * BAND_ROWS;
+            let rows_end = (range.end * BAND_ROWS).min(self.frame.color.height);
+            let pixels = &mut self.frame.color.pixels[rows_at * width..rows_end * width];
+            let steps: u64 = pixels
+                .par_chunks_mut((BAND_ROWS * width).max(1))
+                .enumerate()
+                .map(|(i, pixels)| render_band(active, (range.start + i) * BAND_ROWS, pixels))
+                .sum();
+            self.frame.stats.steps += steps;
+            if slice_started.elapsed() >= budget {
+                break;
+            }
+        }
+        let done = active.next_band >= bands;
+        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = active.started.elapsed().as_secs_f64() * 1e3;
+        if done {
+            self.active_job = None;
+            return Advance::Done(&self.frame);
+        }
+        Advance::Partial(&self.frame)
+    }
+}
+
+/// Renders the rows from `first_row` on; returns the number of segments.
+fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]]) -> u64 {
+    let view = &active.view;
+    let width = view.width_px;
+    let rows = first_row..first_row + pixels.len() / width;
+    let mut segments: Vec<(u32, Segment)> = Vec::new();
+    for cell in &active.cells {
+        for j in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
+            for i in cell.columns.clone() {
+                let (px, py) = view.ray(i, j);
+                if let Some(segment) = cell.clip(view, px, py) {
+                    segments.push((((j - first_row) * width + i) as u32, segment));
+                }
+            }
+        }
+    }
+    segments.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.near.total_cmp(&b.1.near)).then(a.1.far.total_cmp(&b.1.far)));
+    for of_pixel in segments.chunk_by(|a, b| a.0 == b.0) {
+        let pixel = of_pixel[0].0 as usize;
+        let (px, py) = view.ray(pixel % width, first_row + pixel / width);
+        let local_per_depth = view.length_per_depth(px, py);
+        let world_per_depth = local_per_depth * active.job.mesh.positions.scale;
+        let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
+        pixels[pixel] = integrate::integrate(&active.job.table, chain, world_per_depth).map(|v| v as f32);
+    }
+    segments.len() as u64
+}

@@ -1,0 +1,263 @@
+//! The ray caster against the reference, on scenes made to be difficult.
+
+use super::*;
+use crate::meshes::{build, grid, noise, sample};
+use std::time::Duration;
+use tetreel::render::Advance;
+use tetreel::visibility::CellSet;
+
+type Shape = Box<dyn Fn(DVec3) -> bool>;
+
+const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
+
+fn dense() -> NodeTable {
+    table(&[
+        (-1.5, [0.2, 0.2, 1.0], 0.1),
+        (-0.4, [0.1, 0.9, 0.3], 0.4),
+        (0.1, [0.9, 0.9, 0.1], 1.2),
+        (0.1, [0.3, 0.0, 0.8], 0.2),
+        (0.9, [1.0, 0.2, 0.1], 2.0),
+    ])
+}
+
+/// Three narrow tents, everything else transparent.
+fn tents() -> NodeTable {
+    let tent = |s: f64, rgb, tau| [(s - 0.05, rgb, 0.0), (s, rgb, tau), (s + 0.05, rgb, 0.0)];
+    table(
+        &[tent(-0.5, [0.1, 0.2, 0.9], 2.0), tent(0.0, [0.2, 0.9, 0.3], 8.0), tent(0.6, [1.0, 0.4, 0.1], 25.0)].concat(),
+    )
+}
+
+fn wave(p: DVec3) -> f64 {
+    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
+}
+
+/// Cameras along axes and diagonals, through vertices and edges, near and far, both projections.
+fn cameras() -> Vec<Camera> {
+    let mut cameras = Vec::new();
+    for direction in [DVec3::X, -DVec3::Y, DVec3::Z, DVec3::ONE, DVec3::new(1.0, -2.0, 0.5), DVec3::new(1.0, 1.0, 0.0)]
+    {
+        let position = 5.0 * direction.normalize();
+        cameras.push(camera(position, PERSPECTIVE));
+        // Not a divisor of the box's size: rays in the plane of a boundary face have no defined answer.
+        cameras.push(camera(position, Projection::Parallel { scale: 1.27 }));
+    }
+    cameras
+}
+
+#[test]
+fn convex_meshes_agree_with_the_reference() {
+    for (name, jitter) in [("regular", 0.0), ("jittered", 0.16)] {
+        let mesh = Arc::new(build(grid(6, jitter, 1, |_| true)));
+        for (i, camera) in cameras().iter().enumerate() {
+            for (t, table) in [dense(), tents()].into_iter().enumerate() {
+                let job = job(&mesh, sample(&mesh, wave), camera, (65, 65), table);
+                assert_agrees(&format!("{name}, camera {i}, table {t}"), &job);
+            }
+        }
+    }
+}
+
+#[test]
+fn holes_and_separate_parts_agree_with_the_reference() {
+    let shapes: [(&str, Shape); 4] = [
+        ("hole", Box::new(|c: DVec3| c.length() > 0.5)),
+        ("two parts", Box::new(|c: DVec3| c.x.abs() > 0.3)),
+        (
+            "checkerboard touching in edges",
+            Box::new(|c: DVec3| ((c + DVec3::ONE) * 4.0).floor().as_ivec3().element_sum() % 2 == 0),
+        ),
+        ("shell", Box::new(|c: DVec3| c.abs().max_element() > 0.6)),
+    ];
+    for (name, keep) in shapes {
+        let mesh = Arc::new(build(grid(8, 0.16, 7, keep)));
+        for (i, camera) in cameras().iter().enumerate() {
+            // An even size: rays in a plane of boundary faces have no defined answer, and these meshes have flat ones.
+            let job = job(&mesh, sample(&mesh, wave), camera, (64, 64), dense());
+            assert_agrees(&format!("{name}, camera {i}"), &job);
+        }
+    }
+}
+
+#[test]
+fn cameras_inside_agree_with_the_reference() {
+    let shapes: [(&str, Shape); 2] =
+        [("box", Box::new(|_: DVec3| true)), ("hole", Box::new(|c: DVec3| c.length() > 0.5))];
+    for (name, keep) in shapes {
+        let mesh = Arc::new(build(grid(6, 0.16, 9, keep)));
+        let on_vertex = mesh.positions.world(mesh.positions.local.len() / 2);
+        let tet = mesh.topology.tets[100].map(|v| mesh.positions.world(v as usize));
+        let on_face = (tet[0] + tet[1] + tet[2]) / 3.0;
+        let on_edge = (tet[0] + tet[1]) / 2.0;
+        for (i, eye) in [DVec3::new(0.3, 0.2, 0.7), DVec3::new(0.01, 0.02, 0.03), on_vertex, on_face, on_edge]
+            .into_iter()
+            .enumerate()
+        {
+            for angle in [30.0, 120.0] {
+                for near in [0.0, 0.4] {
+                    let camera = Camera {
+                        position: eye,
+                        focal_point: DVec3::new(-0.4, 0.1, -0.2),
+                        view_up: DVec3::Z,
+                        projection: Projection::Perspective { view_angle: angle },
+                        near,
+                    };
+                    let job = job(&mesh, sample(&mesh, wave), &camera, (48, 48), dense());
+                    assert_agrees(&format!("{name}, eye {i}, angle {angle}, near {near}"), &job);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn offsets_and_scales_of_the_world_do_not_matter() {
+    let raw = grid(5, 0.16, 3, |c| c.length() > 0.4);
+    for (offset, scale) in [(DVec3::splat(1e7), 1.0), (DVec3::ZERO, 1e-30), (DVec3::new(-3e5, 10.0, 8e4), 1e3)] {
+        let mut moved = raw.clone();
+        for p in &mut moved.points {
+            *p = offset + *p * scale;
+        }
+        let mesh = Arc::new(build(moved));
+        let scalars = sample(&mesh, |p| wave((p - offset) / scale));
+        let table =
+            NodeTable::new(dense().nodes().iter().map(|n| Node { tau: n.tau / scale, ..*n }).collect()).unwrap();
+        let mut camera = camera(DVec3::new(3.0, -4.0, 2.0), PERSPECTIVE);
+        (camera.position, camera.focal_point) = (offset + scale * camera.position, offset);
+        assert_agrees(&format!("offset {offset}, scale {scale}"), &job(&mesh, scalars, &camera, (64, 64), table));
+    }
+}
+
+#[test]
+fn slivers_agree_with_the_reference() {
+    for squash in [1e-3, 1e-5] {
+        let mut raw = grid(6, 0.16, 5, |_| true);
+        for p in &mut raw.points {
+            p.z *= squash;
+        }
+        let mesh = Arc::new(build(raw));
+        let scalars = sample(&mesh, |p| wave(DVec3::new(p.x, p.y, p.z / squash)));
+        let table =
+            NodeTable::new(dense().nodes().iter().map(|n| Node { tau: n.tau / squash, ..*n }).collect()).unwrap();
+        for position in [DVec3::new(0.5, 0.3, 4.0), DVec3::new(2.0, 1.0, 3.0)] {
+            assert_agrees(
+                &format!("squash {squash}"),
+                &job(&mesh, scalars.clone(), &camera(position, PERSPECTIVE), (64, 64), table.clone()),
+            );
+        }
+    }
+}
+
+#[test]
+fn cells_with_a_non_finite_scalar_are_holes() {
+    let mesh = Arc::new(build(grid(6, 0.16, 11, |_| true)));
+    let mut scalars = sample(&mesh, wave);
+    for (i, bad) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {
+        scalars[40 * i + 10] = bad;
+    }
+    let camera = camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE);
+    let job = job(&mesh, scalars, &camera, (64, 64), dense());
+    assert!(job.active.count() < job.active.universe());
+    assert_agrees("holes", &job);
+    assert!(raycast(&job).pixels.iter().flatten().all(|v| v.is_finite()));
+}
+
+#[test]
+fn any_active_subset_agrees_with_the_reference() {
+    let mesh = Arc::new(build(grid(5, 0.16, 13, |_| true)));
+    for seed in 0..4 {
+        let mut job =
+            job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (48, 48), dense());
+        let mut active = CellSet::none(mesh.topology.tets.len());
+        for cell in 0..active.universe() as u32 {
+            active.set(cell, noise(seed, u64::from(cell)) > 0.2 * seed as f64 - 0.3);
+        }
+        job.active = Arc::new(active);
+        assert_agrees(&format!("seed {seed}"), &job);
+    }
+}
+
+#[test]
+fn the_comparison_notices_a_changed_scalar_and_a_changed_pixel_convention() {
+    let mesh = Arc::new(build(grid(6, 0.16, 1, |_| true)));
+    let base = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (64, 64), dense());
+    let judge = reference(&base);
+    let mut other = base.clone();
+    let mut scalars = (*base.scalars).clone();
+    let middle = scalars.len() / 2;
+    scalars[middle] += 0.1;
+    other.scalars = Arc::new(scalars);
+    let (rmse, max) = difference(&raycast(&other), &judge);
+    assert!(rmse > 1e-5 && max > 1e-3, "one scalar off by 5 % of the range: rmse {rmse:.1e}, max {max:.1e}");
+    let mut other = base;
+    other.view.half_width *= 1.0 + 0.5 / 64.0;
+    let (rmse, max) = difference(&raycast(&other), &judge);
+    assert!(rmse > 1e-5 && max > 1e-3, "half a pixel off at the edge: rmse {rmse:.1e}, max {max:.1e}");
+}
+
+#[test]
+fn slices_and_threads_do_not_change_the_image() {
+    let mesh = Arc::new(build(grid(8, 0.16, 1, |c| c.length() > 0.4)));
+    let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (70, 50), dense());
+    let whole = raycast(&job);
+    let mut sliced = Raycast::new();
+    sliced.begin(job.clone()).unwrap();
+    let mut slices = 0;
+    let image = loop {
+        slices += 1;
+        match sliced.advance(Duration::ZERO) {
+            Advance::Partial(frame) => assert_eq!(frame.color.pixels.len(), 70 * 50),
+            Advance::Done(frame) => break frame.color.clone(),
+        }
+    };
+    assert!(slices > 1, "the job fits a slice: nothing tested");
+    assert_eq!(image, whole);
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| raycast(&job)), whole, "{threads} threads");
+        assert_eq!(pool.install(|| reference(&job)), reference(&job), "{threads} threads");
+    }
+}
+
+#[test]
+fn opaque_rays_stop_early_and_change_nothing_visible() {
+    let mesh = Arc::new(build(grid(8, 0.16, 1, |_| true)));
+    let opaque = table(&[(-1.5, [0.2, 0.2, 1.0], 30.0), (1.5, [1.0, 0.2, 0.1], 60.0)]);
+    let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (64, 64), opaque);
+    let mut renderer = Raycast::new();
+    let early = renderer.render(job.clone()).unwrap().clone();
+    let full = renderer.render(RenderJob { early_termination: false, ..job }).unwrap().clone();
+    assert!(early.stats.rays_stopped_early > 1000 && full.stats.rays_stopped_early == 0);
+    assert!(early.stats.steps < full.stats.steps / 2, "{} of {}", early.stats.steps, full.stats.steps);
+    // Stopped at a transmittance of 2^-17, the bound stated there.
+    assert!(difference(&early.color, &full.color).1 <= 1.0 / 131_072.0);
+}
+
+#[test]
+fn an_empty_view_and_a_transparent_table_cost_no_steps() {
+    let mesh = Arc::new(build(grid(4, 0.16, 1, |_| true)));
+    let look_away = Camera { focal_point: DVec3::new(9.0, 9.0, 9.0), ..camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE) };
+    let clear = table(&[(0.0, [1.0; 3], 0.0)]);
+    let mut renderer = Raycast::new();
+    for job in [
+        job(&mesh, sample(&mesh, wave), &look_away, (16, 16), dense()),
+        job(&mesh, sample(&mesh, wave), &camera(DVec3::X * 5.0, PERSPECTIVE), (16, 16), clear),
+    ] {
+        assert!(reference(&job).pixels.iter().flatten().all(|&v| v == 0.0));
+        let frame = renderer.render(job).unwrap();
+        assert_eq!(frame.stats.steps, 0);
+        assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0));
+    }
+}
+
+#[test]
+fn parts_that_do_not_belong_together_are_refused() {
+    let mesh = Arc::new(build(grid(2, 0.0, 1, |_| true)));
+    let good = job(&mesh, sample(&mesh, wave), &camera(DVec3::X * 5.0, PERSPECTIVE), (8, 8), dense());
+    let bad_scalars = RenderJob { scalars: Arc::new(vec![0.0; 3]), ..good.clone() };
+    let bad_cells = RenderJob { active: Arc::new(CellSet::all(7)), ..good };
+    for renderer in [&mut Raycast::new() as &mut dyn Renderer, &mut Reference::new()] {
+        assert!(renderer.render(bad_scalars.clone()).unwrap_err().to_string().contains("3 scalars"));
+        assert!(renderer.render(bad_cells.clone()).unwrap_err().to_string().contains("7 cells"));
+    }
+}
