@@ -19,9 +19,9 @@ impl Random {
         (self.next() % n as u64) as usize
     }
 
-    /// Uniform in [-1, 1), a multiple of 2^-19: sums and products of a few of them are exact in f64.
+    /// Uniform in [-1, 1), a multiple of 2^-23: exact in f32, sums of a few in f64, but not products of three.
     pub fn signed(&mut self) -> f64 {
-        self.below(1 << 20) as f64 / f64::from(1 << 19) - 1.0
+        self.below(1 << 24) as f64 / f64::from(1 << 23) - 1.0
     }
 
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
