@@ -114,8 +114,18 @@ mod tests {
 
     #[test]
     fn cells_of_the_same_vertices_have_the_same_index() {
-        // Sums that depend on the order of the terms.
-        let local = [Vec3::new(1.0, 1e-20, 0.3), Vec3::new(-1.0, 1.0, 0.1), Vec3::new(3e-17, -1.0, 0.7), Vec3::ZERO];
-        assert_eq!(cell_curve_index([0, 1, 2, 3], &local), cell_curve_index([2, 0, 3, 1], &local));
+        // Beside a step of the curve, where the last bit of the sum decides: x adds up to -1 - 2^-52 or to twice
+        // as much below -1.
+        let tiny = -1.125 * 2f32.powi(-52);
+        let local = [-1.0, -1.0, 1.0, tiny].map(|x| Vec3::new(x, 0.0, 0.0));
+        let sum_of = |order: [usize; 4]| order.iter().map(|&i| f64::from(local[i].x)).sum::<f64>();
+        assert_ne!(
+            curve_index(DVec3::X * 0.25 * sum_of([0, 1, 2, 3])),
+            curve_index(DVec3::X * 0.25 * sum_of([0, 1, 3, 2]))
+        );
+        let index = cell_curve_index([0, 1, 2, 3], &local);
+        for same in [[0, 1, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]] {
+            assert_eq!(cell_curve_index(same, &local), index);
+        }
     }
 }
