@@ -87,8 +87,8 @@ impl Topology {
 
 impl Mesh {
     /// Whether the mesh keeps all its promises: those of [`Topology::check`]; every cell is positively oriented; every
-    /// vertex has a position and is used; both permutations have their length. Takes seconds on millions of cells; for
-    /// tests.
+    /// vertex has a position and is used; both permutations have their length. Takes some 0.2 s for a
+    /// million cells; meant for tests.
     ///
     /// # Errors
     /// The first broken promise.

@@ -151,6 +151,12 @@ mod tests {
     }
 
     #[test]
+    fn zeros_are_positive() {
+        let frame = LocalFrame { origin: DVec3::ZERO, scale: 1.0 };
+        assert_eq!(frame.local(DVec3::splat(-1e-60)).to_array().map(f32::to_bits), [0; 3]);
+    }
+
+    #[test]
     fn stored_positions_are_checked() {
         let local = vec![Vec3::ZERO, Vec3::ONE];
         assert!(Positions::from_parts(DVec3::ONE, 0.25, local.clone()).is_ok());
