@@ -170,20 +170,19 @@ pub fn read_chunk<T: Element>(source: &dyn ReadRange, key: &str, out: &mut [T]) 
     Ok(expected)
 }
 
-/// Reads a chunk of `count` elements. The file's length is checked before any memory is asked for.
+/// Reads a chunk of `count` rows of N elements. The file's length is checked before any memory is asked for.
 ///
 /// # Errors
 /// As [`read_chunk`], and if the chunk cannot be addressed on this machine.
-pub fn read_array<T: Element>(source: &dyn ReadRange, key: &str, count: u64) -> FileResult<Vec<T>> {
+pub fn read_rows<T: Element, const N: usize>(source: &dyn ReadRange, key: &str, count: u64) -> FileResult<Vec<[T; N]>> {
     if count == 0 {
         return Ok(Vec::new()); // an empty array has no chunk
     }
-    let too_large = || FileError::unsupported(source.path(key), "chunk", format!("has {count} elements: too large"));
-    let bytes = count.checked_mul(T::TYPE.size()).and_then(|b| b.checked_add(CHECKSUM_BYTES)).ok_or_else(too_large)?;
-    check_size(source, key, bytes)?;
-    let mut out = vec![T::zeroed(); usize::try_from(count).map_err(|_| too_large())?];
-    read_chunk(source, key, &mut out)?;
-    Ok(out)
+    let too_large = || FileError::unsupported(source.path(key), "chunk", format!("has {count} rows: too large"));
+    check_chunk_size(source, key, T::TYPE, count.checked_mul(N as u64).ok_or_else(too_large)?)?;
+    let mut rows = vec![[T::zeroed(); N]; usize::try_from(count).map_err(|_| too_large())?];
+    read_chunk(source, key, rows.as_flattened_mut())?;
+    Ok(rows)
 }
 
 /// Checks that a chunk of `count` elements has the right length, without reading it.

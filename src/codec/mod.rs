@@ -17,7 +17,7 @@ mod magnitude;
 pub mod raw;
 
 pub use chunk::{
-    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_array, read_chunk, seal,
+    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
     to_bytes,
 };
 pub use magnitude::magnitude;
