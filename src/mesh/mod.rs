@@ -1,10 +1,26 @@
 //! Tetrahedral meshes: connectivity ([`Topology`]) and coordinates ([`Positions`]) apart from each other, because the
 //! first stays the same when the second moves.
 
+mod build;
+mod check;
+mod curve;
+mod error;
+mod faces;
+mod geometry;
+mod locate;
 mod positions;
+mod repair;
+mod report;
+#[cfg(test)]
+mod test_meshes;
+#[cfg(test)]
+mod tests;
 mod topology;
 
+pub use error::MeshError;
+pub use geometry::tet_volume;
 pub use positions::Positions;
+pub use report::RepairReport;
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;

@@ -1,5 +1,11 @@
 //! Connectivity of a tetrahedral mesh.
 
+use rayon::prelude::*;
+
+use super::geometry::tet_volume;
+use super::repair::{check_counts, check_indices};
+use super::{MeshError, Positions, faces};
+
 /// No such cell: the other side of a boundary face.
 pub const NONE: u32 = u32::MAX;
 
@@ -42,7 +48,8 @@ pub struct Topology {
     pub tets: Vec<[u32; 4]>,
     /// Across each of the four local faces.
     pub neighbours: Vec<[CellNeighbour; 4]>,
-    /// Vertices of the unique faces, ascending; the faces are sorted lexicographically.
+    /// Vertices of the unique faces, ascending; the faces are sorted lexicographically. A triangle shared by more than two
+    /// cells, or by two on the same side of it, is listed once for each of them (ascending by cell), as a boundary face.
     pub faces: Vec<[u32; 3]>,
     /// The cells on both sides of each unique face, the lower id first, [`NONE`] second on the boundary.
     pub face_cells: Vec<[u32; 2]>,
@@ -52,8 +59,84 @@ pub struct Topology {
 pub const FACE_VERTICES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 impl Topology {
+    /// Derives faces and neighbours of `tets`. Returns beside them how many triangles are non-manifold: shared by more
+    /// than two cells, or by two on the same side; these count as boundary for each of their cells.
+    ///
+    /// # Errors
+    /// If there are too many cells or vertices, `positions` has not `vertex_count` of them, or a cell names a missing
+    /// vertex or is not positively oriented. Cells of a [`RawMesh`](super::RawMesh) go through
+    /// [`Mesh::build`](super::Mesh::build) instead.
+    pub fn from_tets(
+        vertex_count: u32,
+        tets: Vec<[u32; 4]>,
+        positions: &Positions,
+    ) -> Result<(Self, u64), MeshError> {
+        check_counts(tets.len(), vertex_count as usize)?;
+        check_length("points", positions.local.len(), vertex_count as usize)?;
+        check_indices(&tets, vertex_count as usize)?;
+        check_orientation(&tets, positions)?;
+        Ok(faces::connect(vertex_count, tets))
+    }
+
+    /// A topology of stored arrays; neighbours are packed as [`CellNeighbour`] describes. All lengths and ranges are
+    /// checked, so that no index leads out of bounds; [`Topology::check`] checks that the arrays agree with each other.
+    ///
+    /// # Errors
+    /// If lengths do not fit together or an index is out of range.
+    pub fn from_parts(
+        vertex_count: u32,
+        tets: Vec<[u32; 4]>,
+        faces: Vec<[u32; 3]>,
+        face_cells: Vec<[u32; 2]>,
+        neighbours: Vec<[u32; 4]>,
+    ) -> Result<Self, MeshError> {
+        let neighbours = neighbours.into_iter().map(|packed| packed.map(CellNeighbour)).collect();
+        let topology = Self { vertex_count, tets, neighbours, faces, face_cells };
+        topology.check_ranges()?;
+        Ok(topology)
+    }
+
     /// Ids of the faces with a cell on one side only.
     pub fn boundary_faces(&self) -> impl Iterator<Item = u32> + '_ {
         (0u32..).zip(&self.face_cells).filter(|(_, cells)| cells[1] == NONE).map(|(face, _)| face)
+    }
+
+    /// Number of components of cells connected through faces.
+    pub fn count_parts(&self) -> u64 {
+        let mut reached = vec![false; self.tets.len()];
+        let mut front = Vec::new();
+        let mut parts = 0;
+        for seed in 0u32.. {
+            let Some(seed_reached) = reached.get_mut(seed as usize) else { break };
+            if std::mem::replace(seed_reached, true) {
+                continue;
+            }
+            parts += 1;
+            front.push(seed);
+            while let Some(cell) = front.pop() {
+                for next in self.neighbours[cell as usize].into_iter().filter_map(CellNeighbour::cell) {
+                    if !std::mem::replace(&mut reached[next as usize], true) {
+                        front.push(next);
+                    }
+                }
+            }
+        }
+        parts
+    }
+}
+
+/// # Errors
+/// If an array has not the length that the others ask for.
+pub(super) fn check_length(array: &'static str, found: usize, expected: usize) -> Result<(), MeshError> {
+    if found == expected { Ok(()) } else { Err(MeshError::WrongLength { array, found, expected }) }
+}
+
+/// # Errors
+/// If a cell is not positively oriented, exactly (the first such cell). Indices are in range.
+pub(super) fn check_orientation(tets: &[[u32; 4]], positions: &Positions) -> Result<(), MeshError> {
+    let is_not_positive = |tet: &[u32; 4]| tet_volume(positions.corners(*tet)) <= 0.0;
+    match tets.par_iter().position_first(is_not_positive) {
+        None => Ok(()),
+        Some(cell) => Err(MeshError::bad_entry("tets", cell, "the cell is flat or turned inside out")),
     }
 }

@@ -1,0 +1,106 @@
+//! Whether the arrays of a mesh fit together: ranges for what is read from files, everything for tests.
+
+use super::faces::{ascending_face, winding_is_even};
+use super::repair::{check_counts, check_indices};
+use super::topology::{check_length, check_orientation};
+use super::{CellNeighbour, Mesh, MeshError, NONE, Topology};
+
+impl Topology {
+    /// Lengths and ranges of all arrays.
+    pub(super) fn check_ranges(&self) -> Result<(), MeshError> {
+        let (cells, vertices) = (self.tets.len(), self.vertex_count);
+        check_counts(cells, vertices as usize)?;
+        check_length("neighbours", self.neighbours.len(), cells)?;
+        check_length("face_cells", self.face_cells.len(), self.faces.len())?;
+        check_indices(&self.tets, vertices as usize)?;
+        let is_cell = |cell: u32| (cell as usize) < cells;
+
+        let is_bad = |[a, b, c]: [u32; 3]| !(a < b && b < c && c < vertices);
+        if let Some(face) = self.faces.iter().position(|face| is_bad(*face)) {
+            let problem = format!("{:?} are not three ascending vertices below {vertices}", self.faces[face]);
+            return Err(MeshError::bad_entry("faces", face, problem));
+        }
+        let is_bad = |[first, second]: [u32; 2]| !is_cell(first) || second <= first || !(is_cell(second) || second == NONE);
+        if let Some(face) = self.face_cells.iter().position(|pair| is_bad(*pair)) {
+            let problem = format!("{:?} are not two ascending cells below {cells}", self.face_cells[face]);
+            return Err(MeshError::bad_entry("face_cells", face, problem));
+        }
+        let is_bad = |side: &CellNeighbour| side.cell().is_some_and(|cell| !is_cell(cell));
+        if let Some(cell) = self.neighbours.iter().position(|sides| sides.iter().any(is_bad)) {
+            let problem = format!("{:?} are not cells below {cells}", self.neighbours[cell].map(CellNeighbour::cell));
+            return Err(MeshError::bad_entry("neighbours", cell, problem));
+        }
+        let boundary = self.boundary_faces().count();
+        check_length("faces of all cells", 2 * self.faces.len() - boundary, 4 * cells)
+    }
+
+    /// Whether all arrays agree with each other: neighbours are mutual, share the face between them and lie on opposite
+    /// sides of it; faces are sorted and are those of their cells; every face of every cell is listed.
+    ///
+    /// # Errors
+    /// The first contradiction.
+    pub fn check(&self) -> Result<(), MeshError> {
+        self.check_ranges()?;
+        for (cell, sides) in (0u32..).zip(&self.neighbours) {
+            for (local, &across) in (0u32..).zip(sides) {
+                self.check_side(CellNeighbour::new(cell, local), across)
+                    .map_err(|problem| MeshError::bad_entry("neighbours", cell as usize, problem))?;
+            }
+        }
+        let keys = || self.faces.iter().zip(&self.face_cells);
+        if let Some(face) = keys().zip(keys().skip(1)).position(|(a, b)| a >= b) {
+            return Err(MeshError::bad_entry("faces", face + 1, "not in ascending order"));
+        }
+        match keys().position(|(face, cells)| !self.is_between(*face, *cells)) {
+            None => Ok(()),
+            Some(face) => Err(MeshError::bad_entry("face_cells", face, "not the cells on both sides of the face")),
+        }
+    }
+
+    /// Whether `across` is what one may find across a side of a cell.
+    fn check_side(&self, side: CellNeighbour, across: CellNeighbour) -> Result<(), &'static str> {
+        let Some(other) = across.cell() else { return Ok(()) };
+        let cell = side.0 >> 2;
+        if self.neighbours[other as usize][across.opposite() as usize] != side {
+            return Err("not mutual");
+        }
+        let face_of = |cell: u32, side: CellNeighbour| ascending_face(self.tets[cell as usize], side.opposite());
+        if face_of(cell, side) != face_of(other, across) {
+            return Err("the cells do not share the face");
+        }
+        if winding_is_even(side, &self.tets) == winding_is_even(across, &self.tets) {
+            return Err("both cells lie on the same side of their face");
+        }
+        Ok(())
+    }
+
+    /// Whether these are the cells on both sides of this face according to the neighbours.
+    fn is_between(&self, face: [u32; 3], [first, second]: [u32; 2]) -> bool {
+        let tet = self.tets[first as usize];
+        let local = (0..4).find(|&local| ascending_face(tet, local) == face);
+        local.is_some_and(|local| {
+            self.neighbours[first as usize][local as usize].cell() == (second != NONE).then_some(second)
+        })
+    }
+}
+
+impl Mesh {
+    /// Whether the mesh keeps all its promises: those of [`Topology::check`]; every cell is positively oriented; every
+    /// vertex has a position and is used; both permutations have their length. Takes seconds on millions of cells; for
+    /// tests.
+    ///
+    /// # Errors
+    /// The first broken promise.
+    pub fn check(&self) -> Result<(), MeshError> {
+        let (cells, vertices) = (self.topology.tets.len(), self.topology.vertex_count as usize);
+        check_length("points", self.positions.local.len(), vertices)?;
+        check_length("vertex_source", self.vertex_source.len(), vertices)?;
+        check_length("cell_source", self.cell_source.len(), cells)?;
+        self.topology.check()?;
+        check_orientation(&self.topology.tets, &self.positions)?;
+        match super::repair::used_vertices(self.topology.tets.iter(), vertices).iter().position(|used| !used) {
+            None => Ok(()),
+            Some(vertex) => Err(MeshError::bad_entry("points", vertex, "no cell uses the vertex")),
+        }
+    }
+}

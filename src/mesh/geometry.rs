@@ -1,0 +1,64 @@
+//! Volumes.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use robust::{Coord3D, orient3d};
+
+use super::Mesh;
+
+/// Signed volume of a tet with vertices a, b, c, d: det(b - a, c - a, d - a) / 6. The sign is exact, also that of zero
+/// (J. R. Shewchuk's adaptive predicate): products of three f32 neither overflow nor underflow in f64.
+pub fn tet_volume(corners: [Vec3; 4]) -> f64 {
+    let [a, b, c, d] = corners.map(|p| Coord3D { x: p.x, y: p.y, z: p.z });
+    // Shewchuk's sign is positive for d below the plane of a, b, c (counter-clockwise seen from above); ours is negative.
+    -orient3d(a, b, c, d) / 6.0
+}
+
+impl Mesh {
+    /// Volume of a cell in local units; above zero. In world units it is larger by `scale^3`.
+    pub fn cell_volume(&self, cell: u32) -> f64 {
+        tet_volume(self.positions.corners(self.topology.tets[cell as usize]))
+    }
+
+    /// Volume of all cells together in local units, the same for any number of threads.
+    pub fn total_volume(&self) -> f64 {
+        /// Sums of fixed runs of cells, so that no rounding depends on how threads share the work.
+        const RUN: usize = 4096;
+        let run_volume = |run: &[[u32; 4]]| run.iter().map(|&tet| tet_volume(self.positions.corners(tet))).sum::<f64>();
+        let runs: Vec<f64> = self.topology.tets.par_chunks(RUN).map(run_volume).collect();
+        runs.iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNIT: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+
+    #[test]
+    fn the_unit_tet_has_a_sixth_and_its_mirror_image_minus_a_sixth() {
+        let [a, b, c, d] = UNIT;
+        assert_eq!(tet_volume([a, b, c, d]), 1.0 / 6.0);
+        assert_eq!(tet_volume([a, b, d, c]), -1.0 / 6.0);
+    }
+
+    #[test]
+    fn the_sign_of_a_sliver_is_exact() {
+        // All four on the plane x + y + z = 1, in multiples of 1/8; then the last one off it by one bit.
+        let eighths = |x: f32, y: f32| Vec3::new(x, y, 8.0 - x - y) / 8.0;
+        let [a, b, c, d] = [eighths(1.0, 1.0), eighths(5.0, 2.0), eighths(2.0, 3.0), eighths(3.0, 3.0)];
+        assert_eq!(tet_volume([a, b, c, d]), 0.0);
+        assert!(tet_volume([a, b, c, d.with_x(d.x.next_up())]) > 0.0, "outside, where the plane's normal points");
+        assert!(tet_volume([a, b, c, d.with_x(d.x.next_down())]) < 0.0);
+        let tiny = f32::from_bits(1);
+        let flat = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.3, 0.3, 0.0)];
+        assert_eq!(tet_volume(flat), 0.0);
+        for z in [tiny, -tiny] {
+            let volume = tet_volume([flat[0], flat[1], flat[2], flat[3] + Vec3::new(0.0, 0.0, z)]);
+            assert_eq!(volume, f64::from(z) / 6.0);
+        }
+        // Three edges of subnormal length: the product of the smallest numbers is still a number.
+        assert!(tet_volume(UNIT.map(|p| p * tiny)) > 0.0);
+    }
+}

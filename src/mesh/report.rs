@@ -1,0 +1,94 @@
+//! What [`Mesh::build`](super::Mesh::build) found and repaired.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// Counts of what was found and repaired while a mesh was built. `Display` gives a clean mesh one line, and any other
+/// one more line for each kind of repair or defect.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RepairReport {
+    /// Cells of the source.
+    pub cells_in: u64,
+    /// Cells of the mesh.
+    pub cells_out: u64,
+    /// Cells of negative orientation, two vertices of which were swapped.
+    pub flipped: u64,
+    /// Cells dropped because they have no volume (a vertex named twice, or vertices in one plane after rounding).
+    pub zero_volume: u64,
+    /// Cells dropped because an earlier one has the same four vertices.
+    pub duplicate_cells: u64,
+    /// Points of the source.
+    pub vertices_in: u64,
+    /// Vertices of the mesh.
+    pub vertices_out: u64,
+    /// Points dropped because no cell that was kept uses them.
+    pub unreferenced_vertices: u64,
+    /// Vertices at the rounded position of another vertex of lower source index. They are kept: their scalars may differ.
+    pub coincident_points: u64,
+    /// Triangles shared by more than two cells, or by two cells on the same side. They count as boundary for each of
+    /// their cells.
+    pub non_manifold_faces: u64,
+    /// Unique faces with a cell on one side only, non-manifold ones once for each of their cells.
+    pub boundary_faces: u64,
+    /// Components connected through faces.
+    pub parts: u64,
+}
+
+impl RepairReport {
+    /// Whether the source was taken as it is: nothing dropped, flipped or suspicious.
+    pub fn is_clean(&self) -> bool {
+        self.findings().all(|(count, _)| count == 0)
+    }
+
+    /// The count and the explanation of each kind of repair or defect.
+    fn findings(&self) -> impl Iterator<Item = (u64, &'static str)> {
+        [
+            (self.flipped, "cells of negative orientation turned round"),
+            (self.zero_volume, "cells without volume dropped"),
+            (self.duplicate_cells, "cells with the vertices of an earlier one dropped"),
+            (self.unreferenced_vertices, "points that no remaining cell uses dropped"),
+            (self.coincident_points, "points at the position of another one kept: cracks if cells were to share them"),
+            (self.non_manifold_faces, "faces of more than two cells, or of overlapping ones, treated as boundary"),
+        ]
+        .into_iter()
+    }
+}
+
+impl fmt::Display for RepairReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts = if self.parts == 1 { "part" } else { "parts" };
+        write!(
+            f,
+            "{} cells, {} vertices, {} boundary faces, {} {parts}",
+            self.cells_out, self.vertices_out, self.boundary_faces, self.parts
+        )?;
+        for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
+            write!(f, "\n{count} {what}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clean_mesh_is_reported_in_one_line() {
+        let report = RepairReport { cells_out: 6, vertices_out: 8, boundary_faces: 12, parts: 1, ..Default::default() };
+        assert!(report.is_clean());
+        assert_eq!(report.to_string(), "6 cells, 8 vertices, 12 boundary faces, 1 part");
+    }
+
+    #[test]
+    fn each_kind_of_repair_has_its_line() {
+        let report = RepairReport { parts: 2, flipped: 3, non_manifold_faces: 1, ..Default::default() };
+        assert!(!report.is_clean());
+        let lines: Vec<_> = report.to_string().lines().map(str::to_owned).collect();
+        assert!(lines[0].ends_with("2 parts"), "{lines:?}");
+        assert!(lines[1].starts_with("3 cells of negative orientation"), "{lines:?}");
+        assert!(lines[2].starts_with("1 faces of more than two cells"), "{lines:?}");
+        assert_eq!(lines.len(), 3);
+    }
+}
