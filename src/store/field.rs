@@ -78,7 +78,9 @@ impl StoredField {
             .enumerate()
             .map(|(step, range)| check_range(range).ok_or((step, range)))
             .collect::<Result<Vec<_>, _>>()
-            .map_err(|(step, r)| FileError::invalid(root.join(&key), format!("step {step}"), format!("{r:?} is no range")))?;
+            .map_err(|(step, r)| {
+                FileError::invalid(root.join(&key), format!("step {step}"), format!("{r:?} is no range"))
+            })?;
         let of_step = |&range: &Option<[f32; 2]>| StepSummary { range, nonfinite: 0 };
         let series = range_per_step.iter().map(of_step).fold(StepSummary::EMPTY, StepSummary::merge);
         Ok(Self {
@@ -120,7 +122,10 @@ pub struct FieldReader {
 enum Values {
     Stored(Box<dyn Decoder>),
     /// The norm of other fields. Buffers for all components of a step wait in the pool.
-    Magnitude { components: Vec<Box<dyn Decoder>>, pool: Mutex<Vec<Vec<f32>>> },
+    Magnitude {
+        components: Vec<Box<dyn Decoder>>,
+        pool: Mutex<Vec<Vec<f32>>>,
+    },
 }
 
 impl FieldReader {

@@ -169,6 +169,12 @@ fn mesh_error(root: &Path, error: &MeshError) -> FileError {
 }
 
 /// Opens an array of the mesh that is one chunk.
-fn open_array(root: &Path, storage: &Storage, name: &str, element: ElementType, rank: usize) -> FileResult<StoredArray> {
+fn open_array(
+    root: &Path,
+    storage: &Storage,
+    name: &str,
+    element: ElementType,
+    rank: usize,
+) -> FileResult<StoredArray> {
     StoredArray::open(root, storage, &format!("{MESH}/{name}"), element, Chunking::Whole, rank)
 }

@@ -48,7 +48,7 @@ fn encode(field: &str) -> String {
     let mut encoded = String::new();
     for (i, byte) in field.bytes().enumerate() {
         let plain = match byte {
-            b'.' => i != 0 && i != last, // hidden, or dropped by Windows
+            b'.' => i != 0 && i != last,                // hidden, or dropped by Windows
             b'_' => i != 0 || !field.starts_with("__"), // reserved by Zarr
             b'-' => true,
             _ => byte.is_ascii_alphanumeric() && !(device && i == 0),

@@ -1,5 +1,6 @@
 //! Writing a store: mesh, times, then the fields side by side, then into place at once.
 
+use super::MAGNITUDE_CODEC;
 use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
 use super::layout::{
@@ -8,7 +9,6 @@ use super::layout::{
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
 use super::staging::Staging;
-use super::MAGNITUDE_CODEC;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, TimeAxis};
@@ -74,7 +74,7 @@ impl StoreWriter {
     }
 
     /// Begins a field that is the norm of other ones and has no values of its own.
-    pub fn begin_magnitude(&mut self, description: FieldDescription, components: &[FieldWriter]) -> FieldWriter {
+    pub fn begin_magnitude(&mut self, description: FieldDescription, components: &[&FieldWriter]) -> FieldWriter {
         let folders = components.iter().map(|c| c.folder.clone()).collect();
         self.field(description, Content::MagnitudeOf(folders))
     }
