@@ -5,7 +5,7 @@ use rayon::prelude::*;
 /// Values that one task computes.
 const CHUNK: usize = 16_384;
 
-/// Euclidean norm of each tuple: `out[v]` = |(components[0][v], components[1][v], ..)|.
+/// Euclidean norm of each tuple: `out[v] = |(components[0][v], components[1][v], ..)|`.
 ///
 /// Squares are summed in f64 in the order of the components, so that neither large nor denormal components overflow or
 /// vanish and the result does not depend on who computes it. A NaN component gives NaN; otherwise an infinite one gives

@@ -200,8 +200,8 @@ impl<'a> Pass<'a> {
         self.values_read += values.len() as u64;
         let out = &mut self.components[slot];
         match field.info.association {
-            Association::Point => self.order.from_points(values, out),
-            Association::Cell => self.order.from_cells(values, out),
+            Association::Point => self.order.gather_points(values, out),
+            Association::Cell => self.order.average_cells(values, out),
         }
         Ok(start.elapsed())
     }

@@ -27,7 +27,7 @@ impl<'a> VertexOrder<'a> {
     }
 
     /// Values per point of the source -> per vertex of the mesh.
-    pub(super) fn from_points(&self, values: &[f32], out: &mut [f32]) {
+    pub(super) fn gather_points(&self, values: &[f32], out: &mut [f32]) {
         let pairs = out.par_chunks_mut(CHUNK).zip(self.vertex_source.par_chunks(CHUNK));
         pairs.for_each(|(out, source)| out.iter_mut().zip(source).for_each(|(out, &s)| *out = values[s as usize]));
     }
@@ -37,7 +37,7 @@ impl<'a> VertexOrder<'a> {
     ///
     /// # Panics
     /// If the order was made without cells.
-    pub(super) fn from_cells(&self, values: &[f32], out: &mut [f32]) {
+    pub(super) fn average_cells(&self, values: &[f32], out: &mut [f32]) {
         let Some(around) = &self.cells else { panic!("the order was made without cells") };
         out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
             let first = chunk * CHUNK;

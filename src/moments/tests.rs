@@ -91,7 +91,7 @@ fn nan_and_infinity_are_kept_out_and_counted() {
 
 #[test]
 fn a_vertex_that_is_never_finite_has_no_mean_and_no_importance() {
-    let moments = moments_of(&vec![vec![f32::NAN, 1.0], vec![f32::INFINITY, 2.0]]);
+    let moments = moments_of(&[vec![f32::NAN, 1.0], vec![f32::INFINITY, 2.0]]);
     let statistics = moments.vertex_statistics();
     assert!(statistics.mean[0].is_nan() && statistics.variance[0].is_nan());
     assert_eq!(statistics.finite_count, [0.0, 2.0]);

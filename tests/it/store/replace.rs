@@ -113,6 +113,25 @@ fn a_new_store_is_as_readable_as_any_new_folder() {
     assert_eq!(mode("s.zarr"), mode("plain"));
 }
 
+#[test]
+fn a_slash_behind_the_name_means_the_same_store() {
+    let dir = tempfile::tempdir().unwrap();
+    for overwrite in [false, OVERWRITE] {
+        import(&sample(1), &dir.path().join("s.zarr/"), &options(overwrite)).unwrap();
+        assert_eq!(list(dir.path()), ["s.zarr"]);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_name_that_is_no_unicode_is_refused_and_leaves_no_trace() {
+    use std::os::unix::ffi::OsStrExt;
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join(std::ffi::OsStr::from_bytes(b"s\xff.zarr"));
+    assert!(matches!(import(&sample(1), &out, &options(false)), Err(IngestError::File(_))));
+    assert!(list(dir.path()).is_empty());
+}
+
 #[cfg(unix)]
 #[test]
 fn a_link_to_nowhere_counts_as_existing() {
