@@ -32,8 +32,10 @@
 //! | faces and their cells | 20 s | | | | | x |
 //! | sum for v = 0.18, s = 2 | | 22 | 19 | 39 | 61 | 128 |
 //!
-//! What stays is 84 bytes a cell. Not kept: a hash map from faces to cells (more memory than the half-faces, and an
-//! order to undo), and one sort of all half-faces (four times the time of the buckets).
+//! Measured on 55^3 jittered cubes in random order (998,250 cells): 128 at the peak, of which 79 stay; 0.6 s on two shared
+//! cores, the exact predicate 11 ms of it, so that it needs no filter in front. Not kept: a hash map from faces to cells
+//! (more memory than the half-faces, and an order to undo), and one sort of all half-faces (each would have to hold its
+//! lowest vertex, too: 16 bytes a cell more).
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -84,7 +86,8 @@ impl Mesh {
         let tets = renumber(tets, &cell_order, &vertex_order, raw_positions.local.len());
         let cell_source = sources(cell_order);
         let local = vertex_order.iter().map(|&(_, source)| raw_positions.local[source as usize]).collect();
-        let positions = Positions { local, ..raw_positions };
+        let positions = Positions { local, origin: raw_positions.origin, scale: raw_positions.scale };
+        drop(raw_positions);
         let vertex_source = sources(vertex_order);
 
         // Fewer than there were points, which were counted above.

@@ -20,7 +20,8 @@ impl Topology {
             let problem = format!("{:?} are not three ascending vertices below {vertices}", self.faces[face]);
             return Err(MeshError::bad_entry("faces", face, problem));
         }
-        let is_bad = |[first, second]: [u32; 2]| !is_cell(first) || second <= first || !(is_cell(second) || second == NONE);
+        let is_bad =
+            |[first, second]: [u32; 2]| !is_cell(first) || second <= first || !(is_cell(second) || second == NONE);
         if let Some(face) = self.face_cells.iter().position(|pair| is_bad(*pair)) {
             let problem = format!("{:?} are not two ascending cells below {cells}", self.face_cells[face]);
             return Err(MeshError::bad_entry("face_cells", face, problem));
@@ -86,8 +87,8 @@ impl Topology {
 
 impl Mesh {
     /// Whether the mesh keeps all its promises: those of [`Topology::check`]; every cell is positively oriented; every
-    /// vertex has a position and is used; both permutations have their length. Takes seconds on millions of cells; for
-    /// tests.
+    /// vertex has a position and is used; both permutations have their length. Takes some 0.2 s for a
+    /// million cells; meant for tests.
     ///
     /// # Errors
     /// The first broken promise.

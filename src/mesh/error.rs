@@ -37,7 +37,9 @@ pub enum MeshError {
     #[error("the mesh has no cells")]
     NoCells,
     /// All cells were dropped.
-    #[error("none of the {0} cells has a volume: their points coincide or lie in planes, to 24 bits of the mesh's extent")]
+    #[error(
+        "none of the {0} cells has a volume: their points coincide or lie in planes, to 24 bits of the mesh's extent"
+    )]
     AllFlat(usize),
     /// Two stored arrays that belong together differ in length.
     #[error("{array} has {found} entries instead of {expected}")]
@@ -60,7 +62,9 @@ pub enum MeshError {
         problem: String,
     },
     /// The origin or scale of stored positions is not finite, or the scale not a power of two.
-    #[error("origin {origin} and scale {scale:e} are no local frame: both are finite, the scale a positive power of two")]
+    #[error(
+        "origin {origin} and scale {scale:e} are no local frame: both are finite, the scale a positive power of two"
+    )]
     BadFrame {
         /// The origin.
         origin: DVec3,

@@ -128,7 +128,8 @@ mod tests {
 
     #[test]
     fn a_box_fills_at_least_half_of_the_local_cube_at_every_size_and_offset() {
-        for (lo, size) in [(0.0, 1.0), (1e9, 1.0), (-1e300, 2e300), (1e-300, 3e-300), (0.0, 1e-320), (-8e307, 1.7e308)] {
+        for (lo, size) in [(0.0, 1.0), (1e9, 1.0), (-1e300, 2e300), (1e-300, 3e-300), (0.0, 1e-320), (-8e307, 1.7e308)]
+        {
             let (lo, hi) = (DVec3::splat(lo), DVec3::new(lo + size, lo + 0.5 * size, lo));
             let frame = LocalFrame::around(lo, hi).unwrap();
             let ends = [frame.local(lo), frame.local(hi)];
@@ -150,6 +151,12 @@ mod tests {
     }
 
     #[test]
+    fn zeros_are_positive() {
+        let frame = LocalFrame { origin: DVec3::ZERO, scale: 1.0 };
+        assert_eq!(frame.local(DVec3::splat(-1e-60)).to_array().map(f32::to_bits), [0; 3]);
+    }
+
+    #[test]
     fn stored_positions_are_checked() {
         let local = vec![Vec3::ZERO, Vec3::ONE];
         assert!(Positions::from_parts(DVec3::ONE, 0.25, local.clone()).is_ok());
@@ -158,14 +165,16 @@ mod tests {
         }
         assert!(Positions::from_parts(DVec3::new(0.0, f64::NAN, 0.0), 1.0, local).is_err());
         for bad in [f32::NAN, f32::INFINITY, 1.0f32.next_up()] {
-            let error = Positions::from_parts(DVec3::ZERO, 1.0, vec![Vec3::ZERO, Vec3::new(0.0, 0.0, bad)]).unwrap_err();
+            let error =
+                Positions::from_parts(DVec3::ZERO, 1.0, vec![Vec3::ZERO, Vec3::new(0.0, 0.0, bad)]).unwrap_err();
             assert!(matches!(error, MeshError::BadEntry { array: "points", entry: 1, .. }), "{error}");
         }
     }
 
     #[test]
     fn local_and_world_coordinates_are_inverse() {
-        let positions = Positions::from_parts(DVec3::new(1e9, 2.0, -3.0), 4.0, vec![Vec3::new(0.5, -1.0, 0.25)]).unwrap();
+        let positions =
+            Positions::from_parts(DVec3::new(1e9, 2.0, -3.0), 4.0, vec![Vec3::new(0.5, -1.0, 0.25)]).unwrap();
         assert_eq!(positions.local_from_world(positions.world(0)), positions.local[0].as_dvec3());
     }
 }

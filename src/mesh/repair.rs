@@ -45,7 +45,8 @@ pub(super) fn check_indices(tets: &[[u32; 4]], vertex_count: usize) -> Result<()
 /// If such a point is not finite, or their extent cannot be scaled.
 pub(super) fn local_positions(points: &[DVec3], tets: &[[u32; 4]]) -> Result<Positions, MeshError> {
     let used = used_vertices(tets.iter().filter(|tet| has_four_vertices(tet)), points.len());
-    let used_points = || points.iter().zip(&used).enumerate().filter(|(_, (_, used))| **used).map(|(i, (p, _))| (i, *p));
+    let used_points =
+        || points.iter().zip(&used).enumerate().filter(|(_, (_, used))| **used).map(|(i, (p, _))| (i, *p));
     if let Some((point, position)) = used_points().find(|(_, p)| !p.is_finite()) {
         return Err(MeshError::NotFinite { point, position });
     }

@@ -48,7 +48,7 @@ impl RepairReport {
             (self.zero_volume, "cells without volume dropped"),
             (self.duplicate_cells, "cells with the vertices of an earlier one dropped"),
             (self.unreferenced_vertices, "points that no remaining cell uses dropped"),
-            (self.coincident_points, "points at the position of another one kept: cracks if cells were to share them"),
+            (self.coincident_points, "points at the position of another one kept, as their scalars may differ"),
             (self.non_manifold_faces, "faces of more than two cells, or of overlapping ones, treated as boundary"),
         ]
         .into_iter()
@@ -57,14 +57,17 @@ impl RepairReport {
 
 impl fmt::Display for RepairReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parts = if self.parts == 1 { "part" } else { "parts" };
-        write!(
-            f,
-            "{} cells, {} vertices, {} boundary faces, {} {parts}",
-            self.cells_out, self.vertices_out, self.boundary_faces, self.parts
-        )?;
+        let counted = |count, one, many| format!("{count} {}", if count == 1 { one } else { many });
+        f.write_str(&counted(self.cells_out, "cell", "cells"))?;
+        for (count, one, many) in [
+            (self.vertices_out, "vertex", "vertices"),
+            (self.boundary_faces, "boundary face", "boundary faces"),
+            (self.parts, "part", "parts"),
+        ] {
+            write!(f, ", {}", counted(count, one, many))?;
+        }
         for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
-            write!(f, "\n{count} {what}")?;
+            write!(f, "\n{what}: {count}")?;
         }
         Ok(())
     }
@@ -87,8 +90,8 @@ mod tests {
         assert!(!report.is_clean());
         let lines: Vec<_> = report.to_string().lines().map(str::to_owned).collect();
         assert!(lines[0].ends_with("2 parts"), "{lines:?}");
-        assert!(lines[1].starts_with("3 cells of negative orientation"), "{lines:?}");
-        assert!(lines[2].starts_with("1 faces of more than two cells"), "{lines:?}");
+        assert!(lines[1] == "cells of negative orientation turned round: 3", "{lines:?}");
+        assert!(lines[2].starts_with("faces of more than two cells") && lines[2].ends_with(": 1"), "{lines:?}");
         assert_eq!(lines.len(), 3);
     }
 }

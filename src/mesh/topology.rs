@@ -66,11 +66,7 @@ impl Topology {
     /// If there are too many cells or vertices, `positions` has not `vertex_count` of them, or a cell names a missing
     /// vertex or is not positively oriented. Cells of a [`RawMesh`](super::RawMesh) go through
     /// [`Mesh::build`](super::Mesh::build) instead.
-    pub fn from_tets(
-        vertex_count: u32,
-        tets: Vec<[u32; 4]>,
-        positions: &Positions,
-    ) -> Result<(Self, u64), MeshError> {
+    pub fn from_tets(vertex_count: u32, tets: Vec<[u32; 4]>, positions: &Positions) -> Result<(Self, u64), MeshError> {
         check_counts(tets.len(), vertex_count as usize)?;
         check_length("points", positions.local.len(), vertex_count as usize)?;
         check_indices(&tets, vertex_count as usize)?;
