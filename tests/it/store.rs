@@ -1,4 +1,5 @@
 //! Ingest and store: what goes in comes out, and nothing else happens to the disk.
+#![allow(clippy::unwrap_used, reason = "helpers of tests, which may")]
 
 mod damage;
 mod interop;
