@@ -1,1 +1,82 @@
-//! Encoding of one field over time: decode any step, verify.
+//! Encoding of one field over time, so that any step can be decoded.
+//!
+//! An [`Encoder`] takes the steps in order, keeps as many as a block of it needs, and hands finished chunks of bytes to a
+//! [`ChunkSink`] under the names that they have in the store. A [`Decoder`] reads bytes behind [`ReadRange`] (a folder
+//! today, an object store later) and decodes any step without state that another thread could see. Chunks are those of
+//! Zarr arrays, described by [`ArraySpec`]: little-endian elements and then their CRC-32C, which is what the stock codecs
+//! `bytes` and `crc32c` write.
+//!
+//! | layer | where |
+//! |---|---|
+//! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
+//! | bytes of a chunk | [`seal`], [`read_chunk`] |
+//! | values of a step | [`raw`] |
+
+mod chunk;
+mod magnitude;
+pub mod raw;
+
+pub use chunk::{
+    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
+    to_bytes,
+};
+pub use magnitude::magnitude;
+
+use crate::error::FileResult;
+
+/// What decoding a step cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DecodeStats {
+    /// Bytes read from the store.
+    pub bytes_read: u64,
+    /// Scalars decoded.
+    pub vertices_decoded: u64,
+}
+
+/// Takes the finished chunks of an encoder.
+pub trait ChunkSink {
+    /// Keeps `payload` (without its checksum) under `key`, as [`chunk_key`] makes it.
+    ///
+    /// # Errors
+    /// If the chunk cannot be written.
+    fn put(&mut self, key: &str, payload: &[u8]) -> FileResult<()>;
+}
+
+/// What an encoder has written once it is through.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// The arrays whose chunks went to the sink.
+    pub arrays: Vec<ArraySpec>,
+    /// Parameters of the codec, for the store's attributes.
+    pub parameters: serde_json::Value,
+}
+
+/// Encodes the steps of one field in order.
+pub trait Encoder: Send {
+    /// Name of the codec in the store's attributes.
+    fn name(&self) -> &'static str;
+
+    /// Takes the next step, one value per vertex, and writes what has become complete by it.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    fn push(&mut self, values: &[f32], sink: &mut dyn ChunkSink) -> FileResult<()>;
+
+    /// Writes what is still buffered (a last, short block).
+    ///
+    /// # Errors
+    /// If the sink fails.
+    fn finish(self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<Encoded>;
+}
+
+/// Decodes any step of one field, from several threads at once.
+pub trait Decoder: Send + Sync {
+    /// Decodes `step` into `out`, one value per vertex.
+    ///
+    /// # Errors
+    /// If a chunk is missing, cut or damaged; the error names the file and the step. `out` is unspecified then.
+    ///
+    /// # Panics
+    /// If the length of `out` is not the number of vertices.
+    fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats>;
+}

@@ -1,1 +1,265 @@
 //! From a source to a store in one streamed pass.
+//!
+//! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
+//! encoded and written. No more than two steps of the source and one of the mesh are in memory. The result does not
+//! depend on the number of threads.
+
+mod options;
+mod order;
+mod plan;
+mod report;
+mod stream;
+
+pub use options::{CodecChoice, IngestOptions, StepRange, StepRangeError};
+pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
+
+use crate::codec::magnitude;
+use crate::codec::raw::RawEncoder;
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, Component, SeriesSource, TimeAxis};
+use crate::mesh::Mesh;
+use crate::moments::Moments;
+use crate::store::{FieldDescription, FieldWriter, StoreWriter};
+use crate::task::{Cancel, Progress};
+use order::VertexOrder;
+use plan::{Output, PlannedField};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use stream::{Job, Stream, with_stream};
+
+/// Imports a series into a new store at `out`.
+///
+/// # Errors
+/// If the source cannot be read or lacks what was asked for, its mesh cannot be built, the store cannot be written, or
+/// `cancel` was raised. Then nothing is left behind, and a store that existed at `out` is as it was.
+pub fn ingest(
+    source: &dyn SeriesSource,
+    out: &Path,
+    options: &IngestOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<IngestReport, IngestError> {
+    let start = Instant::now();
+    let steps = select_steps(source, options)?;
+    let times = steps.iter().map(|&step| source.times().values[step]).collect();
+    let fields = plan::plan(source.fields(), &options.fields)
+        .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))?;
+    let mut writer = StoreWriter::create(out, options.overwrite)?;
+
+    let raw = source.mesh()?;
+    let counts = [raw.points.len(), raw.tets.len()];
+    check_cancel(cancel)?;
+    let (mesh, repair) =
+        Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
+    writer.write_mesh(&mesh, &repair)?;
+    writer.write_times(&TimeAxis { values: times })?;
+    let mesh_seconds = start.elapsed().as_secs_f64();
+
+    let mut pass = Pass::new(source, &mesh, counts, &fields, options, &mut writer);
+    let job = Job { source, fields: &fields, steps: &steps, cancel };
+    progress.begin("import", steps.len() as u64, "steps");
+    let result = with_stream(&job, |stream| {
+        for &step in &steps {
+            check_cancel(cancel)?;
+            pass.take_step(step, stream)?;
+            progress.advance(1);
+        }
+        Ok(stream.read_time)
+    });
+    progress.end();
+    let read_time = result?;
+    check_cancel(cancel)?;
+
+    let finish = Instant::now();
+    let mut seconds = pass.seconds;
+    let values = pass.values_read;
+    let fields = pass.finish()?;
+    let notes = source.notes();
+    let bytes_written = writer.finish(&source.describe(), notes.clone())?;
+    seconds.mesh = mesh_seconds;
+    seconds.read = read_time.as_secs_f64();
+    seconds.finish = finish.elapsed().as_secs_f64();
+    seconds.total = start.elapsed().as_secs_f64();
+    let bytes_read = values * size_of::<f32>() as u64;
+    let time_of = |step: Option<&usize>| step.map_or(0.0, |&step| source.times().values[step]);
+    Ok(IngestReport {
+        source: source.describe(),
+        output: out.to_owned(),
+        repair,
+        steps: steps.len(),
+        times: [time_of(steps.first()), time_of(steps.last())],
+        fields,
+        bytes_read,
+        bytes_written,
+        notes,
+        seconds,
+        megabytes_per_second: bytes_read as f64 / 1e6 / seconds.total.max(f64::MIN_POSITIVE),
+    })
+}
+
+fn check_cancel(cancel: &Cancel) -> Result<(), IngestError> {
+    if cancel.is_cancelled() { Err(IngestError::Cancelled) } else { Ok(()) }
+}
+
+/// The steps asked for, of a time axis that is one.
+fn select_steps(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<usize>> {
+    let times = &source.times().values;
+    let invalid = |problem: String| FileError::invalid(source.describe(), "time", problem);
+    if times.is_empty() {
+        return Err(invalid("there is no step".to_owned()));
+    }
+    if let Some(step) = times.iter().position(|t| !t.is_finite()) {
+        return Err(invalid(format!("the time of step {step} is not finite")));
+    }
+    if let Some(step) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
+        let [a, b] = [times[step], times[step + 1]];
+        return Err(invalid(format!("times do not increase: step {step} is at {a}, step {} at {b}", step + 1)));
+    }
+    options.steps.select(times.len()).map_err(|e| invalid(e.to_string()))
+}
+
+/// A field of the new store: where its values go.
+struct Target {
+    writer: FieldWriter,
+    moments: Moments,
+    association: Association,
+}
+
+/// The work on the steps: everything between reading and the finished fields.
+struct Pass<'a> {
+    source: &'a dyn SeriesSource,
+    /// Points and cells of the source.
+    counts: [usize; 2],
+    fields: &'a [PlannedField],
+    order: VertexOrder<'a>,
+    /// For each field one target an output.
+    targets: Vec<Vec<Target>>,
+    /// Components of the current field in vertex order, as many as the field with most needs.
+    components: Vec<Vec<f32>>,
+    magnitude: Vec<f32>,
+    seconds: StageSeconds,
+    values_read: u64,
+}
+
+impl<'a> Pass<'a> {
+    fn new(
+        source: &'a dyn SeriesSource,
+        mesh: &'a Mesh,
+        counts: [usize; 2],
+        fields: &'a [PlannedField],
+        options: &IngestOptions,
+        writer: &mut StoreWriter,
+    ) -> Self {
+        let vertices = mesh.vertex_source.len();
+        let with_cells = fields.iter().any(|f| f.info.association == Association::Cell);
+        let most = fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
+        Self {
+            source,
+            counts,
+            fields,
+            order: VertexOrder::new(mesh, with_cells),
+            targets: fields.iter().map(|f| targets(f, vertices, options.codec, writer)).collect(),
+            components: vec![vec![0.0; vertices]; most],
+            magnitude: vec![0.0; vertices],
+            seconds: StageSeconds::default(),
+            values_read: 0,
+        }
+    }
+
+    fn take_step(&mut self, step: usize, stream: &mut Stream) -> Result<(), IngestError> {
+        for index in 0..self.fields.len() {
+            let field = &self.fields[index];
+            for (slot, component) in field.reads.iter().enumerate() {
+                let took = stream.next(|values| self.take_component(field, *component, step, slot, values))??;
+                self.seconds.order += took.as_secs_f64();
+            }
+            self.emit(index)?;
+        }
+        Ok(())
+    }
+
+    /// Brings the values of one component into the order of the mesh.
+    fn take_component(
+        &mut self,
+        field: &PlannedField,
+        component: usize,
+        step: usize,
+        slot: usize,
+        values: &[f32],
+    ) -> FileResult<Duration> {
+        let start = Instant::now();
+        let (expected, what) = match field.info.association {
+            Association::Point => (self.counts[0], "points"),
+            Association::Cell => (self.counts[1], "cells"),
+        };
+        if values.len() != expected {
+            let place = format!("field '{}', component {component}, step {step}", field.info.name);
+            let problem = format!("has {} values, but the mesh has {expected} {what}", values.len());
+            return Err(FileError::invalid(self.source.describe(), place, problem));
+        }
+        self.values_read += values.len() as u64;
+        let out = &mut self.components[slot];
+        match field.info.association {
+            Association::Point => self.order.gather_points(values, out),
+            Association::Cell => self.order.average_cells(values, out),
+        }
+        Ok(start.elapsed())
+    }
+
+    /// Reduces and encodes the outputs of a field whose components are complete.
+    fn emit(&mut self, index: usize) -> FileResult<()> {
+        let field = &self.fields[index];
+        for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
+            let start = Instant::now();
+            let values = match output.component {
+                // Every component of an output is read, so the search finds it.
+                Component::Index(i) => &self.components[field.reads.partition_point(|&read| read < i)],
+                Component::Magnitude => {
+                    let components: Vec<&[f32]> =
+                        self.components[..field.reads.len()].iter().map(Vec::as_slice).collect();
+                    magnitude(&components, &mut self.magnitude);
+                    &self.magnitude
+                }
+            };
+            let ordered = Instant::now();
+            target.moments.add_step(values);
+            let reduced = Instant::now();
+            target.writer.push(values)?;
+            self.seconds.order += (ordered - start).as_secs_f64();
+            self.seconds.moments += (reduced - ordered).as_secs_f64();
+            self.seconds.encode += reduced.elapsed().as_secs_f64();
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> FileResult<Vec<FieldReport>> {
+        let report = |target: Target| {
+            let series = target.moments.series();
+            let name = target.writer.name().to_owned();
+            let bytes = target.writer.finish(&target.moments)?;
+            let Target { association, .. } = target;
+            Ok(FieldReport { name, association, range: series.range, nonfinite: series.nonfinite, bytes })
+        };
+        self.targets.into_iter().flatten().map(report).collect()
+    }
+}
+
+/// Begins the fields of the store that a field of the source becomes.
+fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
+    let association = field.info.association;
+    let mut targets: Vec<Target> = Vec::new();
+    for Output { name, virtual_, .. } in &field.outputs {
+        let description = FieldDescription { name: name.clone(), association, units: None };
+        let writer = if *virtual_ {
+            let components: Vec<&FieldWriter> = targets.iter().map(|t| &t.writer).collect();
+            writer.begin_magnitude(description, &components)
+        } else {
+            let encoder = match codec {
+                CodecChoice::Raw => Box::new(RawEncoder::new(vertices)),
+            };
+            writer.begin_field(description, encoder)
+        };
+        targets.push(Target { writer, moments: Moments::new(vertices), association });
+    }
+    targets
+}

@@ -1,1 +1,150 @@
-//! One-pass statistics of a series: ranges, mean and variance.
+//! One-pass statistics of a series: ranges per step and over all steps, mean and variance per vertex.
+//!
+//! The mean and the sum of squared deviations follow Welford, "Note on a method for calculating corrected sums of
+//! squares and products", Technometrics 4 (1962): in f64, one division a sample, no large intermediate sums. A constant
+//! series has a variance of exactly 0, and a large common offset costs nothing. Non-finite samples are left out and
+//! counted; -0 counts as smaller than +0, so that a range has one answer whatever the order of the comparisons.
+
+mod spread;
+#[cfg(test)]
+mod tests;
+
+pub use spread::{CovDenominator, VertexStatistics};
+
+use rayon::prelude::*;
+
+/// Vertices that one task accumulates; fixed, so that the result cannot depend on the number of threads.
+const CHUNK: usize = 8192;
+
+/// What one step holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSummary {
+    /// Least and greatest finite value; `None` if there is none.
+    pub range: Option<[f32; 2]>,
+    /// Number of NaN and infinite values.
+    pub nonfinite: u64,
+}
+
+impl StepSummary {
+    /// The summary of nothing.
+    pub const EMPTY: Self = Self { range: None, nonfinite: 0 };
+
+    /// The summary of both parts together.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        let range = match (self.range, other.range) {
+            (Some(a), Some(b)) => Some([least(a[0], b[0]), greatest(a[1], b[1])]),
+            (a, b) => a.or(b),
+        };
+        Self { range, nonfinite: self.nonfinite + other.nonfinite }
+    }
+
+    /// The summary of a step, without accumulating anything.
+    pub fn of(values: &[f32]) -> Self {
+        values.iter().fold(Self::EMPTY, |summary, &v| {
+            summary.merge(if v.is_finite() {
+                Self { range: Some([v, v]), nonfinite: 0 }
+            } else {
+                Self { range: None, nonfinite: 1 }
+            })
+        })
+    }
+}
+
+/// The lesser by total order (-0 before +0); neither may be NaN.
+fn least(a: f32, b: f32) -> f32 {
+    if b.total_cmp(&a).is_lt() { b } else { a }
+}
+
+/// The greater by total order (-0 before +0); neither may be NaN.
+fn greatest(a: f32, b: f32) -> f32 {
+    if b.total_cmp(&a).is_gt() { b } else { a }
+}
+
+/// Running statistics of one vertex.
+#[derive(Clone, Copy, Debug, Default)]
+struct Accumulator {
+    /// Mean of the finite samples.
+    mean: f64,
+    /// Sum of squared deviations from the mean.
+    m2: f64,
+    /// Number of finite samples.
+    count: u32,
+}
+
+impl Accumulator {
+    fn add(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / f64::from(self.count);
+        self.m2 += before * (value - self.mean);
+    }
+}
+
+/// Statistics of a series that arrives one step at a time. Memory: 24 bytes a vertex.
+#[derive(Clone, Debug)]
+pub struct Moments {
+    vertices: Vec<Accumulator>,
+    steps: Vec<StepSummary>,
+    /// Summaries of the chunks of the current step, kept for their memory.
+    parts: Vec<StepSummary>,
+}
+
+impl Moments {
+    /// No step of a field with `vertex_count` values a step.
+    pub fn new(vertex_count: usize) -> Self {
+        Self { vertices: vec![Accumulator::default(); vertex_count], steps: Vec::new(), parts: Vec::new() }
+    }
+
+    /// Takes the next step, one value per vertex. The result is the same for any number of threads.
+    ///
+    /// # Panics
+    /// If the number of values is not the number of vertices.
+    pub fn add_step(&mut self, values: &[f32]) -> StepSummary {
+        assert_eq!(values.len(), self.vertices.len(), "one value per vertex");
+        self.vertices
+            .par_chunks_mut(CHUNK)
+            .zip(values.par_chunks(CHUNK))
+            .map(|(vertices, values)| add_chunk(vertices, values))
+            .collect_into_vec(&mut self.parts);
+        let summary = self.parts.iter().fold(StepSummary::EMPTY, |all, &part| all.merge(part));
+        self.steps.push(summary);
+        summary
+    }
+
+    /// Range and non-finite count of each step so far.
+    pub fn steps(&self) -> &[StepSummary] {
+        &self.steps
+    }
+
+    /// Range and non-finite count over all steps so far.
+    pub fn series(&self) -> StepSummary {
+        self.steps.iter().fold(StepSummary::EMPTY, |all, &step| all.merge(step))
+    }
+
+    /// Mean, variance and number of finite samples of every vertex so far.
+    pub fn vertex_statistics(&self) -> VertexStatistics {
+        let of = |f: fn(&Accumulator) -> f64| self.vertices.iter().map(f).collect();
+        VertexStatistics {
+            mean: of(|v| if v.count == 0 { f64::NAN } else { v.mean }),
+            // The population's variance: the steps are the whole series, not a sample of it.
+            variance: of(|v| if v.count == 0 { f64::NAN } else { v.m2 / f64::from(v.count) }),
+            finite_count: of(|v| f64::from(v.count)),
+        }
+    }
+}
+
+fn add_chunk(vertices: &mut [Accumulator], values: &[f32]) -> StepSummary {
+    // Starting from the reversed infinite range keeps an Option out of the loop.
+    let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+    let mut nonfinite = 0;
+    for (vertex, &value) in vertices.iter_mut().zip(values) {
+        if value.is_finite() {
+            vertex.add(f64::from(value));
+            range = [least(range[0], value), greatest(range[1], value)];
+        } else {
+            nonfinite += 1;
+        }
+    }
+    StepSummary { range: (range[0] <= range[1]).then_some(range), nonfinite }
+}

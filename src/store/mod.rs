@@ -1,1 +1,181 @@
-//! The dataset on disk: a Zarr v3 group.
+//! The dataset on disk: a Zarr v3 group that any Zarr reader opens.
+//!
+//! | group | arrays |
+//! |---|---|
+//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; derived: `faces`, `face_cells`, `neighbours` |
+//! | `time` | `values` (f64), `mesh_index` |
+//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
+//!
+//! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
+//! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
+//! name made safe for any file system; the name itself is an attribute.
+//!
+//! [`StoreWriter`] writes beside the final place and moves the whole store there at the end. [`Store`] reads: metadata,
+//! times and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing,
+//! damaged or other one is derived again (faces, neighbours) or not there (moments).
+
+mod array;
+mod field;
+mod folder;
+mod info;
+mod layout;
+mod mesh;
+mod names;
+mod staging;
+mod writer;
+
+pub use field::{FieldReader, StoredField};
+pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
+pub use writer::{FieldDescription, FieldWriter, StoreWriter};
+
+use crate::codec::{Chunking, ElementType, ReadRange};
+use crate::error::{FileError, FileResult};
+use crate::field::{Component, FieldSelector, TimeAxis};
+use crate::mesh::Mesh;
+use array::StoredArray;
+use folder::Folder;
+use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
+use mesh::StoredMesh;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The codec of a field without values of its own: the norm of other fields.
+const MAGNITUDE_CODEC: &str = "magnitude";
+
+/// An opened store.
+#[derive(Debug)]
+pub struct Store {
+    root: PathBuf,
+    storage: Storage,
+    source: Arc<Folder>,
+    attributes: RootAttributes,
+    mesh: StoredMesh,
+    times: TimeAxis,
+    fields: Vec<StoredField>,
+}
+
+/// Whether `path` is a folder with a tetreel store of any version; reads its attributes only.
+pub fn is_store(path: &Path) -> bool {
+    layout::is_store(path)
+}
+
+impl Store {
+    /// Opens a store: reads metadata, times and ranges, and checks that all pieces fit together.
+    ///
+    /// # Errors
+    /// If this is not a store, one of another major version, or a piece is missing, damaged or of the wrong shape.
+    pub fn open(path: impl AsRef<Path>) -> FileResult<Self> {
+        let root = path.as_ref();
+        let storage = layout::storage(root)?;
+        let attributes = layout::read_root(root, &storage)?;
+        let source = Arc::new(Folder::new(root));
+        let mesh = StoredMesh::open(root, &storage, &source)?;
+        let times = read_times(root, &storage, &*source)?;
+        let fields = open_fields(root, &storage, &source, times.len() as u64, mesh.vertices)?;
+        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields })
+    }
+
+    /// Folder of the store.
+    pub fn path(&self) -> &Path {
+        &self.root
+    }
+
+    /// Times of the steps, bit for bit as in the source.
+    pub fn times(&self) -> &TimeAxis {
+        &self.times
+    }
+
+    /// The fields, in the order of the source.
+    pub fn fields(&self) -> &[StoredField] {
+        &self.fields
+    }
+
+    /// Reads the mesh. Faces and neighbours that are missing, damaged or of another version are derived again.
+    ///
+    /// # Errors
+    /// If points, cells or permutations are missing or damaged, or do not make a mesh.
+    pub fn mesh(&self) -> FileResult<Mesh> {
+        self.mesh.read(&self.root, &self.storage, &*self.source)
+    }
+
+    /// A reader of one field. `NAME` of a vector means `NAME:mag`.
+    ///
+    /// # Errors
+    /// If there is no such field; the error lists those there are.
+    pub fn field(&self, selector: &FieldSelector) -> FileResult<FieldReader> {
+        let info = self.find(selector).ok_or_else(|| {
+            let names: Vec<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
+            let problem = format!("there is no field '{selector}'; the fields are: {}", names.join(", "));
+            FileError::invalid(&self.root, "fields", problem)
+        })?;
+        // Both lengths have been compared with the sizes of files.
+        let vertices = usize::try_from(self.mesh.vertices)
+            .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
+        Ok(FieldReader::new(info.clone(), self.times.len(), vertices, &self.root, &self.storage, &self.source))
+    }
+
+    fn find(&self, selector: &FieldSelector) -> Option<&StoredField> {
+        let named = |name: &str| self.fields.iter().find(|f| f.name == name);
+        named(&selector.to_string()).or_else(|| match selector.component {
+            None => named(&format!("{}:mag", selector.name)),
+            // The only component of a scalar.
+            Some(Component::Index(0)) => named(&selector.name),
+            Some(_) => None,
+        })
+    }
+
+    /// Summary of the store.
+    ///
+    /// # Errors
+    /// If its files cannot be listed.
+    pub fn info(&self) -> FileResult<StoreInfo> {
+        StoreInfo::of(self)
+    }
+}
+
+fn read_times(root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<TimeAxis> {
+    let key = format!("{TIME}/values");
+    let array = StoredArray::open(root, storage, &key, ElementType::F64, Chunking::Whole, 1)?;
+    let values = array.read::<f64, 1>(root, source)?.into_flattened();
+    let invalid = |problem: String| Err(FileError::invalid(root.join(&key), "", problem));
+    if values.is_empty() {
+        return invalid("there is no step".to_owned());
+    }
+    if let Some(step) = values.iter().position(|t| !t.is_finite()) {
+        return invalid(format!("the time of step {step} is not finite"));
+    }
+    if let Some(step) = values.windows(2).position(|pair| pair[0] >= pair[1]) {
+        return invalid(format!("times do not increase after step {step}"));
+    }
+    Ok(TimeAxis { values })
+}
+
+/// Opens all fields and ties magnitudes to their components.
+fn open_fields(
+    root: &Path,
+    storage: &Storage,
+    source: &Folder,
+    steps: u64,
+    vertices: u64,
+) -> FileResult<Vec<StoredField>> {
+    let FieldsAttributes { folders } = layout::read_group(root, storage, FIELDS)?;
+    let invalid = |problem: String| FileError::invalid(root.join(FIELDS), "attributes", problem);
+    let mut fields = Vec::new();
+    for folder in &folders {
+        if !names::is_plain(folder) {
+            return Err(invalid(format!("'{folder}' is no folder name")));
+        }
+        fields.push(StoredField::open(root, storage, source, folder, steps, vertices)?);
+    }
+    for i in 0..fields.len() {
+        let mut components = Vec::new();
+        for folder in &fields[i].component_folders {
+            // Magnitudes of magnitudes would have no end.
+            let component = fields.iter().find(|f| &f.folder == folder && f.component_folders.is_empty());
+            let missing = || invalid(format!("'{}' needs '{folder}', which has no values", fields[i].name));
+            components.push(component.ok_or_else(missing)?.name.clone());
+        }
+        fields[i].magnitude_of = components;
+    }
+    Ok(fields)
+}

@@ -1,0 +1,205 @@
+//! Chunks: arrays of little-endian elements, each chunk followed by its CRC-32C.
+
+use crate::error::{FileError, FileResult};
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+/// Bytes of the checksum behind a chunk.
+const CHECKSUM_BYTES: u64 = 4;
+
+/// Reads bytes of named objects: files of a folder today, of an object store later.
+pub trait ReadRange: Send + Sync {
+    /// Number of bytes of the object `key` (path segments joined by `/`).
+    ///
+    /// # Errors
+    /// If there is no such object.
+    fn size(&self, key: &str) -> FileResult<u64>;
+
+    /// Fills `parts` one after the other with the bytes from `offset` on.
+    ///
+    /// # Errors
+    /// If the object cannot be read or ends too early.
+    fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()>;
+
+    /// What errors call the object.
+    fn path(&self, key: &str) -> PathBuf;
+}
+
+/// Number type of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ElementType {
+    /// IEEE 754 single precision.
+    F32,
+    /// IEEE 754 double precision.
+    F64,
+    /// Unsigned, 8 bits.
+    U8,
+    /// Unsigned, 16 bits.
+    U16,
+    /// Unsigned, 32 bits.
+    U32,
+}
+
+impl ElementType {
+    /// Name of the Zarr data type.
+    pub fn zarr_name(self) -> &'static str {
+        match self {
+            Self::F32 => "float32",
+            Self::F64 => "float64",
+            Self::U8 => "uint8",
+            Self::U16 => "uint16",
+            Self::U32 => "uint32",
+        }
+    }
+
+    /// Bytes of an element.
+    pub fn size(self) -> u64 {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::F32 | Self::U32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+/// A number that arrays are made of.
+pub trait Element: bytemuck::Pod + Send + Sync {
+    /// Its type in the store.
+    const TYPE: ElementType;
+    /// The same number with its bytes reversed.
+    #[must_use]
+    fn reversed(self) -> Self;
+}
+
+macro_rules! element {
+    ($($number:ty => $type:ident),*) => {$(
+        impl Element for $number {
+            const TYPE: ElementType = ElementType::$type;
+            fn reversed(self) -> Self {
+                let mut bytes = self.to_ne_bytes();
+                bytes.reverse();
+                Self::from_ne_bytes(bytes)
+            }
+        }
+    )*};
+}
+element!(f32 => F32, f64 => F64, u8 => U8, u16 => U16, u32 => U32);
+
+/// How an array is cut into chunks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Chunking {
+    /// One chunk holds everything.
+    Whole,
+    /// Each index of the first axis (a step, a block) has a chunk of its own.
+    PerRow,
+}
+
+/// An array of the store: what its metadata says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArraySpec {
+    /// Name within its group.
+    pub name: String,
+    /// Number type.
+    pub element: ElementType,
+    /// Length of each axis, slowest first.
+    pub shape: Vec<u64>,
+    /// How it is cut.
+    pub chunking: Chunking,
+    /// Names of the axes.
+    pub axes: Vec<&'static str>,
+}
+
+impl ArraySpec {
+    /// Length of each axis of a chunk; at least 1, which Zarr asks for even if an axis of the array is empty.
+    pub fn chunk_shape(&self) -> Vec<u64> {
+        let mut shape: Vec<u64> = self.shape.iter().map(|&n| n.max(1)).collect();
+        if let (Chunking::PerRow, Some(first)) = (self.chunking, shape.first_mut()) {
+            *first = 1;
+        }
+        shape
+    }
+}
+
+/// Name of a chunk in the group of its array, in Zarr's default encoding: `row` is the index along the first of `rank`
+/// axes (0 if the array is one chunk).
+///
+/// ```
+/// assert_eq!(tetreel::codec::chunk_key("raw", 12, 2), "raw/c/12/0");
+/// ```
+pub fn chunk_key(array: &str, row: u64, rank: usize) -> String {
+    let mut key = format!("{array}/c/{row}");
+    for _ in 1..rank {
+        key.push_str("/0");
+    }
+    key
+}
+
+/// The bytes of elements in the store's order (little-endian).
+pub fn to_bytes<T: Element>(values: &[T]) -> Cow<'_, [u8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(values))
+    } else {
+        let reversed: Vec<T> = values.iter().map(|v| v.reversed()).collect();
+        Cow::Owned(bytemuck::cast_slice(&reversed).to_vec())
+    }
+}
+
+/// The checksum that follows the payload of a chunk.
+pub fn seal(payload: &[u8]) -> [u8; CHECKSUM_BYTES as usize] {
+    crc32c::crc32c(payload).to_le_bytes()
+}
+
+/// Fills `out` from the chunk `key`, whose payload must be exactly as long; returns the bytes read.
+///
+/// # Errors
+/// If the chunk is missing, has another length, or does not match its checksum.
+pub fn read_chunk<T: Element>(source: &dyn ReadRange, key: &str, out: &mut [T]) -> FileResult<u64> {
+    let payload: &mut [u8] = bytemuck::cast_slice_mut(out);
+    let expected = payload.len() as u64 + CHECKSUM_BYTES;
+    check_size(source, key, expected)?;
+    let mut checksum = [0; CHECKSUM_BYTES as usize];
+    source.read(key, 0, &mut [payload, &mut checksum])?;
+    if seal(payload) != checksum {
+        return Err(FileError::invalid(source.path(key), "chunk", "is damaged: its CRC-32C does not match")
+            .remedy("restore the file from a copy, or import the series again"));
+    }
+    if cfg!(target_endian = "big") {
+        out.iter_mut().for_each(|v| *v = v.reversed());
+    }
+    Ok(expected)
+}
+
+/// Reads a chunk of `count` rows of N elements. The file's length is checked before any memory is asked for.
+///
+/// # Errors
+/// As [`read_chunk`], and if the chunk cannot be addressed on this machine.
+pub fn read_rows<T: Element, const N: usize>(source: &dyn ReadRange, key: &str, count: u64) -> FileResult<Vec<[T; N]>> {
+    if count == 0 {
+        return Ok(Vec::new()); // an empty array has no chunk
+    }
+    let too_large = || FileError::unsupported(source.path(key), "chunk", format!("has {count} rows: too large"));
+    check_chunk_size(source, key, T::TYPE, count.checked_mul(N as u64).ok_or_else(too_large)?)?;
+    let mut rows = vec![[T::zeroed(); N]; usize::try_from(count).map_err(|_| too_large())?];
+    read_chunk(source, key, rows.as_flattened_mut())?;
+    Ok(rows)
+}
+
+/// Checks that a chunk of `count` elements has the right length, without reading it.
+///
+/// # Errors
+/// If it is missing or has another length.
+pub fn check_chunk_size(source: &dyn ReadRange, key: &str, element: ElementType, count: u64) -> FileResult<()> {
+    let bytes = count.checked_mul(element.size()).and_then(|b| b.checked_add(CHECKSUM_BYTES));
+    let bytes = bytes.ok_or_else(|| FileError::unsupported(source.path(key), "chunk", "is too large"))?;
+    check_size(source, key, bytes)
+}
+
+fn check_size(source: &dyn ReadRange, key: &str, expected: u64) -> FileResult<()> {
+    let actual = source.size(key)?;
+    if actual == expected {
+        return Ok(());
+    }
+    Err(FileError::invalid(source.path(key), "chunk", format!("has {actual} bytes instead of {expected}"))
+        .remedy("restore the file from a copy, or import the series again"))
+}

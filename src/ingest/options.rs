@@ -1,0 +1,171 @@
+//! What to import.
+
+use crate::field::FieldSelector;
+use std::fmt;
+use std::str::FromStr;
+
+/// Steps A..B:S: zero-based, both ends included, every S-th.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepRange {
+    /// First step.
+    pub first: usize,
+    /// Last step, included; `None` for the last one there is.
+    pub last: Option<usize>,
+    /// Distance from one step to the next, at least 1.
+    pub stride: usize,
+}
+
+impl Default for StepRange {
+    /// All steps.
+    fn default() -> Self {
+        Self { first: 0, last: None, stride: 1 }
+    }
+}
+
+/// Text that is no range of steps, or a range that the series does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StepRangeError {
+    /// Not of the form `A..B:S`.
+    #[error("'{0}' is no range of steps; write A..B or A..B:S with whole numbers, both ends included, e.g. 0..99:10")]
+    Malformed(String),
+    /// Every 0th step.
+    #[error("'{0}' has a stride of 0; the smallest is 1")]
+    NoStride(String),
+    /// The last step is before the first.
+    #[error("steps {0} end before they begin")]
+    Reversed(StepRange),
+    /// Not in the series.
+    #[error("steps {range} reach beyond the series, whose steps are 0..{}", .count.saturating_sub(1))]
+    Beyond {
+        /// What was asked for.
+        range: StepRange,
+        /// Number of steps there are.
+        count: usize,
+    },
+}
+
+impl FromStr for StepRange {
+    type Err = StepRangeError;
+
+    /// `A..B:S`; without S every step, without A from the first, without B to the last, and `A` alone is one step.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let malformed = || StepRangeError::Malformed(text.to_owned());
+        let number = |part: &str| part.trim().parse::<usize>().map_err(|_| malformed());
+        let (ends, stride) = match text.split_once(':') {
+            Some((ends, stride)) => (ends, number(stride)?),
+            None => (text, 1),
+        };
+        if stride == 0 {
+            return Err(StepRangeError::NoStride(text.to_owned()));
+        }
+        let range = match ends.split_once("..") {
+            Some((first, last)) => Self {
+                first: if first.trim().is_empty() { 0 } else { number(first)? },
+                last: if last.trim().is_empty() { None } else { Some(number(last)?) },
+                stride,
+            },
+            None => Self { first: number(ends)?, last: Some(number(ends)?), stride },
+        };
+        if range.last.is_some_and(|last| last < range.first) {
+            return Err(StepRangeError::Reversed(range));
+        }
+        Ok(range)
+    }
+}
+
+impl fmt::Display for StepRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}..", self.first)?;
+        if let Some(last) = self.last {
+            write!(f, "{last}")?;
+        }
+        if self.stride != 1 { write!(f, ":{}", self.stride) } else { Ok(()) }
+    }
+}
+
+impl StepRange {
+    /// The steps of a series of `count` steps that are meant; at least one.
+    ///
+    /// # Errors
+    /// If an end is not in the series, the range is reversed, or the stride is 0.
+    pub fn select(&self, count: usize) -> Result<Vec<usize>, StepRangeError> {
+        let last = self.last.unwrap_or(count.saturating_sub(1));
+        if self.stride == 0 {
+            return Err(StepRangeError::NoStride(self.to_string()));
+        }
+        if self.first >= count || last >= count {
+            return Err(StepRangeError::Beyond { range: *self, count });
+        }
+        if last < self.first {
+            return Err(StepRangeError::Reversed(*self));
+        }
+        Ok((self.first..=last).step_by(self.stride).collect())
+    }
+}
+
+/// The codec of the fields.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CodecChoice {
+    /// The values as they are.
+    #[default]
+    Raw,
+}
+
+/// What to import and how.
+#[derive(Clone, Debug, Default)]
+pub struct IngestOptions {
+    /// Fields and components; empty for all fields. A vector without a component becomes one field a component and
+    /// their magnitude.
+    pub fields: Vec<FieldSelector>,
+    /// Steps.
+    pub steps: StepRange,
+    /// Codec.
+    pub codec: CodecChoice,
+    /// Whether a store that exists at the place of the new one is replaced.
+    pub overwrite: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn select(text: &str, count: usize) -> Vec<usize> {
+        text.parse::<StepRange>().unwrap().select(count).unwrap()
+    }
+
+    #[test]
+    fn both_ends_are_included() {
+        assert_eq!(select("0..3", 10), [0, 1, 2, 3]);
+        assert_eq!(select("2..9:3", 10), [2, 5, 8]);
+        assert_eq!(select("2..8:3", 10), [2, 5, 8]);
+        assert_eq!(select("5..5", 10), [5]);
+        assert_eq!(select("5", 10), [5]);
+        assert_eq!(select("7..", 10), [7, 8, 9]);
+        assert_eq!(select("..2", 10), [0, 1, 2]);
+        assert_eq!(select("..:4", 10), [0, 4, 8]);
+        assert_eq!(StepRange::default().select(3).unwrap(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_is_no_range_is_refused() {
+        for text in ["", "a..b", "1..2..3", "-1..2", "1..2:", "1..2:x", "1.5", "99999999999999999999"] {
+            assert!(matches!(text.parse::<StepRange>(), Err(StepRangeError::Malformed(_))), "{text}");
+        }
+        assert!(matches!("0..9:0".parse::<StepRange>(), Err(StepRangeError::NoStride(_))));
+        assert!(matches!("9..0".parse::<StepRange>(), Err(StepRangeError::Reversed(_))));
+    }
+
+    #[test]
+    fn a_range_beyond_the_series_is_refused_not_cut() {
+        let range: StepRange = "0..10".parse().unwrap();
+        assert_eq!(range.select(10), Err(StepRangeError::Beyond { range, count: 10 }));
+        assert!(StepRange::default().select(0).is_err());
+    }
+
+    #[test]
+    fn text_and_range_are_inverse() {
+        for text in ["0..99:10", "3..", "0..7"] {
+            assert_eq!(text.parse::<StepRange>().unwrap().to_string(), text);
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Which fields of a source are read, and which fields of the store they become.
+
+use crate::field::{Association, Component, FieldInfo, FieldSelector};
+use std::collections::BTreeSet;
+
+/// What becomes of the components of a source's field.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Output {
+    /// Name in the store.
+    pub(super) name: String,
+    /// Which number of the tuple.
+    pub(super) component: Component,
+    /// Whether the values are computed at playback from the other outputs of the same field.
+    pub(super) virtual_: bool,
+}
+
+/// A field of the source that is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct PlannedField {
+    /// The field.
+    pub(super) info: FieldInfo,
+    /// Components to read, ascending.
+    pub(super) reads: Vec<usize>,
+    /// Fields of the store.
+    pub(super) outputs: Vec<Output>,
+}
+
+/// Plans the import of `selectors` (all fields if empty). A problem is returned as what the user should read.
+///
+/// Fields of one name (a point field and a cell field, say) are told apart: the first keeps the name, a cell field
+/// becomes `NAME (cell)`, and whatever is still ambiguous `NAME (2)`.
+pub(super) fn plan(fields: &[FieldInfo], selectors: &[FieldSelector]) -> Result<Vec<PlannedField>, String> {
+    if fields.is_empty() {
+        return Err("there is no field".to_owned());
+    }
+    let names = distinct_names(fields);
+    // For each field of the source the components asked for; `None` is the field as a whole.
+    let mut wanted: Vec<Vec<Option<Component>>> = vec![Vec::new(); fields.len()];
+    let mut order: Vec<usize> = Vec::new();
+    let all: Vec<FieldSelector>;
+    let selectors = if selectors.is_empty() {
+        all = names.iter().map(|name| FieldSelector { name: name.clone(), component: None }).collect();
+        &all
+    } else {
+        selectors
+    };
+    for selector in selectors {
+        let (field, component) = resolve(&names, selector).ok_or_else(|| unknown(&names, selector))?;
+        check(&fields[field], &names[field], component)?;
+        wanted[field].push(component);
+        if !order.contains(&field) {
+            order.push(field);
+        }
+    }
+    let mut taken = BTreeSet::new();
+    let planned = |&field: &usize| {
+        let info = fields[field].clone();
+        let mut outputs = outputs(&names[field], info.components, &wanted[field]);
+        for output in &mut outputs {
+            output.name = unlike(&mut taken, &output.name);
+        }
+        PlannedField { reads: reads(info.components, &outputs), info, outputs }
+    };
+    Ok(order.iter().map(planned).collect())
+}
+
+/// A name for each field that no other field has.
+fn distinct_names(fields: &[FieldInfo]) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let name_of = |field: &FieldInfo| {
+        if taken.contains(&field.name) && field.association == Association::Cell {
+            unlike(&mut taken, &format!("{} (cell)", field.name))
+        } else {
+            unlike(&mut taken, &field.name)
+        }
+    };
+    fields.iter().map(name_of).collect()
+}
+
+/// `name`, or `name (2)`, `name (3)`, .. if that is taken.
+fn unlike(taken: &mut BTreeSet<String>, name: &str) -> String {
+    let mut candidate = name.to_owned();
+    let mut copy = 1u32;
+    while !taken.insert(candidate.clone()) {
+        copy += 1;
+        candidate = format!("{name} ({copy})");
+    }
+    candidate
+}
+
+/// The field and component meant. A field whose name ends like a component (`stress:0`) is found by its full name, too.
+fn resolve(names: &[String], selector: &FieldSelector) -> Option<(usize, Option<Component>)> {
+    let position = |name: &str| names.iter().position(|n| n == name);
+    let full = selector.to_string();
+    position(&selector.name).map(|i| (i, selector.component)).or_else(|| position(&full).map(|i| (i, None)))
+}
+
+fn unknown(names: &[String], selector: &FieldSelector) -> String {
+    format!("there is no field '{selector}'; the fields are: {}", names.join(", "))
+}
+
+fn check(info: &FieldInfo, name: &str, component: Option<Component>) -> Result<(), String> {
+    match component {
+        _ if info.components == 0 => Err(format!("field '{name}' has no components")),
+        Some(Component::Index(i)) if i >= info.components => {
+            let last = info.components - 1;
+            Err(format!("field '{name}' has no component {i}; its components are 0 to {last} and mag"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The fields of the store that the wanted components become, each once.
+fn outputs(name: &str, components: usize, wanted: &[Option<Component>]) -> Vec<Output> {
+    let of = |component: Component, virtual_: bool| {
+        let name = FieldSelector { name: name.to_owned(), component: Some(component) }.to_string();
+        Output { name, component, virtual_ }
+    };
+    if components == 1 {
+        // A scalar and its component 0 are the same; its magnitude is another field.
+        let value = wanted.iter().any(|w| *w != Some(Component::Magnitude));
+        let magnitude = wanted.contains(&Some(Component::Magnitude));
+        let scalar = Output { name: name.to_owned(), component: Component::Index(0), virtual_: false };
+        let outputs = [value.then_some(scalar), magnitude.then(|| of(Component::Magnitude, false))];
+        return outputs.into_iter().flatten().collect();
+    }
+    if wanted.contains(&None) {
+        let each = (0..components).map(|i| of(Component::Index(i), false));
+        return each.chain([of(Component::Magnitude, true)]).collect();
+    }
+    let mut outputs: Vec<Output> = Vec::new();
+    for output in wanted.iter().flatten().map(|&component| of(component, false)) {
+        if !outputs.contains(&output) {
+            outputs.push(output);
+        }
+    }
+    outputs
+}
+
+/// The components that the outputs need. A magnitude needs all: that of cell values is the norm of the averaged
+/// components, whether it is computed now or at playback.
+fn reads(components: usize, outputs: &[Output]) -> Vec<usize> {
+    let all = outputs.iter().any(|o| o.component == Component::Magnitude);
+    (0..components).filter(|&i| all || outputs.iter().any(|o| o.component == Component::Index(i))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(name: &str, components: usize, association: Association) -> FieldInfo {
+        FieldInfo { name: name.to_owned(), components, association }
+    }
+
+    /// Names, and `*` behind virtual ones.
+    fn names(fields: &[FieldInfo], selectors: &[&str]) -> Result<Vec<String>, String> {
+        let selectors: Vec<FieldSelector> = selectors.iter().map(|s| s.parse().unwrap()).collect();
+        let star = |o: &Output| format!("{}{}", o.name, if o.virtual_ { "*" } else { "" });
+        Ok(plan(fields, &selectors)?.iter().flat_map(|f| f.outputs.iter().map(star)).collect())
+    }
+
+    fn flow() -> Vec<FieldInfo> {
+        vec![field("T", 1, Association::Point), field("U", 3, Association::Point), field("p", 1, Association::Cell)]
+    }
+
+    #[test]
+    fn without_a_selection_everything_is_imported_and_magnitudes_are_virtual() {
+        assert_eq!(names(&flow(), &[]).unwrap(), ["T", "U:0", "U:1", "U:2", "U:mag*", "p"]);
+    }
+
+    #[test]
+    fn a_component_alone_is_stored_alone() {
+        assert_eq!(names(&flow(), &["U:1"]).unwrap(), ["U:1"]);
+        assert_eq!(names(&flow(), &["U:mag", "T"]).unwrap(), ["U:mag", "T"]);
+        let selectors = ["U:2".parse().unwrap(), "U:0".parse().unwrap()];
+        assert_eq!(plan(&flow(), &selectors).unwrap()[0].reads, [0, 2]);
+        assert_eq!(plan(&flow(), &["U:mag".parse().unwrap()]).unwrap()[0].reads, [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_is_selected_twice_is_stored_once() {
+        assert_eq!(names(&flow(), &["T", "T:0", "T"]).unwrap(), ["T"]);
+        assert_eq!(names(&flow(), &["U:mag", "U", "U:1"]).unwrap(), ["U:0", "U:1", "U:2", "U:mag*"]);
+        assert_eq!(names(&flow(), &["U:1", "U:1"]).unwrap(), ["U:1"]);
+        assert_eq!(names(&flow(), &["T", "T:mag"]).unwrap(), ["T", "T:mag"]);
+    }
+
+    #[test]
+    fn fields_that_share_a_name_are_told_apart() {
+        let fields = [
+            field("T", 1, Association::Point),
+            field("T", 1, Association::Cell),
+            field("T", 1, Association::Point),
+            field("U:0", 1, Association::Point),
+            field("U", 2, Association::Point),
+        ];
+        let all = names(&fields, &[]).unwrap();
+        assert_eq!(all, ["T", "T (cell)", "T (2)", "U:0", "U:0 (2)", "U:1", "U:mag*"]);
+        assert_eq!(plan(&fields, &["T (cell)".parse().unwrap()]).unwrap()[0].info.association, Association::Cell);
+    }
+
+    #[test]
+    fn a_name_that_ends_like_a_component_is_found() {
+        let fields = [field("species:12", 1, Association::Point)];
+        assert_eq!(names(&fields, &["species:12"]).unwrap(), ["species:12"]);
+    }
+
+    #[test]
+    fn what_does_not_exist_is_an_error_that_says_what_does() {
+        assert!(names(&flow(), &["Q"]).unwrap_err().ends_with("the fields are: T, U, p"));
+        assert!(names(&flow(), &["U:3"]).unwrap_err().contains("0 to 2 and mag"));
+        assert!(names(&[], &[]).unwrap_err().contains("no field"));
+        assert!(names(&[field("e", 0, Association::Point)], &[]).unwrap_err().contains("no components"));
+    }
+}

@@ -1,0 +1,121 @@
+//! What an import did.
+
+use crate::error::FileError;
+use crate::field::Association;
+use crate::mesh::{MeshError, RepairReport};
+use serde::Serialize;
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why an import did not happen. In all cases nothing is left behind, and what existed is untouched.
+#[derive(Debug, thiserror::Error)]
+pub enum IngestError {
+    /// A file could not be read or written, or the source lacks what was asked for.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The points and cells of the source make no mesh.
+    #[error("{source_name}: {error}")]
+    Mesh {
+        /// The source.
+        source_name: String,
+        /// What is wrong.
+        error: MeshError,
+    },
+    /// Somebody asked to stop.
+    #[error("cancelled; nothing was written")]
+    Cancelled,
+}
+
+/// What an import did.
+#[derive(Clone, Debug, Serialize)]
+pub struct IngestReport {
+    /// What was imported.
+    pub source: String,
+    /// The store.
+    pub output: PathBuf,
+    /// What was found and repaired in the mesh.
+    pub repair: RepairReport,
+    /// Number of steps imported.
+    pub steps: usize,
+    /// Times of the first and the last of them.
+    pub times: [f64; 2],
+    /// The fields of the store.
+    pub fields: Vec<FieldReport>,
+    /// Bytes of values read from the source (as f32).
+    pub bytes_read: u64,
+    /// Bytes of the store.
+    pub bytes_written: u64,
+    /// What the source has skipped.
+    pub notes: Vec<String>,
+    /// Where the time went.
+    pub seconds: StageSeconds,
+    /// Megabytes of values per second of the whole import.
+    pub megabytes_per_second: f64,
+}
+
+/// What became of a field.
+#[derive(Clone, Debug, Serialize)]
+pub struct FieldReport {
+    /// Name in the store.
+    pub name: String,
+    /// Where the source had its values.
+    pub association: Association,
+    /// Least and greatest finite value; `None` if there is none.
+    pub range: Option<[f32; 2]>,
+    /// Number of NaN and infinite values.
+    pub nonfinite: u64,
+    /// Bytes of its chunks.
+    pub bytes: u64,
+}
+
+/// Seconds of each stage. Reading overlaps with the others, so they do not add up to the total.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct StageSeconds {
+    /// Reading and building the mesh, and writing it.
+    pub mesh: f64,
+    /// Reading the values of the steps.
+    pub read: f64,
+    /// Bringing values into the order of the mesh, magnitudes.
+    pub order: f64,
+    /// Ranges and moments.
+    pub moments: f64,
+    /// Encoding and writing.
+    pub encode: f64,
+    /// Statistics, metadata, waiting for the medium, moving into place.
+    pub finish: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+impl fmt::Display for IngestReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} -> {}", self.source, self.output.display())?;
+        writeln!(f, "mesh: {}", self.repair)?;
+        writeln!(f, "steps: {}, time {} to {}", self.steps, self.times[0], self.times[1])?;
+        for field in &self.fields {
+            write!(f, "field {}: ", field.name)?;
+            match field.range {
+                Some([lo, hi]) => write!(f, "{lo} to {hi}")?,
+                None => write!(f, "no finite value")?,
+            }
+            if field.association == Association::Cell {
+                write!(f, ", averaged from cells to vertices")?;
+            }
+            if field.nonfinite > 0 {
+                write!(f, ", {} values not finite", field.nonfinite)?;
+            }
+            writeln!(f)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note: {note}")?;
+        }
+        let s = &self.seconds;
+        writeln!(
+            f,
+            "seconds: mesh {:.2}, read {:.2}, order {:.2}, moments {:.2}, encode {:.2}, finish {:.2}, total {:.2}",
+            s.mesh, s.read, s.order, s.moments, s.encode, s.finish, s.total
+        )?;
+        let [read, written] = [self.bytes_read, self.bytes_written].map(|bytes| bytes as f64 / 1e6);
+        write!(f, "{read:.1} MB read, {written:.1} MB written, {:.0} MB/s", self.megabytes_per_second)
+    }
+}

@@ -1,0 +1,163 @@
+use super::*;
+
+/// Two passes in f64 over the finite samples of one vertex: mean, variance, count.
+fn two_pass(samples: impl Iterator<Item = f32>) -> (f64, f64, f64) {
+    let finite: Vec<f64> = samples.filter(|v| v.is_finite()).map(f64::from).collect();
+    let n = finite.len() as f64;
+    let mean = finite.iter().sum::<f64>() / n;
+    (mean, finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n, n)
+}
+
+/// A fixed pseudo-random sequence in [-1, 1): a multiplicative congruence, enough for tests.
+fn noise(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed | 1;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+}
+
+fn moments_of(steps: &[Vec<f32>]) -> Moments {
+    let mut moments = Moments::new(steps.first().map_or(0, Vec::len));
+    for step in steps {
+        moments.add_step(step);
+    }
+    moments
+}
+
+/// The series of one vertex.
+fn single(samples: &[f32]) -> Moments {
+    moments_of(&samples.iter().map(|&v| vec![v]).collect::<Vec<_>>())
+}
+
+/// Checks against two passes. `scale` is the largest magnitude among the samples: each of the n updates rounds the mean
+/// by at most an ulp of it, so the mean is within n ulps, and the variance within the corresponding product.
+fn check(steps: &[Vec<f32>], scale: f64) {
+    let statistics = moments_of(steps).vertex_statistics();
+    let slack = 4.0 * steps.len() as f64 * f64::EPSILON;
+    for vertex in 0..statistics.mean.len() {
+        let (mean, variance, count) = two_pass(steps.iter().map(|s| s[vertex]));
+        assert_eq!(statistics.finite_count[vertex], count);
+        if count == 0.0 {
+            assert!(statistics.mean[vertex].is_nan() && statistics.variance[vertex].is_nan());
+            continue;
+        }
+        assert!((statistics.mean[vertex] - mean).abs() <= slack * scale, "mean of vertex {vertex}");
+        let bound = slack * scale * (variance.sqrt() + slack * scale) + slack * variance;
+        let error = (statistics.variance[vertex] - variance).abs();
+        assert!(error <= bound, "variance of vertex {vertex}: off by {error:e}, bound {bound:e}");
+    }
+}
+
+#[test]
+fn one_pass_agrees_with_two_passes() {
+    let mut next = noise(7);
+    let steps: Vec<Vec<f32>> = (0..97).map(|_| (0..1000).map(|_| next()).collect()).collect();
+    check(&steps, 1.0);
+}
+
+#[test]
+fn a_huge_offset_does_not_drown_a_small_signal() {
+    let steps: Vec<Vec<f32>> = (0..64).map(|t| vec![1e9, 1e9 + 64.0 * (t % 2) as f32]).collect();
+    check(&steps, 1e9 + 64.0);
+    let statistics = moments_of(&steps).vertex_statistics();
+    assert_eq!(statistics.variance[0], 0.0);
+    // Half of the samples 64 above the others: the deviation is 32.
+    assert!((statistics.variance[1].sqrt() - 32.0).abs() < 1e-4);
+}
+
+#[test]
+fn constants_have_exactly_no_variance() {
+    for value in [0.0, -0.0, 0.1, 1e9, f32::MAX, f32::MIN_POSITIVE, 1e-45, -3.3e-7] {
+        let statistics = single(&[value; 360]).vertex_statistics();
+        assert_eq!(statistics.variance[0], 0.0, "{value:e}");
+        assert_eq!(statistics.mean[0], f64::from(value), "{value:e}");
+    }
+}
+
+#[test]
+fn nan_and_infinity_are_kept_out_and_counted() {
+    let mut next = noise(3);
+    let mut steps: Vec<Vec<f32>> = (0..50).map(|_| (0..40).map(|_| next()).collect()).collect();
+    steps[4][7] = f32::NAN;
+    steps[5][7] = f32::INFINITY;
+    steps[0][0] = f32::NEG_INFINITY;
+    check(&steps, 1.0);
+    let moments = moments_of(&steps);
+    assert_eq!(moments.series().nonfinite, 3);
+    assert_eq!(moments.steps()[4].nonfinite, 1);
+    assert!(moments.series().range.is_some_and(|[lo, hi]| lo >= -1.0 && hi <= 1.0));
+}
+
+#[test]
+fn a_vertex_that_is_never_finite_has_no_mean_and_no_importance() {
+    let moments = moments_of(&[vec![f32::NAN, 1.0], vec![f32::INFINITY, 2.0]]);
+    let statistics = moments.vertex_statistics();
+    assert!(statistics.mean[0].is_nan() && statistics.variance[0].is_nan());
+    assert_eq!(statistics.finite_count, [0.0, 2.0]);
+    let cov = statistics.coefficient_of_variation(moments.series().range, CovDenominator::default());
+    assert_eq!(cov[0], 0.0);
+    assert!((cov[1] - 0.5 / 1.5).abs() < 1e-15);
+}
+
+#[test]
+fn a_step_without_a_finite_value_has_no_range() {
+    let moments = moments_of(&[vec![1.0, 2.0], vec![f32::NAN, f32::INFINITY]]);
+    assert_eq!(moments.steps()[1], StepSummary { range: None, nonfinite: 2 });
+    assert_eq!(moments.series(), StepSummary { range: Some([1.0, 2.0]), nonfinite: 2 });
+    assert_eq!(moments_of(&[vec![f32::NAN]]).series().range, None);
+}
+
+#[test]
+fn no_step_and_no_vertex_are_no_error() {
+    assert_eq!(Moments::new(3).series(), StepSummary::EMPTY);
+    assert_eq!(moments_of(&[vec![], vec![]]).series(), StepSummary::EMPTY);
+    assert!(Moments::new(0).vertex_statistics().mean.is_empty());
+}
+
+#[test]
+fn extremes_of_the_format_neither_overflow_nor_vanish() {
+    let statistics = single(&[f32::MAX, f32::MIN]).vertex_statistics();
+    assert_eq!(statistics.mean[0], 0.0);
+    assert_eq!(statistics.variance[0].sqrt(), f64::from(f32::MAX));
+    let tiny = f32::from_bits(1); // the smallest denormal
+    let statistics = single(&[tiny, -tiny]).vertex_statistics();
+    assert_eq!(statistics.variance[0].sqrt(), f64::from(tiny));
+}
+
+#[test]
+fn negative_zero_is_below_zero_in_any_order() {
+    for step in [[0.0, -0.0], [-0.0, 0.0]] {
+        let range = StepSummary::of(&step).range.unwrap().map(f32::to_bits);
+        assert_eq!(range, [(-0.0f32).to_bits(), 0.0f32.to_bits()]);
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let mut next = noise(11);
+    // Not a multiple of the chunk length.
+    let steps: Vec<Vec<f32>> = (0..5).map(|_| (0..3 * CHUNK + 17).map(|_| next()).collect()).collect();
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let moments = pool.install(|| moments_of(&steps));
+        let statistics = moments.vertex_statistics();
+        let bits = |v: Vec<f64>| v.into_iter().map(f64::to_bits).collect::<Vec<_>>();
+        (bits(statistics.mean), bits(statistics.variance), moments.steps().to_vec())
+    };
+    assert_eq!(run(1), run(4));
+    let expected: Vec<StepSummary> = steps.iter().map(|s| StepSummary::of(s)).collect();
+    assert_eq!(run(3).2, expected);
+}
+
+#[test]
+fn the_floor_tames_a_zero_mean_and_the_plain_formula_does_not() {
+    let moments = moments_of(&[vec![1.0, 5.0, -100.0, 0.0], vec![-1.0, 5.0, 100.0, 0.0]]);
+    let statistics = moments.vertex_statistics();
+    let range = moments.series().range;
+    let floored = statistics.coefficient_of_variation(range, CovDenominator::default());
+    // Range 200, floor 2: deviation 1 over 2.
+    assert_eq!(floored, [0.5, 0.0, 50.0, 0.0]);
+    let plain = statistics.coefficient_of_variation(range, CovDenominator::Plain);
+    assert_eq!(plain, [f64::INFINITY, 0.0, f64::INFINITY, 0.0]);
+}

@@ -1,0 +1,234 @@
+//! Fields of an opened store and how a step of one is decoded.
+
+use super::MAGNITUDE_CODEC;
+use super::array::StoredArray;
+use super::folder::Folder;
+use super::layout::{self, FIELDS, FieldAttributes, Storage};
+use super::mesh::is_current;
+use super::writer::moments_array;
+use crate::codec::raw::{self, RawDecoder};
+use crate::codec::{Chunking, DecodeStats, Decoder, ElementType, ReadRange, chunk_key, magnitude, read_rows};
+use crate::error::{FileError, FileResult};
+use crate::field::Association;
+use crate::moments::{StepSummary, VertexStatistics};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A field of a store.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StoredField {
+    /// Name as the user selects it: `T`, `velocity:0`, `velocity:mag`.
+    pub name: String,
+    /// Unit of the values, if known.
+    pub units: Option<String>,
+    /// Where the source had its values; in the store they are per vertex.
+    pub association: Association,
+    /// Codec of the values; `magnitude` if they are computed from `magnitude_of`.
+    pub codec: String,
+    /// Parameters of the codec.
+    pub codec_parameters: serde_json::Value,
+    /// Names of the fields whose Euclidean norm this one is; empty for a field with values of its own.
+    pub magnitude_of: Vec<String>,
+    /// Least and greatest finite value of the series; `None` if there is none.
+    pub range: Option<[f32; 2]>,
+    /// The same for each step.
+    #[serde(skip)]
+    pub range_per_step: Vec<Option<[f32; 2]>>,
+    /// Number of NaN and infinite values in all steps.
+    pub nonfinite: u64,
+    /// Folder below `fields`.
+    #[serde(skip)]
+    pub(super) folder: String,
+    /// Folders of `magnitude_of`.
+    #[serde(skip)]
+    pub(super) component_folders: Vec<String>,
+}
+
+impl StoredField {
+    /// Reads attributes and ranges and checks the shape of the values.
+    pub(super) fn open(
+        root: &Path,
+        storage: &Storage,
+        source: &Folder,
+        folder: &str,
+        steps: u64,
+        vertices: u64,
+    ) -> FileResult<Self> {
+        let group = format!("{FIELDS}/{folder}");
+        let attributes: FieldAttributes = layout::read_group(root, storage, &group)?;
+        match attributes.codec.as_str() {
+            raw::NAME => {
+                let key = format!("{group}/{}", raw::NAME);
+                StoredArray::open(root, storage, &key, ElementType::F32, Chunking::PerRow, 2)?
+                    .expect_shape(root, &[steps, vertices])?;
+            }
+            MAGNITUDE_CODEC if !attributes.magnitude_of.is_empty() => {}
+            codec => {
+                let error = FileError::unsupported(root.join(&group), "codec", format!("'{codec}' is not known"));
+                return Err(error.remedy("a newer version of tetreel may read it"));
+            }
+        }
+        let key = format!("{group}/range_per_step");
+        let ranges = StoredArray::open(root, storage, &key, ElementType::F32, Chunking::Whole, 2)?
+            .expect_shape(root, &[steps, 2])?
+            .read::<f32, 2>(root, source)?;
+        let range_per_step = ranges
+            .into_iter()
+            .enumerate()
+            .map(|(step, range)| check_range(range).ok_or((step, range)))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|(step, r)| {
+                FileError::invalid(root.join(&key), format!("step {step}"), format!("{r:?} is no range"))
+            })?;
+        let of_step = |&range: &Option<[f32; 2]>| StepSummary { range, nonfinite: 0 };
+        let series = range_per_step.iter().map(of_step).fold(StepSummary::EMPTY, StepSummary::merge);
+        Ok(Self {
+            name: attributes.name,
+            units: attributes.units,
+            association: attributes.association,
+            codec: attributes.codec,
+            codec_parameters: attributes.codec_parameters,
+            magnitude_of: Vec::new(),
+            range: series.range,
+            range_per_step,
+            nonfinite: attributes.nonfinite,
+            folder: folder.to_owned(),
+            component_folders: attributes.magnitude_of,
+        })
+    }
+}
+
+/// `Some(None)` if a step has no finite value; `None` if these bounds are no range.
+fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
+    match (lo.is_nan(), hi.is_nan()) {
+        (true, true) => Some(None),
+        (false, false) if lo <= hi && lo.is_finite() && hi.is_finite() => Some(Some([lo, hi])),
+        _ => None,
+    }
+}
+
+/// Decodes any step of a field. Several threads may use one reader at once.
+pub struct FieldReader {
+    info: StoredField,
+    steps: usize,
+    vertices: usize,
+    values: Values,
+    root: PathBuf,
+    storage: Storage,
+    source: Arc<Folder>,
+}
+
+enum Values {
+    Stored(Box<dyn Decoder>),
+    /// The norm of other fields. Buffers for all components of a step wait in the pool.
+    Magnitude {
+        components: Vec<Box<dyn Decoder>>,
+        pool: Mutex<Vec<Vec<f32>>>,
+    },
+}
+
+impl FieldReader {
+    pub(super) fn new(
+        info: StoredField,
+        steps: usize,
+        vertices: usize,
+        root: &Path,
+        storage: &Storage,
+        source: &Arc<Folder>,
+    ) -> Self {
+        let decoder = |folder: &str| -> Box<dyn Decoder> {
+            Box::new(RawDecoder::new(source.clone(), &format!("{FIELDS}/{folder}"), steps, vertices))
+        };
+        let values = if info.component_folders.is_empty() {
+            Values::Stored(decoder(&info.folder))
+        } else {
+            let components = info.component_folders.iter().map(|folder| decoder(folder)).collect();
+            Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
+        };
+        Self { info, steps, vertices, values, root: root.to_owned(), storage: storage.clone(), source: source.clone() }
+    }
+
+    /// What the field is.
+    pub fn info(&self) -> &StoredField {
+        &self.info
+    }
+
+    /// Number of steps.
+    pub fn step_count(&self) -> usize {
+        self.steps
+    }
+
+    /// Number of values of a step.
+    pub fn vertex_count(&self) -> usize {
+        self.vertices
+    }
+
+    /// Decodes `step` into `out`, one value per vertex of the store's mesh. NaN and infinities are as in the source.
+    ///
+    /// # Errors
+    /// If there is no such step, or its chunk is missing, cut or damaged; the error names the file and the step. `out`
+    /// is unspecified then.
+    ///
+    /// # Panics
+    /// If the length of `out` is not [`FieldReader::vertex_count`].
+    pub fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
+        match &self.values {
+            Values::Stored(decoder) => decoder.decode_step(step, out),
+            Values::Magnitude { components, pool } => {
+                assert_eq!(out.len(), self.vertices, "one value per vertex");
+                let mut buffer = pool.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+                buffer.resize(components.len() * self.vertices, 0.0);
+                let result = decode_magnitude(components, step, &mut buffer, out);
+                pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+                result
+            }
+        }
+    }
+
+    /// Mean and variance over time of every vertex; `None` if the store has none of this version.
+    ///
+    /// # Errors
+    /// If they are damaged.
+    pub fn vertex_statistics(&self) -> FileResult<Option<VertexStatistics>> {
+        let spec = moments_array(self.vertices as u64);
+        let key = format!("{FIELDS}/{}/{}", self.info.folder, spec.name);
+        if !self.root.join(&key).join("zarr.json").is_file() {
+            return Ok(None);
+        }
+        let array = StoredArray::open(&self.root, &self.storage, &key, spec.element, spec.chunking, spec.shape.len())?;
+        if !is_current(&array) {
+            return Ok(None);
+        }
+        let array = array.expect_shape(&self.root, &spec.shape)?;
+        let row = |i: u64| -> FileResult<Vec<f64>> {
+            Ok(read_rows::<f64, 1>(&*self.source, &chunk_key(&key, i, 2), array.shape[1])?.into_flattened())
+        };
+        Ok(Some(VertexStatistics { mean: row(0)?, variance: row(1)?, finite_count: row(2)? }))
+    }
+}
+
+fn decode_magnitude(
+    components: &[Box<dyn Decoder>],
+    step: usize,
+    buffer: &mut [f32],
+    out: &mut [f32],
+) -> FileResult<DecodeStats> {
+    let mut bytes_read = 0;
+    if out.is_empty() {
+        return Ok(DecodeStats::default());
+    }
+    for (decoder, values) in components.iter().zip(buffer.chunks_exact_mut(out.len())) {
+        bytes_read += decoder.decode_step(step, values)?.bytes_read;
+    }
+    let values: Vec<&[f32]> = buffer.chunks_exact(out.len()).collect();
+    magnitude(&values, out);
+    Ok(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 })
+}
+
+impl std::fmt::Debug for FieldReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let path = self.source.path(&format!("{FIELDS}/{}", self.info.folder));
+        f.debug_struct("FieldReader").field("name", &self.info.name).field("path", &path).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,118 @@
+//! What a store holds, as `info` prints it.
+
+use super::Store;
+use super::field::StoredField;
+use super::writer::bytes_on_disk;
+use crate::error::FileResult;
+use serde::Serialize;
+use std::fmt;
+
+/// Summary of a store; its JSON is that of `info --json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct StoreInfo {
+    /// The mesh.
+    pub mesh: MeshInfo,
+    /// The time axis.
+    pub time: TimeInfo,
+    /// The fields, in the order of the source.
+    pub fields: Vec<StoredField>,
+    /// Bytes on disk.
+    pub bytes: u64,
+    /// Versions, and what was imported.
+    pub version: VersionInfo,
+}
+
+/// Summary of the mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeshInfo {
+    /// Number of vertices.
+    pub vertices: u64,
+    /// Number of tetrahedra.
+    pub cells: u64,
+    /// Corners of the bounding box in world coordinates, if the store says so.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// What was found and repaired at import.
+    pub repair: serde_json::Value,
+}
+
+/// Summary of the time axis.
+#[derive(Clone, Debug, Serialize)]
+pub struct TimeInfo {
+    /// Number of steps.
+    pub steps: usize,
+    /// Time of the first step.
+    pub first: f64,
+    /// Time of the last step.
+    pub last: f64,
+}
+
+/// Versions of a store, and its origin.
+#[derive(Clone, Debug, Serialize)]
+pub struct VersionInfo {
+    /// Version of the layout.
+    pub store: String,
+    /// Version of the software that wrote it.
+    pub tetreel: String,
+    /// What the series was read from.
+    pub source: String,
+    /// What was skipped while reading it.
+    pub notes: Vec<String>,
+}
+
+impl StoreInfo {
+    pub(super) fn of(store: &Store) -> FileResult<Self> {
+        let times = &store.times.values;
+        let root = store.attributes.clone();
+        Ok(Self {
+            mesh: MeshInfo {
+                vertices: store.mesh.vertices,
+                cells: store.mesh.cells,
+                bounds: store.mesh.attributes.bounds,
+                repair: store.mesh.attributes.repair.clone(),
+            },
+            time: TimeInfo {
+                steps: times.len(),
+                first: times.first().copied().unwrap_or_default(),
+                last: times.last().copied().unwrap_or_default(),
+            },
+            fields: store.fields.clone(),
+            bytes: bytes_on_disk(&store.root)?,
+            version: VersionInfo {
+                store: root.tetreel_store,
+                tetreel: root.tetreel,
+                source: root.source,
+                notes: root.notes,
+            },
+        })
+    }
+}
+
+impl fmt::Display for StoreInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "mesh     {} cells, {} vertices", self.mesh.cells, self.mesh.vertices)?;
+        if let Some([lo, hi]) = self.mesh.bounds {
+            writeln!(f, "bounds   {lo:?} to {hi:?}")?;
+        }
+        writeln!(f, "time     {} steps, {} to {}", self.time.steps, self.time.first, self.time.last)?;
+        for field in &self.fields {
+            write!(f, "field    {} ({})", field.name, field.codec)?;
+            match field.range {
+                Some([lo, hi]) => write!(f, ", {lo} to {hi}")?,
+                None => write!(f, ", no finite value")?,
+            }
+            if let Some(units) = &field.units {
+                write!(f, " {units}")?;
+            }
+            if field.nonfinite > 0 {
+                write!(f, ", {} values not finite", field.nonfinite)?;
+            }
+            writeln!(f)?;
+        }
+        writeln!(f, "size     {:.1} MB", self.bytes as f64 / 1e6)?;
+        write!(f, "written  by tetreel {} as store {}", self.version.tetreel, self.version.store)?;
+        if !self.version.source.is_empty() {
+            write!(f, " from {}", self.version.source)?;
+        }
+        Ok(())
+    }
+}

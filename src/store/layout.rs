@@ -1,0 +1,151 @@
+//! Names, versions and attributes of the groups of a store.
+
+use crate::error::{FileError, FileResult};
+use crate::field::Association;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+use zarrs::filesystem::FilesystemStore;
+use zarrs::group::{Group, GroupBuilder};
+
+/// Version of the layout. A reader takes any minor version of its major one.
+const STORE_VERSION: [u32; 2] = [1, 0];
+/// Version of the derived arrays (faces, face_cells, neighbours, moments); others are derived again or not used.
+pub(super) const DERIVED_VERSION: u64 = 1;
+/// Attribute of a derived array that holds its version.
+pub(super) const DERIVED_ATTRIBUTE: &str = "derived_version";
+
+/// Group of the mesh.
+pub(super) const MESH: &str = "mesh/0";
+/// Group of the time axis.
+pub(super) const TIME: &str = "time";
+/// Group of the fields.
+pub(super) const FIELDS: &str = "fields";
+
+/// The backing of all Zarr metadata.
+pub(super) type Storage = Arc<FilesystemStore>;
+
+/// Attributes of the root group.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct RootAttributes {
+    /// Version of the layout, "major.minor".
+    pub(super) tetreel_store: String,
+    /// Version of the software that wrote it.
+    pub(super) tetreel: String,
+    /// What the series was read from.
+    #[serde(default)]
+    pub(super) source: String,
+    /// What was skipped while reading it.
+    #[serde(default)]
+    pub(super) notes: Vec<String>,
+}
+
+/// Attributes of the mesh.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct MeshAttributes {
+    /// What was found and repaired at import.
+    #[serde(default)]
+    pub(super) repair: serde_json::Value,
+    /// Corners of the bounding box in world coordinates.
+    #[serde(default)]
+    pub(super) bounds: Option<[[f64; 3]; 2]>,
+}
+
+/// Attributes of the group of fields.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct FieldsAttributes {
+    /// Folders of the fields, in the order of the source.
+    pub(super) folders: Vec<String>,
+}
+
+/// Attributes of a field.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct FieldAttributes {
+    /// Name as the user selects it.
+    pub(super) name: String,
+    /// Where the source had its values.
+    pub(super) association: Association,
+    /// Unit of the values, if known.
+    #[serde(default)]
+    pub(super) units: Option<String>,
+    /// Codec of the values; `magnitude` if they are computed from `magnitude_of`.
+    pub(super) codec: String,
+    /// Parameters of the codec.
+    #[serde(default)]
+    pub(super) codec_parameters: serde_json::Value,
+    /// Folders of the components whose norm this field is; empty for a field with values of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) magnitude_of: Vec<String>,
+    /// Least and greatest finite value of the series, for other readers (`range_per_step` is exact).
+    #[serde(default)]
+    pub(super) range: Option<[f32; 2]>,
+    /// Number of NaN and infinite values.
+    #[serde(default)]
+    pub(super) nonfinite: u64,
+}
+
+/// This layout's version as text.
+pub(super) fn store_version() -> String {
+    format!("{}.{}", STORE_VERSION[0], STORE_VERSION[1])
+}
+
+/// Opens the backing; nothing is read yet.
+pub(super) fn storage(root: &Path) -> FileResult<Storage> {
+    let storage = FilesystemStore::new(root).map_err(|e| FileError::unsupported(root, "", e.to_string()))?;
+    Ok(Arc::new(storage))
+}
+
+/// Writes a group with its attributes.
+pub(super) fn write_group(root: &Path, storage: &Storage, key: &str, attributes: &impl Serialize) -> FileResult<()> {
+    let failed = |e: String| FileError::unsupported(root.join(key).join("zarr.json"), "", format!("cannot write: {e}"));
+    let Ok(serde_json::Value::Object(attributes)) = serde_json::to_value(attributes) else {
+        return Err(failed("attributes are no JSON object".to_owned()));
+    };
+    let group = GroupBuilder::new().attributes(attributes).build(storage.clone(), &node_path(key));
+    group.map_err(|e| failed(e.to_string()))?.store_metadata().map_err(|e| failed(e.to_string()))
+}
+
+/// Reads the attributes of a group.
+pub(super) fn read_group<T: DeserializeOwned>(root: &Path, storage: &Storage, key: &str) -> FileResult<T> {
+    let path = root.join(key).join("zarr.json");
+    if !path.is_file() {
+        return Err(FileError::invalid(path, "", "is missing").remedy("import the series again"));
+    }
+    let group = Group::open(storage.clone(), &node_path(key));
+    let group = group.map_err(|e| FileError::invalid(&path, "group", e.to_string()))?;
+    serde_json::from_value(serde_json::Value::Object(group.attributes().clone()))
+        .map_err(|e| FileError::invalid(&path, "attributes", e.to_string()))
+}
+
+/// Reads the attributes of the root and checks that the store is one that this version can read.
+pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttributes> {
+    if !root.is_dir() {
+        let problem = if root.exists() { "is not a folder, so not a store" } else { "does not exist" };
+        return Err(FileError::invalid(root, "", problem).remedy("name the folder that an import has written"));
+    }
+    if !is_store(root) {
+        let error = FileError::invalid(root, "zarr.json", "is missing or not that of a tetreel store");
+        return Err(error.remedy("import the series first"));
+    }
+    let attributes: RootAttributes = read_group(root, storage, "")?;
+    let major = attributes.tetreel_store.split('.').next().and_then(|v| v.parse::<u32>().ok());
+    if major != Some(STORE_VERSION[0]) {
+        let (theirs, ours) = (&attributes.tetreel_store, store_version());
+        let problem = format!("store version {theirs}, written by tetreel {}; this reads {ours}", attributes.tetreel);
+        return Err(FileError::unsupported(root, "zarr.json", problem).remedy("import the series again"));
+    }
+    Ok(attributes)
+}
+
+/// Whether a folder is a tetreel store of any version.
+pub(super) fn is_store(path: &Path) -> bool {
+    let text = std::fs::read(path.join("zarr.json")).unwrap_or_default();
+    let Ok(json) = serde_json::from_slice::<serde_json::Value>(&text) else { return false };
+    json.pointer("/attributes/tetreel_store").is_some()
+}
+
+/// Zarr's path of a group or array.
+pub(super) fn node_path(key: &str) -> String {
+    format!("/{key}")
+}

@@ -1,0 +1,180 @@
+//! The mesh in a store: points, tets, both permutations, and the arrays derived from them.
+
+use super::array::{StoredArray, write_metadata};
+use super::folder::{Folder, FolderSink};
+use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes, Storage};
+use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
+use crate::error::{FileError, FileResult};
+use crate::mesh::{Mesh, MeshError, Positions, RepairReport, Topology};
+use glam::{DVec3, Vec3};
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Writes the arrays of one group, each as one chunk.
+pub(super) struct ArrayWriter<'a> {
+    pub(super) root: &'a Path,
+    pub(super) storage: &'a Storage,
+    pub(super) group: &'a str,
+    pub(super) sink: FolderSink,
+}
+
+impl<'a> ArrayWriter<'a> {
+    pub(super) fn new(root: &'a Path, storage: &'a Storage, group: &'a str) -> Self {
+        Self { root, storage, group, sink: FolderSink::new(root.join(group)) }
+    }
+
+    /// Writes `values` as rows of N; a one-dimensional array for N = 1.
+    pub(super) fn write<T: Element, const N: usize>(
+        &mut self,
+        name: &str,
+        values: &[[T; N]],
+        axes: [&'static str; 2],
+        attributes: Map<String, Value>,
+    ) -> FileResult<()> {
+        let rank = if N == 1 { 1 } else { 2 };
+        let spec = ArraySpec {
+            name: name.to_owned(),
+            element: T::TYPE,
+            shape: [values.len() as u64, N as u64][..rank].to_vec(),
+            chunking: Chunking::Whole,
+            axes: axes[..rank].to_vec(),
+        };
+        write_metadata(self.root, self.storage, self.group, &spec, attributes)?;
+        if values.is_empty() {
+            return Ok(());
+        }
+        self.sink.put(&chunk_key(name, 0, rank), &to_bytes(values.as_flattened()))
+    }
+}
+
+/// The attribute of a derived array.
+pub(super) fn derived() -> Map<String, Value> {
+    Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())])
+}
+
+/// Whether an array was derived as this version derives it.
+pub(super) fn is_current(array: &StoredArray) -> bool {
+    array.attributes.get(DERIVED_ATTRIBUTE).and_then(Value::as_u64) == Some(DERIVED_VERSION)
+}
+
+/// Rows of one, as a one-dimensional array is written.
+pub(super) fn column<T: Element>(values: &[T]) -> &[[T; 1]] {
+    bytemuck::cast_slice(values)
+}
+
+/// Writes a mesh; returns the bytes of its chunks.
+pub(super) fn write(root: &Path, storage: &Storage, mesh: &Mesh, report: &RepairReport) -> FileResult<u64> {
+    let (lo, hi) = mesh.positions.world_bounds();
+    let repair = serde_json::to_value(report).map_err(|e| FileError::invalid(root, MESH, e.to_string()))?;
+    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]) };
+    layout::write_group(root, storage, MESH, &attributes)?;
+
+    let Positions { origin, scale, local } = &mesh.positions;
+    let frame = Map::from_iter([("origin".to_owned(), json!(origin.to_array())), ("scale".to_owned(), json!(scale))]);
+    let topology = &mesh.topology;
+    let mut to = ArrayWriter::new(root, storage, MESH);
+    to.write::<f32, 3>("points", bytemuck::cast_slice(local), ["vertex", "axis"], frame)?;
+    to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?;
+    to.write("faces", &topology.faces, ["face", "corner"], derived())?;
+    to.write("face_cells", &topology.face_cells, ["face", "side"], derived())?;
+    to.write::<u32, 4>("neighbours", bytemuck::cast_slice(&topology.neighbours), ["cell", "face"], derived())?;
+    to.write("vertex_permutation", column(&mesh.vertex_source), ["vertex", ""], Map::new())?;
+    to.write("cell_permutation", column(&mesh.cell_source), ["cell", ""], Map::new())?;
+    Ok(to.sink.bytes)
+}
+
+/// The mesh of a store whose metadata has been checked.
+#[derive(Clone, Debug)]
+pub(super) struct StoredMesh {
+    points: StoredArray,
+    tets: StoredArray,
+    pub(super) vertices: u64,
+    pub(super) cells: u64,
+    pub(super) attributes: MeshAttributes,
+}
+
+impl StoredMesh {
+    /// Reads the metadata and checks it against the sizes of the chunks, so that no count is believed unseen.
+    pub(super) fn open(root: &Path, storage: &Storage, source: &Folder) -> FileResult<Self> {
+        let attributes = layout::read_group(root, storage, MESH)?;
+        let points = open_array(root, storage, "points", ElementType::F32, 2)?;
+        let tets = open_array(root, storage, "tets", ElementType::U32, 2)?;
+        let (vertices, cells) = (points.rows::<3>(root)?, tets.rows::<4>(root)?);
+        points.check_size::<3>(root, source, ElementType::F32)?;
+        tets.check_size::<4>(root, source, ElementType::U32)?;
+        Ok(Self { points, tets, vertices, cells, attributes })
+    }
+
+    /// Reads the mesh; derives faces and neighbours again if they are missing, damaged or of another version.
+    pub(super) fn read(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Mesh> {
+        let positions = self.read_positions(root, source)?;
+        let topology = match self.read_derived(root, storage, source)? {
+            Some(topology) => topology,
+            None => self.derive(root, source, &positions)?,
+        };
+        let read = |name: &str, rows: u64| -> FileResult<Vec<u32>> {
+            let array = open_array(root, storage, name, ElementType::U32, 1)?.expect_shape(root, &[rows])?;
+            Ok(array.read::<u32, 1>(root, source)?.into_flattened())
+        };
+        let vertex_source = read("vertex_permutation", self.vertices)?;
+        let cell_source = read("cell_permutation", self.cells)?;
+        Ok(Mesh { topology, positions, vertex_source, cell_source })
+    }
+
+    fn read_positions(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Positions> {
+        let path = root.join(MESH).join("points/zarr.json");
+        let number = |value: Option<&Value>, name: &str| {
+            let missing = || FileError::invalid(&path, format!("attribute '{name}'"), "is missing or not a number");
+            value.and_then(Value::as_f64).ok_or_else(missing)
+        };
+        let attributes = &self.points.attributes;
+        let axis = |i: usize| number(attributes.get("origin").and_then(|o| o.get(i)), "origin");
+        let origin = DVec3::new(axis(0)?, axis(1)?, axis(2)?);
+        let scale = number(attributes.get("scale"), "scale")?;
+        let local = self.points.read::<f32, 3>(root, source)?.into_iter().map(Vec3::from_array).collect();
+        Positions::from_parts(origin, scale, local).map_err(|e| mesh_error(root, &e))
+    }
+
+    /// The topology with the derived arrays of the store; `None` if any of them cannot be used.
+    fn read_derived(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Option<Topology>> {
+        let tets = self.tets.read::<u32, 4>(root, source)?;
+        let current = |name: &str| open_array(root, storage, name, ElementType::U32, 2).ok().filter(is_current);
+        let (Some(faces), Some(face_cells), Some(neighbours)) =
+            (current("faces"), current("face_cells"), current("neighbours"))
+        else {
+            return Ok(None);
+        };
+        let (Ok(faces), Ok(face_cells), Ok(neighbours)) =
+            (faces.read(root, source), face_cells.read(root, source), neighbours.read(root, source))
+        else {
+            return Ok(None);
+        };
+        let Ok(vertices) = u32::try_from(self.vertices) else { return Ok(None) };
+        Ok(Topology::from_parts(vertices, tets, faces, face_cells, neighbours).ok())
+    }
+
+    fn derive(&self, root: &Path, source: &dyn ReadRange, positions: &Positions) -> FileResult<Topology> {
+        let vertices = u32::try_from(self.vertices).map_err(|_| {
+            FileError::unsupported(root, MESH, format!("has {} vertices: more than can be numbered", self.vertices))
+        })?;
+        let tets = self.tets.read::<u32, 4>(root, source)?;
+        let (topology, _non_manifold) =
+            Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e))?;
+        Ok(topology)
+    }
+}
+
+fn mesh_error(root: &Path, error: &MeshError) -> FileError {
+    FileError::invalid(root, MESH, error.to_string()).remedy("import the series again")
+}
+
+/// Opens an array of the mesh that is one chunk.
+fn open_array(
+    root: &Path,
+    storage: &Storage,
+    name: &str,
+    element: ElementType,
+    rank: usize,
+) -> FileResult<StoredArray> {
+    StoredArray::open(root, storage, &format!("{MESH}/{name}"), element, Chunking::Whole, rank)
+}

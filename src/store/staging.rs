@@ -1,0 +1,147 @@
+//! A store is written beside its place and moved there when it is complete.
+//!
+//! Until then the place is not touched; a failure, a panic or a cancelled run removes what was written. With
+//! `overwrite`, the old store is moved aside first and removed only once the new one is in its place.
+
+use super::folder::walk;
+use super::layout;
+use crate::error::{FileError, FileResult};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// A temporary folder beside the place of a store.
+#[derive(Debug)]
+pub(super) struct Staging {
+    dir: TempDir,
+    target: PathBuf,
+    overwrite: bool,
+}
+
+impl Staging {
+    /// Makes the folder, if the target may be written.
+    pub(super) fn begin(target: &Path, overwrite: bool) -> FileResult<Self> {
+        check_target(target, overwrite)?;
+        Ok(Self { dir: sibling(target, "tmp")?, target: target.to_owned(), overwrite })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        self.dir.path()
+    }
+
+    /// Makes everything durable and moves it into place.
+    pub(super) fn commit(self) -> FileResult<()> {
+        sync_tree(self.dir.path())?;
+        // Somebody may have written there meanwhile.
+        check_target(&self.target, self.overwrite)?;
+        if exists(&self.target) {
+            self.replace()
+        } else {
+            rename(self.dir.path(), &self.target)?;
+            self.installed()
+        }
+    }
+
+    fn replace(self) -> FileResult<()> {
+        let aside = sibling(&self.target, "old")?;
+        let old = aside.path().join("store");
+        rename(&self.target, &old)?;
+        if let Err(error) = rename(self.dir.path(), &self.target) {
+            return match fs::rename(&old, &self.target) {
+                Ok(()) => Err(error),
+                Err(_) => {
+                    let remedy = format!("the store that was there is now {}", aside.keep().join("store").display());
+                    Err(error.remedy(remedy))
+                }
+            };
+        }
+        self.installed()?;
+        let path = aside.path().to_owned();
+        aside.close().map_err(|e| FileError::io(path, "remove the replaced store", &e))
+    }
+
+    /// The temporary folder has become the store: it must not be removed any more.
+    fn installed(self) -> FileResult<()> {
+        let _gone = self.dir.keep();
+        sync_folder(parent_of(&self.target))
+    }
+}
+
+/// An empty folder beside `target`, removed when dropped.
+fn sibling(target: &Path, purpose: &str) -> FileResult<TempDir> {
+    let name = target.file_name().ok_or_else(|| FileError::invalid(target, "", "names no file"))?;
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(format!(".{purpose}-"));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix);
+    #[cfg(unix)]
+    {
+        // Temporary folders are private by default; a store is as readable as any other new folder (umask applies).
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o777));
+    }
+    let parent = parent_of(target);
+    builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
+}
+
+fn parent_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Whether there is anything, a dangling link included.
+fn exists(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+/// Refuses a target that may not be written.
+fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
+    if target.file_name().is_none() {
+        return Err(FileError::invalid(target, "", "names no file").remedy("give a name such as series.zarr"));
+    }
+    let parent = parent_of(target);
+    if !parent.is_dir() {
+        return Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"));
+    }
+    if !exists(target) {
+        return Ok(());
+    }
+    if !layout::is_store(target) {
+        let problem = "exists and is not a tetreel store: it is not overwritten";
+        return Err(FileError::invalid(target, "", problem).remedy("choose another name"));
+    }
+    if !overwrite {
+        let error = FileError::invalid(target, "", "exists");
+        return Err(error.remedy("choose another name, or allow it to be overwritten"));
+    }
+    Ok(())
+}
+
+fn rename(from: &Path, to: &Path) -> FileResult<()> {
+    fs::rename(from, to).map_err(|e| FileError::io(to, &format!("rename {} to it", from.display()), &e))
+}
+
+/// Waits until the files and folders below and including `root` are on the medium.
+fn sync_tree(root: &Path) -> FileResult<()> {
+    walk(root, &mut |path, metadata| {
+        if metadata.is_dir() {
+            return sync_folder(path);
+        }
+        // Windows flushes only what is open for writing.
+        let file = File::options().write(true).open(path);
+        file.and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
+    })?;
+    sync_folder(root)
+}
+
+#[cfg(unix)]
+fn sync_folder(path: &Path) -> FileResult<()> {
+    File::open(path).and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
+}
+
+/// Folders cannot be flushed here.
+#[cfg(not(unix))]
+fn sync_folder(_path: &Path) -> FileResult<()> {
+    Ok(())
+}

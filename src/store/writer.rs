@@ -1,0 +1,213 @@
+//! Writing a store: mesh, times, then the fields side by side, then into place at once.
+
+use super::MAGNITUDE_CODEC;
+use super::array::write_metadata;
+use super::folder::{FolderSink, walk};
+use super::layout::{
+    self, DERIVED_ATTRIBUTE, DERIVED_VERSION, FIELDS, FieldAttributes, FieldsAttributes, RootAttributes, Storage, TIME,
+};
+use super::mesh::{self, ArrayWriter, column};
+use super::names::FolderNames;
+use super::staging::Staging;
+use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, chunk_key, to_bytes};
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, TimeAxis};
+use crate::mesh::{Mesh, RepairReport};
+use crate::moments::Moments;
+use serde_json::Map;
+use std::path::{Path, PathBuf};
+
+/// What a field of a new store is.
+#[derive(Clone, Debug)]
+pub struct FieldDescription {
+    /// Name as the user selects it; unlike those of the other fields.
+    pub name: String,
+    /// Where the source has its values.
+    pub association: Association,
+    /// Unit of the values, if known.
+    pub units: Option<String>,
+}
+
+/// Writes a new store. Nothing is seen at its place before [`StoreWriter::finish`]; dropped earlier, it leaves nothing.
+#[derive(Debug)]
+pub struct StoreWriter {
+    staging: Staging,
+    storage: Storage,
+    names: FolderNames,
+    folders: Vec<String>,
+}
+
+impl StoreWriter {
+    /// Begins a store at `target`.
+    ///
+    /// # Errors
+    /// If something exists there and is no tetreel store or `overwrite` is not set, or its folder cannot be written.
+    pub fn create(target: &Path, overwrite: bool) -> FileResult<Self> {
+        let staging = Staging::begin(target, overwrite)?;
+        let storage = layout::storage(staging.path())?;
+        layout::write_group(staging.path(), &storage, "mesh", &Map::new())?;
+        Ok(Self { staging, storage, names: FolderNames::new(), folders: Vec::new() })
+    }
+
+    /// Writes the mesh and what was repaired in it.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write_mesh(&mut self, mesh: &Mesh, report: &RepairReport) -> FileResult<()> {
+        mesh::write(self.staging.path(), &self.storage, mesh, report).map(drop)
+    }
+
+    /// Writes the times of the steps, all of which show mesh 0.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write_times(&mut self, times: &TimeAxis) -> FileResult<()> {
+        layout::write_group(self.staging.path(), &self.storage, TIME, &Map::new())?;
+        let mut to = ArrayWriter::new(self.staging.path(), &self.storage, TIME);
+        to.write("values", column(&times.values), ["step", ""], Map::new())?;
+        to.write("mesh_index", column(&vec![0u32; times.len()]), ["step", ""], Map::new())
+    }
+
+    /// Begins a field whose values go through `encoder`.
+    pub fn begin_field(&mut self, description: FieldDescription, encoder: Box<dyn Encoder>) -> FieldWriter {
+        self.field(description, Content::Encoded(encoder))
+    }
+
+    /// Begins a field that is the norm of other ones and has no values of its own.
+    pub fn begin_magnitude(&mut self, description: FieldDescription, components: &[&FieldWriter]) -> FieldWriter {
+        let folders = components.iter().map(|c| c.folder.clone()).collect();
+        self.field(description, Content::MagnitudeOf(folders))
+    }
+
+    fn field(&mut self, description: FieldDescription, content: Content) -> FieldWriter {
+        let folder = self.names.give(&description.name);
+        self.folders.push(folder.clone());
+        let root = self.staging.path().to_owned();
+        let sink = FolderSink::new(root.join(FIELDS).join(&folder));
+        FieldWriter { root, storage: self.storage.clone(), folder, description, content, sink }
+    }
+
+    /// Writes the attributes, makes everything durable and moves the store to its place. Returns the bytes on disk.
+    /// `source` says what the series was read from, `notes` what was skipped.
+    ///
+    /// # Errors
+    /// If a file cannot be written or the place was taken meanwhile.
+    pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
+        let root = self.staging.path();
+        layout::write_group(root, &self.storage, FIELDS, &FieldsAttributes { folders: self.folders })?;
+        let attributes = RootAttributes {
+            tetreel_store: layout::store_version(),
+            tetreel: env!("CARGO_PKG_VERSION").to_owned(),
+            source: source.to_owned(),
+            notes,
+        };
+        layout::write_group(root, &self.storage, "", &attributes)?;
+        let bytes = bytes_on_disk(root)?;
+        self.staging.commit()?;
+        Ok(bytes)
+    }
+}
+
+/// Where the values of a field come from.
+enum Content {
+    Encoded(Box<dyn Encoder>),
+    MagnitudeOf(Vec<String>),
+}
+
+/// Writes one field of a new store.
+pub struct FieldWriter {
+    root: PathBuf,
+    storage: Storage,
+    folder: String,
+    description: FieldDescription,
+    content: Content,
+    sink: FolderSink,
+}
+
+impl FieldWriter {
+    /// Name of the field.
+    pub fn name(&self) -> &str {
+        &self.description.name
+    }
+
+    /// Takes the values of the next step, one per vertex. Those of a magnitude are not kept.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn push(&mut self, values: &[f32]) -> FileResult<()> {
+        match &mut self.content {
+            Content::Encoded(encoder) => encoder.push(values, &mut self.sink),
+            Content::MagnitudeOf(_) => Ok(()),
+        }
+    }
+
+    /// Writes what is left, and the statistics of all steps. Returns the bytes of the field's chunks.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn finish(mut self, moments: &Moments) -> FileResult<u64> {
+        let group = format!("{FIELDS}/{}", self.folder);
+        let (codec, magnitude_of, encoded) = match self.content {
+            Content::Encoded(encoder) => (encoder.name(), Vec::new(), encoder.finish(&mut self.sink)?),
+            Content::MagnitudeOf(components) => {
+                let nothing = Encoded { arrays: Vec::new(), parameters: serde_json::json!({}) };
+                (MAGNITUDE_CODEC, components, nothing)
+            }
+        };
+        let series = moments.series();
+        let attributes = FieldAttributes {
+            name: self.description.name,
+            association: self.description.association,
+            units: self.description.units,
+            codec: codec.to_owned(),
+            codec_parameters: encoded.parameters,
+            magnitude_of,
+            range: series.range,
+            nonfinite: series.nonfinite,
+        };
+        layout::write_group(&self.root, &self.storage, &group, &attributes)?;
+        for array in &encoded.arrays {
+            write_metadata(&self.root, &self.storage, &group, array, Map::new())?;
+        }
+        let mut to = ArrayWriter::new(&self.root, &self.storage, &group);
+        let ranges: Vec<[f32; 2]> = moments.steps().iter().map(|s| s.range.unwrap_or([f32::NAN; 2])).collect();
+        to.write("range_per_step", &ranges, ["step", "bound"], Map::new())?;
+        let bytes = self.sink.bytes + to.sink.bytes;
+        Ok(bytes + write_moments(&self.root, &self.storage, &group, moments)?)
+    }
+}
+
+/// The array `moments`: mean, variance and number of finite samples of each vertex, one row and chunk each.
+pub(super) fn moments_array(vertices: u64) -> ArraySpec {
+    ArraySpec {
+        name: "moments".to_owned(),
+        element: ElementType::F64,
+        shape: vec![3, vertices],
+        chunking: Chunking::PerRow,
+        axes: vec!["mean_variance_count", "vertex"],
+    }
+}
+
+fn write_moments(root: &Path, storage: &Storage, group: &str, moments: &Moments) -> FileResult<u64> {
+    let statistics = moments.vertex_statistics();
+    let spec = moments_array(statistics.mean.len() as u64);
+    let attributes = Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())]);
+    write_metadata(root, storage, group, &spec, attributes)?;
+    let mut sink = FolderSink::new(root.join(group));
+    for (row, values) in (0..).zip([&statistics.mean, &statistics.variance, &statistics.finite_count]) {
+        sink.put(&chunk_key(&spec.name, row, 2), &to_bytes(values))?;
+    }
+    Ok(sink.bytes)
+}
+
+/// Sum of the lengths of all files of a store.
+pub(super) fn bytes_on_disk(root: &Path) -> FileResult<u64> {
+    let mut bytes = 0u64;
+    walk(root, &mut |_, metadata| {
+        if metadata.is_file() {
+            bytes = bytes.checked_add(metadata.len()).ok_or_else(|| FileError::invalid(root, "", "sizes overflow"))?;
+        }
+        Ok(())
+    })?;
+    Ok(bytes)
+}

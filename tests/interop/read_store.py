@@ -1,0 +1,78 @@
+"""Opens a store with nothing but zarr and numpy, checks how its arrays fit together, and prints a checksum of a step.
+
+usage: read_store.py STORE.zarr FIELD STEP
+"""
+
+import sys
+import zlib
+
+import numpy as np
+import zarr
+
+
+def field_group(fields, name):
+    """The group of a field, found by the name in its attributes."""
+    for folder in fields.attrs["folders"]:
+        if fields[folder].attrs["name"] == name:
+            return fields[folder]
+    raise SystemExit(f"no field {name}")
+
+
+def check_mesh(mesh):
+    points, tets = mesh["points"][:], mesh["tets"][:]
+    faces, face_cells, neighbours = mesh["faces"][:], mesh["face_cells"][:], mesh["neighbours"][:]
+    vertices, cells = len(points), len(tets)
+    assert points.dtype == np.float32 and points.shape == (vertices, 3)
+    assert tets.shape == (cells, 4) and tets.max() < vertices
+    assert faces.shape == (len(faces), 3) and face_cells.shape == (len(faces), 2)
+    assert neighbours.shape == (cells, 4)
+    assert mesh["vertex_permutation"].shape == (vertices,)
+    assert mesh["cell_permutation"].shape == (cells,)
+    # Every tet is positively oriented in world coordinates.
+    world = np.array(mesh["points"].attrs["origin"]) + mesh["points"].attrs["scale"] * points.astype(np.float64)
+    a, b, c, d = (world[tets[:, i]] for i in range(4))
+    assert (np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) > 0).all()
+    print(f"mesh {cells} cells {vertices} vertices {len(faces)} faces")
+    return vertices
+
+
+def check_field(group, steps, vertices):
+    ranges = group["range_per_step"][:]
+    assert ranges.shape == (steps, 2)
+    mean, variance, count = group["moments"][:]
+    assert mean.shape == (vertices,) and (count <= steps).all()
+    assert (variance[count > 0] >= 0).all()
+    if "raw" not in group:
+        assert group.attrs["codec"] == "magnitude" and group.attrs["magnitude_of"]
+        return
+    raw = group["raw"]
+    assert raw.shape == (steps, vertices) and raw.dtype == np.float32
+    for step in range(steps):
+        values = raw[step]
+        finite = values[np.isfinite(values)]
+        expected = [finite.min(), finite.max()] if len(finite) else [np.nan, np.nan]
+        np.testing.assert_array_equal(ranges[step], np.array(expected, np.float32))
+
+
+def count_arrays(group):
+    return sum(1 if isinstance(node, zarr.Array) else count_arrays(node) for _, node in group.members())
+
+
+def main(path, name, step):
+    root = zarr.open_group(path, mode="r")
+    assert root.attrs["tetreel_store"].startswith("1.")
+    vertices = check_mesh(root["mesh/0"])
+    times = root["time/values"][:]
+    assert times.dtype == np.float64 and (np.diff(times) > 0).all()
+    assert (root["time/mesh_index"][:] == 0).all()
+    for folder in root["fields"].attrs["folders"]:
+        check_field(root["fields"][folder], len(times), vertices)
+    values = field_group(root["fields"], name)["raw"][step]
+    print(f"{name} step {step} crc32 {zlib.crc32(values.astype('<f4').tobytes()):08x}")
+    print(f"ok {count_arrays(root)} arrays")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 4:
+        raise SystemExit(__doc__)
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
