@@ -1,1 +1,87 @@
-//! From what a user edits (colour maps, opacity points, range policies) to the [`NodeTable`](crate::node_table::NodeTable) that renderers see.
+//! From what a user edits (colour maps, opacity points, range policies) to the [`NodeTable`](crate::node_table::NodeTable)
+//! that renderers see.
+//!
+//! A [`TransferFunction`] is a [`ColorMap`] and opacity points. A [`RangePolicy`] says which scalars its axis 0..1 covers
+//! ([`MappedRange`]). [`build_node_table`] puts both together. `docs/transfer-functions.md` is the user's page.
+
+mod color_map;
+mod color_space;
+mod file;
+mod function;
+mod paraview;
+mod profile;
+mod range;
+mod table;
+mod text;
+
+pub use color_map::{ColorMap, ColorPoint};
+pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
+pub use paraview::{ColorMapEntry, read_color_maps, write_color_maps};
+pub use range::{MappedRange, RangePolicy};
+pub use table::{OpacityKind, TOLERANCE, build_node_table};
+
+use crate::error::FileError;
+use crate::node_table::NodeTableError;
+
+/// Why a transfer function, a range or a table cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum TransferError {
+    /// A part of a text (`--tf`, `--range`, `--opacity-kind`) cannot be read.
+    #[error("'{part}': {problem}")]
+    BadText {
+        /// The offending part.
+        part: String,
+        /// What is wrong with it, and what would be right.
+        problem: String,
+    },
+    /// Neither a built-in colour map nor a file.
+    #[error("there is no colour map '{name}'; there are {known}, each also with _r (reversed), or give a .json file")]
+    UnknownMap {
+        /// The name asked for.
+        name: String,
+        /// All built-in names.
+        known: String,
+    },
+    /// A colour map or transfer function file is at fault.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A colour map is at fault.
+    #[error("colour map '{name}': {problem}")]
+    BadMap {
+        /// Name of the map.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// An opacity point is at fault.
+    #[error("opacity point {index} ({position}:{value}): {problem}")]
+    BadPoint {
+        /// Which point, from 0.
+        index: usize,
+        /// Its position.
+        position: f64,
+        /// Its value.
+        value: f64,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A transfer function without opacity points.
+    #[error("a transfer function needs at least one opacity point, as in viridis@0:0,1:0.2")]
+    NoPoints,
+    /// A range that cannot be mapped.
+    #[error("range {lo}..{hi}: {problem}")]
+    BadRange {
+        /// Lower end.
+        lo: f64,
+        /// Upper end.
+        hi: f64,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A unit distance that is not positive, not finite, or so small that extinction overflows.
+    #[error("unit distance {0} must be positive and finite, and extinction per unit must not overflow")]
+    BadUnitDistance(f64),
+    /// The nodes do not make a table.
+    #[error(transparent)]
+    Table(#[from] NodeTableError),
+}

@@ -1,0 +1,218 @@
+//! Colour maps: piecewise-linear RGB over 0..1, and those that are built in.
+
+use super::TransferError;
+use super::paraview;
+use std::sync::LazyLock;
+
+/// One point of a [`ColorMap`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorPoint {
+    /// Place on the axis of the map, 0..=1.
+    pub position: f64,
+    /// Display-referred colour, 0..=1.
+    pub rgb: [f64; 3],
+}
+
+/// A colour map: display-referred RGB, piecewise linear over 0..=1, constant outside. Two points at one position make a
+/// step; at the position itself the right one holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorMap {
+    name: String,
+    points: Vec<ColorPoint>,
+    nan_color: Option<[f64; 3]>,
+}
+
+/// Name and text of the maps that come with the program. `data/colormaps/README.md` has their sources and licences.
+const BUILT_IN: [(&str, &str); 9] = [
+    ("viridis", include_str!("../../data/colormaps/viridis.json")),
+    ("inferno", include_str!("../../data/colormaps/inferno.json")),
+    ("plasma", include_str!("../../data/colormaps/plasma.json")),
+    ("cividis", include_str!("../../data/colormaps/cividis.json")),
+    ("turbo", include_str!("../../data/colormaps/turbo.json")),
+    ("cool-to-warm", include_str!("../../data/colormaps/cool-to-warm.json")),
+    ("batlow", include_str!("../../data/colormaps/batlow.json")),
+    ("vik", include_str!("../../data/colormaps/vik.json")),
+    ("gray", include_str!("../../data/colormaps/gray.json")),
+];
+
+static BUILT_IN_MAPS: LazyLock<Vec<ColorMap>> = LazyLock::new(|| {
+    let entries = BUILT_IN.iter().filter_map(|(name, text)| paraview::parse(name.as_ref(), text).ok());
+    entries.flatten().map(|entry| entry.map).collect()
+});
+
+impl ColorMap {
+    /// A map of these points. Positions may be any increasing numbers; they are stretched to 0..=1 (a single position
+    /// becomes 0).
+    ///
+    /// # Errors
+    /// If there is no point, a position is not finite or lies before the one in front of it, or a colour is outside 0..=1.
+    pub fn new(
+        name: impl Into<String>,
+        mut points: Vec<ColorPoint>,
+        nan_color: Option<[f64; 3]>,
+    ) -> Result<Self, TransferError> {
+        let name = name.into();
+        let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else {
+            return Err(TransferError::BadMap { name, problem: "has no points".into() });
+        };
+        let mut previous = f64::NEG_INFINITY;
+        for (i, point) in points.iter().enumerate() {
+            let colour_ok = point.rgb.iter().all(|c| (0.0..=1.0).contains(c));
+            if !(point.position.is_finite() && point.position >= previous && colour_ok) {
+                let problem = format!("point {i}: positions must be finite and increase, colours must be in 0..1");
+                return Err(TransferError::BadMap { name, problem });
+            }
+            previous = point.position;
+        }
+        if nan_color.is_some_and(|c| !c.iter().all(|c| (0.0..=1.0).contains(c))) {
+            return Err(TransferError::BadMap { name, problem: "the NaN colour must be in 0..1".into() });
+        }
+        // Halved, because the difference of two finite numbers may overflow.
+        let width = 0.5 * last.position - 0.5 * first.position;
+        for point in &mut points {
+            let from_first = 0.5 * point.position - 0.5 * first.position;
+            point.position = if width > 0.0 { from_first / width } else { 0.0 };
+        }
+        points.dedup_by(|next, kept| next == kept);
+        keep_outer_of_equal(&mut points);
+        Ok(Self { name, points, nan_color })
+    }
+
+    /// The built-in map of that name.
+    pub fn built_in(name: &str) -> Option<&'static ColorMap> {
+        BUILT_IN_MAPS.iter().find(|map| map.name == name)
+    }
+
+    /// Names of all built-in maps.
+    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// Name of the map; a reversed one ends with `_r`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The points, sorted by position, from 0 to 1; never more than two at one position.
+    pub fn points(&self) -> &[ColorPoint] {
+        &self.points
+    }
+
+    /// Colour of holes, where the map has one.
+    pub fn nan_color(&self) -> Option<[f64; 3]> {
+        self.nan_color
+    }
+
+    /// The map from its other end, named with or without `_r` in turn.
+    #[must_use]
+    pub fn reversed(&self) -> ColorMap {
+        let name = self.name.strip_suffix("_r").map_or_else(|| format!("{}_r", self.name), str::to_owned);
+        let turned = |p: &ColorPoint| ColorPoint { position: 1.0 - p.position, rgb: p.rgb };
+        ColorMap { name, points: self.points.iter().rev().map(turned).collect(), nan_color: self.nan_color }
+    }
+
+    /// Colour at a position (at a step, the right one).
+    pub fn eval(&self, position: f64) -> [f64; 3] {
+        self.eval_sides(position)[1]
+    }
+
+    /// Colour just left of a position, and at it.
+    pub(super) fn eval_sides(&self, position: f64) -> [[f64; 3]; 2] {
+        let left = self.points.partition_point(|p| p.position < position);
+        let right = self.points.partition_point(|p| p.position <= position);
+        let between =
+            |after: usize| match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
+                (Some(a), Some(b)) => mix(a.rgb, b.rgb, (position - a.position) / (b.position - a.position)),
+                (Some(end), None) | (None, Some(end)) => end.rgb,
+                (None, None) => [0.0; 3], // not reached: a map has a point
+            };
+        [between(left), between(right)]
+    }
+}
+
+/// `a` at 0, `b` at 1, exactly so at both ends.
+pub(super) fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] * (1.0 - f) + b[i] * f)
+}
+
+/// Of more than two points at one position the first and the last have a meaning: the two sides of a step.
+fn keep_outer_of_equal(points: &mut Vec<ColorPoint>) {
+    let all = std::mem::take(points);
+    for (i, point) in all.iter().enumerate() {
+        let same = |j: Option<&ColorPoint>| j.is_some_and(|other| other.position == point.position);
+        if !(same(i.checked_sub(1).and_then(|j| all.get(j))) && same(all.get(i + 1))) {
+            points.push(*point);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(points: &[(f64, f64)]) -> ColorMap {
+        let points = points.iter().map(|&(position, g)| ColorPoint { position, rgb: [g; 3] }).collect();
+        ColorMap::new("test", points, None).unwrap()
+    }
+
+    #[test]
+    fn all_maps_of_the_program_can_be_read() {
+        let names: Vec<&str> = BUILT_IN_MAPS.iter().map(ColorMap::name).collect();
+        assert_eq!(names, ColorMap::built_in_names().collect::<Vec<_>>());
+        for map in BUILT_IN_MAPS.iter() {
+            assert_eq!(map.points()[0].position, 0.0);
+            assert_eq!(map.points().last().unwrap().position, 1.0);
+        }
+    }
+
+    #[test]
+    fn maps_have_the_published_colours() {
+        // matplotlib 3.11 and cmcrameri 1.10: first, middle and last entries of their tables.
+        let close = |map: &str, position: f64, rgb: [f64; 3]| {
+            let ours = ColorMap::built_in(map).unwrap().eval(position);
+            for (a, b) in ours.iter().zip(rgb) {
+                // Half a unit of the sixth digit, in which the tables are published.
+                assert!((a - b).abs() <= 5e-7, "{map} {position}: {ours:?}");
+            }
+        };
+        close("viridis", 0.0, [0.267004, 0.004874, 0.329415]);
+        close("viridis", 1.0, [0.993248, 0.906157, 0.143936]);
+        close("inferno", 1.0, [0.988362, 0.998364, 0.644924]);
+        close("cividis", 0.0, [0.000000, 0.135112, 0.304751]);
+        close("turbo", 0.0, [0.18995, 0.07176, 0.23217]);
+        close("vik", 0.0, [0.001328, 0.069836, 0.379529]);
+        close("gray", 0.25, [0.25; 3]);
+    }
+
+    #[test]
+    fn positions_are_stretched_to_the_unit_interval() {
+        let m = map(&[(-10.0, 0.0), (0.0, 0.5), (30.0, 1.0)]);
+        assert_eq!(m.points().iter().map(|p| p.position).collect::<Vec<_>>(), [0.0, 0.25, 1.0]);
+        assert_eq!(map(&[(-f64::MAX, 0.0), (f64::MAX, 1.0)]).eval(0.5), [0.5; 3]);
+        assert_eq!(map(&[(7.0, 0.3)]).eval(0.9), [0.3; 3]);
+    }
+
+    #[test]
+    fn a_step_has_two_sides_and_reversing_swaps_them() {
+        let m = map(&[(0.0, 0.0), (0.5, 0.25), (0.5, 0.4), (0.5, 0.75), (1.0, 1.0)]);
+        assert_eq!(m.points().len(), 4);
+        assert_eq!(m.eval_sides(0.5), [[0.25; 3], [0.75; 3]]);
+        assert_eq!(m.reversed().eval_sides(0.5), [[0.75; 3], [0.25; 3]]);
+        assert_eq!((m.reversed().name(), m.reversed().reversed()), ("test_r", m.clone()));
+        assert_eq!((m.eval(-3.0), m.eval(3.0)), ([0.0; 3], [1.0; 3]));
+    }
+
+    #[test]
+    fn bad_points_are_errors() {
+        let new = |points: Vec<(f64, f64)>| {
+            let points = points.iter().map(|&(position, g)| ColorPoint { position, rgb: [g; 3] }).collect();
+            ColorMap::new("bad", points, None)
+        };
+        assert!(new(vec![]).is_err());
+        assert!(new(vec![(0.0, 1.5)]).is_err());
+        assert!(new(vec![(0.0, f64::NAN)]).is_err());
+        assert!(new(vec![(f64::INFINITY, 0.0)]).is_err());
+        let error = new(vec![(1.0, 0.0), (0.0, 0.0)]).unwrap_err().to_string();
+        assert!(error.contains("'bad'") && error.contains("point 1"), "{error}");
+    }
+}

@@ -1,0 +1,250 @@
+//! Colour spaces in which a map may interpolate, and their refinement to piecewise-linear RGB.
+//!
+//! HSV, Lab and Diverging are VTK's (`vtkColorTransferFunction`): HSV without wrapping; Lab over sRGB with D65 white
+//! (0.9505, 1, 1.089); Diverging after K. Moreland, "Diverging Color Maps for Scientific Visualization" (ISVC 2009), in
+//! Msh, the polar form of Lab.
+
+use super::color_map::{ColorPoint, mix};
+
+/// How colours between two points are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ColorSpace {
+    /// Linear in RGB.
+    Rgb,
+    /// Linear in hue, saturation and value; hue does not wrap around.
+    Hsv,
+    /// Linear in CIE L*a*b*.
+    Lab,
+    /// Moreland's diverging maps.
+    Diverging,
+}
+
+/// Refined maps stay within this of the formula, so that the table built from them keeps most of its own tolerance.
+const REFINEMENT: f64 = 1.0 / 16_384.0;
+
+/// Intervals are halved at most this often; sRGB's slope at black needs about ten.
+const MAX_HALVINGS: u32 = 14;
+
+/// White of D65.
+const WHITE: [f64; 3] = [0.9505, 1.0, 1.089];
+
+/// The name as ParaView writes it.
+pub(super) fn from_name(name: &str) -> Option<ColorSpace> {
+    Some(match name.to_ascii_lowercase().as_str() {
+        "rgb" => ColorSpace::Rgb,
+        "hsv" => ColorSpace::Hsv,
+        "lab" | "cielab" => ColorSpace::Lab,
+        "diverging" => ColorSpace::Diverging,
+        _ => return None,
+    })
+}
+
+/// Points between which RGB is linear, within [`REFINEMENT`] of what `space` gives between `points`.
+pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<ColorPoint> {
+    let mut refined: Vec<ColorPoint> = points.first().copied().into_iter().collect();
+    for pair in points.windows(2) {
+        let curve = |f: f64| interpolate(space, pair[0].rgb, pair[1].rgb, f);
+        let at = |f: f64| ColorPoint { position: pair[0].position * (1.0 - f) + pair[1].position * f, rgb: curve(f) };
+        if space != ColorSpace::Rgb && pair[0].position < pair[1].position {
+            let mut inner = Vec::new();
+            halve(&curve, 0.0, 1.0, MAX_HALVINGS, &mut inner);
+            refined.extend(inner.into_iter().map(at));
+        }
+        refined.push(pair[1]);
+    }
+    refined
+}
+
+/// Collects the places in (a, b) at which the curve must be cut to be linear in between.
+fn halve(curve: &impl Fn(f64) -> [f64; 3], a: f64, b: f64, halvings_left: u32, cuts: &mut Vec<f64>) {
+    // Seven places in between: a single one in the middle would miss curves that are symmetric around it.
+    let straight = (1..8).all(|i| {
+        let f = f64::from(i) / 8.0;
+        let chord = mix(curve(a), curve(b), f);
+        curve(a + (b - a) * f).iter().zip(chord).all(|(x, y)| (x - y).abs() <= 0.5 * REFINEMENT)
+    });
+    if straight || halvings_left == 0 {
+        return;
+    }
+    let middle = 0.5 * (a + b);
+    halve(curve, a, middle, halvings_left - 1, cuts);
+    cuts.push(middle);
+    halve(curve, middle, b, halvings_left - 1, cuts);
+}
+
+/// The colour at `f` (0..=1) from `a` to `b`.
+pub(super) fn interpolate(space: ColorSpace, a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
+    match space {
+        ColorSpace::Rgb => mix(a, b, f),
+        ColorSpace::Hsv => hsv_to_rgb(mix(rgb_to_hsv(a), rgb_to_hsv(b), f)),
+        ColorSpace::Lab => lab_to_rgb(mix(rgb_to_lab(a), rgb_to_lab(b), f)),
+        ColorSpace::Diverging => lab_to_rgb(msh_to_lab(diverging(a, b, f))),
+    }
+}
+
+fn rgb_to_hsv([r, g, b]: [f64; 3]) -> [f64; 3] {
+    let (lo, value) = (r.min(g).min(b), r.max(g).max(b));
+    let range = value - lo;
+    if range == 0.0 {
+        return [0.0, 0.0, value];
+    }
+    let sixth = if r == value {
+        (g - b) / range
+    } else if g == value {
+        2.0 + (b - r) / range
+    } else {
+        4.0 + (r - g) / range
+    };
+    [(sixth / 6.0).rem_euclid(1.0), range / value, value]
+}
+
+fn hsv_to_rgb([h, s, v]: [f64; 3]) -> [f64; 3] {
+    [5.0, 3.0, 1.0].map(|n: f64| {
+        let k = (n + h * 6.0) % 6.0;
+        v - v * s * k.min(4.0 - k).clamp(0.0, 1.0)
+    })
+}
+
+fn rgb_to_lab(rgb: [f64; 3]) -> [f64; 3] {
+    let [r, g, b] = rgb.map(|c| if c > 0.04045 { ((c + 0.055) / 1.055).powf(2.4) } else { c / 12.92 });
+    let xyz = [
+        0.4124 * r + 0.3576 * g + 0.1805 * b,
+        0.2126 * r + 0.7152 * g + 0.0722 * b,
+        0.0193 * r + 0.1192 * g + 0.9505 * b,
+    ];
+    let [x, y, z] = std::array::from_fn(|i| {
+        let t = xyz[i] / WHITE[i];
+        if t > 0.008856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 }
+    });
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+fn lab_to_rgb([l, a, b]: [f64; 3]) -> [f64; 3] {
+    let y = (l + 16.0) / 116.0;
+    let cube = |t: f64| if t.powi(3) > 0.008856 { t.powi(3) } else { (t - 16.0 / 116.0) / 7.787 };
+    let [x, y, z] = [cube(a / 500.0 + y) * WHITE[0], cube(y) * WHITE[1], cube(y - b / 200.0) * WHITE[2]];
+    // The exact inverse of the matrix above. VTK rounds it to four digits, so that colours change by up to 6e-4 on their
+    // way to Lab and back; here the points of a map keep their colours.
+    let linear = [
+        3.240625477320054 * x - 1.537207972210319 * y - 0.4986285986982478 * z,
+        -0.9689307147293196 * x + 1.8757560608852415 * y + 0.04151752384295395 * z,
+        0.05571012044551064 * x - 0.20402105059848671 * y + 1.0569959422543882 * z,
+    ];
+    let rgb = linear.map(|c| if c > 0.0031308 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { 12.92 * c });
+    // A colour that no screen has keeps its hue, as in VTK.
+    let largest = rgb.iter().fold(1.0_f64, |m, &c| m.max(c));
+    rgb.map(|c| (c / largest).clamp(0.0, 1.0))
+}
+
+fn rgb_to_msh(rgb: [f64; 3]) -> [f64; 3] {
+    let [l, a, b] = rgb_to_lab(rgb);
+    let m = (l * l + a * a + b * b).sqrt();
+    let s = if m > 0.001 { (l / m).clamp(-1.0, 1.0).acos() } else { 0.0 };
+    [m, s, if s > 0.001 { b.atan2(a) } else { 0.0 }]
+}
+
+fn msh_to_lab([m, s, h]: [f64; 3]) -> [f64; 3] {
+    [m * s.cos(), m * s.sin() * h.cos(), m * s.sin() * h.sin()]
+}
+
+/// Msh colour between `a` and `b`; two saturated colours of different hue have white between them.
+fn diverging(a: [f64; 3], b: [f64; 3], mut f: f64) -> [f64; 3] {
+    use std::f64::consts::{FRAC_PI_3, TAU};
+    const UNSATURATED: f64 = 0.05;
+    let (mut a, mut b) = (rgb_to_msh(a), rgb_to_msh(b));
+    let turn = (a[2] - b[2]).abs();
+    if a[1] > UNSATURATED && b[1] > UNSATURATED && turn.min(TAU - turn) > FRAC_PI_3 {
+        let white = [a[0].max(b[0]).max(88.0), 0.0, 0.0];
+        if f < 0.5 {
+            (b, f) = (white, 2.0 * f);
+        } else {
+            (a, f) = (white, 2.0 * f - 1.0);
+        }
+    }
+    if a[1] < UNSATURATED && b[1] > UNSATURATED {
+        a[2] = adjust_hue(b, a[0]);
+    } else if b[1] < UNSATURATED && a[1] > UNSATURATED {
+        b[2] = adjust_hue(a, b[0]);
+    }
+    mix(a, b, f)
+}
+
+/// The hue that an unsaturated colour of magnitude `m_unsaturated` takes, so that the way to it looks even.
+fn adjust_hue([m, s, h]: [f64; 3], m_unsaturated: f64) -> f64 {
+    if m >= m_unsaturated - 0.1 {
+        return h;
+    }
+    let spin = s * (m_unsaturated * m_unsaturated - m * m).sqrt() / (m * s.sin());
+    if h > -0.3 * std::f64::consts::PI { h + spin } else { h - spin }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn assert_close(a: [f64; 3], b: [f64; 3], tolerance: f64) {
+        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance), "{a:?} instead of {b:?}");
+    }
+
+    #[test]
+    fn diverging_gives_morelands_cool_to_warm() {
+        // The table that Moreland published with the paper, as matplotlib 3.11 has it (`coolwarm`), between its own ends.
+        let (cool, warm) = ([0.2298057, 0.298717966, 0.753683153], [0.705673158, 0.01555616, 0.150232812]);
+        let table = [
+            (0.125, [0.38301334, 0.50941904, 0.917387822]),
+            (0.25, [0.552953156, 0.688929332, 0.995375608]),
+            (0.40625, [0.761464949, 0.834302879, 0.956945269]),
+            (0.5, [0.865395197, 0.86541021, 0.865395561]),
+            (0.59375, [0.944468518, 0.800927443, 0.726736146]),
+            (0.75, [0.958003065, 0.602842431, 0.481775914]),
+            (0.875, [0.869186849, 0.378313092, 0.300267182]),
+        ];
+        for (f, rgb) in table {
+            // The published table uses more digits of the sRGB matrix than VTK's four: they differ by up to 6e-4.
+            assert_close(interpolate(ColorSpace::Diverging, cool, warm, f), rgb, 1e-3);
+        }
+    }
+
+    #[test]
+    fn hsv_turns_through_the_hues_without_wrapping() {
+        let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+        assert_close(interpolate(ColorSpace::Hsv, red, blue, 0.5), [0.0, 1.0, 0.0], 1e-12);
+        assert_close(interpolate(ColorSpace::Hsv, red, blue, 0.25), [1.0, 1.0, 0.0], 1e-12);
+        assert_close(interpolate(ColorSpace::Hsv, [0.0; 3], [1.0; 3], 0.25), [0.25; 3], 1e-12);
+    }
+
+    #[test]
+    fn lab_has_known_values() {
+        // skimage.color.rgb2lab of 0.26 (D65, 2 degrees); its white differs from VTK's in the fourth digit.
+        let [l, a, b] = rgb_to_lab([1.0, 0.0, 0.0]);
+        assert!((l - 53.24).abs() < 0.02 && (a - 80.09).abs() < 0.05 && (b - 67.20).abs() < 0.05, "{l} {a} {b}");
+        assert_close(interpolate(ColorSpace::Lab, [0.0; 3], [1.0; 3], 0.5), [0.4663; 3], 2e-3);
+    }
+
+    fn colour() -> impl Strategy<Value = [f64; 3]> {
+        prop_oneof![[0.0..=1.0, 0.0..=1.0, 0.0..=1.0], Just([0.0; 3]), Just([1.0; 3]), Just([1.0, 0.0, 0.0])]
+    }
+
+    proptest! {
+        #[test]
+        fn conversions_are_inverses(rgb in colour()) {
+            // The linear pieces of sRGB and Lab are published with four digits: their joints are off by up to 1e-5.
+            assert_close(lab_to_rgb(rgb_to_lab(rgb)), rgb, 1e-5);
+            assert_close(hsv_to_rgb(rgb_to_hsv(rgb)), rgb, 1e-12);
+            assert_close(lab_to_rgb(msh_to_lab(rgb_to_msh(rgb))), rgb, 1e-3);
+        }
+
+        #[test]
+        fn refined_maps_follow_the_formula(a in colour(), b in colour(), f in 0.0..1.0) {
+            for space in [ColorSpace::Hsv, ColorSpace::Lab, ColorSpace::Diverging] {
+                let ends = [ColorPoint { position: 0.0, rgb: a }, ColorPoint { position: 1.0, rgb: b }];
+                let refined = to_linear_rgb(space, &ends);
+                let after = refined.partition_point(|p| p.position <= f);
+                let (p, q) = (refined[after - 1], refined[after]);
+                let chord = mix(p.rgb, q.rgb, (f - p.position) / (q.position - p.position));
+                assert_close(chord, interpolate(space, a, b, f), 1.0 / 4096.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The JSON file of a transfer function, and how a colour map is named in it and on the command line.
+
+use super::TransferError;
+use super::color_map::ColorMap;
+use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
+use super::paraview::{ColorMapEntry, JsonEntry, read_color_maps};
+use crate::error::{FileError, FileResult};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::Path;
+
+/// A transfer function as it stands in JSON.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TransferFunctionFile {
+    color_map: MapInFile,
+    #[serde(default)]
+    positions: PositionKind,
+    #[serde(default)]
+    values: OpacityValues,
+    points: Vec<OpacityPoint>,
+}
+
+/// A colour map by name (as in `--tf`) or in full, as ParaView writes it.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+enum MapInFile {
+    Name(String),
+    Full(Box<JsonEntry>),
+}
+
+impl TransferFunctionFile {
+    /// The transfer function, with names of map files relative to the folder `base`.
+    fn resolve(self, path: &Path, base: &Path) -> Result<TransferFunction, TransferError> {
+        let map = match self.color_map {
+            MapInFile::Name(name) => find_map(&name, base)?.map,
+            MapInFile::Full(entry) => entry.into_entry(path, "color_map")?.map,
+        };
+        TransferFunction::new(map, self.points, self.positions, self.values)
+    }
+}
+
+impl TryFrom<TransferFunctionFile> for TransferFunction {
+    type Error = TransferError;
+
+    fn try_from(file: TransferFunctionFile) -> Result<Self, TransferError> {
+        file.resolve(Path::new("transfer function"), Path::new(""))
+    }
+}
+
+impl From<TransferFunction> for TransferFunctionFile {
+    fn from(tf: TransferFunction) -> Self {
+        let map = tf.color_map();
+        let built_in = find_map(map.name(), Path::new("")).is_ok_and(|found| found.map == *map);
+        let color_map = if built_in {
+            MapInFile::Name(map.name().to_owned())
+        } else {
+            MapInFile::Full(Box::new(JsonEntry::of(&ColorMapEntry { map: map.clone(), opacity: None })))
+        };
+        Self { color_map, positions: tf.positions(), values: tf.values(), points: tf.points().to_vec() }
+    }
+}
+
+impl TransferFunction {
+    /// Reads a transfer function file. Map files named in it are relative to its folder.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no transfer function, or its map or points are at fault.
+    pub fn read(path: &Path) -> Result<Self, TransferError> {
+        let text = std::fs::read_to_string(path).map_err(|e| FileError::io(path, "read the transfer function", &e))?;
+        let file: TransferFunctionFile = serde_json::from_str(&text).map_err(|e| invalid_json(path, &e))?;
+        let name_file = |e: TransferError| match e {
+            TransferError::File(e) => TransferError::File(e),
+            other => TransferError::File(FileError::invalid(path, "", other.to_string())),
+        };
+        file.resolve(path, path.parent().unwrap_or(Path::new(""))).map_err(name_file)
+    }
+
+    /// Writes a transfer function file, whole or not at all. A map that is built in is written as its name, another in full.
+    ///
+    /// # Errors
+    /// If the folder does not take it.
+    pub fn write(&self, path: &Path) -> FileResult<()> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| FileError::invalid(path, "", e.to_string()))?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let io = |e: std::io::Error| FileError::io(path, "write the transfer function", &e);
+        let mut sibling = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+        sibling.write_all(text.as_bytes()).map_err(io)?;
+        sibling.persist(path).map_err(|e| io(e.error))?;
+        Ok(())
+    }
+}
+
+fn invalid_json(path: &Path, e: &serde_json::Error) -> FileError {
+    FileError::invalid(path, format!("line {} column {}", e.line(), e.column()), e.to_string())
+}
+
+/// Suffix of a map's name that turns it around.
+const REVERSED: &str = "_r";
+
+/// The colour map called `name`: a built-in one, or `FILE.json` (relative to `base`) with one map, or `FILE.json#NAME`;
+/// each with `_r` for its reverse.
+pub(super) fn find_map(name: &str, base: &Path) -> Result<ColorMapEntry, TransferError> {
+    if let Some(entry) = find_exact(name, base)? {
+        return Ok(entry);
+    }
+    let turned = name.strip_suffix(REVERSED).map(|stem| find_exact(stem, base)).transpose()?.flatten();
+    turned.map(reversed).ok_or_else(|| {
+        let known = ColorMap::built_in_names().collect::<Vec<_>>().join(", ");
+        TransferError::UnknownMap { name: name.to_owned(), known }
+    })
+}
+
+fn reversed(entry: ColorMapEntry) -> ColorMapEntry {
+    let turn = |p: OpacityPoint| OpacityPoint { position: 1.0 - p.position, value: p.value };
+    let opacity = entry.opacity.map(|points| points.into_iter().rev().map(turn).collect());
+    ColorMapEntry { map: entry.map.reversed(), opacity }
+}
+
+/// The map of exactly that name; `None` if it is neither built in nor looks like a file.
+fn find_exact(name: &str, base: &Path) -> Result<Option<ColorMapEntry>, TransferError> {
+    if let Some(map) = ColorMap::built_in(name) {
+        return Ok(Some(ColorMapEntry { map: map.clone(), opacity: None }));
+    }
+    if let Some(file) = name.strip_suffix(".json") {
+        let path = base.join(format!("{file}.json"));
+        let mut entries = read_color_maps(&path)?;
+        if entries.len() > 1 {
+            let remedy = format!("choose one with {}#NAME: {}", path.display(), names(&entries));
+            let problem = format!("has {} colour maps", entries.len());
+            return Err(FileError::invalid(&path, "", problem).remedy(remedy).into());
+        }
+        return Ok(entries.pop());
+    }
+    let Some((file, entry_name)) = name.split_once(".json#") else { return Ok(None) };
+    let path = base.join(format!("{file}.json"));
+    let entries = read_color_maps(&path)?;
+    let known = names(&entries);
+    let named = |wanted: &str| entries.iter().find(|e| e.map.name() == wanted).cloned();
+    let is_reversed = |stem: &str| named(stem).is_some();
+    match named(entry_name) {
+        Some(entry) => Ok(Some(entry)),
+        None if entry_name.strip_suffix(REVERSED).is_some_and(is_reversed) => Ok(None),
+        None => Err(FileError::invalid(&path, "", format!("has no colour map '{entry_name}'"))
+            .remedy(format!("it has {known}"))
+            .into()),
+    }
+}
+
+fn names(entries: &[ColorMapEntry]) -> String {
+    entries.iter().map(|e| format!("'{}'", e.map.name())).collect::<Vec<_>>().join(", ")
+}

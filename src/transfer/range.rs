@@ -1,0 +1,291 @@
+//! Which scalars the axis 0..1 of a transfer function covers.
+
+use super::TransferError;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Where the mapped range comes from.
+///
+/// As text (`--range`): `series`, `step`, `LO,HI`, `symmetric`, `log` or `log:LO,HI`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RangePolicy {
+    /// From the smallest to the largest scalar of all steps: colours mean the same throughout.
+    #[default]
+    Series,
+    /// From the smallest to the largest scalar of the step shown.
+    Step,
+    /// These two scalars.
+    Manual(f64, f64),
+    /// The series' range made symmetric about 0.
+    Symmetric,
+    /// The positive part of the series' range, log-spaced.
+    Log,
+    /// These two scalars, log-spaced.
+    LogManual(f64, f64),
+}
+
+/// Where a logarithmic axis starts if the series reaches down to zero or below: this share of the upper end (six decades).
+const LOG_FLOOR: f64 = 1e-6;
+
+/// The scalars that the axis 0..=1 of a transfer function covers: linear or log-spaced from `lo` to `hi`, `lo` < `hi`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MappedRange {
+    lo: f64,
+    hi: f64,
+    log: bool,
+}
+
+impl MappedRange {
+    /// A linear range, or a log-spaced one.
+    ///
+    /// # Errors
+    /// If an end or the width is not finite, `lo` is not below `hi`, or a log-spaced range is not positive.
+    pub fn new(lo: f64, hi: f64, log: bool) -> Result<Self, TransferError> {
+        let bad = |problem| Err(TransferError::BadRange { lo, hi, problem });
+        if !(lo.is_finite() && hi.is_finite()) {
+            return bad("both ends must be finite");
+        }
+        if lo >= hi {
+            return bad("the lower end must lie below the upper one");
+        }
+        if !(hi - lo).is_finite() {
+            return bad("is too wide for a double");
+        }
+        if log && lo <= 0.0 {
+            return bad("a logarithmic range must be positive");
+        }
+        if log && !(hi / lo).is_finite() {
+            return bad("spans more decades than a double");
+        }
+        Ok(Self { lo, hi, log })
+    }
+
+    /// The lower end.
+    pub fn lo(&self) -> f64 {
+        self.lo
+    }
+
+    /// The upper end.
+    pub fn hi(&self) -> f64 {
+        self.hi
+    }
+
+    /// Whether positions are log-spaced.
+    pub fn is_log(&self) -> bool {
+        self.log
+    }
+
+    /// The scalar at a position of the axis; exactly `lo` at 0 and `hi` at 1.
+    pub fn scalar_at(&self, position: f64) -> f64 {
+        if self.log && position != 0.0 && position != 1.0 {
+            (self.lo.ln() * (1.0 - position) + self.hi.ln() * position).exp()
+        } else {
+            self.lo * (1.0 - position) + self.hi * position
+        }
+    }
+
+    /// The position of a scalar on the axis, also outside of 0..=1; minus infinity for a scalar that a log-spaced range
+    /// cannot reach.
+    pub fn position_of(&self, scalar: f64) -> f64 {
+        if !self.log {
+            return (scalar - self.lo) / (self.hi - self.lo);
+        }
+        if scalar <= 0.0 { f64::NEG_INFINITY } else { (scalar / self.lo).ln() / (self.hi / self.lo).ln() }
+    }
+}
+
+impl RangePolicy {
+    /// The mapped range, given the smallest and largest scalar of the whole `series` and of the `step` shown.
+    ///
+    /// A constant field (both equal to v) is shown with the colour and opacity of the middle of the axis: its range is
+    /// v/2..3v/2 (v/2..2v if log-spaced), or -1/2..1/2 for v = 0.
+    ///
+    /// # Errors
+    /// If the range is not finite (for one, because all scalars are), has no positive part where one is needed, or if a
+    /// manual range is empty.
+    pub fn resolve(&self, series: (f64, f64), step: (f64, f64)) -> Result<MappedRange, TransferError> {
+        match *self {
+            Self::Series => linear(series),
+            Self::Step => linear(step),
+            Self::Manual(lo, hi) => MappedRange::new(lo, hi, false),
+            Self::Symmetric => {
+                let (lo, hi) = measured(series)?;
+                let reach = lo.abs().max(hi.abs());
+                linear((-reach, reach))
+            }
+            Self::Log => log_spaced(series),
+            Self::LogManual(lo, hi) => MappedRange::new(lo, hi, true),
+        }
+    }
+}
+
+/// A range that was measured on data, if it is one.
+fn measured((lo, hi): (f64, f64)) -> Result<(f64, f64), TransferError> {
+    let bad = |problem| Err(TransferError::BadRange { lo, hi, problem });
+    if !(lo.is_finite() && hi.is_finite()) {
+        return bad("the field has no finite range; are all its values missing?");
+    }
+    if lo > hi { bad("the field has no range; are all its values missing?") } else { Ok((lo, hi)) }
+}
+
+fn linear(range: (f64, f64)) -> Result<MappedRange, TransferError> {
+    let (lo, hi) = measured(range)?;
+    if lo < hi {
+        return MappedRange::new(lo, hi, false);
+    }
+    let half = if lo == 0.0 { 0.5 } else { 0.5 * lo.abs() };
+    MappedRange::new(lo - half, hi + half, false)
+}
+
+fn log_spaced(range: (f64, f64)) -> Result<MappedRange, TransferError> {
+    let (lo, hi) = measured(range)?;
+    if hi <= 0.0 {
+        let problem = "a logarithmic range needs positive values; give one as log:LO,HI";
+        return Err(TransferError::BadRange { lo, hi, problem });
+    }
+    if lo == hi {
+        return MappedRange::new(0.5 * lo, 2.0 * hi, true);
+    }
+    MappedRange::new(if lo > 0.0 { lo } else { hi * LOG_FLOOR }, hi, true)
+}
+
+impl FromStr for RangePolicy {
+    type Err = TransferError;
+
+    fn from_str(text: &str) -> Result<Self, TransferError> {
+        let manual = |pair: &str| -> Result<(f64, f64), TransferError> {
+            let bad = |problem: &str| TransferError::BadText { part: text.to_owned(), problem: problem.to_owned() };
+            let known = "is no range; known are series, step, LO,HI, symmetric, log and log:LO,HI";
+            let (lo, hi) = pair.split_once(',').ok_or_else(|| bad(known))?;
+            let number = |part: &str| {
+                let problem = format!("is no number in the range '{text}'");
+                let error = TransferError::BadText { part: part.to_owned(), problem };
+                part.trim().parse::<f64>().map_err(|_| error)
+            };
+            Ok((number(lo)?, number(hi)?))
+        };
+        let policy = match text {
+            "series" => Self::Series,
+            "step" => Self::Step,
+            "symmetric" => Self::Symmetric,
+            "log" => Self::Log,
+            _ => match text.strip_prefix("log:") {
+                Some(pair) => manual(pair).map(|(lo, hi)| Self::LogManual(lo, hi))?,
+                None => manual(text).map(|(lo, hi)| Self::Manual(lo, hi))?,
+            },
+        };
+        if let Self::Manual(lo, hi) | Self::LogManual(lo, hi) = policy {
+            MappedRange::new(lo, hi, matches!(policy, Self::LogManual(..)))?;
+        }
+        Ok(policy)
+    }
+}
+
+impl fmt::Display for RangePolicy {
+    /// The text that reads back as the same policy.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Series => f.write_str("series"),
+            Self::Step => f.write_str("step"),
+            Self::Manual(lo, hi) => write!(f, "{lo:?},{hi:?}"),
+            Self::Symmetric => f.write_str("symmetric"),
+            Self::Log => f.write_str("log"),
+            Self::LogManual(lo, hi) => write!(f, "log:{lo:?},{hi:?}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SERIES: (f64, f64) = (-2.0, 6.0);
+    const STEP: (f64, f64) = (1.0, 3.0);
+
+    fn ends(policy: &str) -> (f64, f64, bool) {
+        let range = policy.parse::<RangePolicy>().unwrap().resolve(SERIES, STEP).unwrap();
+        (range.lo(), range.hi(), range.is_log())
+    }
+
+    #[test]
+    fn each_policy_takes_its_range() {
+        assert_eq!(ends("series"), (-2.0, 6.0, false));
+        assert_eq!(ends("step"), (1.0, 3.0, false));
+        assert_eq!(ends("-1e3, 2.5"), (-1000.0, 2.5, false));
+        assert_eq!(ends("symmetric"), (-6.0, 6.0, false));
+        assert_eq!(ends("log"), (6e-6, 6.0, true));
+        assert_eq!(ends("log:1e-3,10"), (1e-3, 10.0, true));
+        let positive = RangePolicy::Log.resolve((0.5, 8.0), STEP).unwrap();
+        assert_eq!((positive.lo(), positive.hi()), (0.5, 8.0));
+    }
+
+    #[test]
+    fn text_round_trips() {
+        for policy in [
+            RangePolicy::Series,
+            RangePolicy::Step,
+            RangePolicy::Manual(-3e38, 1e-45),
+            RangePolicy::Symmetric,
+            RangePolicy::Log,
+            RangePolicy::LogManual(1e-40, 1e-39),
+        ] {
+            assert_eq!(policy.to_string().parse::<RangePolicy>().unwrap(), policy);
+        }
+    }
+
+    #[test]
+    fn bad_text_is_named() {
+        for (text, named) in [("auto", "'auto'"), ("1,x", "'x'"), ("log:a,2", "'a'"), ("", "''"), ("log:5", "'log:5'")]
+        {
+            let error = text.parse::<RangePolicy>().unwrap_err().to_string();
+            assert!(error.contains(named), "{text}: {error}");
+        }
+        for text in ["2,1", "1,1", "nan,1", "0,inf", "log:0,1", "log:-1,1", "-1.7e308,1.7e308"] {
+            assert!(matches!(text.parse::<RangePolicy>(), Err(TransferError::BadRange { .. })), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_constant_field_lies_in_the_middle_of_its_range() {
+        for v in [0.0, 5.0, -5.0, 1e-45, 3e38, -1e-40] {
+            for policy in [RangePolicy::Series, RangePolicy::Log] {
+                if policy == RangePolicy::Log && v <= 0.0 {
+                    continue;
+                }
+                let range = policy.resolve((v, v), (v, v)).unwrap();
+                assert!((range.position_of(v) - 0.5).abs() < 1e-12, "{policy} {v}");
+            }
+            let symmetric = RangePolicy::Symmetric.resolve((v, v), (v, v)).unwrap();
+            assert!(symmetric.lo() < symmetric.hi() && symmetric.lo() == -symmetric.hi());
+        }
+    }
+
+    #[test]
+    fn fields_without_a_range_are_errors() {
+        let nan = (f64::NAN, f64::NAN);
+        let none = (f64::INFINITY, f64::NEG_INFINITY);
+        for policy in [RangePolicy::Series, RangePolicy::Symmetric, RangePolicy::Log] {
+            for range in [nan, none, (0.0, f64::INFINITY), (1.0, 0.0)] {
+                assert!(policy.resolve(range, STEP).is_err(), "{policy} {range:?}");
+            }
+        }
+        assert!(RangePolicy::Step.resolve(SERIES, nan).is_err());
+        assert!(RangePolicy::Log.resolve((-3.0, 0.0), STEP).unwrap_err().to_string().contains("log:LO,HI"));
+        assert!(RangePolicy::Series.resolve(SERIES, nan).is_ok(), "the step does not matter there");
+    }
+
+    #[test]
+    fn positions_and_scalars_are_inverses_at_any_magnitude() {
+        for (lo, hi, log) in [(1e-40, 1e-39, false), (1e-40, 1e-39, true), (-3e38, 3e38, false), (1e-45, 3e38, true)] {
+            let range = MappedRange::new(lo, hi, log).unwrap();
+            assert_eq!((range.scalar_at(0.0), range.scalar_at(1.0)), (lo, hi));
+            for i in 0..=100 {
+                let t = f64::from(i) / 100.0;
+                assert!((range.position_of(range.scalar_at(t)) - t).abs() < 1e-13, "{lo} {hi} {t}");
+            }
+        }
+        assert_eq!(MappedRange::new(1.0, 2.0, true).unwrap().position_of(0.0), f64::NEG_INFINITY);
+    }
+}

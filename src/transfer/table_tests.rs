@@ -1,0 +1,262 @@
+use super::*;
+use crate::transfer::{ColorMap, ColorPoint, OpacityPoint, PositionKind};
+use proptest::prelude::*;
+
+/// Colour and opacity or depth by the definitions, without a profile or a table: the oracle.
+fn formula(tf: &TransferFunction, range: &MappedRange, scalar: f64) -> ([f64; 3], f64) {
+    let position = range.position_of(scalar);
+    let x = if tf.positions() == PositionKind::Relative { position } else { scalar };
+    let axis = |p: f64| if tf.positions() == PositionKind::Absolute && range.is_log() { p.ln() } else { p };
+    let points = tf.points();
+    let value = match points.iter().rposition(|p| p.position <= x) {
+        None => points[0].value,
+        Some(i) if i + 1 == points.len() => points[i].value,
+        Some(i) => {
+            let (a, b) = (points[i], points[i + 1]);
+            a.value + (axis(x) - axis(a.position)) / (axis(b.position) - axis(a.position)) * (b.value - a.value)
+        }
+    };
+    (tf.color_map().eval(position), value)
+}
+
+/// Largest colour error (where there is opacity) and largest error in the measure of [`TOLERANCE`] at `scalars`.
+fn errors(
+    tf: &TransferFunction,
+    range: &MappedRange,
+    kind: OpacityKind,
+    unit: f64,
+    scalars: impl Iterator<Item = f64>,
+) -> (f64, f64) {
+    let table = build_node_table(tf, range, kind, unit).unwrap();
+    scalars.fold((0.0, 0.0), |(colour, opacity): (f64, f64), s| {
+        let (rgb, value) = formula(tf, range, s);
+        let node = table.eval(s);
+        let c = if value == 0.0 { 0.0 } else { (0..3).map(|i| (node.rgb[i] - rgb[i]).abs()).fold(0.0, f64::max) };
+        let o = match kind {
+            OpacityKind::Alpha => ((-node.tau * unit).exp() - (1.0 - value)).abs(),
+            OpacityKind::Extinction => (node.tau * unit - value).abs() / (1.0 + value),
+        };
+        (colour.max(c), opacity.max(o))
+    })
+}
+
+fn tf(text: &str) -> TransferFunction {
+    TransferFunction::parse(text).unwrap()
+}
+
+fn unit_range() -> MappedRange {
+    MappedRange::new(0.0, 1.0, false).unwrap()
+}
+
+fn table(text: &str, kind: OpacityKind) -> NodeTable {
+    build_node_table(&tf(text), &unit_range(), kind, 1.0).unwrap()
+}
+
+#[test]
+fn built_in_maps_need_less_than_half_of_their_points_as_nodes() {
+    for name in ColorMap::built_in_names() {
+        let nodes = table(&format!("{name}@0:0.1,1:0.1"), OpacityKind::Alpha).nodes().len();
+        let scalars = (0..100_000).map(|i| f64::from(i) / 99_999.0);
+        let error = errors(&tf(&format!("{name}@0:0.1,1:0.1")), &unit_range(), OpacityKind::Alpha, 1.0, scalars);
+        assert!(error.0 <= TOLERANCE && error.1 <= TOLERANCE, "{name}: {error:?}");
+        assert!(nodes < 128, "{name}: {nodes} nodes of 256 points");
+    }
+    assert_eq!(table("gray@0:0.1,1:0.1", OpacityKind::Alpha).nodes().len(), 2);
+}
+
+#[test]
+fn a_ramp_to_opaque_is_refined_and_ends_finite() {
+    let table = table("gray@0:0,0.5:1,1:0", OpacityKind::Alpha);
+    let peak = table.eval(0.5).tau;
+    assert_eq!(peak, RAMP_DEPTH);
+    assert!(table.nodes().len() > 20 && table.nodes().len() < 120, "{} nodes", table.nodes().len());
+}
+
+#[test]
+fn a_plateau_of_one_is_opaque_from_its_first_point_to_its_last() {
+    let table = table("gray@0:0,0.4:1,0.6:1,1:0", OpacityKind::Alpha);
+    assert_eq!(table.eval(0.4).tau, OPAQUE_DEPTH);
+    assert_eq!(table.eval(0.5).tau, OPAQUE_DEPTH);
+    let steps = table.nodes().windows(2).filter(|n| n[0].scalar == n[1].scalar);
+    let steps: Vec<_> = steps.map(|n| (n[0].scalar, n[0].tau, n[1].tau)).collect();
+    assert_eq!(steps, [(0.4, RAMP_DEPTH, OPAQUE_DEPTH), (0.6, OPAQUE_DEPTH, RAMP_DEPTH)]);
+}
+
+#[test]
+fn opacity_one_at_an_end_holds_on_outside() {
+    let table = table("gray@0:1,0.2:0,0.8:0,1:1", OpacityKind::Alpha);
+    assert_eq!((table.eval(-5.0).tau, table.eval(5.0).tau), (OPAQUE_DEPTH, OPAQUE_DEPTH));
+    assert!(table.eval(0.999).tau <= RAMP_DEPTH && table.eval(0.001).tau <= RAMP_DEPTH);
+    let all = super::build_node_table(&tf("gray@0:1,1:1"), &unit_range(), OpacityKind::Alpha, 0.5).unwrap();
+    assert_eq!(all.nodes().len(), 2);
+    assert_eq!(all.eval(0.3).tau, OPAQUE_DEPTH / 0.5);
+}
+
+#[test]
+fn narrow_and_low_spikes_are_kept() {
+    for height in ["1", "0.5", "1e-5", "1e-12"] {
+        let text = format!("viridis@0:0,0.7:0,0.7000001:{height},0.7000002:0,1:0");
+        for kind in [OpacityKind::Alpha, OpacityKind::Extinction] {
+            let table = table(&text, kind);
+            assert!(table.is_visible_in(0.7, 0.7000002), "{height}");
+            assert!(!table.is_visible_in(0.0, 0.7) && !table.is_visible_in(0.7000002, 1.0), "{height}");
+            assert!(table.eval(0.7000001).tau > 0.0);
+        }
+    }
+}
+
+#[test]
+fn steps_are_kept_with_both_sides() {
+    let table = table("viridis@0:0,0.3:0,0.3:0.5,0.6:0.5,0.6:0,1:0", OpacityKind::Extinction);
+    let nodes: Vec<(f64, f64)> = table.nodes().iter().map(|n| (n.scalar, n.tau)).collect();
+    assert_eq!((nodes[0], nodes[1]), ((0.3, 0.0), (0.3, 0.5)));
+    assert_eq!((nodes[nodes.len() - 2], nodes[nodes.len() - 1]), ((0.6, 0.5), (0.6, 0.0)));
+    assert_eq!((table.eval(0.0).tau, table.eval(1.0).tau), (0.0, 0.0));
+}
+
+#[test]
+fn intervals_without_opacity_have_no_inner_nodes() {
+    let table = table("viridis@0:0,0.1:0.2,0.2:0,0.8:0,0.9:0.2,1:0", OpacityKind::Extinction);
+    assert!(table.nodes().iter().all(|n| n.scalar <= 0.2 || n.scalar >= 0.8));
+    let nothing = super::tests::table("viridis@0:0,1:0", OpacityKind::Alpha);
+    assert_eq!((nothing.nodes().len(), nothing.is_visible_in(-1e9, 1e9)), (1, false));
+}
+
+#[test]
+fn extinction_is_opacity_over_unit_distance_and_unbounded() {
+    let t = build_node_table(&tf("gray@0:0,1:50"), &unit_range(), OpacityKind::Extinction, 0.01).unwrap();
+    assert_eq!(t.eval(0.5).tau, 2500.0);
+    assert!(build_node_table(&tf("gray@0:0,1:50"), &unit_range(), OpacityKind::Alpha, 0.01).is_err());
+    let as_is = TransferFunction::new(
+        ColorMap::built_in("gray").unwrap().clone(),
+        vec![OpacityPoint { position: 2.0, value: 3.0 }],
+        PositionKind::Absolute,
+        OpacityValues::Extinction,
+    );
+    let t = build_node_table(&as_is.unwrap(), &unit_range(), OpacityKind::Alpha, 0.25).unwrap();
+    assert_eq!((t.eval(0.0).tau, t.eval(9.0).tau), (3.0, 3.0));
+}
+
+#[test]
+fn unit_distances_that_make_no_table_are_errors() {
+    for unit in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-305] {
+        let result = build_node_table(&tf("gray"), &unit_range(), OpacityKind::Alpha, unit);
+        assert!(matches!(result, Err(TransferError::BadUnitDistance(_))), "{unit}");
+    }
+    assert!(build_node_table(&tf("gray"), &unit_range(), OpacityKind::Alpha, 1e-30).is_ok());
+}
+
+#[test]
+fn positions_out_of_reach_of_a_logarithmic_range_are_errors() {
+    let absolute = TransferFunction::new(
+        ColorMap::built_in("gray").unwrap().clone(),
+        vec![OpacityPoint { position: -1.0, value: 0.0 }, OpacityPoint { position: 5.0, value: 0.1 }],
+        PositionKind::Absolute,
+        OpacityValues::Opacity,
+    )
+    .unwrap();
+    let log = MappedRange::new(1.0, 100.0, true).unwrap();
+    let error = build_node_table(&absolute, &log, OpacityKind::Alpha, 1.0).unwrap_err().to_string();
+    assert!(error.contains("point 0 (-1:0)"), "{error}");
+}
+
+fn color_map() -> impl Strategy<Value = ColorMap> {
+    let point = (0.0..1.0, [0.0..=1.0, 0.0..=1.0, 0.0..=1.0]);
+    let own = proptest::collection::vec(point, 1..12).prop_map(|mut points: Vec<_>| {
+        points.sort_by(|a: &(f64, [f64; 3]), b| a.0.total_cmp(&b.0));
+        let points = points.into_iter().map(|(position, rgb)| ColorPoint { position, rgb }).collect();
+        ColorMap::new("random", points, None).unwrap()
+    });
+    let built_in = proptest::sample::select(ColorMap::built_in_names().collect::<Vec<_>>());
+    prop_oneof![own, built_in.prop_map(|name| ColorMap::built_in(name).unwrap().clone())]
+}
+
+/// Opacity points with plateaus, steps, spikes, zeros and ones.
+fn points() -> impl Strategy<Value = Vec<OpacityPoint>> {
+    let position = prop_oneof![0.0..=1.0, Just(0.0), Just(0.5), Just(1.0), 0.5..=0.5000001];
+    let value = prop_oneof![0.0..=1.0, Just(0.0), Just(1.0), 0.0..1e-6, 0.999..1.0];
+    proptest::collection::vec((position, value), 1..10).prop_map(|mut points: Vec<_>| {
+        points.sort_by(|a: &(f64, f64), b| a.0.total_cmp(&b.0));
+        let mut kept: Vec<OpacityPoint> = Vec::new();
+        for (position, value) in points {
+            if kept.len() < 2 || kept[kept.len() - 2].position != position {
+                kept.push(OpacityPoint { position, value });
+            }
+        }
+        kept
+    })
+}
+
+fn range() -> impl Strategy<Value = MappedRange> {
+    proptest::sample::select(vec![
+        MappedRange::new(0.0, 1.0, false).unwrap(),
+        MappedRange::new(-3e38, 3e38, false).unwrap(),
+        MappedRange::new(1e-40, 1e-39, false).unwrap(),
+        MappedRange::new(1e9, 1e9 + 64.0, false).unwrap(),
+        MappedRange::new(1e-3, 10.0, true).unwrap(),
+        MappedRange::new(1e-40, 3e38, true).unwrap(),
+        MappedRange::new(7.0, 7.5, true).unwrap(),
+    ])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn tables_are_within_tolerance_of_the_formula(
+        map in color_map(), points in points(), range in range(), unit in 1e-3..1e3, gain in 1.0..1e4,
+        random in proptest::collection::vec(-0.1..1.1, 50),
+    ) {
+        for kind in [OpacityKind::Alpha, OpacityKind::Extinction] {
+            let scale = if kind == OpacityKind::Alpha { 1.0 } else { gain };
+            let points: Vec<_> = points.iter().map(|p| OpacityPoint { value: p.value * scale, ..*p }).collect();
+            let tf = TransferFunction::new(map.clone(), points.clone(), PositionKind::Relative, OpacityValues::Opacity).unwrap();
+            let table = build_node_table(&tf, &range, kind, unit).unwrap();
+            // Random places, and places evenly spread between each two nodes, where a line is farthest from its curve.
+            let spread = table.nodes().windows(2).flat_map(|n| (1..8).map(|i| {
+                let f = f64::from(i) / 8.0;
+                n[0].scalar * (1.0 - f) + n[1].scalar * f
+            }));
+            let at_random = random.iter().map(|&t| range.scalar_at(t));
+            // A scalar within rounding of a step may be taken for either side of it.
+            let near_a_step = |s: f64| {
+                let p = range.position_of(s);
+                let near = |q: f64| (p - q).abs() < 1e-9 * (1.0 + range.scalar_at(1.0).abs() / (range.hi() - range.lo()));
+                points.iter().any(|x| near(x.position)) || map.points().iter().any(|x| near(x.position))
+            };
+            let scalars: Vec<f64> = at_random.chain(spread).filter(|&s| !near_a_step(s)).collect();
+            let (colour, opacity) = errors(&tf, &range, kind, unit, scalars.into_iter());
+            // Rounding of the position of a scalar, times the steepest slope that is not taken for a step.
+            let rounding = 1e-6;
+            prop_assert!(colour <= TOLERANCE + rounding, "{kind:?} colour {colour}");
+            prop_assert!(opacity <= TOLERANCE + rounding, "{kind:?} opacity {opacity}");
+        }
+    }
+
+    #[test]
+    fn extinction_is_zero_exactly_where_the_formula_is(map in color_map(), points in points(), range in range()) {
+        let tf = TransferFunction::new(map, points.clone(), PositionKind::Relative, OpacityValues::Opacity).unwrap();
+        for kind in [OpacityKind::Alpha, OpacityKind::Extinction] {
+            let table = build_node_table(&tf, &range, kind, 1.0).unwrap();
+            for pair in points.windows(2).filter(|p| p[0].position + 1e-5 < p[1].position) {
+                let inside = |f: f64| range.scalar_at(pair[0].position + f * (pair[1].position - pair[0].position));
+                let expected = pair[0].value > 0.0 || pair[1].value > 0.0;
+                prop_assert_eq!(table.is_visible_in(inside(0.1), inside(0.9)), expected);
+            }
+            for point in points.iter().filter(|p| p.value > 0.0) {
+                let s = range.scalar_at(point.position);
+                prop_assert!(table.is_visible_in(s, s), "the point at {} is lost", point.position);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_of_opacity_are_preserved(at in 0.01..0.99, low in 0.0..0.5, jump in 1e-6..0.4, range in range()) {
+        let (a, b) = (OpacityPoint { position: at, value: low }, OpacityPoint { position: at, value: low + jump });
+        let map = ColorMap::built_in("turbo").unwrap().clone();
+        let tf = TransferFunction::new(map, vec![a, b], PositionKind::Relative, OpacityValues::Opacity).unwrap();
+        let table = build_node_table(&tf, &range, OpacityKind::Extinction, 1.0).unwrap();
+        let step = table.nodes().windows(2).find(|n| n[0].scalar == n[1].scalar).unwrap();
+        prop_assert_eq!((step[0].scalar, step[0].tau, step[1].tau), (range.scalar_at(at), low, low + jump));
+    }
+}
