@@ -2,6 +2,16 @@
 //!
 //! Row 0 is the top row; the centre of pixel (i, j) is (i + 0.5, j + 0.5).
 
+mod filter;
+mod flip;
+mod metrics;
+mod png;
+mod sheet;
+
+pub use metrics::{ImageMetrics, MetricsError, compare};
+pub use png::{PngDepth, read_png, write_png};
+pub use sheet::contact_sheet;
+
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RgbaImage {
@@ -17,5 +27,20 @@ impl RgbaImage {
     /// A fully transparent image.
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, pixels: vec![[0.0; 4]; width * height] }
+    }
+
+    /// Colours over an opaque background, clamped to 0..=1; `width * height`, top row first.
+    pub fn over(&self, background: [f32; 3]) -> Vec<[f32; 3]> {
+        let over = |&[r, g, b, a]: &[f32; 4]| {
+            let premultiplied = [r, g, b];
+            std::array::from_fn(|c| (premultiplied[c] + (1.0 - a) * background[c]).clamp(0.0, 1.0))
+        };
+        self.pixels.iter().map(over).collect()
+    }
+
+    /// Column and row of the first pixel with a NaN or an infinity.
+    pub fn first_not_finite(&self) -> Option<(usize, usize)> {
+        let bad = self.pixels.iter().position(|p| !p.iter().all(|c| c.is_finite()))?;
+        Some((bad % self.width, bad / self.width))
     }
 }

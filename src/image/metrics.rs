@@ -1,0 +1,127 @@
+//! How different two images are.
+
+use super::RgbaImage;
+use super::filter::{Kernel, Plane};
+use super::flip::mean_flip;
+use serde::{Deserialize, Serialize};
+
+/// Differences between two images of equal size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImageMetrics {
+    /// Largest absolute difference of raw accumulators, over all pixels and four channels.
+    pub max: f64,
+    /// Root of the mean square difference, over the same.
+    pub rmse: f64,
+    /// Peak signal-to-noise ratio in dB, `-20 log10(rmse)` (the peak is 1); infinite for equal images (JSON: null).
+    #[serde(deserialize_with = "null_is_infinite")]
+    pub psnr: f64,
+    /// Structural similarity of luminance over the background, 1 for equal images.
+    pub ssim: f64,
+    /// Mean LDR-FLIP over the background at the paper's 67.02 pixels per degree, 0 for equal images.
+    pub flip: f64,
+}
+
+fn null_is_infinite<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+}
+
+/// Why two images cannot be compared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MetricsError {
+    /// The images have different sizes.
+    #[error("the images have different sizes: {} x {} and {} x {} pixels", .0.0, .0.1, .1.0, .1.1)]
+    DifferentSizes((usize, usize), (usize, usize)),
+    /// There is nothing to compare.
+    #[error("the images have no pixels")]
+    NoPixels,
+    /// A NaN or an infinity, which no metric may average away.
+    #[error("pixel ({column}, {row}) of the {which} image is not finite")]
+    NotFinite {
+        /// "first" or "second".
+        which: &'static str,
+        /// Column from the left.
+        column: usize,
+        /// Row from the top.
+        row: usize,
+    },
+}
+
+/// Compares image `a` (the reference) with `b`: `max`, `rmse` and `psnr` on raw accumulators, `ssim` and `flip` over an
+/// opaque `background`.
+///
+/// # Errors
+/// If sizes differ, there are no pixels, or a pixel is not finite.
+pub fn compare(a: &RgbaImage, b: &RgbaImage, background: [f32; 3]) -> Result<ImageMetrics, MetricsError> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
+    }
+    if a.pixels.is_empty() {
+        return Err(MetricsError::NoPixels);
+    }
+    for (which, image) in [("first", a), ("second", b)] {
+        if let Some((column, row)) = image.first_not_finite() {
+            return Err(MetricsError::NotFinite { which, column, row });
+        }
+    }
+    let channels = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
+    let (mut max, mut squares) = (0.0_f64, 0.0);
+    for difference in channels.map(|(&x, &y)| f64::from(x) - f64::from(y)) {
+        max = max.max(difference.abs());
+        squares += difference * difference;
+    }
+    let rmse = (squares / (4 * a.pixels.len()) as f64).sqrt();
+    let (a_over, b_over) = (a.over(background), b.over(background));
+    Ok(ImageMetrics {
+        max,
+        rmse,
+        psnr: -20.0 * rmse.log10(),
+        ssim: mean_ssim(&luminance(&a_over, a), &luminance(&b_over, b)),
+        flip: mean_flip(&a_over, &b_over, a.width, a.height),
+    })
+}
+
+/// Luma of display-referred RGB (Rec. 601), as the SSIM paper's programs take it.
+fn luminance(pixels: &[[f32; 3]], image: &RgbaImage) -> Plane {
+    let luma = |&[r, g, b]: &[f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+    Plane { width: image.width, height: image.height, values: pixels.iter().map(luma).collect() }
+}
+
+/// Half the width of SSIM's window.
+const WINDOW_RADIUS: usize = 5;
+/// Standard deviation of SSIM's window, pixels.
+const WINDOW_DEVIATION: f64 = 1.5;
+
+/// Mean structural similarity: Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli, "Image Quality Assessment: From Error
+/// Visibility to Structural Similarity", IEEE TIP 13(4), 2004; 11 x 11 Gaussian window, K1 = 0.01, K2 = 0.03, peak 1, over
+/// the pixels whose window lies inside the image. A side shorter than the window has a window that fits it.
+fn mean_ssim(a: &Plane, b: &Plane) -> f64 {
+    const C1: f64 = 0.01 * 0.01;
+    const C2: f64 = 0.03 * 0.03;
+    let radius = |size: usize| WINDOW_RADIUS.min((size - 1) / 2);
+    let (radius_x, radius_y) = (radius(a.width), radius(a.height));
+    let window =
+        |radius| Kernel::sample(radius, |x| (-x * x / (2.0 * WINDOW_DEVIATION * WINDOW_DEVIATION)).exp()).normalised();
+    let (window_x, window_y) = (window(radius_x), window(radius_y));
+    let mean_of = |value: &dyn Fn(f64, f64) -> f64| {
+        let values = a.values.iter().zip(&b.values).map(|(&x, &y)| value(x, y)).collect();
+        Plane { width: a.width, height: a.height, values }.convolved(&window_x, &window_y).values
+    };
+    let (mean_a, mean_b) = (mean_of(&|x, _| x), mean_of(&|_, y| y));
+    let (aa, bb, ab) = (mean_of(&|x, _| x * x), mean_of(&|_, y| y * y), mean_of(&|x, y| x * y));
+    let (mut sum, mut count) = (0.0, 0_u64);
+    for j in radius_y..a.height - radius_y {
+        for i in (radius_x..a.width - radius_x).map(|i| j * a.width + i) {
+            let (ma, mb) = (mean_a[i], mean_b[i]);
+            let (variance_a, variance_b, covariance) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
+            let similarity = (2.0 * ma * mb + C1) * (2.0 * covariance + C2)
+                / ((ma * ma + mb * mb + C1) * (variance_a + variance_b + C2));
+            sum += similarity;
+            count += 1;
+        }
+    }
+    sum / count as f64
+}
+
+#[cfg(test)]
+#[path = "metrics_tests.rs"]
+mod tests;

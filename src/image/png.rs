@@ -1,0 +1,254 @@
+//! PNG files, display-referred values as they are.
+
+use super::RgbaImage;
+use crate::error::{FileError, FileResult};
+use std::io::{BufReader, BufWriter, Write};
+use std::path::Path;
+
+/// Bits per channel of a written PNG.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PngDepth {
+    /// 8 bits.
+    #[default]
+    Eight,
+    /// 16 bits.
+    Sixteen,
+}
+
+/// Writes an image: with straight alpha, or opaque over `background` where one is given. The file appears whole or not at
+/// all. Colours are clamped to 0..=1.
+///
+/// # Errors
+/// If the image has no pixels or one that is not finite, or the folder does not take the file.
+pub fn write_png(path: &Path, image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> FileResult<()> {
+    if let Some((i, j)) = image.first_not_finite() {
+        return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
+    }
+    let (color, samples) = match background {
+        Some(background) => (png::ColorType::Rgb, image.over(background).concat()),
+        None => (png::ColorType::Rgba, image.pixels.iter().flat_map(straight).collect()),
+    };
+    let bytes: Vec<u8> = match depth {
+        PngDepth::Eight => samples.iter().map(|c| (c * 255.0).round() as u8).collect(),
+        PngDepth::Sixteen => samples.iter().flat_map(|c| ((c * 65535.0).round() as u16).to_be_bytes()).collect(),
+    };
+    let (Ok(width), Ok(height)) = (u32::try_from(image.width), u32::try_from(image.height)) else {
+        return Err(FileError::unsupported(path, "", "a PNG has less than 2^31 pixels a row and rows"));
+    };
+    let io = |e: std::io::Error| FileError::io(path, "write", &e);
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut sibling = sibling_in(folder).map_err(io)?;
+    let mut encoder = png::Encoder::new(BufWriter::new(sibling.as_file_mut()), width, height);
+    encoder.set_color(color);
+    encoder.set_depth(match depth {
+        PngDepth::Eight => png::BitDepth::Eight,
+        PngDepth::Sixteen => png::BitDepth::Sixteen,
+    });
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(&bytes)?;
+        writer.finish()
+    });
+    written.map_err(|e| match e {
+        png::EncodingError::IoError(e) => io(e),
+        other => FileError::invalid(path, "", other.to_string()),
+    })?;
+    sibling.as_file_mut().flush().map_err(io)?;
+    sibling.persist(path).map_err(|e| io(e.error))?;
+    Ok(())
+}
+
+/// A temporary file beside the one to be written, which it replaces by a rename; it vanishes unless it does.
+fn sibling_in(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".tetreel-").suffix(".png");
+    // Temporary files are private by default; an image is as readable as the umask says.
+    #[cfg(unix)]
+    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+    #[cfg(unix)]
+    builder.permissions(readable);
+    builder.tempfile_in(folder)
+}
+
+/// A pixel with straight instead of premultiplied alpha, clamped to 0..=1; transparent black where it is transparent.
+fn straight(&[r, g, b, a]: &[f32; 4]) -> [f32; 4] {
+    if a <= 0.0 {
+        return [0.0; 4];
+    }
+    [r / a, g / a, b / a, a].map(|c| c.clamp(0.0, 1.0))
+}
+
+/// No deflate stream is longer than this times its compressed size (one bit per code for 258 bytes, and block headers),
+/// and no PNG has more than eight pixels a byte: a header that promises more than this per byte of the file lies.
+const MOST_PIXELS_PER_BYTE: u64 = 1032 * 8;
+
+/// Reads a PNG of 8 or 16 bits, grey, RGB or palette, with or without alpha, to premultiplied values.
+///
+/// # Errors
+/// If the file cannot be opened, is no PNG, or is damaged.
+pub fn read_png(path: &Path) -> FileResult<RgbaImage> {
+    let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    let file_bytes = file.metadata().map_err(|e| FileError::io(path, "open", &e))?.len();
+    let invalid = |e: png::DecodingError| match e {
+        png::DecodingError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => {
+            FileError::io(path, "read", &e)
+        }
+        other => FileError::invalid(path, "", other.to_string()).remedy("is it a whole PNG file?"),
+    };
+    let mut decoder = png::Decoder::new(BufReader::new(file));
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(invalid)?;
+    let pixels = u64::from(reader.info().width) * u64::from(reader.info().height);
+    let promised = || format!("promises {pixels} pixels in {file_bytes} bytes");
+    if pixels > file_bytes.saturating_mul(MOST_PIXELS_PER_BYTE) {
+        return Err(FileError::invalid(path, "header", promised()));
+    }
+    let size = reader.output_buffer_size().ok_or_else(|| FileError::unsupported(path, "header", promised()))?;
+    let mut bytes = vec![0; size];
+    let info = reader.next_frame(&mut bytes).map_err(invalid)?;
+    bytes.truncate(info.buffer_size());
+    let samples: Vec<f32> = match info.bit_depth {
+        png::BitDepth::Sixteen => {
+            bytes.as_chunks().0.iter().map(|&b| f32::from(u16::from_be_bytes(b)) / 65535.0).collect()
+        }
+        _ => bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
+    };
+    let pixels = match info.color_type {
+        png::ColorType::Grayscale => samples.iter().map(|&v| [v, v, v, 1.0]).collect(),
+        png::ColorType::GrayscaleAlpha => {
+            samples.as_chunks().0.iter().map(|&[v, a]| premultiplied([v, v, v, a])).collect()
+        }
+        png::ColorType::Rgb => samples.as_chunks().0.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect(),
+        png::ColorType::Rgba => samples.as_chunks().0.iter().map(|&p| premultiplied(p)).collect(),
+        png::ColorType::Indexed => return Err(FileError::invalid(path, "", "has a palette that cannot be expanded")),
+    };
+    Ok(RgbaImage { width: info.width as usize, height: info.height as usize, pixels })
+}
+
+fn premultiplied([r, g, b, a]: [f32; 4]) -> [f32; 4] {
+    [r * a, g * a, b * a, a]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write_with(path: &Path, color: png::ColorType, depth: png::BitDepth, palette: Option<&[u8]>, data: &[u8]) {
+        let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), 2, 1);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        if let Some(palette) = palette {
+            encoder.set_palette(palette.to_vec());
+        }
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+    }
+
+    /// Premultiplied values that are exact in 8-bit straight alpha.
+    fn image() -> RgbaImage {
+        let pixel = |r: f32, a: f32| [r * a, 0.2 * a, a, a];
+        RgbaImage { width: 2, height: 2, pixels: vec![pixel(1.0, 1.0), pixel(0.4, 0.6), pixel(0.0, 0.2), [0.0; 4]] }
+    }
+
+    #[test]
+    fn straight_alpha_round_trips_in_both_depths() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        for depth in [PngDepth::Eight, PngDepth::Sixteen] {
+            write_png(&path, &image(), None, depth).unwrap();
+            let back = read_png(&path).unwrap();
+            assert_eq!((back.width, back.height), (2, 2));
+            for (a, b) in back.pixels.iter().flatten().zip(image().pixels.iter().flatten()) {
+                // All values are multiples of 1/255: only f32 rounding is left.
+                assert!((a - b).abs() < 1e-6, "{a} {b}");
+            }
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "a temporary file is left");
+    }
+
+    #[test]
+    fn an_opaque_image_has_the_background_and_no_alpha() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        write_png(&path, &image(), Some([1.0, 0.0, 0.4]), PngDepth::Eight).unwrap();
+        let back = read_png(&path).unwrap();
+        assert!(back.pixels.iter().all(|p| p[3] == 1.0));
+        assert_eq!(back.pixels[3], [1.0, 0.0, 0.4, 1.0]);
+    }
+
+    #[test]
+    fn values_above_one_are_clamped() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let bright = RgbaImage { width: 1, height: 1, pixels: vec![[3.0, -1.0, 0.5, 1.0001]] };
+        write_png(&path, &bright, None, PngDepth::Sixteen).unwrap();
+        let back = read_png(&path).unwrap().pixels[0];
+        assert_eq!((back[0], back[1], back[3]), (1.0, 0.0, 1.0));
+    }
+
+    #[test]
+    fn images_without_pixels_or_with_nan_are_not_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let mut nan = RgbaImage::new(3, 2);
+        nan.pixels[5][1] = f32::NAN;
+        let error = write_png(&path, &nan, None, PngDepth::Eight).unwrap_err().to_string();
+        assert!(error.contains("a.png") && error.contains("pixel (2, 1)"), "{error}");
+        assert!(write_png(&path, &RgbaImage::new(0, 4), None, PngDepth::Eight).is_err());
+        assert!(write_png(&dir.path().join("no/such/a.png"), &image(), None, PngDepth::Eight).is_err());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn gray_palette_and_small_depths_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let read = || read_png(&path).unwrap().pixels;
+        write_with(&path, png::ColorType::Grayscale, png::BitDepth::Eight, None, &[0, 51]);
+        assert_eq!(read(), [[0.0, 0.0, 0.0, 1.0], [0.2, 0.2, 0.2, 1.0]]);
+        write_with(&path, png::ColorType::Grayscale, png::BitDepth::One, None, &[0b0100_0000]);
+        assert_eq!(read(), [[0.0, 0.0, 0.0, 1.0], [1.0; 4]]);
+        write_with(
+            &path,
+            png::ColorType::GrayscaleAlpha,
+            png::BitDepth::Sixteen,
+            None,
+            &[255, 255, 0, 0, 255, 255, 255, 255],
+        );
+        assert_eq!(read(), [[0.0; 4], [1.0; 4]]);
+        write_with(
+            &path,
+            png::ColorType::Rgb,
+            png::BitDepth::Sixteen,
+            None,
+            &[0, 0, 255, 255, 0, 0, 255, 255, 0, 0, 0, 0],
+        );
+        assert_eq!(read(), [[0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
+        write_with(&path, png::ColorType::Indexed, png::BitDepth::Two, Some(&[255, 0, 0, 0, 0, 255]), &[0b0100_0000]);
+        assert_eq!(read(), [[0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
+    }
+
+    #[test]
+    fn files_that_are_no_whole_png_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("broken.png");
+        assert!(read_png(&path).unwrap_err().to_string().contains("broken.png"));
+        write_png(&path, &image(), None, PngDepth::Eight).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for length in 0..whole.len() - 12 {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(read_png(&path).is_err(), "cut at {length} of {}", whole.len());
+        }
+        std::fs::write(&path, b"no image at all").unwrap();
+        assert!(read_png(&path).unwrap_err().to_string().contains("broken.png"));
+    }
+
+    #[test]
+    fn a_header_that_promises_too_much_is_refused_before_memory_is_taken() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("huge.png");
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 1 << 20, 1 << 20);
+        encoder.set_color(png::ColorType::Grayscale);
+        drop(encoder.write_header().unwrap());
+        let error = read_png(&path).unwrap_err().to_string();
+        assert!(error.contains("huge.png"), "{error}");
+    }
+}
