@@ -1,1 +1,4 @@
-//! Frames and series written to files.
+//! Frames and series written to files. What is written appears in its place only when it is complete.
+
+mod folder;
+pub mod vtu;

@@ -1,0 +1,61 @@
+//! A folder that is filled beside its place and moved there when it is complete.
+
+use crate::error::{FileError, FileResult};
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// A folder in the making; removed with its contents if it is dropped before [`NewFolder::finish`].
+pub(super) struct NewFolder {
+    staging: TempDir,
+    place: PathBuf,
+}
+
+impl NewFolder {
+    /// Begins the folder `place`, which must not exist or be empty; the folder that it lies in must exist.
+    pub(super) fn begin(place: &Path) -> FileResult<Self> {
+        let no_name = || FileError::invalid(place, "", "names no folder").remedy("give the folder a name");
+        let mut prefix = OsString::from(".");
+        prefix.push(place.file_name().ok_or_else(no_name)?);
+        prefix.push(".tmp-");
+        let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !parent.is_dir() {
+            return Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"));
+        }
+        check_free(place)?;
+        let staging = tempfile::Builder::new().prefix(&prefix).tempdir_in(parent);
+        Ok(Self { staging: staging.map_err(|e| FileError::io(parent, "write in", &e))?, place: place.to_owned() })
+    }
+
+    /// Where to write meanwhile.
+    pub(super) fn path(&self) -> &Path {
+        self.staging.path()
+    }
+
+    /// Moves the folder into its place.
+    pub(super) fn finish(self) -> FileResult<()> {
+        // Somebody may have written there meanwhile.
+        if check_free(&self.place)? {
+            fs::remove_dir(&self.place).map_err(|e| FileError::io(&self.place, "replace the empty folder", &e))?;
+        }
+        fs::rename(self.staging.path(), &self.place).map_err(|e| FileError::io(&self.place, "move into place", &e))?;
+        let _moved = self.staging.keep();
+        Ok(())
+    }
+}
+
+/// Whether there is an empty folder.
+///
+/// # Errors
+/// If there is anything else.
+fn check_free(place: &Path) -> FileResult<bool> {
+    // A dangling link exists too.
+    let Ok(metadata) = fs::symlink_metadata(place) else { return Ok(false) };
+    let taken = |problem: &str| FileError::invalid(place, "", problem).remedy("choose another name or remove it");
+    if !metadata.is_dir() {
+        return Err(taken("exists and is not a folder"));
+    }
+    let mut entries = fs::read_dir(place).map_err(|e| FileError::io(place, "list", &e))?;
+    if entries.next().is_some() { Err(taken("exists and is not empty")) } else { Ok(true) }
+}

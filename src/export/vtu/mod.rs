@@ -1,0 +1,215 @@
+//! A series as `.vtu` files with a `.pvd` that gives their times: what ParaView and VTK open.
+//!
+//! The values are those of the source, f32 and exact; the format has no mesh shared by steps, so each file repeats it.
+
+mod piece;
+#[cfg(test)]
+mod tests;
+mod xml;
+
+use super::folder::NewFolder;
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, Component, FieldInfo, SeriesSource};
+use crate::mesh::RawMesh;
+use crate::task::{Cancel, Progress};
+use piece::Values;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What of a series to write, and under which name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct VtuOptions {
+    /// First part of the file names; the name of the folder if there is none.
+    pub name: Option<String>,
+    /// Names of the fields to write, with all their components; all fields if there is none.
+    pub fields: Vec<String>,
+    /// Steps to write, in this order; all steps if there is none.
+    pub steps: Option<Vec<usize>>,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VtuReport {
+    /// The `.pvd` file.
+    pub pvd: PathBuf,
+    /// Number of `.vtu` files.
+    pub steps: usize,
+    /// Bytes of all files.
+    pub bytes: u64,
+}
+
+/// Why a series was not written. Nothing is left behind.
+#[derive(Debug, thiserror::Error)]
+pub enum VtuError {
+    /// The source could not be read, lacks what was asked for, or a file could not be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// Somebody asked to stop.
+    #[error("cancelled; nothing was written")]
+    Cancelled,
+}
+
+/// Writes the steps of `source` into the new folder `dir`: `NAME.pvd`, `NAME_0000.vtu`, `NAME_0001.vtu` and so on, counted
+/// from 0 whatever steps were chosen. An empty folder may be there already.
+///
+/// # Errors
+/// If `dir` exists and is not empty, the source cannot be read or contradicts itself, a field or step does not exist, a
+/// name cannot be written, the disk is full, or `cancel` was raised.
+pub fn write_series(
+    source: &dyn SeriesSource,
+    dir: &Path,
+    options: &VtuOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VtuReport, VtuError> {
+    let mut values: Vec<Values> = choose_fields(source, &options.fields)?.into_iter().map(Values::empty).collect();
+    let steps = choose_steps(source, options.steps.as_deref())?;
+    let name = file_name(dir, options)?;
+    let folder = NewFolder::begin(dir)?;
+    let mesh = source.mesh()?;
+    check_mesh(source, &mesh)?;
+    progress.begin("export", steps.len() as u64, "steps");
+    let files = Files { source, mesh: &mesh, dir: folder.path(), name: &name };
+    let written = files.write(&steps, &mut values, progress, cancel);
+    progress.end();
+    let bytes = written?;
+    folder.finish()?;
+    Ok(VtuReport { pvd: dir.join(format!("{name}.pvd")), steps: steps.len(), bytes })
+}
+
+/// Where the files come from and go to.
+struct Files<'a> {
+    source: &'a dyn SeriesSource,
+    mesh: &'a RawMesh,
+    dir: &'a Path,
+    name: &'a str,
+}
+
+impl Files<'_> {
+    /// Writes the `.vtu` files and the `.pvd`; returns their size in bytes.
+    fn write(
+        &self,
+        steps: &[usize],
+        values: &mut [Values],
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<u64, VtuError> {
+        let mut collection = Collection::new(self.name);
+        let mut bytes = 0;
+        for &step in steps {
+            if cancel.is_cancelled() {
+                return Err(VtuError::Cancelled);
+            }
+            for field in values.iter_mut() {
+                read_field(self.source, field, step, self.mesh)?;
+            }
+            let time = self.source.times().values[step];
+            bytes += piece::write(&self.dir.join(collection.add(time)), self.mesh, time, values)?;
+            progress.advance(1);
+        }
+        let path = self.dir.join(format!("{}.pvd", self.name));
+        let text = collection.finish();
+        fs::write(&path, &text).map_err(|e| FileError::io(&path, "write", &e))?;
+        Ok(bytes + text.len() as u64)
+    }
+}
+
+/// The text of a `.pvd` file.
+struct Collection<'a> {
+    name: &'a str,
+    text: String,
+    files: usize,
+}
+
+impl<'a> Collection<'a> {
+    fn new(name: &'a str) -> Self {
+        let text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+            <VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+            <Collection>\n";
+        Self { name, text: text.to_owned(), files: 0 }
+    }
+
+    /// Adds the next file and returns its name.
+    fn add(&mut self, time: f64) -> String {
+        let file = format!("{}_{:04}.vtu", self.name, self.files);
+        self.files += 1;
+        // The name was checked, so XML can express it. `{:?}` is the shortest decimal that reads back as the same f64.
+        let attribute = xml::attribute(&file).unwrap_or_default();
+        self.text += &format!("<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{attribute}\"/>\n");
+        file
+    }
+
+    fn finish(self) -> String {
+        self.text + "</Collection>\n</VTKFile>\n"
+    }
+}
+
+/// Reads all components of a field at a step.
+fn read_field(source: &dyn SeriesSource, field: &mut Values, step: usize, mesh: &RawMesh) -> FileResult<()> {
+    let expected = match field.info.association {
+        Association::Point => mesh.points.len(),
+        Association::Cell => mesh.tets.len(),
+    };
+    for (component, values) in field.components.iter_mut().enumerate() {
+        source.read(&field.info, Component::Index(component), step, values)?;
+        if values.len() != expected {
+            let problem = format!("has {} values at step {step} where the mesh needs {expected}", values.len());
+            return Err(FileError::invalid(source.describe(), format!("field '{}'", field.info.name), problem));
+        }
+    }
+    Ok(())
+}
+
+/// The fields asked for, or all.
+fn choose_fields(source: &dyn SeriesSource, names: &[String]) -> FileResult<Vec<FieldInfo>> {
+    if names.is_empty() {
+        return Ok(source.fields().to_vec());
+    }
+    let find = |name: &String| {
+        source.fields().iter().find(|f| f.name == *name).cloned().ok_or_else(|| {
+            let there: Vec<&str> = source.fields().iter().map(|f| f.name.as_str()).collect();
+            FileError::invalid(source.describe(), format!("field '{name}'"), "does not exist")
+                .remedy(format!("choose from {}", there.join(", ")))
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+/// The steps asked for, or all; none beyond the series, all with a finite time.
+fn choose_steps(source: &dyn SeriesSource, steps: Option<&[usize]>) -> FileResult<Vec<usize>> {
+    let times = &source.times().values;
+    let steps = steps.map_or_else(|| (0..times.len()).collect(), <[usize]>::to_vec);
+    for &step in &steps {
+        let invalid = |problem| Err(FileError::invalid(source.describe(), format!("step {step}"), problem));
+        match times.get(step) {
+            None => return invalid(format!("does not exist: the series has {} steps", times.len())),
+            Some(time) if !time.is_finite() => return invalid(format!("has the time {time}")),
+            Some(_) => {}
+        }
+    }
+    Ok(steps)
+}
+
+/// The first part of the file names.
+fn file_name(dir: &Path, options: &VtuOptions) -> FileResult<String> {
+    let from_folder = || dir.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = options.name.clone().unwrap_or_else(from_folder);
+    let plain = Path::new(&name).file_name().is_some_and(|n| n.to_str() == Some(&name));
+    if !plain || name.contains(['/', '\\']) || xml::attribute(&name).is_none() {
+        let problem = format!("'{}' cannot begin the names of files", name.escape_debug());
+        return Err(FileError::invalid(dir, "name", problem).remedy("give a name without separators"));
+    }
+    Ok(name)
+}
+
+/// A reader trusts the connectivity, so every index must be a point.
+fn check_mesh(source: &dyn SeriesSource, mesh: &RawMesh) -> FileResult<()> {
+    let points = mesh.points.len();
+    match mesh.tets.iter().position(|tet| tet.iter().any(|v| *v as usize >= points)) {
+        None => Ok(()),
+        Some(cell) => {
+            let problem = format!("has a vertex beyond the {points} points");
+            Err(FileError::invalid(source.describe(), format!("cell {cell}"), problem))
+        }
+    }
+}
