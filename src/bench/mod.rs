@@ -1,1 +1,14 @@
-//! Run time beside error.
+//! Run time beside error: paired timings with their uncertainty, and the record that a benchmark leaves.
+//!
+//! Claims of "no slower than" go through [`paired`]: the two sides run alternately, so that a machine that slows down or
+//! heats up slows both, and the ratio comes with an interval.
+
+mod machine;
+mod paired;
+mod report;
+mod statistics;
+
+pub use machine::Machine;
+pub use paired::{Paired, Timings, paired};
+pub use report::{BenchReport, BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
+pub use statistics::{Spread, median, percentile};
