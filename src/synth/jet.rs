@@ -60,7 +60,7 @@ struct Ring {
 
 /// Half width of the jet.
 fn half_width(x: f64) -> f64 {
-    0.45 + 0.1 * x.max(0.0)
+    0.45 + 0.085 * x.max(0.0)
 }
 
 /// Where the front is.
@@ -146,7 +146,7 @@ impl Jet {
         }
         let x = from.x;
         let head = front(time);
-        let bulge = 1.0 + 0.45 * (-((x - head + 0.5) / 0.6).powi(2)).exp();
+        let bulge = 1.0 + 0.15 * (-((x - head + 0.5) / 0.6).powi(2)).exp();
         let rho = from.yz().length() / (half_width(x) * bulge);
         let edge = 1.0 - smooth_step(0.7, 1.15, rho);
         let behind = 1.0 - smooth_step(-FRONT, FRONT, x - head + 0.5 * half_width(head) * rho * rho);

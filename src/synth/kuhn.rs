@@ -5,7 +5,8 @@
 //! **Jitter.** Every vertex moves by at most [`JITTER`] of a cube's edge along each axis, only within the faces of the box
 //! if it lies on them, so that the box stays a box. No tet can invert: in units of the cube, the matrix of consecutive
 //! edges of a tet is a permutation of the identity plus differences of two displacements, each entry within 2 * JITTER;
-//! with 6 * JITTER < 1 its rows stay strictly diagonally dominant, so that its determinant keeps its sign.
+//! with 6 * JITTER < 1 its rows stay strictly diagonally dominant, so that its determinant keeps its sign. The bound is
+//! sharp: at worst 1 - 6 * JITTER of the volume is left.
 
 use super::random::{hash, unit};
 use glam::DVec3;
@@ -214,4 +215,52 @@ impl KuhnGrid {
 /// Grid coordinates of item `index` in a grid of `counts` items, x fastest.
 fn coordinates(index: usize, counts: [usize; 3]) -> [usize; 3] {
     [index % counts[0], index / counts[0] % counts[1], index / (counts[0] * counts[1])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Smallest of six times the volume of any tet of a unit cube with vertices displaced by `jitter` along each axis.
+    /// The volume is linear in each single coordinate, so that it is smallest where all are displaced as far as can be.
+    fn smallest_volume6(jitter: f64) -> f64 {
+        let mut smallest = f64::INFINITY;
+        for tet in TETS {
+            for signs in 0u32..1 << 12 {
+                let vertex = |i: usize| {
+                    let coordinate = |axis: usize| {
+                        let sign = if signs >> (3 * i + axis) & 1 == 0 { -1.0 } else { 1.0 };
+                        f64::from(tet[i] >> axis & 1) + sign * jitter
+                    };
+                    DVec3::from_array(std::array::from_fn(coordinate))
+                };
+                let [a, b, c, d] = std::array::from_fn(vertex);
+                smallest = smallest.min((b - a).dot((c - a).cross(d - a)));
+            }
+        }
+        smallest
+    }
+
+    #[test]
+    fn no_tet_can_invert_within_the_jitter_and_some_could_beyond_a_sixth() {
+        // The smallest volume is 1 - 6 * jitter: the bound is sharp. Determinants of order 1 round to about 1e-16.
+        for jitter in [0.0, JITTER, 0.2] {
+            assert!((smallest_volume6(jitter) - (1.0 - 6.0 * jitter)).abs() < 1e-12, "{jitter}");
+        }
+        assert!(smallest_volume6(JITTER) > 0.0);
+    }
+
+    #[test]
+    fn extreme_seeds_and_flat_boxes_make_grids_too() {
+        let flat = Domain::full(DVec3::new(-1e6, 0.0, 1e-3), DVec3::new(1e6, 1e-6, 2e-3));
+        for seed in [0, u64::MAX] {
+            let grid = KuhnGrid::new(&flat, [4, 1, 3]);
+            let points = grid.points(seed);
+            assert_eq!((points.len(), grid.tets().len() as u64), (5 * 2 * 4, grid.cell_count()));
+            for tet in grid.tets() {
+                let [a, b, c, d] = tet.map(|v| points[v as usize]);
+                assert!((b - a).dot((c - a).cross(d - a)) > 0.0);
+            }
+        }
+    }
 }
