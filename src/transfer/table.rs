@@ -252,11 +252,13 @@ impl Piece {
             let middle = 0.5 * (good + bad);
             if line_to(middle).is_some() { good = middle } else { bad = middle }
         }
-        let place = at(if at(good).0 > start.place.0 { good } else { bad });
-        // Doubles may be too coarse for a place in between: then the next point is taken.
-        let place = if place.0 > start.place.0 { place } else { to };
-        let rgb = line_to(good).filter(|_| place == at(good)).unwrap_or(place.1.rgb);
-        Start { place, vertex: self.vertex(&place, rgb) }
+        if let Some(rgb) = line_to(good).filter(|_| at(good).0 > start.place.0) {
+            return Start { place: at(good), vertex: self.vertex(&at(good), rgb) };
+        }
+        // No double lies between the start and the farthest place: the table takes the next one.
+        let scalar = start.place.0.next_up();
+        let place = if scalar < to.0 { (scalar, at((scalar - from.0) / (to.0 - from.0)).1) } else { to };
+        Start { place, vertex: self.vertex(&place, place.1.rgb) }
     }
 
     fn vertex(&self, &(scalar, side): &Place, rgb: [f64; 3]) -> Vertex {
