@@ -12,6 +12,7 @@
 //! only touches it, extinction ends at [`RAMP_DEPTH`].
 
 use super::TransferError;
+use super::color_map::lerp;
 use super::function::{OpacityValues, TransferFunction};
 use super::profile::{AXIS_TOLERANCE, ProfilePoint, Side, profile};
 use super::range::MappedRange;
@@ -245,7 +246,7 @@ impl Piece {
     /// `start` fits.
     fn farthest_place(&self, start: &Start, next: usize, from: Place, into: usize) -> Start {
         let to = self.places[into];
-        let at = |f: f64| (from.0 * (1.0 - f) + to.0 * f, Side::mix(&from.1, &to.1, f));
+        let at = |f: f64| (lerp(from.0, to.0, f), Side::mix(&from.1, &to.1, f));
         let line_to = |f: f64| self.line_end(start, &self.places[next..into], &at(f), false);
         let (mut good, mut bad) = (0.0, 1.0);
         for _ in 0..BISECTIONS {
@@ -274,6 +275,9 @@ impl Piece {
     fn line_end(&self, start: &Start, between: &[Place], b: &Place, exact: bool) -> Option<[f64; 3]> {
         let (a, end_depth) = (start.vertex, self.vertex(b, b.1.rgb).depth);
         let width = b.0 - a.scalar;
+        if width <= 0.0 {
+            return None;
+        }
         // Per channel the colours at b whose line passes all points within tolerance.
         let (mut least, mut most) = ([0.0_f64; 3], [1.0_f64; 3]);
         let mut previous = (a.depth, start.place.1.value);
@@ -284,7 +288,7 @@ impl Piece {
                 least[c] = least[c].max(a.rgb[c] + (off - LINE_TOLERANCE) / f);
                 most[c] = most[c].min(a.rgb[c] + (off + LINE_TOLERANCE) / f);
             }
-            let here = (a.depth * (1.0 - f) + end_depth * f, place.1.value);
+            let here = (lerp(a.depth, end_depth, f), place.1.value);
             let opacity_fits = self.constant_depth.is_some() || self.opacity_fits(previous, here);
             if !opacity_fits || (0..3).any(|c| least[c] > most[c]) {
                 return None;
