@@ -130,9 +130,14 @@ impl ColorMap {
     }
 }
 
-/// `a` at 0, `b` at 1, exactly so at both ends.
+/// From `a` at 0 to `b` at 1: exactly so at both ends, never turning round in between, and constant if they are equal.
+pub(super) fn lerp(a: f64, b: f64, f: f64) -> f64 {
+    if f == 1.0 { b } else { (a + f * (b - a)).clamp(a.min(b), a.max(b)) }
+}
+
+/// [`lerp`] of three channels.
 pub(super) fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] * (1.0 - f) + b[i] * f)
+    std::array::from_fn(|i| lerp(a[i], b[i], f))
 }
 
 /// Of more than two points at one position the first and the last have a meaning: the two sides of a step.

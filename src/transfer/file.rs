@@ -4,9 +4,8 @@ use super::TransferError;
 use super::color_map::ColorMap;
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::paraview::{ColorMapEntry, JsonEntry, read_color_maps};
-use crate::error::{FileError, FileResult};
+use crate::error::FileError;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::Path;
 
 /// A transfer function as it stands in JSON.
@@ -76,18 +75,9 @@ impl TransferFunction {
         file.resolve(path, path.parent().unwrap_or(Path::new(""))).map_err(name_file)
     }
 
-    /// Writes a transfer function file, whole or not at all. A map that is built in is written as its name, another in full.
-    ///
-    /// # Errors
-    /// If the folder does not take it.
-    pub fn write(&self, path: &Path) -> FileResult<()> {
-        let text = serde_json::to_string_pretty(self).map_err(|e| FileError::invalid(path, "", e.to_string()))?;
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let io = |e: std::io::Error| FileError::io(path, "write the transfer function", &e);
-        let mut sibling = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
-        sibling.write_all(text.as_bytes()).map_err(io)?;
-        sibling.persist(path).map_err(|e| io(e.error))?;
-        Ok(())
+    /// The text of a transfer function file. A map that is built in is written as its name, another in full.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_default() // strings and finite numbers always have a JSON form
     }
 }
 

@@ -16,7 +16,7 @@ mod text;
 
 pub use color_map::{ColorMap, ColorPoint};
 pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
-pub use paraview::{ColorMapEntry, read_color_maps, write_color_maps};
+pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};
 pub use range::{MappedRange, RangePolicy};
 pub use table::{OpacityKind, TOLERANCE, build_node_table};
 
@@ -85,3 +85,6 @@ pub enum TransferError {
     #[error(transparent)]
     Table(#[from] NodeTableError),
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! A transfer function over its mapped range, as a curve that is linear in the scalar between points.
 
 use super::TransferError;
-use super::color_map::mix;
+use super::color_map::{lerp, mix};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::range::MappedRange;
 use super::table::{OpacityKind, TOLERANCE};
@@ -28,7 +28,7 @@ pub(super) struct ProfilePoint {
 
 impl Side {
     pub(super) fn mix(a: &Side, b: &Side, f: f64) -> Side {
-        Side { rgb: mix(a.rgb, b.rgb, f), value: a.value * (1.0 - f) + b.value * f }
+        Side { rgb: mix(a.rgb, b.rgb, f), value: lerp(a.value, b.value, f) }
     }
 }
 
@@ -127,7 +127,7 @@ fn value_sides(points: &[OpacityPoint], position: f64) -> [f64; 2] {
     let between = |after: usize| match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
         (Some(a), Some(b)) => {
             let f = (position - a.position) / (b.position - a.position);
-            a.value * (1.0 - f) + b.value * f
+            lerp(a.value, b.value, f)
         }
         (Some(end), None) | (None, Some(end)) => end.value,
         (None, None) => 0.0, // not reached: a transfer function has a point

@@ -77,13 +77,14 @@ impl MappedRange {
         self.log
     }
 
-    /// The scalar at a position of the axis; exactly `lo` at 0 and `hi` at 1.
+    /// The scalar at a position 0..=1 of the axis; exactly `lo` at 0 and `hi` at 1, and never falling in between.
     pub fn scalar_at(&self, position: f64) -> f64 {
-        if self.log && position != 0.0 && position != 1.0 {
-            (self.lo.ln() * (1.0 - position) + self.hi.ln() * position).exp()
-        } else {
-            self.lo * (1.0 - position) + self.hi * position
+        let (lo, hi) = (self.lo, self.hi);
+        if position >= 1.0 {
+            return hi;
         }
+        let scalar = if self.log { lo * (position * (hi / lo).ln()).exp() } else { lo + position * (hi - lo) };
+        scalar.clamp(lo, hi)
     }
 
     /// The position of a scalar on the axis, also outside of 0..=1; minus infinity for a scalar that a log-spaced range

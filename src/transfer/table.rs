@@ -12,6 +12,7 @@
 //! only touches it, extinction ends at [`RAMP_DEPTH`].
 
 use super::TransferError;
+use super::color_map::lerp;
 use super::function::{OpacityValues, TransferFunction};
 use super::profile::{AXIS_TOLERANCE, ProfilePoint, Side, profile};
 use super::range::MappedRange;
@@ -245,18 +246,20 @@ impl Piece {
     /// `start` fits.
     fn farthest_place(&self, start: &Start, next: usize, from: Place, into: usize) -> Start {
         let to = self.places[into];
-        let at = |f: f64| (from.0 * (1.0 - f) + to.0 * f, Side::mix(&from.1, &to.1, f));
+        let at = |f: f64| (lerp(from.0, to.0, f), Side::mix(&from.1, &to.1, f));
         let line_to = |f: f64| self.line_end(start, &self.places[next..into], &at(f), false);
         let (mut good, mut bad) = (0.0, 1.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (good + bad);
             if line_to(middle).is_some() { good = middle } else { bad = middle }
         }
-        let place = at(if at(good).0 > start.place.0 { good } else { bad });
-        // Doubles may be too coarse for a place in between: then the next point is taken.
-        let place = if place.0 > start.place.0 { place } else { to };
-        let rgb = line_to(good).filter(|_| place == at(good)).unwrap_or(place.1.rgb);
-        Start { place, vertex: self.vertex(&place, rgb) }
+        if let Some(rgb) = line_to(good).filter(|_| at(good).0 > start.place.0) {
+            return Start { place: at(good), vertex: self.vertex(&at(good), rgb) };
+        }
+        // No double lies between the start and the farthest place: the table takes the next one.
+        let scalar = start.place.0.next_up();
+        let place = if scalar < to.0 { (scalar, at((scalar - from.0) / (to.0 - from.0)).1) } else { to };
+        Start { place, vertex: self.vertex(&place, place.1.rgb) }
     }
 
     fn vertex(&self, &(scalar, side): &Place, rgb: [f64; 3]) -> Vertex {
@@ -272,6 +275,9 @@ impl Piece {
     fn line_end(&self, start: &Start, between: &[Place], b: &Place, exact: bool) -> Option<[f64; 3]> {
         let (a, end_depth) = (start.vertex, self.vertex(b, b.1.rgb).depth);
         let width = b.0 - a.scalar;
+        if width <= 0.0 {
+            return None;
+        }
         // Per channel the colours at b whose line passes all points within tolerance.
         let (mut least, mut most) = ([0.0_f64; 3], [1.0_f64; 3]);
         let mut previous = (a.depth, start.place.1.value);
@@ -282,7 +288,7 @@ impl Piece {
                 least[c] = least[c].max(a.rgb[c] + (off - LINE_TOLERANCE) / f);
                 most[c] = most[c].min(a.rgb[c] + (off + LINE_TOLERANCE) / f);
             }
-            let here = (a.depth * (1.0 - f) + end_depth * f, place.1.value);
+            let here = (lerp(a.depth, end_depth, f), place.1.value);
             let opacity_fits = self.constant_depth.is_some() || self.opacity_fits(previous, here);
             if !opacity_fits || (0..3).any(|c| least[c] > most[c]) {
                 return None;
