@@ -91,16 +91,18 @@ fn parse(path: &Path, bytes: &[u8]) -> FileResult<Vec<Entry>> {
                 }
                 "DataSet" if seen_collection => {
                     let attributes = Attributes::of(&tag).map_err(invalid)?;
-                    entries.push(entry(entries.len(), &attributes).map_err(|problem| {
-                        FileError::invalid(path, format!("entry {}", entries.len()), problem)
-                    })?);
+                    entries
+                        .push(entry(entries.len(), &attributes).map_err(|problem| {
+                            FileError::invalid(path, format!("entry {}", entries.len()), problem)
+                        })?);
                 }
                 name if !seen_collection => return Err(invalid(format!("this is no VTK collection: <{name}>"))),
                 _ => {}
             },
             Event::End(tag) if tag.name().as_ref() == "VTKFile" => return Ok(entries),
             Event::Eof => {
-                let problem = if seen_collection { "the file ends before </VTKFile>" } else { "this is no VTK collection" };
+                let problem =
+                    if seen_collection { "the file ends before </VTKFile>" } else { "this is no VTK collection" };
                 return Err(invalid(problem.to_owned()).remedy("write the file again"));
             }
             _ => {}
@@ -181,10 +183,13 @@ mod tests {
         }
         let list: String = entries
             .iter()
-            .map(|(time, part, file)| format!("<DataSet timestep=\"{time}\" group=\"\" part=\"{part}\" file=\"{file}\"/>\n"))
+            .map(|(time, part, file)| {
+                format!("<DataSet timestep=\"{time}\" group=\"\" part=\"{part}\" file=\"{file}\"/>\n")
+            })
             .collect();
         let path = folder.path().join("run.pvd");
-        let text = format!("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\"><Collection>{list}</Collection></VTKFile>");
+        let text =
+            format!("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\"><Collection>{list}</Collection></VTKFile>");
         fs::write(&path, text).expect("a file");
         read(&path)
     }
@@ -196,7 +201,13 @@ mod tests {
 
     #[test]
     fn entries_are_sorted_by_time_and_parts_by_number() {
-        let entries = [("2e-1", "0", "c.vtu"), ("0.1", "1", "b.vtu"), ("0.1", "0", "a.vtu"), ("0.2", "10", "d.vtu"), ("0.2", "2", "e.vtu")];
+        let entries = [
+            ("2e-1", "0", "c.vtu"),
+            ("0.1", "1", "b.vtu"),
+            ("0.1", "0", "a.vtu"),
+            ("0.2", "10", "d.vtu"),
+            ("0.2", "2", "e.vtu"),
+        ];
         let (steps, notes) = collection(&entries, &["a.vtu", "b.vtu", "c.vtu", "d.vtu", "e.vtu"]).expect("valid");
         let name = |list: &[&str]| list.iter().map(|n| n.to_string()).collect::<Vec<_>>();
         assert_eq!(names(&steps), [(0.1, name(&["a.vtu", "b.vtu"])), (0.2, name(&["c.vtu", "e.vtu", "d.vtu"]))]);
@@ -212,7 +223,8 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_an_error_that_names_collection_entry_and_path() {
-        let error = collection(&[("0", "0", "a.vtu"), ("1", "0", "b.vtu")], &["a.vtu"]).expect_err("missing").to_string();
+        let error =
+            collection(&[("0", "0", "a.vtu"), ("1", "0", "b.vtu")], &["a.vtu"]).expect_err("missing").to_string();
         for part in ["run.pvd", "entry 1", "timestep 1", "b.vtu is missing"] {
             assert!(error.contains(part), "{error}");
         }
@@ -220,7 +232,8 @@ mod tests {
 
     #[test]
     fn blanks_written_as_in_urls_and_backslashes_are_understood() {
-        let (steps, _) = collection(&[("0", "", ".\\a%20b.vtu"), ("1", "0", "100%.vtu")], &["a b.vtu", "100%.vtu"]).expect("valid");
+        let (steps, _) =
+            collection(&[("0", "", ".\\a%20b.vtu"), ("1", "0", "100%.vtu")], &["a b.vtu", "100%.vtu"]).expect("valid");
         assert_eq!(names(&steps), [(0.0, vec!["a b.vtu".to_owned()]), (1.0, vec!["100%.vtu".to_owned()])]);
         assert_eq!(percent_decoded("%41%+1%%4"), "A%+1%%4");
     }
@@ -229,7 +242,8 @@ mod tests {
     fn other_kinds_of_files_are_refused_and_surfaces_skipped() {
         let error = collection(&[("0", "0", "a.pvtu")], &["a.pvtu"]).expect_err("parallel").to_string();
         assert!(error.contains("pvtu") && error.contains("ParaView"), "{error}");
-        let (steps, notes) = collection(&[("0", "0", "a.vtu"), ("0", "1", "b.vtp")], &["a.vtu", "b.vtp"]).expect("valid");
+        let (steps, notes) =
+            collection(&[("0", "0", "a.vtu"), ("0", "1", "b.vtp")], &["a.vtu", "b.vtp"]).expect("valid");
         assert_eq!((steps.len(), notes.len()), (1, 1));
         assert!(collection(&[], &[]).is_err());
         assert!(collection(&[("nan", "0", "a.vtu")], &["a.vtu"]).expect_err("time").to_string().contains("nan"));

@@ -100,8 +100,12 @@ impl VtuSeries {
         let (points, cells) = loaded.counts();
         let changed = |what: String| {
             let path = loaded.files.first().map_or(self.description.as_str().into(), |file| file.path().to_owned());
-            FileError::unsupported(path, format!("step {step}"), format!("the mesh changes between steps 0 and {step}: {what}"))
-                .remedy("import only steps with the same mesh; of a moving mesh, write the displacement as a field")
+            FileError::unsupported(
+                path,
+                format!("step {step}"),
+                format!("the mesh changes between steps 0 and {step}: {what}"),
+            )
+            .remedy("import only steps with the same mesh; of a moving mesh, write the displacement as a field")
         };
         if (points, cells) != (self.shape.points, self.shape.cells) {
             let (old_points, old_cells) = (self.shape.points, self.shape.cells);
@@ -224,27 +228,31 @@ impl Step {
     fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo> {
         let mut fields: Vec<FieldInfo> = Vec::new();
         let mut left_out: Vec<String> = Vec::new();
-        let Some((_, first)) = self.pieces().next() else { return fields };
         for association in [Association::Point, Association::Cell] {
-            for array in arrays(first, association) {
-                let field = FieldInfo { name: array.name.clone(), components: array.components, association };
-                let same = |(_, piece): (_, &Piece)| {
-                    find(piece, &field).is_some_and(|other| other.components == field.components)
-                };
-                if field.name.is_empty() {
-                    left_out.push("(without a name)".to_owned());
-                } else if fields.iter().any(|f| (&f.name, f.association) == (&field.name, association)) {
-                    left_out.push(format!("'{}' (a second array of that name)", field.name));
-                } else if self.pieces().all(same) {
-                    fields.push(field);
-                } else {
-                    left_out.push(format!("'{}' (not the same in all pieces)", field.name));
+            for piece in self.pieces().map(|(_, piece)| piece) {
+                for (i, array) in arrays(piece, association).iter().enumerate() {
+                    let field = FieldInfo { name: array.name.clone(), components: array.components, association };
+                    let is_same = |other: &ArrayInfo| other.components == field.components;
+                    let reason = if field.name.is_empty() {
+                        "has no name"
+                    } else if arrays(piece, association)[..i].iter().any(|other| other.name == field.name) {
+                        "a second array of that name"
+                    } else if !self.pieces().all(|(_, piece)| find(piece, &field).is_some_and(is_same)) {
+                        "not the same in all pieces"
+                    } else {
+                        if !fields.contains(&field) {
+                            fields.push(field);
+                        }
+                        continue;
+                    };
+                    left_out.push(format!("'{}' ({reason})", field.name));
                 }
             }
         }
         let texts = self.files.iter().flat_map(VtuFile::skipped_arrays);
         left_out.extend(texts.map(|name| format!("'{name}' (holds no numbers)")));
         if !left_out.is_empty() {
+            left_out.sort();
             left_out.dedup();
             notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
         }

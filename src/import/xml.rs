@@ -14,7 +14,10 @@ impl Attributes {
         let mut pairs = Vec::new();
         for attribute in tag.attributes().with_checks(false) {
             let attribute = attribute.map_err(|e| {
-                format!("the attributes of <{}> are malformed ({e}); a name with a quotation mark?", tag.name().as_ref())
+                format!(
+                    "the attributes of <{}> are malformed ({e}); a name with a quotation mark?",
+                    tag.name().as_ref()
+                )
             })?;
             pairs.push((attribute.key.as_ref().to_owned(), unescape(&attribute.value)));
         }

@@ -149,7 +149,7 @@ fn the_series_of_the_papers_opens_with_its_192_steps() {
         range = out.iter().fold(range, |(lo, hi), &v| (lo.min(v), hi.max(v)));
         if step == 0 {
             // RangeMax of the file's header.
-            assert_eq!(range, (0.0, 3398.609_4));
+            assert_eq!(range, (0.0, 3_398.609_4));
         }
     }
     assert!(range.0 == 0.0 && range.1 > 3398.0 && range.1.is_finite(), "{range:?}");

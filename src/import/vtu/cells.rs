@@ -77,7 +77,11 @@ impl GridReader {
         let limit = u32::MAX as usize;
         let fits = points.is_some_and(|n| n < limit) && cells.is_some_and(|n| n < limit);
         if !fits {
-            return Err(FileError::unsupported(file.path(), "<Piece>", format!("has more than {limit} points or cells")));
+            return Err(FileError::unsupported(
+                file.path(),
+                "<Piece>",
+                format!("has more than {limit} points or cells"),
+            ));
         }
         self.add_points(file, piece)?;
         if piece.cells > 0 {
@@ -93,7 +97,11 @@ impl GridReader {
         }
         let array = needed(file, &piece.coordinates, "Points")?;
         if array.components != 3 {
-            return Err(file.invalid(array, array.byte, format!("has {} coordinates a point, not 3", array.components)));
+            return Err(file.invalid(
+                array,
+                array.byte,
+                format!("has {} coordinates a point, not 3", array.components),
+            ));
         }
         let bytes = file.decode(array, piece.points)?;
         let coordinates = file.values(&bytes).to_f64();
@@ -110,7 +118,8 @@ impl GridReader {
             return Err(bad_offset(i + 1));
         }
         let connectivity_array = needed(file, &piece.connectivity, "connectivity")?;
-        let length = offsets.last().and_then(|&end| usize::try_from(end).ok()).ok_or_else(|| bad_offset(piece.cells))?;
+        let length =
+            offsets.last().and_then(|&end| usize::try_from(end).ok()).ok_or_else(|| bad_offset(piece.cells))?;
         let connectivity = indices(file, connectivity_array, length)?;
         let ghosts = ghost_flags(file, piece)?;
         let mut begin = 0;
@@ -156,10 +165,12 @@ fn name_of(number: u8) -> &'static str {
 fn kind_of(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(Kind, u8)> {
     let place = format!("cell {cell}");
     match CELL_TYPES.iter().find(|(number, ..)| u64::from(*number) == cell_type) {
-        Some(&(number, name, Kind::Solid)) => {
-            Err(FileError::unsupported(file.path(), place, format!("is of type {number} ({name}); only tetrahedra are read"))
-                .remedy("split it into tetrahedra, for example with ParaView's filter Tetrahedralize"))
-        }
+        Some(&(number, name, Kind::Solid)) => Err(FileError::unsupported(
+            file.path(),
+            place,
+            format!("is of type {number} ({name}); only tetrahedra are read"),
+        )
+        .remedy("split it into tetrahedra, for example with ParaView's filter Tetrahedralize")),
         Some(&(number, _, kind)) => Ok((kind, number)),
         None => Err(FileError::invalid(file.path(), place, format!("is of type {cell_type}, which VTK does not know"))),
     }

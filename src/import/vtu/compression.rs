@@ -34,9 +34,7 @@ impl Compressor {
     pub(crate) fn decompress(self, block: &[u8], size: usize, out: &mut Vec<u8>) -> Result<(), String> {
         match self {
             Self::ZLib => read_exactly(flate2::read::ZlibDecoder::new(block), size, out),
-            Self::Lzma => {
-                read_exactly(lzma_rust2::XzReader::new_mem_limit(block, false, LZMA_LIMIT_KIB), size, out)
-            }
+            Self::Lzma => read_exactly(lzma_rust2::XzReader::new_mem_limit(block, false, LZMA_LIMIT_KIB), size, out),
             Self::Lz4 => {
                 if size / LZ4_MAX_RATIO > block.len() {
                     return Err(format!("{} bytes of LZ4 cannot hold {size}", block.len()));

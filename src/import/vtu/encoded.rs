@@ -53,7 +53,10 @@ impl Layout {
                 Stored::Base64(_) => Self { size, start: 0, lead: words.size, blocks: None },
             });
         }
-        let n = usize::try_from(count).ok().and_then(|n| n.checked_add(3)).ok_or_else(|| format!("claims {count} blocks"))?;
+        let n = usize::try_from(count)
+            .ok()
+            .and_then(|n| n.checked_add(3))
+            .ok_or_else(|| format!("claims {count} blocks"))?;
         let (header, start) = read_words(stored, words, n)?;
         let &[count, block_size, last_size, ref sizes @ ..] = header.as_slice() else {
             return Err("the block header is cut".to_owned());
@@ -65,7 +68,8 @@ impl Layout {
             let size = if is_last && last_size != 0 { last_size } else { block_size };
             let pair = usize::try_from(stored_size).ok().zip(usize::try_from(size).ok());
             let (stored_size, size) = pair.ok_or_else(|| format!("block {i} claims {size} bytes"))?;
-            total = total.checked_add(size).ok_or_else(|| format!("{count} blocks claim more bytes than there can be"))?;
+            total =
+                total.checked_add(size).ok_or_else(|| format!("{count} blocks claim more bytes than there can be"))?;
             blocks.push((stored_size, size));
         }
         Ok(Self { size: total, start, lead: 0, blocks: Some(blocks) })
@@ -81,7 +85,9 @@ impl Layout {
         };
         let length = match &self.blocks {
             None => units(self.size).saturating_add(units(self.lead)),
-            Some(blocks) => blocks.iter().fold(0_usize, |sum, &(stored_size, _)| sum.saturating_add(units(stored_size))),
+            Some(blocks) => {
+                blocks.iter().fold(0_usize, |sum, &(stored_size, _)| sum.saturating_add(units(stored_size)))
+            }
         };
         &bytes[..self.start.saturating_add(length).min(bytes.len())]
     }

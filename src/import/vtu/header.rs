@@ -103,7 +103,8 @@ pub(crate) enum Extent {
 /// If the file is no unstructured grid, ends too early, or says something that contradicts the format.
 pub(crate) fn parse(path: &Path, bytes: &[u8], extent: Extent) -> FileResult<Header> {
     let text = same_length_utf8(&bytes[..xml_end(bytes)]);
-    Parser { path, header: Header::default(), open: Vec::new(), array: None, extent, seen_file: false }.run(&text, bytes)
+    Parser { path, header: Header::default(), open: Vec::new(), array: None, extent, seen_file: false }
+        .run(&text, bytes)
 }
 
 /// End of the XML: behind the tag of the appended section, whose data are no XML, or the end of the file.
@@ -204,7 +205,8 @@ impl Parser<'_> {
                     Ok(None) => Err(self.invalid(byte, format!("<Piece> lacks {key}"))),
                     Err(problem) => Err(self.invalid(byte, problem)),
                 };
-                let piece = Piece { points: count("NumberOfPoints")?, cells: count("NumberOfCells")?, ..Piece::default() };
+                let piece =
+                    Piece { points: count("NumberOfPoints")?, cells: count("NumberOfCells")?, ..Piece::default() };
                 self.header.pieces.push(piece);
                 Ok(())
             }
@@ -229,7 +231,9 @@ impl Parser<'_> {
             Some("UnstructuredGrid") => {}
             Some(other) => {
                 return unsupported(format!("this is a file of type {other}, and only UnstructuredGrid is read"))
-                    .map_err(|e| e.remedy("convert it, for example with ParaView's filter Append Datasets or Tetrahedralize"));
+                    .map_err(|e| {
+                        e.remedy("convert it, for example with ParaView's filter Append Datasets or Tetrahedralize")
+                    });
             }
             None => return Err(self.invalid(0, "<VTKFile> lacks its type")),
         }

@@ -85,9 +85,9 @@ impl VtuFile {
     /// If its data are damaged or of another size.
     pub(super) fn decode(&self, array: &ArrayInfo, tuples: usize) -> FileResult<ArrayBytes> {
         let numbers = tuples.checked_mul(array.components);
-        let expected = numbers.and_then(|n| n.checked_mul(array.number.size())).ok_or_else(|| {
-            self.invalid(array, array.byte, format!("{tuples} tuples are more than there can be"))
-        })?;
+        let expected = numbers
+            .and_then(|n| n.checked_mul(array.number.size()))
+            .ok_or_else(|| self.invalid(array, array.byte, format!("{tuples} tuples are more than there can be")))?;
         if expected == 0 {
             // Writers differ in what they write for nothing.
             return Ok(ArrayBytes { number: array.number, big_endian: false, data: Decoded::Own(Vec::new()) });
@@ -159,7 +159,11 @@ impl VtuFile {
                 })?;
                 let start = appended.start.saturating_add(*offset);
                 let rest = self.bytes.get(start..).ok_or_else(|| {
-                    self.invalid(array, start, format!("begins behind the end of the file ({} bytes)", self.bytes.len()))
+                    self.invalid(
+                        array,
+                        start,
+                        format!("begins behind the end of the file ({} bytes)", self.bytes.len()),
+                    )
                 })?;
                 Ok((if appended.base64 { Stored::Base64(Cow::Borrowed(rest)) } else { Stored::Raw(rest) }, start))
             }
@@ -215,5 +219,48 @@ pub(super) fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
             return time;
         }
         wanted = bytes.len() as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A header with a comment of `blanks` bytes in front of a raw appended `TimeValue` of 2.5 that lies `offset` bytes
+    /// behind the start of the data; the file goes on with `tail` bytes.
+    fn file_with_time(blanks: usize, offset: usize, tail: usize) -> Vec<u8> {
+        let blank = " ".repeat(blanks);
+        let head = format!(
+            "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><!--{blank}--><FieldData><DataArray type=\"Float64\" \
+             Name=\"TimeValue\" format=\"appended\" offset=\"{offset}\"/></FieldData></UnstructuredGrid>\
+             <AppendedData encoding=\"raw\">_"
+        );
+        let data = [&vec![0; offset][..], &8_u32.to_le_bytes(), &2.5_f64.to_le_bytes(), &vec![b'<'; tail]].concat();
+        [head.into_bytes(), data].concat()
+    }
+
+    #[test]
+    fn the_time_is_found_however_far_back_it_is_and_its_lack_without_reading_on() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.vtu");
+        let time_of = |bytes: &[u8]| {
+            fs::write(&path, bytes).expect("a file");
+            time_value_of(&path)
+        };
+        for (blanks, offset, tail) in
+            [(0, 0, 0), (0, 0, 1 << 20), (200_000, 0, 9), (0, 200_000, 0), (70_000, 70_000, 5)]
+        {
+            assert_eq!(
+                time_of(&file_with_time(blanks, offset, tail)).ok(),
+                Some(Some(2.5)),
+                "{blanks} {offset} {tail}"
+            );
+        }
+        let mut cut = file_with_time(0, 70_000, 0);
+        cut.pop();
+        assert!(time_of(&cut).expect_err("cut").to_string().contains("ends after 7 of 8 bytes"));
+        let none =
+            "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"1\" NumberOfCells=\"0\">";
+        assert_eq!(time_of(none.as_bytes()).ok(), Some(None), "what follows the first piece is not looked at");
     }
 }

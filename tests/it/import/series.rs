@@ -209,8 +209,8 @@ fn other_cells_are_skipped_or_refused_by_name() {
 #[test]
 fn parts_of_a_step_are_joined() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut ghosted = Grid::default();
-    ghosted.cell_arrays = vec![("c", 1, vec![30.0, 40.0]), ("vtkGhostType", 1, vec![0.0, 0.0])];
+    let cell_arrays = vec![("c", 1, vec![30.0, 40.0]), ("vtkGhostType", 1, vec![0.0, 0.0])];
+    let ghosted = Grid { cell_arrays, ..Grid::default() };
     fs::write(folder.path().join("a.vtu"), Grid::default().text()).expect("a file");
     // Ghost flags are bytes.
     let text = ghosted.text().replace("Float64\" Name=\"vtkGhostType", "UInt8\" Name=\"vtkGhostType");
