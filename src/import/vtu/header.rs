@@ -1,9 +1,9 @@
 //! The XML header of a `.vtu` file: which arrays there are, and where their data lie.
 
+use super::super::xml::{Attributes, same_length_utf8};
 use super::compression::Compressor;
 use super::numbers::Number;
 use crate::error::{FileError, FileResult};
-use crate::import::xml::{Attributes, same_length_utf8};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::ops::Range;
