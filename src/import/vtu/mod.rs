@@ -1,0 +1,266 @@
+//! Reader of `.vtu` files: VTK's XML format for unstructured grids, in every encoding that VTK writes.
+
+mod cells;
+mod compression;
+mod encoded;
+mod header;
+mod numbers;
+
+pub(super) use cells::GridReader;
+pub(super) use header::{ArrayInfo, Piece};
+pub(super) use numbers::Values;
+
+use numbers::Number;
+
+use crate::error::{FileError, FileResult};
+use encoded::{Decoded, Layout, Stored};
+use header::{DataPlace, Extent, Header};
+use std::borrow::Cow;
+use std::fs;
+use std::hash::{Hash, Hasher};
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// A `.vtu` file in memory: its bytes and its parsed header.
+pub(super) struct VtuFile {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    header: Header,
+}
+
+/// The decoded bytes of an array; [`VtuFile::values`] makes numbers of them.
+pub(super) struct ArrayBytes {
+    number: Number,
+    big_endian: bool,
+    data: Decoded,
+}
+
+impl VtuFile {
+    /// Reads the file and parses its header.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is no unstructured grid.
+    pub(super) fn open(path: &Path) -> FileResult<Self> {
+        let bytes = fs::read(path).map_err(|e| FileError::io(path, "read", &e))?;
+        Self::from_bytes(path, bytes)
+    }
+
+    /// A file of that name and content; parses the header.
+    fn from_bytes(path: &Path, bytes: Vec<u8>) -> FileResult<Self> {
+        let header = header::parse(path, &bytes, Extent::Whole)?;
+        Ok(Self { path: path.to_owned(), bytes, header })
+    }
+
+    /// Where the file is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Bytes of the file.
+    pub(super) fn len(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// The pieces that hold something.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece> {
+        self.header.pieces.iter().filter(|piece| !piece.is_empty())
+    }
+
+    /// Names of point and cell arrays that hold no numbers.
+    pub(super) fn skipped_arrays(&self) -> &[String] {
+        &self.header.skipped
+    }
+
+    /// Number `TimeValue` of the field data, if there is one.
+    fn time_value(&self) -> FileResult<Option<f64>> {
+        let Some((array, tuples)) = &self.header.time_value else { return Ok(None) };
+        let bytes = self.decode(array, *tuples)?;
+        Ok(self.values(&bytes).to_f64().first().copied())
+    }
+
+    /// Decodes `array`, which must hold `tuples` tuples.
+    ///
+    /// # Errors
+    /// If its data are damaged or of another size.
+    pub(super) fn decode(&self, array: &ArrayInfo, tuples: usize) -> FileResult<ArrayBytes> {
+        let numbers = tuples.checked_mul(array.components);
+        let expected = numbers
+            .and_then(|n| n.checked_mul(array.number.size()))
+            .ok_or_else(|| self.invalid(array, array.byte, format!("{tuples} tuples are more than there can be")))?;
+        if expected == 0 {
+            // Writers differ in what they write for nothing.
+            return Ok(ArrayBytes { number: array.number, big_endian: false, data: Decoded::Own(Vec::new()) });
+        }
+        if let DataPlace::Ascii(ranges) = &array.data {
+            let bytes = numbers::parse_ascii(array.number, &self.joined(ranges));
+            let bytes = bytes.map_err(|problem| self.invalid(array, data_byte(ranges, array), problem))?;
+            if bytes.len() != expected {
+                let (got, wanted) = (bytes.len() / array.number.size(), expected / array.number.size());
+                let problem = format!("has {got} numbers, but {wanted} are needed");
+                return Err(self.invalid(array, data_byte(ranges, array), problem));
+            }
+            return Ok(ArrayBytes { number: array.number, big_endian: false, data: Decoded::Own(bytes) });
+        }
+        let (stored, start) = self.stored(array)?;
+        let data = Layout::read(&stored, self.header.words, self.header.compressor)
+            .and_then(|layout| encoded::decode(&stored, &layout, self.header.compressor, expected))
+            .map_err(|problem| self.invalid(array, start, problem))?;
+        let data = match data {
+            Decoded::InPlace(range) => Decoded::InPlace(start + range.start..start + range.end),
+            own => own,
+        };
+        Ok(ArrayBytes { number: array.number, big_endian: self.header.words.big_endian, data })
+    }
+
+    /// The numbers of a decoded array of this file.
+    pub(super) fn values<'a>(&'a self, array: &'a ArrayBytes) -> Values<'a> {
+        let bytes = match &array.data {
+            Decoded::InPlace(range) => &self.bytes[range.clone()],
+            Decoded::Own(bytes) => bytes,
+        };
+        Values { number: array.number, big_endian: array.big_endian, bytes }
+    }
+
+    /// Feeds `state` with the arrays of the mesh of `piece` as the file holds them, undecoded: the same bytes are the
+    /// same mesh, other bytes may be.
+    pub(super) fn hash_stored_mesh(&self, piece: &Piece, state: &mut impl Hasher) -> FileResult<()> {
+        let points = piece.coordinates.iter().filter(|_| piece.points > 0);
+        let ghosts = piece.cell_data.iter().filter(|array| array.name == cells::GHOST_ARRAY);
+        let cells = [&piece.connectivity, &piece.offsets, &piece.types].into_iter().flatten().chain(ghosts);
+        for array in points.chain(cells.filter(|_| piece.cells > 0)) {
+            self.hash_stored(array, state)?;
+        }
+        Ok(())
+    }
+
+    fn hash_stored(&self, array: &ArrayInfo, state: &mut impl Hasher) -> FileResult<()> {
+        (array.number, self.header.words, self.header.compressor, array.components).hash(state);
+        if let DataPlace::Ascii(ranges) = &array.data {
+            state.write(&self.joined(ranges));
+            return Ok(());
+        }
+        let (stored, start) = self.stored(array)?;
+        let layout = Layout::read(&stored, self.header.words, self.header.compressor)
+            .map_err(|problem| self.invalid(array, start, problem))?;
+        state.write(layout.extent(&stored));
+        Ok(())
+    }
+
+    /// The stored data of a binary array, and the byte of the file where they begin.
+    fn stored(&self, array: &ArrayInfo) -> FileResult<(Stored<'_>, usize)> {
+        match &array.data {
+            DataPlace::Ascii(ranges) | DataPlace::Base64(ranges) => {
+                Ok((Stored::Base64(without_blanks(self.joined(ranges))), data_byte(ranges, array)))
+            }
+            DataPlace::Appended(offset) => {
+                let appended = self.header.appended.ok_or_else(|| {
+                    self.invalid(array, array.byte, "is appended, but the file has no appended data".to_owned())
+                })?;
+                let start = appended.start.saturating_add(*offset);
+                let rest = self.bytes.get(start..).ok_or_else(|| {
+                    self.invalid(
+                        array,
+                        start,
+                        format!("begins behind the end of the file ({} bytes)", self.bytes.len()),
+                    )
+                })?;
+                Ok((if appended.base64 { Stored::Base64(Cow::Borrowed(rest)) } else { Stored::Raw(rest) }, start))
+            }
+        }
+    }
+
+    fn joined(&self, ranges: &[Range<usize>]) -> Cow<'_, [u8]> {
+        match ranges {
+            [] => Cow::Borrowed(&[]),
+            [range] => Cow::Borrowed(self.bytes[range.clone()].trim_ascii()),
+            _ => Cow::Owned(ranges.iter().flat_map(|range| &self.bytes[range.clone()]).copied().collect()),
+        }
+    }
+
+    /// An error that names this file, the array and the byte where its data begin.
+    fn invalid(&self, array: &ArrayInfo, byte: usize, problem: String) -> FileError {
+        FileError::invalid(&self.path, format!("array '{}' (data at byte {byte})", array.name), problem)
+            .remedy("write the file again, or copy it again if it was cut")
+    }
+}
+
+/// Where data inside of a `DataArray` begin; where its tag is if there are none.
+fn data_byte(ranges: &[Range<usize>], array: &ArrayInfo) -> usize {
+    ranges.first().map_or(array.byte, |range| range.start)
+}
+
+fn without_blanks(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
+    if text.iter().any(u8::is_ascii_whitespace) {
+        return Cow::Owned(text.iter().copied().filter(|c| !c.is_ascii_whitespace()).collect());
+    }
+    text
+}
+
+/// Number `TimeValue` of a file, of which no more is read than that takes.
+///
+/// # Errors
+/// If the file cannot be read, or is no unstructured grid.
+pub(super) fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
+    const FIRST_READ: u64 = 1 << 16;
+    let mut file = fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    let mut bytes = Vec::new();
+    let mut wanted = FIRST_READ;
+    loop {
+        let got = file.by_ref().take(wanted).read_to_end(&mut bytes).map_err(|e| FileError::io(path, "read", &e))?;
+        let time = header::parse(path, &bytes, Extent::TimeValue).and_then(|header| {
+            let start = VtuFile { path: path.to_owned(), bytes: std::mem::take(&mut bytes), header };
+            let time = start.time_value();
+            bytes = start.bytes;
+            time
+        });
+        // What is missing at the end of a part may be in the next.
+        if time.is_ok() || (got as u64) < wanted {
+            return time;
+        }
+        wanted = bytes.len() as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A header with a comment of `blanks` bytes in front of a raw appended `TimeValue` of 2.5 that lies `offset` bytes
+    /// behind the start of the data; the file goes on with `tail` bytes.
+    fn file_with_time(blanks: usize, offset: usize, tail: usize) -> Vec<u8> {
+        let blank = " ".repeat(blanks);
+        let head = format!(
+            "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><!--{blank}--><FieldData><DataArray type=\"Float64\" \
+             Name=\"TimeValue\" format=\"appended\" offset=\"{offset}\"/></FieldData></UnstructuredGrid>\
+             <AppendedData encoding=\"raw\">_"
+        );
+        let data = [&vec![0; offset][..], &8_u32.to_le_bytes(), &2.5_f64.to_le_bytes(), &vec![b'<'; tail]].concat();
+        [head.into_bytes(), data].concat()
+    }
+
+    #[test]
+    fn the_time_is_found_however_far_back_it_is_and_its_lack_without_reading_on() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.vtu");
+        let time_of = |bytes: &[u8]| {
+            fs::write(&path, bytes).expect("a file");
+            time_value_of(&path)
+        };
+        for (blanks, offset, tail) in
+            [(0, 0, 0), (0, 0, 1 << 20), (200_000, 0, 9), (0, 200_000, 0), (70_000, 70_000, 5)]
+        {
+            assert_eq!(
+                time_of(&file_with_time(blanks, offset, tail)).ok(),
+                Some(Some(2.5)),
+                "{blanks} {offset} {tail}"
+            );
+        }
+        let mut cut = file_with_time(0, 70_000, 0);
+        cut.pop();
+        assert!(time_of(&cut).expect_err("cut").to_string().contains("ends after 7 of 8 bytes"));
+        let none =
+            "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"1\" NumberOfCells=\"0\">";
+        assert_eq!(time_of(none.as_bytes()).ok(), Some(None), "what follows the first piece is not looked at");
+    }
+}
