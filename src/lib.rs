@@ -5,14 +5,15 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | [`error`], [`task`] |
+//! | 0 | [`error`], [`files`], [`task`] |
 //! | 1 | [`mesh`], [`field`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
+//! | 6 | [`pipeline`] |
 //! | 8 | [`export`] |
-//! | 9 | [`cli`], [`bench`] |
+//! | 9 | [`cli`], [`mod@bench`] |
 //!
 //! `docs/architecture.md` follows a frame through them; `examples/render_one.rs` is the shortest complete use.
 
@@ -23,6 +24,7 @@ pub mod codec;
 pub mod error;
 pub mod export;
 pub mod field;
+pub mod files;
 pub mod image;
 pub mod import;
 pub mod ingest;
@@ -30,6 +32,7 @@ pub mod mesh;
 pub mod moments;
 pub mod node_table;
 pub mod optics;
+pub mod pipeline;
 pub mod render;
 pub mod stats;
 pub mod store;

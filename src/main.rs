@@ -1,3 +1,7 @@
 //! The `tetreel` command.
 
-fn main() {}
+use clap::Parser;
+
+fn main() -> std::process::ExitCode {
+    tetreel::cli::run(tetreel::cli::Cli::parse())
+}

@@ -3,11 +3,13 @@
 //! Claims of "no slower than" go through [`paired`]: the two sides run alternately, so that a machine that slows down or
 //! heats up slows both, and the ratio comes with an interval.
 
+mod frames;
 mod machine;
 mod paired;
 mod report;
 mod statistics;
 
+pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
 pub use report::{BenchReport, BenchRun, JUDGE_REFERENCE, RunError, RunTimes};

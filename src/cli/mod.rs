@@ -1,1 +1,122 @@
 //! The command line, one file per subcommand.
+//!
+//! [`Cli`] is the one table from which help, man pages and completions come. Exit codes: 0 done, 1 done but a check
+//! failed, 2 bad usage or input, 130 interrupted.
+
+mod bench;
+mod compare;
+mod demo;
+mod import;
+mod info;
+mod manual;
+mod progress;
+mod render;
+mod scene;
+mod source;
+mod synth;
+
+use clap::{Parser, Subcommand};
+use progress::Terminal;
+use std::process::ExitCode;
+
+/// Exit code of a run that was interrupted, as shells have it for SIGINT.
+const EXIT_INTERRUPTED: u8 = 130;
+/// Exit code for bad usage or input.
+const EXIT_BAD_INPUT: u8 = 2;
+/// Exit code of a run that did its work and found a check failing.
+const EXIT_CHECK_FAILED: u8 = 1;
+
+/// Plays time-varying scalar fields on tetrahedral meshes.
+#[derive(Debug, Parser)]
+#[command(name = "tetreel", version, max_term_width = 110)]
+#[command(after_help = "Start with: tetreel demo\nEach command shows an example: tetreel render --help")]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Threads to compute with (0: one per core)
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// Say more
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+    /// Say nothing but errors and results
+    #[arg(short, long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Import(import::Args),
+    Info(info::Args),
+    Render(render::Args),
+    Compare(compare::Args),
+    Bench(bench::Args),
+    Synth(synth::Args),
+    Manual(manual::Args),
+}
+
+/// What a command ended with, if not with an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// All went well.
+    Done,
+    /// The work is done, and a check that was asked for failed.
+    CheckFailed,
+}
+
+/// The run was interrupted; there is nothing more to say.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("interrupted")]
+struct Interrupted;
+
+/// Runs the command line and returns its exit code. Results go to stdout, everything else to stderr.
+pub fn run(cli: Cli) -> ExitCode {
+    if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build_global() {
+        eprintln!("error: cannot start {} threads: {error}", cli.threads);
+        return EXIT_BAD_INPUT.into();
+    }
+    let terminal = Terminal::new(cli.quiet, cli.verbose);
+    let result = match &cli.command {
+        Command::Demo(args) => demo::run(args, &terminal),
+        Command::Import(args) => import::run(args, &terminal),
+        Command::Info(args) => info::run(args, &terminal),
+        Command::Render(args) => render::run(args, &terminal),
+        Command::Compare(args) => compare::run(args),
+        Command::Bench(args) => bench::run(args, &terminal),
+        Command::Synth(args) => synth::run(args, &terminal),
+        Command::Manual(args) => manual::run(args),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::CheckFailed) => EXIT_CHECK_FAILED.into(),
+        Err(error) if error.is::<Interrupted>() => {
+            eprintln!("interrupted");
+            EXIT_INTERRUPTED.into()
+        }
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            EXIT_BAD_INPUT.into()
+        }
+    }
+}
+
+/// Whether the reader of our output has gone (`tetreel info X | head -1`): no error of ours.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// Prints a result: the text, or with `--json` the same as JSON alone on stdout.
+fn print_result(json: bool, value: &impl serde::Serialize, text: &impl std::fmt::Display) -> anyhow::Result<()> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    if json {
+        serde_json::to_writer_pretty(&mut out, value)?;
+        writeln!(out)?;
+    } else {
+        write!(out, "{text}")?;
+    }
+    out.flush()?;
+    Ok(())
+}

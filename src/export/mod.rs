@@ -1,4 +1,5 @@
 //! Frames and series written to files. What is written appears in its place only when it is complete.
 
 mod folder;
+pub mod sequence;
 pub mod vtu;

@@ -46,6 +46,18 @@ pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     }
 }
 
+/// All files that [`open`] would read for the series at `path`: that path, and for a collection those it names.
+///
+/// # Errors
+/// If a collection is damaged or names missing files.
+pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
+    let mut files = vec![path.to_owned()];
+    if extension(path) == "pvd" {
+        files.extend(pvd::read(path)?.0.into_iter().flat_map(|step| step.parts));
+    }
+    Ok(files)
+}
+
 /// Opens several `.vtu` files as a series of one step each, in natural order of their names (2 before 10).
 ///
 /// Times are the `TimeValue` of the files' field data if all have one and no two are equal (the steps are then in their

@@ -6,21 +6,47 @@
 //! are those at the start of the next.
 
 use super::{Accumulator, piece_weights};
-use crate::node_table::NodeTable;
+use crate::node_table::{Node, NodeTable};
+use glam::Vec4;
 
-/// One interval of a piecewise linear table in the form `value(s) = base + slope * (s - lo)`.
+/// Colour (red, green, blue, 1) and extinction per unit of length at one scalar.
+#[derive(Clone, Copy, Debug)]
+struct Optical {
+    color: Vec4,
+    tau: f32,
+}
+
+/// One interval of a piecewise linear table.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
-    /// Scalars from `lo` to `hi`; the first and last interval reach to infinity.
+    /// Scalars from `lo` to `hi`; the first and last interval reach to infinity and are constant.
     lo: f64,
     hi: f64,
-    /// Where the linear form is anchored: the finite end of the interval.
-    anchor: f64,
-    /// Red, green, blue, extinction at the anchor.
-    base: [f64; 4],
-    slope: [f64; 4],
+    /// 1 / (hi - lo), or 0 where constant.
+    per_width: f64,
+    at_lo: Optical,
+    /// Value at `hi` less that at `lo`.
+    rise: Optical,
     /// Extinction is zero throughout.
     clear: bool,
+}
+
+impl Interval {
+    fn new(lo: f64, hi: f64, a: &Node, b: &Node, world_per_length: f64) -> Self {
+        let color = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, 1.0);
+        // The largest extinction that stays finite when it is averaged.
+        let tau = |n: &Node| (n.tau * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;
+        let at_lo = Optical { color: color(a), tau: tau(a) };
+        let rise = Optical { color: color(b) - at_lo.color, tau: tau(b) - at_lo.tau };
+        let per_width = if lo.is_finite() && hi.is_finite() { 1.0 / (hi - lo) } else { 0.0 };
+        Self { lo, hi, per_width, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
+    }
+
+    #[inline]
+    fn at(&self, scalar: f64) -> Optical {
+        let share = if self.per_width == 0.0 { 0.0 } else { ((scalar - self.lo) * self.per_width) as f32 };
+        Optical { color: self.at_lo.color + self.rise.color * share, tau: self.at_lo.tau + self.rise.tau * share }
+    }
 }
 
 /// A [`NodeTable`] prepared for integration along rays, extinction per unit of the ray's length parameter.
@@ -33,45 +59,34 @@ impl ExactTable {
     /// Prepares `table`; `world_per_length` is the world length of one unit in which segment lengths will be given.
     pub fn new(table: &NodeTable, world_per_length: f64) -> Self {
         let nodes = table.nodes();
-        let value = |i: usize| {
-            let n = &nodes[i];
-            [n.rgb[0], n.rgb[1], n.rgb[2], n.tau * world_per_length]
-        };
-        let constant = |lo, hi, i: usize| {
-            let base = value(i);
-            Interval { lo, hi, anchor: nodes[i].scalar, base, slope: [0.0; 4], clear: base[3] == 0.0 }
-        };
-        let last = nodes.len() - 1;
-        let mut intervals = vec![constant(f64::NEG_INFINITY, nodes[0].scalar, 0)];
-        for i in 0..last {
-            let (lo, hi) = (nodes[i].scalar, nodes[i + 1].scalar);
-            if hi > lo {
-                let (base, end) = (value(i), value(i + 1));
-                let slope = std::array::from_fn(|c| (end[c] - base[c]) / (hi - lo));
-                intervals.push(Interval { lo, hi, anchor: lo, base, slope, clear: base[3] == 0.0 && end[3] == 0.0 });
-            }
+        let (first, last) = (&nodes[0], &nodes[nodes.len() - 1]);
+        let mut intervals = vec![Interval::new(f64::NEG_INFINITY, first.scalar, first, first, world_per_length)];
+        for pair in nodes.windows(2).filter(|pair| pair[1].scalar > pair[0].scalar) {
+            intervals.push(Interval::new(pair[0].scalar, pair[1].scalar, &pair[0], &pair[1], world_per_length));
         }
-        intervals.push(constant(nodes[last].scalar, f64::INFINITY, last));
+        intervals.push(Interval::new(last.scalar, f64::INFINITY, last, last, world_per_length));
         Self { intervals }
     }
 
-    /// Whether any scalar has extinction.
+    /// Whether no scalar has extinction.
     pub fn is_clear(&self) -> bool {
         self.intervals.iter().all(|i| i.clear)
     }
 }
 
-/// What is known of the ray's position in the table.
+/// What is known of a ray's place in the table: the interval, and the values at the scalar where its last segment ended.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactRay {
     interval: usize,
+    here: Optical,
 }
 
 impl ExactRay {
     /// A ray that enters the volume at a place with this scalar.
     #[inline]
     pub fn enter(table: &ExactTable, scalar: f64) -> Self {
-        Self { interval: table.intervals.partition_point(|i| i.hi <= scalar) }
+        let interval = table.intervals.partition_point(|i| i.hi <= scalar);
+        Self { interval, here: table.intervals[interval].at(scalar) }
     }
 
     /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
@@ -79,49 +94,67 @@ impl ExactRay {
     /// were integrated.
     #[inline]
     pub fn segment(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
+        let intervals = table.intervals.as_slice();
+        let interval = &intervals[self.interval];
+        // The usual case: no node on the way.
+        if s1 < interval.hi && s1 > interval.lo && s0 < interval.hi {
+            return self.piece(interval, s1, length, out);
+        }
+        self.across_nodes(intervals, s0, s1, length, out)
+    }
+
+    #[inline]
+    fn piece(&mut self, interval: &Interval, to: f64, length: f64, out: &mut Accumulator) -> u64 {
+        let near = self.here;
+        self.here = interval.at(to);
+        if interval.clear {
+            return 0;
+        }
+        let (far, length) = (self.here, length as f32);
+        // Rounding may leave a tiny negative extinction where a ramp reaches zero.
+        let weights = piece_weights((near.tau * length).max(0.0), (far.tau * length).max(0.0));
+        out.add(weights, near.color, far.color);
+        1
+    }
+
+    #[inline(never)]
+    fn across_nodes(&mut self, intervals: &[Interval], s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
         let mut pieces = 0;
         let mut s = s0;
-        let mut piece = |interval: &Interval, from: f64, to: f64, length: f64| {
-            if interval.clear || length <= 0.0 {
-                return;
-            }
-            let at = |s: f64| -> [f32; 4] {
-                let d = s - interval.anchor;
-                std::array::from_fn(|c| (interval.base[c] + interval.slope[c] * d) as f32)
-            };
-            let (near, far, length) = (at(from), at(to), length as f32);
-            // Rounding may leave a tiny negative extinction where a ramp reaches zero.
-            let weights = piece_weights((near[3] * length).max(0.0), (far[3] * length).max(0.0));
-            out.add(weights, [near[0], near[1], near[2]], [far[0], far[1], far[2]]);
-            pieces += 1;
-        };
+        let mut rest = length;
         if s1 >= s0 {
-            while s >= table.intervals[self.interval].hi {
-                self.interval += 1;
+            // At a node the side that the ray goes to holds; a constant segment takes the right one.
+            while s >= intervals[self.interval].hi {
+                self.move_to(intervals, self.interval + 1, s);
             }
             let per_scalar = if s1 > s0 { length / (s1 - s0) } else { 0.0 };
-            while s1 > table.intervals[self.interval].hi {
-                let interval = &table.intervals[self.interval];
-                piece(interval, s, interval.hi, (interval.hi - s) * per_scalar);
+            while s1 > intervals[self.interval].hi {
+                let interval = &intervals[self.interval];
+                pieces += self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, out);
                 s = interval.hi;
-                self.interval += 1;
+                rest = (s1 - s) * per_scalar;
+                self.move_to(intervals, self.interval + 1, s);
             }
-            let rest = if s == s0 { length } else { (s1 - s) * per_scalar };
-            piece(&table.intervals[self.interval], s, s1, rest);
         } else {
-            while s <= table.intervals[self.interval].lo {
-                self.interval -= 1;
+            while s <= intervals[self.interval].lo {
+                self.move_to(intervals, self.interval - 1, s);
             }
             let per_scalar = length / (s0 - s1);
-            while s1 < table.intervals[self.interval].lo {
-                let interval = &table.intervals[self.interval];
-                piece(interval, s, interval.lo, (s - interval.lo) * per_scalar);
+            while s1 < intervals[self.interval].lo {
+                let interval = &intervals[self.interval];
+                pieces += self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, out);
                 s = interval.lo;
-                self.interval -= 1;
+                rest = (s - s1) * per_scalar;
+                self.move_to(intervals, self.interval - 1, s);
             }
-            let rest = if s == s0 { length } else { (s - s1) * per_scalar };
-            piece(&table.intervals[self.interval], s, s1, rest);
         }
-        pieces
+        pieces + self.piece(&intervals[self.interval], s1, rest, out)
+    }
+
+    /// Crosses a node: values may jump.
+    #[inline]
+    fn move_to(&mut self, intervals: &[Interval], interval: usize, scalar: f64) {
+        self.interval = interval;
+        self.here = intervals[interval].at(scalar);
     }
 }

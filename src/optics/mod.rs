@@ -13,15 +13,14 @@
 pub mod exact;
 mod weights;
 
+use glam::Vec4;
 pub use weights::{PieceWeights, piece_weights};
 
-/// Light gathered along a ray from the front: premultiplied colour, opacity, and what still shines through.
+/// Light gathered along a ray from the front: premultiplied colour and opacity, and what still shines through.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accumulator {
-    /// Premultiplied red, green, blue.
-    pub rgb: [f32; 3],
-    /// Opacity, 1 - transmittance, summed without cancellation.
-    pub alpha: f32,
+    /// Premultiplied red, green, blue, and opacity, summed without cancellation.
+    rgba: Vec4,
     /// Transmittance.
     pub transmittance: f32,
 }
@@ -32,7 +31,7 @@ pub const OPAQUE_TRANSMITTANCE: f32 = 1.0 / 131_072.0;
 
 impl Accumulator {
     /// Nothing gathered, everything shines through.
-    pub const CLEAR: Self = Self { rgb: [0.0; 3], alpha: 0.0, transmittance: 1.0 };
+    pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0 };
 
     /// Whether what lies behind no longer matters; see [`OPAQUE_TRANSMITTANCE`].
     #[inline]
@@ -40,19 +39,15 @@ impl Accumulator {
         self.transmittance < OPAQUE_TRANSMITTANCE
     }
 
-    /// Composites a piece with linear colour from `near` to `far` behind what has been gathered.
+    /// Composites a piece with linear colour from `near` to `far` (red, green, blue, 1) behind what has been gathered.
     #[inline]
-    pub fn add(&mut self, w: PieceWeights, near: [f32; 3], far: [f32; 3]) {
-        let (wn, wf) = (self.transmittance * w.near, self.transmittance * w.far);
-        for i in 0..3 {
-            self.rgb[i] += wn * near[i] + wf * far[i];
-        }
-        self.alpha += wn + wf;
-        self.transmittance *= w.transmittance;
+    pub fn add(&mut self, weights: PieceWeights, near: Vec4, far: Vec4) {
+        self.rgba += near * (self.transmittance * weights.near) + far * (self.transmittance * weights.far);
+        self.transmittance *= weights.transmittance;
     }
 
     /// The gathered light as a pixel.
     pub fn pixel(&self) -> [f32; 4] {
-        [self.rgb[0], self.rgb[1], self.rgb[2], self.alpha]
+        self.rgba.to_array()
     }
 }

@@ -30,6 +30,8 @@ pub struct RenderJob {
     pub table: Arc<NodeTable>,
     /// Whether rays stop when nothing behind can be seen.
     pub early_termination: bool,
+    /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
+    pub stats: FrameStats,
 }
 
 /// Why a job cannot be rendered.

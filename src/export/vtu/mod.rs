@@ -13,6 +13,7 @@ use crate::field::{Association, Component, FieldInfo, SeriesSource};
 use crate::mesh::RawMesh;
 use crate::task::{Cancel, Progress};
 use piece::Values;
+use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,7 @@ pub struct VtuOptions {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct VtuReport {
     /// The `.pvd` file.
     pub pvd: PathBuf,

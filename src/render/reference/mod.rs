@@ -80,7 +80,7 @@ impl Renderer for Reference {
             cells_active: job.active.count() as u64,
             cells_total: job.active.universe() as u64,
             ms_order: started.elapsed().as_secs_f64() * 1e3,
-            ..Default::default()
+            ..job.stats.clone()
         };
         self.active_job = Some(ActiveJob { job, view, cells, next_band: 0, started });
         Ok(())
@@ -110,7 +110,7 @@ impl Renderer for Reference {
         }
         let done = active.next_band >= bands;
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = active.started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
         if done {
             self.active_job = None;
             return Advance::Done(&self.frame);

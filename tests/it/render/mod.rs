@@ -33,6 +33,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
         early_termination: true,
+        stats: Default::default(),
     }
 }
 

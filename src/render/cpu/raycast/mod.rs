@@ -9,14 +9,18 @@
 //! **Why no ray is lost or doubled.** A pixel's ray is made the origin of a plane by shearing the vertices along it; a
 //! face is hit if the origin lies in its sheared triangle. Sheared coordinates are a function of vertex and pixel alone, so
 //! all cells see the same planar points, and the sign of an edge function of two of them is exact, with zeros decided by
-//! shifting the ray by (d, d^2), d -> 0 ([`view::edge`]). Of the four sheared faces of a tet, generic points lie in none or
+//! shifting the ray by (d, d^2), d -> 0 ([`view::is_positive`]). Of the four sheared faces of a tet, generic points lie in none or
 //! in two with opposite orientation (the boundary of a tet is a closed surface: its degree over any point of the plane is
 //! zero). So the faces hit by a ray pair up inside each tet: they form paths from a front-facing to a back-facing face of
 //! the active sub-complex's surface, each walk ends there, whatever rounding does to the shape of slivers, and entries
 //! found by the same edge functions are exactly the starts of the paths.
 //!
-//! Deviations for speed from the plain algorithm: entry candidates are culled by conservative pixel boxes; of the three
-//! edges of the exit face only those at the new vertex are evaluated.
+//! Deviations for speed from the plain algorithm:
+//! 1. Entry candidates are culled by conservative pixel boxes.
+//! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
+//! 3. A step is a chain of dependent loads (cell, vertex, neighbour), so a thread walks several rays in turn
+//!    ([`walk::RAYS_IN_FLIGHT`]); while one waits for memory the others compute. Rays know nothing of each other: the image
+//!    does not depend on it.
 
 mod entries;
 mod view;
@@ -91,7 +95,7 @@ impl Renderer for Raycast {
             cells_total: job.active.universe() as u64,
             entry_faces: self.entry_faces.len() as u64,
             ms_order: started.elapsed().as_secs_f64() * 1e3,
-            ..FrameStats::default()
+            ..job.stats.clone()
         };
         debug_assert!(tiles == 0 || tiles == self.bins.tile_count());
         let next_tile = if everything_clear { self.bins.tile_count() } else { 0 };
@@ -138,7 +142,7 @@ impl Renderer for Raycast {
         }
         let done = active.next_tile >= tile_count;
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = active.started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
         if done {
             self.active_job = None;
             return Advance::Done(&self.frame);

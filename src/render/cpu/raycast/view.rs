@@ -58,32 +58,43 @@ impl Ray {
     }
 }
 
-/// An edge function: twice the signed area of the triangle (origin, a, b), and whether it is positive, that is, whether b
-/// lies counter-clockwise of a seen from the ray.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
-    pub(super) value: f64,
-    pub(super) positive: bool,
+/// The edge function of two vertices: twice the signed area of the triangle (origin, a, b), positive if b lies
+/// counter-clockwise of a seen from the ray. Antisymmetric to the last bit.
+#[inline]
+pub(super) fn edge(a: &Sheared, b: &Sheared) -> f64 {
+    a.x * b.y - b.x * a.y
 }
 
-/// The edge function of two vertices. The sign is exact, never undecided, and antisymmetric.
+/// How far the sign of an edge function of points with these reaches (|x| + |y|) can be trusted: each of its two products
+/// is rounded by at most 2^-53 of itself and so is their difference, and the products are at most the product of the
+/// reaches. Twice the bound, and never zero.
+#[inline]
+pub(super) fn uncertainty(reach_a: f64, reach_b: f64) -> f64 {
+    const ROUNDING: f64 = 1.0 / (1u64 << 51) as f64;
+    ROUNDING * reach_a * reach_b + f64::MIN_POSITIVE
+}
+
+impl Sheared {
+    /// |x| + |y|.
+    #[inline]
+    pub(super) fn reach(&self) -> f64 {
+        self.x.abs() + self.y.abs()
+    }
+}
+
+/// Whether an edge function is positive: exact, never undecided, and antisymmetric.
 ///
-/// Each product is rounded by at most 2^-53 of itself and so is their difference: a value above 2^-51 of the products has
-/// the right sign. Others go through the exact predicate. A true zero is decided for the ray shifted by (d, d^2),
+/// What rounding leaves in doubt goes through the exact predicate. A true zero is decided for the ray shifted by (d, d^2),
 /// d -> 0: the function gains d (a.y - b.y) + d^2 (b.x - a.x). Where the two vertices coincide in the plane, their ids
 /// decide: no triangle with such an edge contains the origin, since its two other edges have opposite signs.
 #[inline]
-pub(super) fn edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> Edge {
-    let (left, right) = (a.x * b.y, b.x * a.y);
-    let value = left - right;
-    const ROUNDING: f64 = 1.0 / (1u64 << 51) as f64;
-    let certain = value.abs() > ROUNDING * (left.abs() + right.abs()) && value.abs() > f64::MIN_POSITIVE;
-    Edge { value, positive: if certain { value > 0.0 } else { exact_sign(a, b, a_id, b_id) } }
+pub(super) fn is_positive(value: f64, a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
+    if value.abs() > uncertainty(a.reach(), b.reach()) { value > 0.0 } else { exact_sign(a, b, a_id, b_id) }
 }
 
 #[cold]
 #[inline(never)]
-fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
+pub(super) fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
     let at = |v: &Sheared| robust::Coord { x: v.x, y: v.y };
     let area = robust::orient2d(robust::Coord { x: 0.0, y: 0.0 }, at(a), at(b));
     if area != 0.0 {

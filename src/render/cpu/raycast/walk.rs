@@ -1,7 +1,7 @@
 //! From an entry through the active cells to the exit.
 
 use super::entries::{Crossing, EntryFace, PixelRect, TileBins, crossing, face_of};
-use super::view::{Edge, Ray, ViewVertex, edge, hit};
+use super::view::{Ray, Sheared, ViewVertex, edge, hit, is_positive, uncertainty};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Accumulator;
@@ -48,11 +48,7 @@ pub(super) fn render_tile(
     let mut stats = FrameStats::default();
     find_starts(scene, bins, tile, rect, &mut scratch.starts);
     stats.entries = scratch.starts.len() as u64;
-    for starts in scratch.starts.chunk_by(|a, b| a.0 == b.0) {
-        let pixel = starts[0].0 as usize;
-        let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-        pixels[pixel] = cast(scene, &ray, starts, &mut stats);
-    }
+    cast_all(scene, rect, &scratch.starts, &mut pixels, &mut stats);
     (pixels, rect, stats)
 }
 
@@ -107,109 +103,190 @@ fn start_at_eye(scene: &Scene<'_>, ray: &Ray, cell: u32) -> Option<Start> {
     start.filter(|s| s.depth <= 0.0 && exit.is_some_and(|depth| depth > 0.0))
 }
 
-/// Casts one ray along all its paths.
-fn cast(scene: &Scene<'_>, ray: &Ray, starts: &[(u32, Start)], stats: &mut FrameStats) -> [f32; 4] {
-    let mut path = Path {
-        scene,
-        ray,
-        light: Accumulator::CLEAR,
-        front: if ray.perspective { scene.view.near.max(0.0) } else { f64::NEG_INFINITY },
-        composited: false,
-        stats,
+/// Rays that a thread walks in turn. Measured: docs/performance.md.
+pub(super) const RAYS_IN_FLIGHT: usize = 4;
+
+/// Casts the rays of all pixels that have a start and writes their light.
+fn cast_all(
+    scene: &Scene<'_>,
+    rect: PixelRect,
+    starts: &[(u32, Start)],
+    pixels: &mut [[f32; 4]],
+    stats: &mut FrameStats,
+) {
+    let mut waiting = starts.chunk_by(|a, b| a.0 == b.0);
+    let mut launch = || -> Option<(usize, Walk<'_>)> {
+        let starts = waiting.next()?;
+        let pixel = starts[0].0 as usize;
+        let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        Some((pixel, Walk::new(scene, ray, starts)))
     };
-    path.stats.rays_hit += 1;
-    for (_, start) in starts {
-        path.walk(start);
-        if scene.early_termination && path.light.is_opaque() {
-            path.stats.rays_stopped_early += 1;
-            break;
+    let mut flying: Vec<(usize, Walk<'_>)> = (0..RAYS_IN_FLIGHT).map_while(|_| launch()).collect();
+    while !flying.is_empty() {
+        let mut slot = 0;
+        while slot < flying.len() {
+            let (pixel, walk) = &mut flying[slot];
+            if walk.step(scene) {
+                slot += 1;
+                continue;
+            }
+            pixels[*pixel] = walk.light.pixel();
+            stats.add_counts(&walk.counts());
+            match launch() {
+                Some(next) => flying[slot] = next,
+                None => drop(flying.swap_remove(slot)),
+            }
         }
     }
-    path.light.pixel()
 }
 
-/// A ray on its way.
-struct Path<'a, 's> {
-    scene: &'a Scene<'a>,
-    ray: &'a Ray,
+/// A ray on its way: which path, which cell, and what it has gathered.
+struct Walk<'a> {
+    ray: Ray,
+    /// Starts of the paths still to be walked.
+    starts: &'a [(u32, Start)],
+    cell: u32,
+    /// The vertex of the cell (0..4) that is not on the face through which the ray enters it.
+    opposite: u32,
+    /// The face through which the ray enters the cell, counter-clockwise, and its edge functions.
+    corners: [Sheared; 3],
+    reaches: [f64; 3],
+    ids: [u32; 3],
+    edges: [f64; 3],
+    /// Depth and scalar where it does.
+    last: (f64, f64),
+    /// Place in the table, if the last segment was composited up to `last`.
+    exact: Option<ExactRay>,
     light: Accumulator,
     /// Depth up to which the ray has been composited, or the near distance.
     front: f64,
     /// Whether `front` is the end of a segment rather than the near distance.
     composited: bool,
-    stats: &'s mut FrameStats,
+    steps: u32,
+    segments: u32,
+    out_of_order: u32,
+    stopped_early: bool,
 }
 
 /// Which corner of the triangle the new vertex replaces, from the signs of edge(new, corner i) as bits i; see the module's
 /// essay for why the first and the last entry do not occur.
-const REPLACED: [usize; 8] = [3, 2, 0, 0, 1, 2, 1, 3];
+const REPLACED: [u8; 8] = [3, 2, 0, 0, 1, 2, 1, 3];
 
-impl Path<'_, '_> {
-    /// Walks from `start` to the end of the path, or until nothing behind can be seen.
-    fn walk(&mut self, start: &Start) {
-        let (scene, ray) = (self.scene, self.ray);
-        let topology = &scene.mesh.topology;
-        let (mut cell, mut opposite) = (start.cell, start.opposite as usize);
-        let mut ids = face_of(topology, cell, opposite).vertices;
-        let Some(Crossing { mut corners, mut edges, depth, scalar }) = crossing(ray, scene.vertices, ids) else {
-            debug_assert!(false, "a start is a crossing");
-            return;
+impl<'a> Walk<'a> {
+    /// A ray at its first start (there is one).
+    fn new(scene: &Scene<'_>, ray: Ray, starts: &'a [(u32, Start)]) -> Self {
+        let mut walk = Self {
+            ray,
+            starts,
+            cell: 0,
+            opposite: 0,
+            corners: [Sheared::default(); 3],
+            reaches: [0.0; 3],
+            ids: [0; 3],
+            edges: [0.0; 3],
+            last: (0.0, 0.0),
+            exact: None,
+            light: Accumulator::CLEAR,
+            front: if ray.perspective { scene.view.near.max(0.0) } else { f64::NEG_INFINITY },
+            composited: false,
+            steps: 0,
+            segments: 0,
+            out_of_order: 0,
+            stopped_early: false,
         };
-        let mut last = (depth, scalar);
-        let mut exact = None;
-        loop {
-            self.stats.steps += 1;
-            let tet = &topology.tets[cell as usize];
-            let new_id = tet[opposite];
-            let new = ray.shear(&scene.vertices[new_id as usize]);
-            let to: [Edge; 3] = std::array::from_fn(|i| edge(&new, &corners[i], new_id, ids[i]));
-            let sign = |i: usize| usize::from(to[i].positive);
-            let k = REPLACED[sign(0) | sign(1) << 1 | sign(2) << 2];
-            if k == 3 {
-                debug_assert!(false, "signs of edge functions are exact");
-                return;
-            }
-            let exit = tet.iter().position(|&v| v == ids[k]).unwrap_or(0);
-            (corners[k], ids[k]) = (new, new_id);
-            let (next, after) = ([1, 2, 0][k], [2, 0, 1][k]);
-            edges[next] = -to[after].value;
-            edges[after] = to[next].value;
-            let here = hit(edges, &corners[0], &corners[1], &corners[2]);
-            if here.0 > last.0 {
-                self.composite(&mut exact, last, here);
-                last = here;
-            }
-            if scene.early_termination && self.light.is_opaque() {
-                return;
-            }
-            let neighbour = topology.neighbours[cell as usize][exit];
-            match neighbour.cell() {
-                Some(n) if scene.all_active || scene.active.contains(n) => {
-                    (cell, opposite) = (n, neighbour.opposite() as usize);
-                }
-                _ => return,
-            }
+        walk.next_path(scene);
+        walk
+    }
+
+    /// What the ray has cost.
+    fn counts(&self) -> FrameStats {
+        FrameStats {
+            steps: u64::from(self.steps),
+            segments: u64::from(self.segments),
+            rays_hit: 1,
+            rays_stopped_early: u64::from(self.stopped_early),
+            out_of_order: u64::from(self.out_of_order),
+            ..FrameStats::default()
         }
     }
 
-    /// Composites the segment between two (depth, scalar) places, or the part of it behind `front`.
+    /// Goes to the start of the next path, if there is one.
+    fn next_path(&mut self, scene: &Scene<'_>) -> bool {
+        let Some(((_, start), rest)) = self.starts.split_first() else { return false };
+        self.starts = rest;
+        (self.cell, self.opposite) = (start.cell, start.opposite);
+        self.ids = face_of(&scene.mesh.topology, start.cell, start.opposite as usize).vertices;
+        let crossing = crossing(&self.ray, scene.vertices, self.ids);
+        debug_assert!(crossing.is_some(), "a start is a crossing");
+        let Some(Crossing { corners, edges, depth, scalar }) = crossing else { return false };
+        (self.corners, self.edges, self.last) = (corners, edges, (depth, scalar));
+        self.reaches = corners.map(|c| c.reach());
+        self.exact = None;
+        true
+    }
+
+    /// Walks through one cell; false at the end of the ray.
     #[inline]
-    fn composite(&mut self, exact: &mut Option<ExactRay>, from: (f64, f64), to: (f64, f64)) {
-        if to.0 <= self.front {
-            self.stats.out_of_order += u64::from(self.composited);
-            *exact = None;
-            return;
+    fn step(&mut self, scene: &Scene<'_>) -> bool {
+        self.steps += 1;
+        let topology = &scene.mesh.topology;
+        let tet = &topology.tets[self.cell as usize];
+        let new_id = tet[self.opposite as usize & 3];
+        let new = self.ray.shear(&scene.vertices[new_id as usize]);
+        let reach = new.reach();
+        let to: [f64; 3] = std::array::from_fn(|i| edge(&new, &self.corners[i]));
+        let least = to[0].abs().min(to[1].abs()).min(to[2].abs());
+        let positive = if least > uncertainty(reach, self.reaches[0] + self.reaches[1] + self.reaches[2]) {
+            to.map(|e| e > 0.0)
+        } else {
+            std::array::from_fn(|i| is_positive(to[i], &new, &self.corners[i], new_id, self.ids[i]))
+        };
+        let signs = usize::from(positive[0]) | usize::from(positive[1]) << 1 | usize::from(positive[2]) << 2;
+        let k = REPLACED[signs] as usize;
+        if k == 3 {
+            debug_assert!(false, "signs of edge functions are exact");
+            return false;
         }
-        let mut from = from;
+        let exit = (1..4).filter(|&i| tet[i] == self.ids[k]).sum::<usize>() & 3;
+        (self.corners[k], self.reaches[k], self.ids[k]) = (new, reach, new_id);
+        let (next, after) = ([1, 2, 0][k], [2, 0, 1][k]);
+        self.edges[next] = -to[after];
+        self.edges[after] = to[next];
+        let neighbour = topology.neighbours[self.cell as usize][exit];
+        let here = hit(self.edges, &self.corners[0], &self.corners[1], &self.corners[2]);
+        if here.0 > self.last.0 {
+            self.composite(scene.table, here);
+            self.last = here;
+        }
+        if scene.early_termination && self.light.is_opaque() {
+            self.stopped_early = true;
+            return false;
+        }
+        match neighbour.cell() {
+            Some(n) if scene.all_active || scene.active.contains(n) => {
+                (self.cell, self.opposite) = (n, neighbour.opposite());
+                true
+            }
+            _ => self.next_path(scene),
+        }
+    }
+
+    /// Composites the segment from the last (depth, scalar) place to the next one, or the part of it behind `front`.
+    #[inline]
+    fn composite(&mut self, table: &ExactTable, to: (f64, f64)) {
+        let mut from = self.last;
         if from.0 < self.front {
-            let f = (self.front - from.0) / (to.0 - from.0);
-            from = (self.front, from.1 + f * (to.1 - from.1));
-            *exact = None;
+            self.exact = None;
+            if to.0 <= self.front {
+                self.out_of_order += u32::from(self.composited);
+                return;
+            }
+            let share = (self.front - from.0) / (to.0 - from.0);
+            from = (self.front, from.1 + share * (to.1 - from.1));
         }
-        let table = self.scene.table;
-        let walker = exact.get_or_insert_with(|| ExactRay::enter(table, from.1));
+        let place = self.exact.get_or_insert_with(|| ExactRay::enter(table, from.1));
         let length = (to.0 - from.0) * self.ray.length_per_depth;
-        self.stats.segments += walker.segment(table, from.1, to.1, length, &mut self.light);
+        self.segments += place.segment(table, from.1, to.1, length, &mut self.light) as u32;
         (self.front, self.composited) = (to.0, true);
     }
 }

@@ -1,0 +1,128 @@
+//! The frame and accuracy suites: what a frame costs, and how wrong it is.
+
+use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
+use crate::image::compare;
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
+use crate::stats::FrameStats;
+
+/// What moves from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Motion {
+    /// The step advances.
+    pub time: bool,
+    /// The camera turns around the focal point.
+    pub camera: bool,
+}
+
+/// The three ways in which a series is watched.
+pub const MOTIONS: [Motion; 3] =
+    [Motion { time: true, camera: false }, Motion { time: true, camera: true }, Motion { time: false, camera: true }];
+
+/// Degrees that a moving camera turns from frame to frame.
+const TURN_DEG: f64 = 5.625;
+
+/// Frames rendered and thrown away before the clock starts.
+const WARM_UP: usize = 2;
+
+/// What a run is made of.
+#[derive(Clone, Debug)]
+pub struct FrameBench {
+    /// Name of the data set.
+    pub dataset: String,
+    /// The first frame; others differ from it by what moves.
+    pub request: FrameRequest,
+    /// What moves.
+    pub motion: Motion,
+    /// Frames measured.
+    pub frames: usize,
+    /// Whether every eighth frame is compared with the reference, off the clock.
+    pub judged: bool,
+}
+
+/// Every how many frames one is judged.
+const JUDGE_EVERY: usize = 8;
+
+/// Renders the frames of a run and measures them; `on_frame` hears of each.
+///
+/// # Errors
+/// If a step cannot be read or there is no view through a camera.
+pub fn run_frames(
+    pipeline: &mut Pipeline,
+    bench: &FrameBench,
+    mut on_frame: impl FnMut(),
+) -> Result<BenchRun, PipelineError> {
+    let mut measured: Vec<FrameStats> = Vec::with_capacity(bench.frames);
+    let mut worst: Option<RunError> = None;
+    for index in 0..WARM_UP + bench.frames {
+        let request = request_of(pipeline, bench, index)?;
+        let frame = pipeline.render(&request)?;
+        if index < WARM_UP {
+            continue;
+        }
+        measured.push(frame.stats.clone());
+        if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
+            let fast = frame.color.clone();
+            let judge = pipeline.render(&FrameRequest { mode: RenderMode::Reference, ..request })?;
+            // Equal sizes by construction, and renderers give finite pixels; an image that cannot be compared is as wrong
+            // as can be.
+            let error = compare(&fast, &judge.color, [0.0; 3]).map_or(
+                RunError { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, judge: JUDGE_REFERENCE.to_owned() },
+                |m| RunError {
+                    rmse: m.rmse,
+                    max: m.max,
+                    psnr: m.psnr.is_finite().then_some(m.psnr),
+                    flip: Some(m.flip),
+                    judge: JUDGE_REFERENCE.to_owned(),
+                },
+            );
+            worst = Some(match worst {
+                Some(w) if w.rmse >= error.rmse => RunError { max: w.max.max(error.max), ..w },
+                Some(w) => RunError { max: w.max.max(error.max), ..error },
+                None => error,
+            });
+        }
+        on_frame();
+    }
+    Ok(record(pipeline, bench, &measured, worst))
+}
+
+/// The request of frame `index`.
+fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<FrameRequest, PipelineError> {
+    let mut request = bench.request.clone();
+    if bench.motion.time {
+        request.step = (request.step + index) % pipeline.times().len().max(1);
+    }
+    if bench.motion.camera {
+        request.camera = request.camera.orbit(TURN_DEG * index as f64, 0.0)?;
+    }
+    Ok(request)
+}
+
+fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], error: Option<RunError>) -> BenchRun {
+    let ms = RunTimes::of(measured);
+    let fps = if ms.frame > 0.0 { 1e3 / ms.frame } else { 0.0 };
+    let mesh = pipeline.mesh();
+    let cells = mesh.topology.tets.len() as u64;
+    let size = (bench.request.size_px.0 as u32, bench.request.size_px.1 as u32);
+    BenchRun {
+        dataset: bench.dataset.clone(),
+        cells,
+        vertices: mesh.positions.local.len() as u64,
+        viewpoints: if bench.motion.camera { bench.frames } else { 1 },
+        time_moves: bench.motion.time,
+        camera_moves: bench.motion.camera,
+        size: [size.0, size.1],
+        backend: "cpu".to_owned(),
+        mode: if bench.request.mode == RenderMode::Reference { "reference" } else { "raycast" }.to_owned(),
+        lod: 1.0,
+        optics: "exact".to_owned(),
+        codec: pipeline.field().codec.clone(),
+        skip: false,
+        threads: rayon::current_num_threads(),
+        ms,
+        fps,
+        cells_per_s: cells as f64 * fps,
+        error,
+        stats: measured.get(measured.len() / 2).cloned().unwrap_or_default(),
+    }
+}

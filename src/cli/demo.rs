@@ -1,0 +1,70 @@
+//! `tetreel demo`: from nothing to a picture.
+
+use super::progress::Terminal;
+use super::scene::{Scene, SceneArgs, SizePx};
+use super::{Outcome, render, source};
+use crate::export::sequence::{Background, FramePattern};
+use crate::image::{self, PngDepth};
+use crate::ingest::IngestOptions;
+use crate::store::Store;
+use crate::synth::{SeriesName, SynthSpec, generate};
+use anyhow::Context;
+use std::path::PathBuf;
+
+/// Generate a series, import it, render frames and a contact sheet
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  tetreel demo --out demo")]
+pub(super) struct Args {
+    /// Folder for the series, its frames and the contact sheet
+    #[arg(long, default_value = "demo", value_name = "DIR")]
+    out: PathBuf,
+    /// About how many tets
+    #[arg(long, default_value_t = 200_000, value_name = "N")]
+    cells: u64,
+}
+
+/// Steps generated; the contact sheet shows every other one.
+const STEPS: usize = 24;
+/// Columns and rows of the contact sheet.
+const SHEET: (usize, usize) = (4, 3);
+const SIZE: SizePx = SizePx(480, 360);
+const BACKGROUND: Background = Background::Color([0.06, 0.06, 0.08]);
+/// The quiet surroundings stay transparent, the outer jet is a veil, fronts and cores stand out.
+const TRANSFER_FUNCTION: &str = "inferno@0:0,0.06:0,0.2:0.015,0.45:0.06,0.7:0.25,1:0.7";
+
+pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let dir = &args.out;
+    let frames_dir = dir.join("frames");
+    std::fs::create_dir_all(&frames_dir)
+        .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
+    let series = generate(&SynthSpec { cells: args.cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
+    let store_path = dir.join("jet.zarr");
+    let options = IngestOptions { overwrite: true, ..Default::default() };
+    let report = source::run_ingest(&series, &store_path, &options, terminal)?;
+    terminal.say(&report.to_string());
+
+    let scene_args = SceneArgs {
+        field: None,
+        tf: TRANSFER_FUNCTION.to_owned(),
+        range: Default::default(),
+        opacity_kind: Default::default(),
+        unit_distance: None,
+        camera: None,
+        size: SIZE,
+        mode: Default::default(),
+    };
+    let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;
+    let pattern = FramePattern::new(&frames_dir.join("frame_%04d.png"))?;
+    let steps: Vec<usize> = (0..STEPS).collect();
+    render::render_steps(&mut scene, &steps, &pattern, BACKGROUND, terminal)?;
+
+    let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(i * STEPS / (SHEET.0 * SHEET.1)));
+    let frames = shown.map(|path| image::read_png(&path)).collect::<Result<Vec<_>, _>>()?;
+    let sheet = image::contact_sheet(&frames, SHEET.0, 4, [0.0; 3]);
+    let sheet_path = dir.join("contact_sheet.png");
+    image::write_png(&sheet_path, &sheet, None, PngDepth::Eight)?;
+    println!("{} frames: {}", STEPS, frames_dir.display());
+    println!("contact sheet: {}", sheet_path.display());
+    println!("the series: {} (try: tetreel info {0}; tetreel render {0} -o frame_%04d.png)", store_path.display());
+    Ok(Outcome::Done)
+}

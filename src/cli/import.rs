@@ -1,0 +1,109 @@
+//! `tetreel import`: a foreign series into a store.
+
+use super::progress::Terminal;
+use super::{Outcome, print_result, source};
+use crate::field::{FieldInfo, FieldSelector, SeriesSource};
+use crate::import;
+use crate::ingest::{IngestOptions, StepRange};
+use crate::mesh::{Mesh, RepairReport};
+use serde::Serialize;
+use std::fmt;
+use std::path::PathBuf;
+
+/// Import a series (.pvd, .vtu) into a store
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag")]
+pub(super) struct Args {
+    /// A .pvd file, or one or more .vtu files (one a step, in the natural order of their names)
+    #[arg(required = true, value_name = "SOURCE")]
+    sources: Vec<PathBuf>,
+    /// The store to write
+    #[arg(short, long, value_name = "NAME.zarr", required_unless_present = "dry_run")]
+    output: Option<PathBuf>,
+    /// Field to import: NAME, NAME:mag or NAME:0 (again for more; default: all)
+    #[arg(long = "field", value_name = "FIELD")]
+    fields: Vec<FieldSelector>,
+    /// Steps A..B:S, zero-based, both ends included
+    #[arg(long, value_name = "A..B:S", default_value = "0..")]
+    steps: StepRange,
+    /// Read the mesh and say what would be imported; write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Replace a store that exists
+    #[arg(long)]
+    overwrite: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let series = match args.sources.as_slice() {
+        [one] => import::open(one)?,
+        many => import::open_many(many)?,
+    };
+    let (false, Some(output)) = (args.dry_run, &args.output) else {
+        let plan = Plan::of(&*series, args)?;
+        print_result(args.json, &plan, &plan)?;
+        return Ok(Outcome::Done);
+    };
+    let options = IngestOptions {
+        fields: args.fields.clone(),
+        steps: args.steps,
+        overwrite: args.overwrite,
+        ..Default::default()
+    };
+    let report = source::run_ingest(&*series, output, &options, terminal)?;
+    print_result(args.json, &report, &report)?;
+    Ok(Outcome::Done)
+}
+
+/// What `--dry-run` says.
+#[derive(Serialize)]
+struct Plan {
+    source: String,
+    repair: RepairReport,
+    steps: usize,
+    fields: Vec<FieldInfo>,
+    bytes: u64,
+    notes: Vec<String>,
+}
+
+impl Plan {
+    fn of(series: &dyn SeriesSource, args: &Args) -> anyhow::Result<Self> {
+        let (mesh, repair) = Mesh::build(series.mesh()?).map_err(|e| anyhow::anyhow!("{}: {e}", series.describe()))?;
+        let steps = args.steps.select(series.times().len())?.len();
+        let wanted = |f: &&FieldInfo| args.fields.is_empty() || args.fields.iter().any(|s| s.name == f.name);
+        let fields: Vec<FieldInfo> = series.fields().iter().filter(wanted).cloned().collect();
+        if let Some(missing) = args.fields.iter().find(|s| !fields.iter().any(|f| f.name == s.name)) {
+            let known: Vec<_> = series.fields().iter().map(|f| f.name.as_str()).collect();
+            anyhow::bail!("{}: no field '{}'; there are {}", series.describe(), missing.name, known.join(", "));
+        }
+        let numbers: u64 = if args.fields.is_empty() {
+            fields.iter().map(|f| f.components as u64).sum()
+        } else {
+            let of = |s: &FieldSelector| {
+                let components = fields.iter().find(|f| f.name == s.name).map_or(0, |f| f.components as u64);
+                if s.component.is_some() { 1 } else { components }
+            };
+            args.fields.iter().map(of).sum()
+        };
+        let bytes = numbers * 4 * steps as u64 * mesh.positions.local.len() as u64;
+        Ok(Self { source: series.describe(), repair, steps, fields, bytes, notes: series.notes() })
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.source)?;
+        writeln!(f, "mesh: {}", self.repair)?;
+        writeln!(f, "steps: {}", self.steps)?;
+        for field in &self.fields {
+            writeln!(f, "field {}: {} component(s) per {:?}", field.name, field.components, field.association)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note: {note}")?;
+        }
+        writeln!(f, "values: {:.1} MB; nothing was written", self.bytes as f64 / 1e6)
+    }
+}

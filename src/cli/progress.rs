@@ -1,0 +1,77 @@
+//! Progress bars and messages on stderr, and the end of a run by Ctrl-C.
+
+use super::Interrupted;
+use crate::task::{Cancel, Progress};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::{Mutex, PoisonError};
+
+/// What a command talks to: bars and messages on stderr, and the flag that Ctrl-C raises.
+pub(super) struct Terminal {
+    quiet: bool,
+    verbose: bool,
+    bar: Mutex<Option<ProgressBar>>,
+    /// Raised by Ctrl-C; work looks at it between two units.
+    pub(super) cancel: Cancel,
+}
+
+impl Terminal {
+    /// Installs the Ctrl-C handler: the first one raises the flag, so that temporary files are removed.
+    pub(super) fn new(quiet: bool, verbose: bool) -> Self {
+        let cancel = Cancel::new();
+        let flag = cancel.clone();
+        // Without a handler Ctrl-C ends the process at once and leaves temporary files: worth a word, no reason to stop.
+        if let Err(error) = ctrlc::set_handler(move || flag.cancel()) {
+            eprintln!("warning: Ctrl-C will not clean up: {error}");
+        }
+        Self { quiet, verbose, bar: Mutex::new(None), cancel }
+    }
+
+    /// A line for the user, unless `--quiet`.
+    pub(super) fn say(&self, line: &str) {
+        if !self.quiet {
+            self.above_bar(line);
+        }
+    }
+
+    /// A line for the curious, with `--verbose`.
+    pub(super) fn detail(&self, line: &str) {
+        if self.verbose {
+            self.above_bar(line);
+        }
+    }
+
+    fn above_bar(&self, line: &str) {
+        match &*self.bar.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
+    /// Fails if Ctrl-C was pressed.
+    pub(super) fn check_interrupted(&self) -> Result<(), Interrupted> {
+        if self.cancel.is_cancelled() { Err(Interrupted) } else { Ok(()) }
+    }
+}
+
+impl Progress for Terminal {
+    fn begin(&self, stage: &str, total: u64, unit: &str) {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let template = format!("{{msg}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left");
+        let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::with_draw_target(Some(total), target).with_style(style.progress_chars("=> "));
+        bar.set_message(stage.to_owned());
+        *self.bar.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar);
+    }
+
+    fn advance(&self, n: u64) {
+        if let Some(bar) = &*self.bar.lock().unwrap_or_else(PoisonError::into_inner) {
+            bar.inc(n);
+        }
+    }
+
+    fn end(&self) {
+        if let Some(bar) = self.bar.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            bar.finish_and_clear();
+        }
+    }
+}

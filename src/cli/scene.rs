@@ -1,0 +1,125 @@
+//! The options that say what is seen and how, shared by the commands that render.
+
+use crate::camera::Camera;
+use crate::field::FieldSelector;
+use crate::node_table::NodeTable;
+use crate::pipeline::{FrameRequest, Pipeline, RenderMode};
+use crate::store::Store;
+use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// What is seen and how.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct SceneArgs {
+    /// Field to show: NAME, NAME:mag or NAME:0 (default: the first of the store)
+    #[arg(long)]
+    pub(super) field: Option<FieldSelector>,
+    /// Transfer function: MAP, MAP@POSITION:OPACITY,... or a file (docs/transfer-functions.md)
+    #[arg(long, value_name = "TF", default_value = "viridis")]
+    pub(super) tf: String,
+    /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, log or log:LO,HI
+    #[arg(long, value_name = "RANGE", default_value = "series", allow_hyphen_values = true)]
+    pub(super) range: RangePolicy,
+    /// Meaning of opacities: alpha (of a unit distance) or extinction (ParaView's unstructured mappers)
+    #[arg(long, value_name = "KIND", default_value = "alpha")]
+    pub(super) opacity_kind: OpacityKind,
+    /// The length that opacities refer to, in world units (default: 1 % of the bounding box's diagonal)
+    #[arg(long, value_name = "LENGTH")]
+    pub(super) unit_distance: Option<f64>,
+    /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub(super) camera: Option<String>,
+    /// Image size in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x768")]
+    pub(super) size: SizePx,
+    /// auto, raycast, or reference (float64, slow)
+    #[arg(long, value_name = "MODE", default_value = "auto")]
+    pub(super) mode: RenderMode,
+}
+
+/// Width and height in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct SizePx(pub(super) usize, pub(super) usize);
+
+/// Largest width or height: 32768 squared pixels of 16 bytes are 16 GiB.
+const SIZE_MAX_PX: usize = 32_768;
+
+impl FromStr for SizePx {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+        match parts {
+            Some((w, h)) if (1..=SIZE_MAX_PX).contains(&w) && (1..=SIZE_MAX_PX).contains(&h) => Ok(Self(w, h)),
+            Some(_) => Err(format!("width and height must be 1 to {SIZE_MAX_PX}")),
+            None => Err("write WIDTHxHEIGHT, as in 1024x768".to_owned()),
+        }
+    }
+}
+
+/// A series, ready to be asked for frames.
+pub(super) struct Scene {
+    pub(super) pipeline: Pipeline,
+    pub(super) camera: Camera,
+    tf: TransferFunction,
+    policy: RangePolicy,
+    kind: OpacityKind,
+    unit_distance: f64,
+    size: SizePx,
+    mode: RenderMode,
+    /// The last table and the range it is for.
+    table: Option<(MappedRange, Arc<NodeTable>)>,
+}
+
+impl Scene {
+    pub(super) fn open(store: &Store, args: &SceneArgs) -> anyhow::Result<Self> {
+        let tf = TransferFunction::parse(&args.tf)?;
+        let pipeline = Pipeline::open(store, args.field.as_ref())?;
+        let bounds = pipeline.mesh().positions.world_bounds();
+        let framing = Camera::default_for(bounds)?.fit_to_aspect(args.size.0, args.size.1);
+        let camera = match &args.camera {
+            Some(text) => Camera::parse(text, &framing)?,
+            None => framing,
+        };
+        // A mesh without extent is refused when it is built, so the diagonal is positive.
+        let unit_distance = args.unit_distance.unwrap_or_else(|| 0.01 * (bounds.1 - bounds.0).length());
+        let (policy, kind) = (args.range, args.opacity_kind);
+        let mut scene =
+            Self { pipeline, camera, tf, policy, kind, unit_distance, size: args.size, mode: args.mode, table: None };
+        // What cannot work fails here, before anything is rendered.
+        if !scene.pipeline.times().is_empty() {
+            scene.request(0)?;
+            scene.camera.view(args.size.0, args.size.1)?;
+        }
+        Ok(scene)
+    }
+
+    /// The request for a step.
+    pub(super) fn request(&mut self, step: usize) -> anyhow::Result<FrameRequest> {
+        let table = self.table(step)?;
+        Ok(FrameRequest { step, camera: self.camera, table, size_px: (self.size.0, self.size.1), mode: self.mode })
+    }
+
+    /// The table for a step; made anew only if the range has changed.
+    fn table(&mut self, step: usize) -> anyhow::Result<Arc<NodeTable>> {
+        let field = self.pipeline.field();
+        let nothing = (f64::NAN, f64::NAN);
+        let ends = |range: Option<[f32; 2]>| range.map_or(nothing, |[lo, hi]| (f64::from(lo), f64::from(hi)));
+        let series = ends(field.range);
+        // A step without a finite value shows nothing, whatever the colours.
+        let of_step = match field.range_per_step.get(step).copied().flatten() {
+            None => series,
+            range => ends(range),
+        };
+        let range = self.policy.resolve(series, of_step).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
+        if let Some((last, table)) = &self.table
+            && *last == range
+        {
+            return Ok(table.clone());
+        }
+        let table = Arc::new(build_node_table(&self.tf, &range, self.kind, self.unit_distance)?);
+        self.table = Some((range, table.clone()));
+        Ok(table)
+    }
+}

@@ -1,0 +1,212 @@
+//! Sequences of numbered images, encoded and written while the next frame renders.
+
+use crate::error::{FileError, FileResult};
+use crate::image::{PngDepth, RgbaImage, write_png};
+use crossbeam::channel::{Sender, bounded};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::thread::JoinHandle;
+
+/// What lies behind the volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// Nothing: the image keeps its opacity as straight alpha.
+    Transparent,
+    /// A display-referred colour, 0..=1 per channel: the image is opaque.
+    Color([f32; 3]),
+}
+
+impl Background {
+    /// The colour, if there is one.
+    pub fn color(self) -> Option<[f32; 3]> {
+        match self {
+            Self::Transparent => None,
+            Self::Color(rgb) => Some(rgb),
+        }
+    }
+}
+
+impl FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" | "transparent" => return Ok(Self::Transparent),
+            "black" => return Ok(Self::Color([0.0; 3])),
+            "white" => return Ok(Self::Color([1.0; 3])),
+            "gray" | "grey" => return Ok(Self::Color([0.5; 3])),
+            _ => {}
+        }
+        let hex = text.strip_prefix('#').filter(|h| h.len() == 6 && h.bytes().all(|b| b.is_ascii_hexdigit()));
+        let packed = hex.and_then(|h| u32::from_str_radix(h, 16).ok());
+        let packed = packed.ok_or("write #rrggbb, black, white, gray or none")?;
+        Ok(Self::Color([16, 8, 0].map(|shift| (packed >> shift & 255) as f32 / 255.0)))
+    }
+}
+
+/// A file name with a place for the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent
+/// sign. Without a number it names a single frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FramePattern {
+    before: String,
+    /// Least number of digits; `None` for a single frame.
+    digits: Option<usize>,
+    after: String,
+}
+
+impl FramePattern {
+    /// Reads a pattern.
+    ///
+    /// # Errors
+    /// If there are two numbers, a conversion other than %d, or the file is no .png.
+    pub fn new(path: &Path) -> FileResult<Self> {
+        let bad =
+            |problem: &str| FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png");
+        let text = path.to_str().ok_or_else(|| bad("the name is not Unicode"))?;
+        let mut pattern = Self { before: String::new(), digits: None, after: String::new() };
+        let mut rest = text;
+        while let Some(at) = rest.find('%') {
+            pattern.push(&rest[..at]);
+            rest = &rest[at + 1..];
+            if let Some(tail) = rest.strip_prefix('%') {
+                pattern.push("%");
+                rest = tail;
+                continue;
+            }
+            let end = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+            let width = &rest[..end];
+            let digits = if width.is_empty() { Some(1) } else { width.parse().ok().filter(|&n| (1..=20).contains(&n)) };
+            let tail = rest[end..].strip_prefix('d');
+            let (Some(digits), Some(tail)) = (digits, tail) else {
+                return Err(bad("% is followed by no number format"));
+            };
+            if pattern.digits.replace(digits).is_some() {
+                return Err(bad("two places for the frame number"));
+            }
+            rest = tail;
+        }
+        pattern.push(rest);
+        let extension = Path::new(text).extension().map(|e| e.to_ascii_lowercase());
+        if extension.is_none_or(|e| e != "png") {
+            return Err(bad("only .png images can be written"));
+        }
+        Ok(pattern)
+    }
+
+    fn push(&mut self, text: &str) {
+        if self.digits.is_some() { self.after.push_str(text) } else { self.before.push_str(text) }
+    }
+
+    /// Whether there is a place for a number.
+    pub fn is_numbered(&self) -> bool {
+        self.digits.is_some()
+    }
+
+    /// The file of frame `n`.
+    pub fn path(&self, n: usize) -> PathBuf {
+        match self.digits {
+            None => PathBuf::from(&self.before),
+            Some(digits) => PathBuf::from(format!("{}{n:0digits$}{}", self.before, self.after)),
+        }
+    }
+}
+
+impl FromStr for FramePattern {
+    type Err = FileError;
+
+    fn from_str(text: &str) -> Result<Self, FileError> {
+        Self::new(Path::new(text))
+    }
+}
+
+/// Frames waiting to be encoded: enough to keep the writer busy, few enough to bound memory.
+const QUEUE: usize = 2;
+
+/// Encodes and writes images on a thread of its own. Each file appears whole or not at all.
+#[derive(Debug)]
+pub struct FrameWriter {
+    queue: Option<Sender<(RgbaImage, PathBuf)>>,
+    thread: Option<JoinHandle<FileResult<usize>>>,
+}
+
+impl FrameWriter {
+    /// Starts the thread.
+    pub fn new(background: Background) -> Self {
+        let (queue, frames) = bounded::<(RgbaImage, PathBuf)>(QUEUE);
+        let thread = std::thread::spawn(move || {
+            let mut written = 0;
+            for (image, path) in frames {
+                if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
+                    std::fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "make the folder", &e))?;
+                }
+                write_png(&path, &image, background.color(), PngDepth::Eight)?;
+                written += 1;
+            }
+            Ok(written)
+        });
+        Self { queue: Some(queue), thread: Some(thread) }
+    }
+
+    /// Hands over a frame; waits if the writer is behind.
+    ///
+    /// # Errors
+    /// If an earlier frame could not be written.
+    pub fn send(&mut self, image: RgbaImage, path: PathBuf) -> FileResult<()> {
+        let sent = self.queue.as_ref().is_some_and(|queue| queue.send((image, path)).is_ok());
+        if sent { Ok(()) } else { self.finish().map(|_| ()) }
+    }
+
+    /// Waits until all frames are written and returns their number; 0 if that was asked before.
+    ///
+    /// # Errors
+    /// If a frame could not be written.
+    pub fn finish(&mut self) -> FileResult<usize> {
+        self.queue = None;
+        match self.thread.take().map(JoinHandle::join) {
+            None => Ok(0),
+            Some(Ok(result)) => result,
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_place_the_number_of_the_frame() {
+        let path = |pattern: &str, n| pattern.parse::<FramePattern>().unwrap().path(n).display().to_string();
+        assert_eq!(path("out/frame_%04d.png", 7), "out/frame_0007.png");
+        assert_eq!(path("f%d_x.PNG", 12345), "f12345_x.PNG");
+        assert_eq!(path("f%02d.png", 12345), "f12345.png");
+        assert_eq!(path("50%%_%d.png", 3), "50%_3.png");
+        assert_eq!(path("one.png", 3), "one.png");
+    }
+
+    #[test]
+    fn patterns_that_mean_nothing_are_refused() {
+        for bad in ["a_%d_%d.png", "a_%s.png", "a_%04d.jpg", "a_%d", "100%", "a_%99d.png"] {
+            assert!(bad.parse::<FramePattern>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn backgrounds_are_named_or_hexadecimal() {
+        assert_eq!("#ff8000".parse(), Ok(Background::Color([1.0, 128.0 / 255.0, 0.0])));
+        assert_eq!("none".parse(), Ok(Background::Transparent));
+        assert!("#12345".parse::<Background>().is_err() && "#+12345".parse::<Background>().is_err());
+    }
+
+    #[test]
+    fn a_frame_that_cannot_be_written_is_reported() {
+        let dir = tempfile::tempdir().unwrap();
+        let blocked = dir.path().join("file");
+        std::fs::write(&blocked, "in the way").unwrap();
+        let mut writer = FrameWriter::new(Background::Transparent);
+        writer.send(RgbaImage::new(2, 2), dir.path().join("a.png")).unwrap();
+        let _ = writer.send(RgbaImage::new(2, 2), blocked.join("b.png"));
+        assert!(writer.finish().is_err());
+        assert!(dir.path().join("a.png").is_file());
+    }
+}

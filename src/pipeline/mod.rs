@@ -1,0 +1,182 @@
+//! From a request to a frame: decode, order, render.
+//!
+//! [`Pipeline`] plays one field of one store. What did not change since the last request is not done again: the same step
+//! is not decoded twice.
+
+use crate::camera::{Camera, CameraError};
+use crate::error::{FileError, FileResult};
+use crate::field::{FieldSelector, TimeAxis};
+use crate::mesh::Mesh;
+use crate::node_table::NodeTable;
+use crate::render::cpu::raycast::Raycast;
+use crate::render::reference::Reference;
+use crate::render::{Frame, RenderError, RenderJob, Renderer};
+use crate::stats::FrameStats;
+use crate::store::{FieldReader, Store, StoredField};
+use crate::visibility::{CellSet, finite_cells};
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How a frame is rendered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RenderMode {
+    /// The fastest that is within the accuracy bounds: the ray caster.
+    #[default]
+    Auto,
+    /// Cell walk, [`crate::render::cpu::raycast`].
+    Raycast,
+    /// The float64 judge, [`mod@crate::render::reference`].
+    Reference,
+}
+
+impl FromStr for RenderMode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "raycast" => Ok(Self::Raycast),
+            "reference" => Ok(Self::Reference),
+            _ => Err(format!("there is no mode '{text}'; choose auto, raycast or reference")),
+        }
+    }
+}
+
+/// All that a frame of a series depends on. Plain data: cheap to clone.
+#[derive(Clone, Debug)]
+pub struct FrameRequest {
+    /// Zero-based step of the store.
+    pub step: usize,
+    /// Where from.
+    pub camera: Camera,
+    /// Transfer function over the field's scalars.
+    pub table: Arc<NodeTable>,
+    /// Width and height in pixels.
+    pub size_px: (usize, usize),
+    /// Which renderer.
+    pub mode: RenderMode,
+}
+
+/// Why a request did not become a frame.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The step could not be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// There is no view through the camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Mesh and field do not belong together.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// A step, decoded.
+#[derive(Clone, Debug)]
+struct Decoded {
+    step: usize,
+    scalars: Arc<Vec<f32>>,
+    active: Arc<CellSet>,
+}
+
+/// Turns requests into frames, one after the other.
+pub struct Pipeline {
+    mesh: Arc<Mesh>,
+    times: TimeAxis,
+    reader: FieldReader,
+    all_cells: Arc<CellSet>,
+    decoded: Option<Decoded>,
+    raycast: Raycast,
+    reference: Reference,
+}
+
+impl Pipeline {
+    /// Opens one field of a store for playing; the first field if none is named.
+    ///
+    /// # Errors
+    /// If the store has no such field, or mesh or field are damaged.
+    pub fn open(store: &Store, field: Option<&FieldSelector>) -> FileResult<Self> {
+        let first = || {
+            let name = store.fields().first().map(|f| f.name.clone());
+            name.ok_or_else(|| FileError::invalid(store.path(), "fields", "the store has no field"))
+        };
+        let selector = match field {
+            Some(selector) => selector.clone(),
+            None => FieldSelector { name: first()?, component: None },
+        };
+        let reader = store.field(&selector)?;
+        let mesh = Arc::new(store.mesh()?);
+        let all_cells = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let times = store.times().clone();
+        Ok(Self { mesh, times, reader, all_cells, decoded: None, raycast: Raycast::new(), reference: Reference::new() })
+    }
+
+    /// The mesh of the series.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// Times of the steps.
+    pub fn times(&self) -> &TimeAxis {
+        &self.times
+    }
+
+    /// The field that is played.
+    pub fn field(&self) -> &StoredField {
+        self.reader.info()
+    }
+
+    /// Renders a frame of exactly the step asked for.
+    ///
+    /// # Errors
+    /// If the step cannot be read or there is no view through the camera.
+    pub fn render(&mut self, request: &FrameRequest) -> Result<&Frame, PipelineError> {
+        let job = self.prepare(request)?;
+        let renderer: &mut dyn Renderer = match request.mode {
+            RenderMode::Auto | RenderMode::Raycast => &mut self.raycast,
+            RenderMode::Reference => &mut self.reference,
+        };
+        Ok(renderer.render(job)?)
+    }
+
+    /// The job of a request: decodes the step and finds its active cells, unless that is the step decoded last.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn prepare(&mut self, request: &FrameRequest) -> Result<RenderJob, PipelineError> {
+        let started = Instant::now();
+        let view = request.camera.view(request.size_px.0, request.size_px.1)?;
+        let mut stats = FrameStats::default();
+        let decoded = match self.decoded.take() {
+            Some(decoded) if decoded.step == request.step => decoded,
+            last => self.decode(request.step, last, &mut stats)?,
+        };
+        stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
+        let job = RenderJob {
+            mesh: self.mesh.clone(),
+            scalars: decoded.scalars.clone(),
+            active: decoded.active.clone(),
+            view,
+            table: request.table.clone(),
+            early_termination: true,
+            stats,
+        };
+        self.decoded = Some(decoded);
+        Ok(job)
+    }
+
+    /// Decodes a step; the buffers of the `last` one are used again, unless somebody still holds them.
+    fn decode(&self, step: usize, last: Option<Decoded>, stats: &mut FrameStats) -> FileResult<Decoded> {
+        let mut scalars = last.map(|d| d.scalars).unwrap_or_default();
+        let values = Arc::make_mut(&mut scalars);
+        values.resize(self.mesh.positions.local.len(), 0.0);
+        let decoded = self.reader.decode_step(step, values)?;
+        (stats.bytes_read, stats.vertices_decoded) = (decoded.bytes_read, decoded.vertices_decoded);
+        let finite = finite_cells(&self.mesh.topology, values);
+        let active = if finite == *self.all_cells { self.all_cells.clone() } else { Arc::new(finite) };
+        Ok(Decoded { step, scalars, active })
+    }
+}
