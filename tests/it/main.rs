@@ -6,6 +6,7 @@ mod import;
 mod mesh;
 mod meshes;
 mod render;
+mod samples;
 mod store;
 mod synth;
 mod transfer;
