@@ -68,9 +68,10 @@ fn series(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     let x = Vec4::splat(depth);
     let [c0, c1, c2, c3, c4, c5] = SERIES;
     let [alpha, first, p1, p2] = (c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))).to_array();
-    let p3 = 1.0 / 140.0 - depth * (1.0 / 280.0 - depth / 1008.0);
+    // A sixth of P3.
+    let p3 = 1.0 / 840.0 - depth * (1.0 / 1680.0 - depth * (1.0 / 6048.0));
     let h = 0.5 * (a1 - a0);
-    let bend = h * (p1 + h * (p2 / 2.0 + h * (p3 / 6.0 + h * (1.0 / (24.0 * 630.0)))));
+    let bend = h * (p1 + h * (0.5 * p2 + h * (p3 + h * (1.0 / (24.0 * 630.0)))));
     let alpha = depth * alpha;
     let near = depth * first - bend;
     PieceWeights { near, far: alpha - near, transmittance: 1.0 - alpha }

@@ -54,7 +54,8 @@ fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize]) {
     let outside = Camera::default_for(bounds).unwrap();
     let (centre, size) = (0.5 * (bounds.0 + bounds.1), (bounds.1 - bounds.0).length());
     let along_x = Camera { position: centre + DVec3::X * size, view_up: DVec3::Z, ..outside };
-    let parallel = Camera { projection: Projection::Parallel { scale: 0.37 * size }, ..outside.orbit(70.0, -20.0).unwrap() };
+    let parallel =
+        Camera { projection: Projection::Parallel { scale: 0.37 * size }, ..outside.orbit(70.0, -20.0).unwrap() };
     let inside = Camera {
         position: centre + 0.03 * size * DVec3::new(0.3, 0.2, 0.1),
         projection: Projection::Perspective { view_angle: 80.0 },

@@ -18,9 +18,10 @@
 //! Deviations for speed from the plain algorithm:
 //! 1. Entry candidates are culled by conservative pixel boxes.
 //! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
-//! 3. A step is a chain of dependent loads (cell, vertex, neighbour), so a thread walks several rays in turn
-//!    ([`walk::RAYS_IN_FLIGHT`]); while one waits for memory the others compute. Rays know nothing of each other: the image
-//!    does not depend on it.
+//! 3. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
+//!
+//! Tried and not kept: walking four or eight rays of a thread in turn, to hide the latency of the loads (cell, vertex,
+//! neighbour). It changed nothing: rays of a tile share their cells, which stay in the cache.
 
 mod entries;
 mod view;

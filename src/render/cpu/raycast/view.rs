@@ -114,7 +114,7 @@ pub(super) fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool
 /// made negative count as zero; a triangle of nothing but rounding is hit in its middle.
 #[inline]
 pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
-    let e = e.map(|e| e.max(0.0));
+    let e = [e[0].max(0.0), e[1].max(0.0), e[2].max(0.0)];
     let sum = e[0] + e[1] + e[2];
     let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
     let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);

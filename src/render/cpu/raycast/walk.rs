@@ -48,7 +48,14 @@ pub(super) fn render_tile(
     let mut stats = FrameStats::default();
     find_starts(scene, bins, tile, rect, &mut scratch.starts);
     stats.entries = scratch.starts.len() as u64;
-    cast_all(scene, rect, &scratch.starts, &mut pixels, &mut stats);
+    for starts in scratch.starts.chunk_by(|a, b| a.0 == b.0) {
+        let pixel = starts[0].0 as usize;
+        let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        let mut walk = Walk::new(scene, ray, starts);
+        while walk.step(scene) {}
+        pixels[pixel] = walk.light.pixel();
+        stats.add_counts(&walk.counts());
+    }
     (pixels, rect, stats)
 }
 
@@ -101,43 +108,6 @@ fn start_at_eye(scene: &Scene<'_>, ray: &Ray, cell: u32) -> Option<Start> {
         }
     }
     start.filter(|s| s.depth <= 0.0 && exit.is_some_and(|depth| depth > 0.0))
-}
-
-/// Rays that a thread walks in turn. Measured: docs/performance.md.
-pub(super) const RAYS_IN_FLIGHT: usize = 4;
-
-/// Casts the rays of all pixels that have a start and writes their light.
-fn cast_all(
-    scene: &Scene<'_>,
-    rect: PixelRect,
-    starts: &[(u32, Start)],
-    pixels: &mut [[f32; 4]],
-    stats: &mut FrameStats,
-) {
-    let mut waiting = starts.chunk_by(|a, b| a.0 == b.0);
-    let mut launch = || -> Option<(usize, Walk<'_>)> {
-        let starts = waiting.next()?;
-        let pixel = starts[0].0 as usize;
-        let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-        Some((pixel, Walk::new(scene, ray, starts)))
-    };
-    let mut flying: Vec<(usize, Walk<'_>)> = (0..RAYS_IN_FLIGHT).map_while(|_| launch()).collect();
-    while !flying.is_empty() {
-        let mut slot = 0;
-        while slot < flying.len() {
-            let (pixel, walk) = &mut flying[slot];
-            if walk.step(scene) {
-                slot += 1;
-                continue;
-            }
-            pixels[*pixel] = walk.light.pixel();
-            stats.add_counts(&walk.counts());
-            match launch() {
-                Some(next) => flying[slot] = next,
-                None => drop(flying.swap_remove(slot)),
-            }
-        }
-    }
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.
@@ -234,26 +204,32 @@ impl<'a> Walk<'a> {
         let new_id = tet[self.opposite as usize & 3];
         let new = self.ray.shear(&scene.vertices[new_id as usize]);
         let reach = new.reach();
-        let to: [f64; 3] = std::array::from_fn(|i| edge(&new, &self.corners[i]));
+        // Spelled out rather than mapped: this is the innermost loop.
+        let [p, q, r] = &self.corners;
+        let to = [edge(&new, p), edge(&new, q), edge(&new, r)];
         let least = to[0].abs().min(to[1].abs()).min(to[2].abs());
-        let positive = if least > uncertainty(reach, self.reaches[0] + self.reaches[1] + self.reaches[2]) {
-            to.map(|e| e > 0.0)
+        let signs = if least > uncertainty(reach, self.reaches[0] + self.reaches[1] + self.reaches[2]) {
+            usize::from(to[0] > 0.0) | usize::from(to[1] > 0.0) << 1 | usize::from(to[2] > 0.0) << 2
         } else {
-            std::array::from_fn(|i| is_positive(to[i], &new, &self.corners[i], new_id, self.ids[i]))
+            self.exact_signs(&to, &new, new_id)
         };
-        let signs = usize::from(positive[0]) | usize::from(positive[1]) << 1 | usize::from(positive[2]) << 2;
         let k = REPLACED[signs] as usize;
         if k == 3 {
             debug_assert!(false, "signs of edge functions are exact");
             return false;
         }
-        let exit = (1..4).filter(|&i| tet[i] == self.ids[k]).sum::<usize>() & 3;
-        (self.corners[k], self.reaches[k], self.ids[k]) = (new, reach, new_id);
+        let gone = self.ids[k];
+        let exit = usize::from(tet[1] == gone) + 2 * usize::from(tet[2] == gone) + 3 * usize::from(tet[3] == gone);
+        // The triangle turns so that the new vertex comes last: corners move, none is written in place.
         let (next, after) = ([1, 2, 0][k], [2, 0, 1][k]);
-        self.edges[next] = -to[after];
-        self.edges[after] = to[next];
-        let neighbour = topology.neighbours[self.cell as usize][exit];
-        let here = hit(self.edges, &self.corners[0], &self.corners[1], &self.corners[2]);
+        let (p, q) = (self.corners[next], self.corners[after]);
+        let edges = [-to[after], to[next], self.edges[k]];
+        self.corners = [p, q, new];
+        self.reaches = [self.reaches[next], self.reaches[after], reach];
+        self.ids = [self.ids[next], self.ids[after], new_id];
+        self.edges = edges;
+        let neighbour = topology.neighbours[self.cell as usize][exit & 3];
+        let here = hit(edges, &p, &q, &new);
         if here.0 > self.last.0 {
             self.composite(scene.table, here);
             self.last = here;
@@ -269,6 +245,13 @@ impl<'a> Walk<'a> {
             }
             _ => self.next_path(scene),
         }
+    }
+
+    /// The signs of the edge functions from a new vertex to the corners as bits, where rounding may have left one in doubt.
+    #[cold]
+    #[inline(never)]
+    fn exact_signs(&self, to: &[f64; 3], new: &Sheared, new_id: u32) -> usize {
+        (0..3).map(|i| usize::from(is_positive(to[i], new, &self.corners[i], new_id, self.ids[i])) << i).sum()
     }
 
     /// Composites the segment from the last (depth, scalar) place to the next one, or the part of it behind `front`.
