@@ -1,6 +1,7 @@
-//! Writing a file whole or not at all.
+//! Writing files and folders whole or not at all.
 
 use crate::error::{FileError, FileResult};
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -12,19 +13,44 @@ use std::path::Path;
 /// If the folder does not take the file, or `write` fails.
 pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> FileResult<()> {
     let io = |e: std::io::Error| FileError::io(path, "write", &e);
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".tetreel-");
-    // Temporary files are private by default; a result is as readable as the umask says.
-    #[cfg(unix)]
-    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o666);
-    #[cfg(unix)]
-    builder.permissions(readable);
-    let mut sibling = builder.tempfile_in(folder).map_err(io)?;
+    readable(&mut builder, 0o666);
+    let mut sibling = builder.tempfile_in(parent_of(path)).map_err(io)?;
     write(sibling.as_file_mut())?;
     sibling.as_file_mut().flush().map_err(io)?;
     sibling.persist(path).map_err(|e| io(e.error))?;
     Ok(())
+}
+
+/// Makes an empty folder beside `target`, named after it and `purpose`; it is removed when dropped unless it is kept or
+/// renamed.
+///
+/// # Errors
+/// If `target` has no name, or the folder that it lies in takes no new one.
+pub fn sibling_folder(target: &Path, purpose: &str) -> FileResult<tempfile::TempDir> {
+    let no_name = || FileError::invalid(target, "", "names no file or folder").remedy("give it a name");
+    let mut prefix = OsString::from(".");
+    prefix.push(target.file_name().ok_or_else(no_name)?);
+    prefix.push(format!(".{purpose}-"));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix);
+    readable(&mut builder, 0o777);
+    let parent = parent_of(target);
+    builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
+}
+
+/// The folder that a path lies in.
+pub fn parent_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Temporary files are private by default; what becomes a result is as readable as the umask says.
+fn readable(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    #[cfg(not(unix))]
+    let _ = (builder, mode);
 }
 
 /// Writes these bytes as [`replace`] does.

@@ -1,7 +1,7 @@
 //! A folder that is filled beside its place and moved there when it is complete.
 
 use crate::error::{FileError, FileResult};
-use std::ffi::OsString;
+use crate::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -15,17 +15,12 @@ pub(super) struct NewFolder {
 impl NewFolder {
     /// Begins the folder `place`, which must not exist or be empty; the folder that it lies in must exist.
     pub(super) fn begin(place: &Path) -> FileResult<Self> {
-        let no_name = || FileError::invalid(place, "", "names no folder").remedy("give the folder a name");
-        let mut prefix = OsString::from(".");
-        prefix.push(place.file_name().ok_or_else(no_name)?);
-        prefix.push(".tmp-");
-        let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let parent = files::parent_of(place);
         if !parent.is_dir() {
             return Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"));
         }
         check_free(place)?;
-        let staging = tempfile::Builder::new().prefix(&prefix).tempdir_in(parent);
-        Ok(Self { staging: staging.map_err(|e| FileError::io(parent, "write in", &e))?, place: place.to_owned() })
+        Ok(Self { staging: files::sibling_folder(place, "tmp")?, place: place.to_owned() })
     }
 
     /// Where to write meanwhile.

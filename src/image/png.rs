@@ -2,7 +2,8 @@
 
 use super::RgbaImage;
 use crate::error::{FileError, FileResult};
-use std::io::{BufReader, BufWriter, Write};
+use crate::files;
+use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
 /// Bits per channel of a written PNG.
@@ -35,38 +36,22 @@ pub fn write_png(path: &Path, image: &RgbaImage, background: Option<[f32; 3]>, d
     let (Ok(width), Ok(height)) = (u32::try_from(image.width), u32::try_from(image.height)) else {
         return Err(FileError::unsupported(path, "", "a PNG has less than 2^31 pixels a row and rows"));
     };
-    let io = |e: std::io::Error| FileError::io(path, "write", &e);
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut sibling = sibling_in(folder).map_err(io)?;
-    let mut encoder = png::Encoder::new(BufWriter::new(sibling.as_file_mut()), width, height);
-    encoder.set_color(color);
-    encoder.set_depth(match depth {
-        PngDepth::Eight => png::BitDepth::Eight,
-        PngDepth::Sixteen => png::BitDepth::Sixteen,
-    });
-    let written = encoder.write_header().and_then(|mut writer| {
-        writer.write_image_data(&bytes)?;
-        writer.finish()
-    });
-    written.map_err(|e| match e {
-        png::EncodingError::IoError(e) => io(e),
-        other => FileError::invalid(path, "", other.to_string()),
-    })?;
-    sibling.as_file_mut().flush().map_err(io)?;
-    sibling.persist(path).map_err(|e| io(e.error))?;
-    Ok(())
-}
-
-/// A temporary file beside the one to be written, which it replaces by a rename; it vanishes unless it does.
-fn sibling_in(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".tetreel-").suffix(".png");
-    // Temporary files are private by default; an image is as readable as the umask says.
-    #[cfg(unix)]
-    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o666);
-    #[cfg(unix)]
-    builder.permissions(readable);
-    builder.tempfile_in(folder)
+    files::replace(path, |file| {
+        let mut encoder = png::Encoder::new(BufWriter::new(file), width, height);
+        encoder.set_color(color);
+        encoder.set_depth(match depth {
+            PngDepth::Eight => png::BitDepth::Eight,
+            PngDepth::Sixteen => png::BitDepth::Sixteen,
+        });
+        let written = encoder.write_header().and_then(|mut writer| {
+            writer.write_image_data(&bytes)?;
+            writer.finish()
+        });
+        written.map_err(|e| match e {
+            png::EncodingError::IoError(e) => FileError::io(path, "write", &e),
+            other => FileError::invalid(path, "", other.to_string()),
+        })
+    })
 }
 
 /// A pixel with straight instead of premultiplied alpha, clamped to 0..=1; transparent black where it is transparent.

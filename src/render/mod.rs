@@ -96,6 +96,16 @@ pub struct Frame {
     pub stats: FrameStats,
 }
 
+impl Frame {
+    /// Makes all pixels transparent, in the memory that there is.
+    fn clear(&mut self, width_px: usize, height_px: usize) {
+        let color = &mut self.color;
+        (color.width, color.height) = (width_px, height_px);
+        color.pixels.clear();
+        color.pixels.resize(width_px * height_px, [0.0; 4]);
+    }
+}
+
 /// How far a renderer has come.
 #[derive(Clone, Copy, Debug)]
 pub enum Advance<'a> {

@@ -6,7 +6,7 @@
 use super::folder::walk;
 use super::layout;
 use crate::error::{FileError, FileResult};
-use std::ffi::OsString;
+use crate::files;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -23,7 +23,7 @@ impl Staging {
     /// Makes the folder, if the target may be written.
     pub(super) fn begin(target: &Path, overwrite: bool) -> FileResult<Self> {
         check_target(target, overwrite)?;
-        Ok(Self { dir: sibling(target, "tmp")?, target: target.to_owned(), overwrite })
+        Ok(Self { dir: files::sibling_folder(target, "tmp")?, target: target.to_owned(), overwrite })
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -44,7 +44,7 @@ impl Staging {
     }
 
     fn replace(self) -> FileResult<()> {
-        let aside = sibling(&self.target, "old")?;
+        let aside = files::sibling_folder(&self.target, "old")?;
         let old = aside.path().join("store");
         rename(&self.target, &old)?;
         if let Err(error) = rename(self.dir.path(), &self.target) {
@@ -64,30 +64,8 @@ impl Staging {
     /// The temporary folder has become the store: it must not be removed any more.
     fn installed(self) -> FileResult<()> {
         let _gone = self.dir.keep();
-        sync_folder(parent_of(&self.target))
+        sync_folder(files::parent_of(&self.target))
     }
-}
-
-/// An empty folder beside `target`, removed when dropped.
-fn sibling(target: &Path, purpose: &str) -> FileResult<TempDir> {
-    let name = target.file_name().ok_or_else(|| FileError::invalid(target, "", "names no file"))?;
-    let mut prefix = OsString::from(".");
-    prefix.push(name);
-    prefix.push(format!(".{purpose}-"));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix);
-    #[cfg(unix)]
-    {
-        // Temporary folders are private by default; a store is as readable as any other new folder (umask applies).
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o777));
-    }
-    let parent = parent_of(target);
-    builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
-}
-
-fn parent_of(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Whether there is anything, a dangling link included.
@@ -100,7 +78,7 @@ fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
     if target.file_name().is_none() {
         return Err(FileError::invalid(target, "", "names no file").remedy("give a name such as series.zarr"));
     }
-    let parent = parent_of(target);
+    let parent = files::parent_of(target);
     if !parent.is_dir() {
         return Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"));
     }

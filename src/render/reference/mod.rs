@@ -57,11 +57,7 @@ impl Renderer for Reference {
         job.check()?;
         let started = Instant::now();
         let view = job.local_view();
-        let (width, height) = (view.width_px, view.height_px);
-        self.frame.color.width = width;
-        self.frame.color.height = height;
-        self.frame.color.pixels.clear();
-        self.frame.color.pixels.resize(width * height, [0.0; 4]);
+        self.frame.clear(view.width_px, view.height_px);
         let positions = &job.mesh.positions.local;
         let to_view = |v: u32| {
             let d = positions[v as usize].as_dvec3() - view.eye;

@@ -73,11 +73,7 @@ impl Renderer for Raycast {
         job.check()?;
         let started = Instant::now();
         let view = job.local_view();
-        let (width, height) = (view.width_px, view.height_px);
-        self.frame.color.width = width;
-        self.frame.color.height = height;
-        self.frame.color.pixels.clear();
-        self.frame.color.pixels.resize(width * height, [0.0; 4]);
+        self.frame.clear(view.width_px, view.height_px);
         let table = ExactTable::new(&job.table, job.mesh.positions.scale);
         view::transform(&view, &job.mesh.positions.local, &job.scalars, &mut self.vertices);
         let cells_active = job.active.count();
