@@ -1,19 +1,23 @@
 //! tetreel plays time-varying scalar fields on tetrahedral meshes.
 //!
 //! A series is imported once into a store, then every displayed frame is *decode -> order -> render*, judged by a
-//! float64 reference. The modules are floors of a house: each imports only from floors below its own.
+//! float64 reference. The modules are floors of a house: each imports only from floors below its own
+//! (`tests/it/floors.rs` reads this table and every import).
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | [`error`], [`files`], [`task`] |
-//! | 1 | [`mesh`], [`field`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
+//! | cellar | [`error`] |
+//! | 0 | [`files`], [`task`] |
+//! | 1 | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
+//! | mezzanine | [`field`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
 //! | 8 | [`export`] |
-//! | 9 | [`cli`], [`mod@bench`] |
+//! | 9 | [`mod@bench`] |
+//! | 10 | [`cli`] |
 //!
 //! `docs/architecture.md` follows a frame through them; `examples/render_one.rs` is the shortest complete use.
 

@@ -1,7 +1,9 @@
 //! The one integration binary: tests that cross modules, read sample files or run the command.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
+mod cli;
 mod common;
+mod floors;
 mod import;
 mod mesh;
 mod meshes;

@@ -1,0 +1,280 @@
+//! The `tetreel` command as a user meets it: exit codes, files, what is on stdout and what on stderr.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tetreel::image::read_png;
+
+/// A folder with `slab.zarr` in it, in which commands run.
+struct Place(tempfile::TempDir);
+
+/// What a run said.
+struct Run {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+/// Steps of `slab.zarr`.
+const STEPS: usize = 5;
+
+impl Place {
+    fn with_slab() -> Self {
+        let place = Self::empty();
+        place.ok(&["synth", "slab", "-o", "slab.zarr", "--cells", "2000", "--steps", &STEPS.to_string()]);
+        place
+    }
+
+    fn empty() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn run(&self, args: &[&str]) -> Run {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
+        let output = command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache")).output();
+        let output = output.unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        let run = Run { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };
+        assert!(!run.err.contains("panicked") && !run.out.contains("panicked"), "{args:?}: {}", run.err);
+        run
+    }
+
+    /// A run that must succeed; its stdout.
+    fn ok(&self, args: &[&str]) -> String {
+        let run = self.run(args);
+        assert_eq!(run.code, Some(0), "{args:?}: {}", run.err);
+        run.out
+    }
+
+    fn json(&self, args: &[&str]) -> Value {
+        serde_json::from_str(&self.ok(args)).unwrap()
+    }
+
+    /// A run that must fail with one error that contains all `parts`, and leave every file as it was.
+    fn refuses(&self, args: &[&str], parts: &[&str]) {
+        let before = files(self.0.path());
+        let run = self.run(args);
+        assert_eq!((run.code, run.out.as_str()), (Some(2), ""), "{args:?}: {}", run.err);
+        let errors: Vec<&str> = run.err.lines().filter(|line| line.starts_with("error: ")).collect();
+        assert_eq!(errors.len(), 1, "{args:?}: {}", run.err);
+        for part in parts {
+            assert!(errors[0].contains(part), "{args:?}: '{part}' is missing in: {}", errors[0]);
+        }
+        assert!(files(self.0.path()) == before, "{args:?} changed files: {:?}", files(self.0.path()).keys());
+    }
+}
+
+/// All files and folders (the latter without content) below a folder, sorted.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(files(&path));
+            all.insert(path, Vec::new());
+        } else {
+            let bytes = std::fs::read(&path).unwrap();
+            all.insert(path, bytes);
+        }
+    }
+    all
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+/// Options for a small picture of the field of the slab that changes with time.
+const SMALL: [&str; 6] = ["--field", "linear", "--size", "64x64", "--tf", "viridis@0:0.01,1:0.2"];
+
+fn render<'a>(rest: &[&'a str]) -> Vec<&'a str> {
+    [&["render", "slab.zarr"], &SMALL[..], rest].concat()
+}
+
+#[test]
+fn every_command_has_a_help_with_an_example() {
+    let place = Place::empty();
+    let overview = place.ok(&["--help"]);
+    let listed = overview.split("Commands:\n").nth(1).unwrap().lines().take_while(|line| !line.is_empty());
+    let commands: Vec<&str> =
+        listed.filter_map(|line| line.split_whitespace().next()).filter(|&c| c != "help").collect();
+    assert!(["demo", "import", "info", "render", "compare", "bench", "synth"].iter().all(|c| commands.contains(c)));
+    for command in commands {
+        let help = place.ok(&[command, "--help"]);
+        assert!(help.contains(&format!("Example:\n  tetreel {command}")), "{help}");
+        // Documents that a help names must be there.
+        for word in help.split(|c: char| c.is_whitespace() || "()".contains(c)).filter(|w| w.starts_with("docs/")) {
+            assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(word).is_file(), "{command} --help names {word}");
+        }
+    }
+}
+
+#[test]
+fn n_steps_asked_make_n_files_of_which_first_and_last_are_the_right_ones() {
+    let place = Place::with_slab();
+    place.ok(&render(&["-o", "frames/f_%03d.png", "--steps", "0..4:2", "--stats", "stats.json"]));
+    let written: Vec<PathBuf> = files(&place.path("frames")).into_keys().collect();
+    assert_eq!(written, [0, 1, 2].map(|i| place.path(&format!("frames/f_{i:03}.png"))));
+    for (frame, step) in [(0, "0"), (2, "4")] {
+        place.ok(&render(&["-o", "single.png", "--steps", step]));
+        assert_eq!(read_png(&place.path("single.png")).unwrap(), read_png(&written[frame]).unwrap(), "frame {frame}");
+    }
+    assert_ne!(read_png(&written[0]).unwrap(), read_png(&written[2]).unwrap(), "the steps look the same");
+
+    let stats: Value = serde_json::from_slice(&std::fs::read(place.path("stats.json")).unwrap()).unwrap();
+    let of = |key: &str| stats.as_array().unwrap().iter().map(|record| record[key].clone()).collect::<Vec<_>>();
+    assert_eq!((of("frame"), of("step")), (vec![0.into(), 1.into(), 2.into()], vec![0.into(), 2.into(), 4.into()]));
+    let info = place.json(&["info", "slab.zarr", "--json"]);
+    assert_eq!((&of("time")[0], &of("time")[2]), (&info["time"]["first"], &info["time"]["last"]));
+    for record in of("stats") {
+        assert!(record["rays_hit"].as_u64() > Some(0) && record["ms_frame"].as_f64() > Some(0.0), "{record}");
+    }
+}
+
+#[test]
+fn json_is_alone_on_stdout_and_has_the_keys_that_the_help_names() {
+    let place = Place::empty();
+    let report = place.json(&["synth", "slab", "-o", "slab.zarr", "--cells", "2000", "--steps", "5", "--json"]);
+    assert_eq!(report["steps"], STEPS);
+    let info = place.json(&["-v", "info", "slab.zarr", "--json"]);
+    assert_eq!(keys(&info), ["bytes", "fields", "mesh", "time", "version"]);
+    assert_eq!(info["time"]["steps"], STEPS);
+    assert_eq!(place.ok(&render(&["-v", "-o", "a.png", "--steps", "0"])), "", "progress belongs on stderr");
+    place.ok(&render(&["-o", "b.png", "--steps", "0", "--mode", "reference"]));
+    let metrics = place.json(&["compare", "a.png", "b.png", "--json"]);
+    assert_eq!(keys(&metrics), ["flip", "max", "psnr", "rmse", "ssim"]);
+    // Pixels are rounded to 1/255; both renderers are far closer to each other than that.
+    assert!(metrics["max"].as_f64().unwrap() <= 1.5 / 255.0, "{metrics}");
+    place.ok(&[
+        "bench",
+        "slab.zarr",
+        "--size",
+        "32x32",
+        "--frames",
+        "2",
+        "--suite",
+        "accuracy",
+        "--json",
+        "bench.json",
+    ]);
+    let bench: Value = serde_json::from_slice(&std::fs::read(place.path("bench.json")).unwrap()).unwrap();
+    assert_eq!(keys(&bench), ["machine", "runs"]);
+    // The bounds of the fast renderers against the reference.
+    let error = &bench["runs"][0]["error"];
+    assert!(error["rmse"].as_f64().unwrap() <= 1e-5 && error["max"].as_f64().unwrap() <= 1e-3, "{error}");
+}
+
+#[test]
+fn compare_exits_with_0_1_or_2() {
+    let place = Place::with_slab();
+    for (name, step) in [("a.png", "0"), ("b.png", "4")] {
+        place.ok(&render(&["-o", name, "--steps", step]));
+    }
+    place.ok(&["compare", "a.png", "a.png", "--fail-above", "0"]);
+    place.ok(&["compare", "a.png", "b.png"]);
+    let run = place.run(&["compare", "a.png", "b.png", "--json", "--fail-above", "1e-3"]);
+    assert_eq!(run.code, Some(1));
+    let metrics: Value = serde_json::from_str(&run.out).unwrap();
+    assert!(metrics["max"].as_f64() > Some(1e-3), "{metrics}");
+    place.ok(&["render", "slab.zarr", "-o", "c.png", "--steps", "0", "--size", "8x8"]);
+    place.refuses(&["compare", "a.png", "c.png"], &["a.png", "c.png", "64 x 64", "8 x 8"]);
+    place.refuses(&["compare", "a.png", "missing.png"], &["missing.png"]);
+    place.refuses(&["compare", "a.png", "slab.zarr/zarr.json"], &["slab.zarr/zarr.json"]);
+}
+
+#[test]
+fn bad_input_gives_one_error_that_names_it_and_changes_nothing() {
+    let place = Place::with_slab();
+    // Outputs from before, which must survive.
+    place.ok(&render(&["-o", "f_%d.png"]));
+    std::fs::write(place.path("blocked"), "a file where a folder is wanted").unwrap();
+    let out = ["-o", "f_%d.png"];
+    place.refuses(&["render", "none.zarr", "-o", "f_%d.png"], &["none.zarr"]);
+    place.refuses(&["info", "none.zarr", "--json"], &["none.zarr"]);
+    place.refuses(&render(&["-o", "one.png"]), &["5 frames", "frame_%04d.png"]);
+    place.refuses(&render(&["-o", "f.jpg"]), &["f.jpg", ".png"]);
+    place.refuses(&render(&["-o", "blocked/f_%d.png"]), &["blocked"]);
+    place
+        .refuses(&["render", "slab.zarr", "-o", "f_%d.png", "--field", "q"], &["slab.zarr", "'q'", "constant, linear"]);
+    for (option, value, parts) in [
+        ("--steps", "3..9", ["3..9", "0..4"]),
+        ("--steps", "x", ["'x'", "--steps"]),
+        ("--steps", "0..4:0", ["0..4:0", "--steps"]),
+        ("--times", "7..8", ["7..8", "0 to 1"]),
+        ("--camera", "pos=1,2", ["pos", "three"]),
+        ("--range", "3,1", ["3..1", "--range"]),
+        ("--unit-distance", "0", ["unit distance", "0"]),
+        ("--mode", "fast", ["'fast'", "raycast"]),
+        ("--background", "pink", ["pink", "#rrggbb"]),
+    ] {
+        place.refuses(&render(&[&out[..], &[option, value]].concat()), &parts);
+    }
+    for (tf, part) in
+        [("viridis@0:2", "0:2"), ("nomap", "nomap"), ("none.json", "none.json"), ("viridis@", "POSITION:OPACITY")]
+    {
+        place.refuses(&["render", "slab.zarr", "-o", "f_%d.png", "--size", "8x8", "--tf", tf], &[part]);
+    }
+    for size in ["0x8", "8", "8x", "-1x8", "99999x99999", "8x8x8"] {
+        place.refuses(&["render", "slab.zarr", "-o", "f_%d.png", &format!("--size={size}")], &["--size"]);
+    }
+    place.refuses(&["synth", "slab", "-o", "slab.zarr"], &["slab.zarr", "exists"]);
+    place.refuses(&["synth", "slab", "-o", "new.zarr", "--cells", "0"], &["0 cells"]);
+    place.refuses(&["synth", "slab", "-o", "blocked/new.zarr", "--cells", "2000"], &["blocked"]);
+    place.refuses(&["synth", "shelf", "-o", "new.zarr"], &["'shelf'", "slab"]);
+}
+
+#[test]
+fn a_damaged_chunk_is_named_and_what_was_rendered_before_stays() {
+    let place = Place::with_slab();
+    place.ok(&render(&["-o", "f_%d.png"]));
+    let chunk = "slab.zarr/fields/linear/raw/c/2/0";
+    let whole = std::fs::read(place.path(chunk)).unwrap();
+    let mut flipped = whole.clone();
+    flipped[17] ^= 0x40;
+    for damaged in [&whole[..whole.len() / 2], &flipped, &[]] {
+        std::fs::write(place.path(chunk), damaged).unwrap();
+        place.refuses(&render(&["-o", "f_%d.png", "--steps", "2"]), &[chunk, "step 2"]);
+        place.refuses(&render(&["-o", "new_%d.png", "--steps", "2..4"]), &[chunk, "step 2"]);
+    }
+    std::fs::remove_file(place.path(chunk)).unwrap();
+    place.refuses(&render(&["-o", "new.png", "--steps", "2"]), &[chunk]);
+    // The other steps still play.
+    place.ok(&render(&["-o", "new.png", "--steps", "3"]));
+    assert_eq!(read_png(&place.path("new.png")).unwrap(), read_png(&place.path("f_3.png")).unwrap());
+}
+
+#[test]
+fn the_demo_leaves_frames_and_a_contact_sheet_on_which_something_shines() {
+    let place = Place::empty();
+    place.ok(&["demo", "--cells", "2000", "--out", "here"]);
+    let frames: Vec<PathBuf> = files(&place.path("here/frames")).into_keys().collect();
+    assert_eq!(frames.len(), 24);
+    let sheet = read_png(&place.path("here/contact_sheet.png")).unwrap();
+    let frame = read_png(&frames[23]).unwrap();
+    assert!(sheet.width >= 4 * frame.width && sheet.height >= 3 * frame.height, "{} x {}", sheet.width, sheet.height);
+    // Brighter than the background (0.08 at most) by far more than rounding.
+    let bright = |pixels: &[[f32; 4]]| pixels.iter().filter(|p| p[0] > 0.25).count();
+    assert!(bright(&sheet.pixels) > 0 && bright(&frame.pixels) > 0, "nothing shines");
+    place.refuses(&["info", "here/frames/frame_0000.png"], &["frame_0000.png"]);
+}
+
+#[test]
+fn man_pages_and_completions_know_every_command() {
+    let place = Place::empty();
+    place.ok(&["manual", "--man", "man"]);
+    for command in ["demo", "import", "info", "render", "compare", "bench", "synth"] {
+        let page = std::fs::read_to_string(place.path(&format!("man/tetreel-{command}.1"))).unwrap();
+        assert!(page.contains("Example"), "{command}");
+    }
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = place.ok(&["manual", "--completions", shell]);
+        assert!(script.contains("compare") && script.contains("unit-distance"), "{shell}");
+    }
+}
