@@ -1,5 +1,5 @@
 //! The exact integrator: segments are split at the nodes of the transfer function, each piece integrated by
-//! [`piece_weights`](super::piece_weights).
+//! [`piece_weights`].
 //!
 //! Along a ray the scalar is continuous, so the interval of the table that holds it is known from the segment before:
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
