@@ -19,18 +19,20 @@ pub(super) struct Args {
     #[arg(long, default_value = "demo", value_name = "DIR")]
     out: PathBuf,
     /// About how many tets
-    #[arg(long, default_value_t = 200_000, value_name = "N")]
+    #[arg(long, default_value_t = 400_000, value_name = "N")]
     cells: u64,
 }
 
-/// Steps generated; the contact sheet shows every other one.
+/// Steps generated; the contact sheet shows every other one, from the second on (the jet starts from nothing).
 const STEPS: usize = 24;
-/// Columns and rows of the contact sheet.
-const SHEET: (usize, usize) = (4, 3);
-const SIZE: SizePx = SizePx(480, 360);
-const BACKGROUND: Background = Background::Color([0.06, 0.06, 0.08]);
-/// The quiet surroundings stay transparent, the outer jet is a veil, fronts and cores stand out.
-const TRANSFER_FUNCTION: &str = "inferno@0:0,0.06:0,0.2:0.015,0.45:0.06,0.7:0.25,1:0.7";
+/// Columns and rows of the contact sheet: half of the steps.
+const SHEET: (usize, usize) = (3, STEPS / 2 / 3);
+const SIZE: SizePx = SizePx(640, 420);
+/// Nearer than the default, which leaves room to turn the box.
+const CAMERA: &str = "angle=20";
+const BACKGROUND: Background = Background::Color([0.086, 0.094, 0.114]);
+/// The quiet surroundings are a faint blue haze, the outer jet is a veil, fronts and cores stand out.
+const TRANSFER_FUNCTION: &str = "cool-to-warm@0:0.008,0.04:0.004,0.15:0.02,0.4:0.05,0.6:0.15,0.8:0.65,1:0.95";
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let dir = &args.out;
@@ -49,7 +51,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         range: Default::default(),
         opacity_kind: Default::default(),
         unit_distance: None,
-        camera: None,
+        camera: Some(CAMERA.to_owned()),
         size: SIZE,
         mode: Default::default(),
     };
@@ -58,7 +60,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let steps: Vec<usize> = (0..STEPS).collect();
     render::render_steps(&mut scene, &steps, &pattern, BACKGROUND, terminal)?;
 
-    let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(i * STEPS / (SHEET.0 * SHEET.1)));
+    let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(2 * i + 1));
     let frames = shown.map(|path| image::read_png(&path)).collect::<Result<Vec<_>, _>>()?;
     let sheet = image::contact_sheet(&frames, SHEET.0, 4, [0.0; 3]);
     let sheet_path = dir.join("contact_sheet.png");

@@ -115,8 +115,8 @@ pub enum Advance<'a> {
     Done(&'a Frame),
 }
 
-/// Renders one job at a time, in slices. Keeps its buffers from job to job: frames of one size allocate nothing once the
-/// first is done.
+/// Renders one job at a time, in slices. Keeps its buffers from job to job: what grows with the mesh or the image is
+/// allocated by the first frame only.
 pub trait Renderer: Send {
     /// Starts a job; one that was under way is dropped.
     ///

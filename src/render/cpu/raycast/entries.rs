@@ -98,6 +98,11 @@ pub(super) struct TileBins {
 }
 
 impl TileBins {
+    /// No tiles: nothing can be seen.
+    pub(super) fn clear(&mut self) {
+        (self.columns, self.rows) = (0, 0);
+    }
+
     pub(super) fn tile_count(&self) -> usize {
         self.columns * self.rows
     }

@@ -29,10 +29,13 @@ mod walk;
 
 use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::camera::View;
+use crate::mesh::Mesh;
 use crate::optics::exact::ExactTable;
 use crate::stats::FrameStats;
+use crate::visibility::CellSet;
 use entries::{EntryFace, TileBins};
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use view::ViewVertex;
 use walk::{Scene, TileScratch};
@@ -47,7 +50,13 @@ pub struct Raycast {
     frame: Frame,
     vertices: Vec<ViewVertex>,
     entry_faces: Vec<EntryFace>,
+    /// What they were collected from.
+    entry_faces_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     bins: TileBins,
+    /// Pixels tile by tile, each tile's rows together.
+    tile_pixels: Vec<[f32; 4]>,
+    /// One for each thread.
+    scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
 }
 
@@ -66,6 +75,17 @@ impl Raycast {
     pub fn new() -> Self {
         Self::default()
     }
+
+    /// Entry faces depend on the mesh and its active cells alone: those of the last job are kept while these are the same.
+    fn collect_entry_faces(&mut self, job: &RenderJob) {
+        let same = |(mesh, active): &(Arc<Mesh>, Arc<CellSet>)| {
+            Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(active, &job.active)
+        };
+        if !self.entry_faces_of.as_ref().is_some_and(same) {
+            entries::collect(&job.mesh.topology, &job.active, &mut self.entry_faces);
+            self.entry_faces_of = Some((job.mesh.clone(), job.active.clone()));
+        }
+    }
 }
 
 impl Renderer for Raycast {
@@ -78,25 +98,24 @@ impl Renderer for Raycast {
         view::transform(&view, &job.mesh.positions.local, &job.scalars, &mut self.vertices);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0;
-        let tiles = if everything_clear {
-            self.entry_faces.clear();
-            0
+        let eye_cells = if everything_clear {
+            self.bins.clear();
+            Vec::new()
         } else {
-            entries::collect(&job.mesh.topology, &job.active, &mut self.entry_faces);
+            self.collect_entry_faces(&job);
             self.bins.fill(&view, &self.vertices, &self.entry_faces);
-            self.bins.tile_count()
+            entries::cells_at_eye(&job, &view)
         };
-        let eye_cells = if everything_clear { Vec::new() } else { entries::cells_at_eye(&job, &view) };
         self.frame.stats = FrameStats {
             cells_active: cells_active as u64,
             cells_total: job.active.universe() as u64,
-            entry_faces: self.entry_faces.len() as u64,
+            entry_faces: if everything_clear { 0 } else { self.entry_faces.len() as u64 },
             ms_order: started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
-        debug_assert!(tiles == 0 || tiles == self.bins.tile_count());
-        let next_tile = if everything_clear { self.bins.tile_count() } else { 0 };
-        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile, started });
+        self.tile_pixels.resize(self.bins.tile_count() * TILE_PX * TILE_PX, [0.0; 4]);
+        self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
+        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started });
         Ok(())
     }
 
@@ -120,18 +139,29 @@ impl Renderer for Raycast {
         while active.next_tile < tile_count {
             let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
             active.next_tile = tiles.end;
-            let bins = &self.bins;
-            let done: Vec<_> = tiles
-                .into_par_iter()
-                .map_init(TileScratch::default, |scratch, tile| walk::render_tile(&scene, bins, tile, scratch))
-                .collect();
-            for (pixels, rect, stats) in done {
+            let (bins, scratch) = (&self.bins, &self.scratch);
+            let counts = self.tile_pixels[tiles.start * TILE_PX * TILE_PX..tiles.end * TILE_PX * TILE_PX]
+                .par_chunks_exact_mut(TILE_PX * TILE_PX)
+                .zip(tiles.clone())
+                .map(|(pixels, tile)| {
+                    // A thread of the pool has a scratch of its own: the lock is never waited for.
+                    let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
+                    let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
+                    walk::render_tile(&scene, bins, tile, &mut scratch, pixels)
+                })
+                .reduce(FrameStats::default, |mut sum, part| {
+                    sum.add_counts(&part);
+                    sum
+                });
+            self.frame.stats.add_counts(&counts);
+            for tile in tiles {
+                let rect = self.bins.rect(tile);
+                let pixels = &self.tile_pixels[tile * TILE_PX * TILE_PX..];
                 let width = self.frame.color.width;
-                for (row, line) in pixels.chunks_exact(rect.width).enumerate() {
+                for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
                     let at = (rect.y + row) * width + rect.x;
                     self.frame.color.pixels[at..at + rect.width].copy_from_slice(line);
                 }
-                self.frame.stats.add_counts(&stats);
             }
             if slice_started.elapsed() >= budget {
                 break;

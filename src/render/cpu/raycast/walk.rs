@@ -36,15 +36,16 @@ struct Start {
     opposite: u32,
 }
 
-/// Renders one tile: its pixels row by row, where they lie, and what it cost.
+/// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
 pub(super) fn render_tile(
     scene: &Scene<'_>,
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
-) -> (Vec<[f32; 4]>, PixelRect, FrameStats) {
+    pixels: &mut [[f32; 4]],
+) -> FrameStats {
     let rect = bins.rect(tile);
-    let mut pixels = vec![[0.0; 4]; rect.width * rect.height];
+    pixels.fill([0.0; 4]);
     let mut stats = FrameStats::default();
     find_starts(scene, bins, tile, rect, &mut scratch.starts);
     stats.entries = scratch.starts.len() as u64;
@@ -56,7 +57,7 @@ pub(super) fn render_tile(
         pixels[pixel] = walk.light.pixel();
         stats.add_counts(&walk.counts());
     }
-    (pixels, rect, stats)
+    stats
 }
 
 /// All starts of paths in a tile, by pixel and depth.
