@@ -13,6 +13,7 @@ use std::path::Path;
 /// If the folder does not take the file, or `write` fails.
 pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> FileResult<()> {
     let io = |e: std::io::Error| FileError::io(path, "write", &e);
+    check_place(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".tetreel-");
     readable(&mut builder, 0o666);
@@ -38,6 +39,18 @@ pub fn sibling_folder(target: &Path, purpose: &str) -> FileResult<tempfile::Temp
     readable(&mut builder, 0o777);
     let parent = parent_of(target);
     builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
+}
+
+/// Checks that the folder exists in which `path` is to be written: before long work, not after it.
+///
+/// # Errors
+/// If it does not.
+pub fn check_place(path: &Path) -> FileResult<()> {
+    let parent = parent_of(path);
+    if parent.is_dir() {
+        return Ok(());
+    }
+    Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
 
 /// The folder that a path lies in.

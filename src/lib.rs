@@ -6,10 +6,10 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | cellar | [`error`] |
-//! | 0 | [`files`], [`task`] |
-//! | 1 | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
-//! | mezzanine | [`field`] |
+//! | 0a | [`error`] |
+//! | 0b | [`files`], [`task`] |
+//! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
+//! | 1b | [`field`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 4 | [`store`], [`import`], [`synth`] |

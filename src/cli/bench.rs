@@ -48,6 +48,9 @@ impl Suite {
 }
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    if let Some(path) = &args.json {
+        files::check_place(path)?;
+    }
     let mut runs = Vec::new();
     for path in &args.stores {
         let store = source::open(path, terminal)?;

@@ -14,14 +14,14 @@ pub(super) struct Args {
     a: PathBuf,
     /// The image to judge it by
     b: PathBuf,
-    /// Print JSON: {max, rmse, psnr, ssim, flip}
+    /// Print JSON: {max, rmse, psnr, ssim, flip}; psnr is null for equal images
     #[arg(long)]
     json: bool,
     /// Colour behind transparent pixels for SSIM and FLIP: #rrggbb, black, white or gray
     #[arg(long, value_name = "COLOR", default_value = "black")]
     background: Background,
     /// Exit with 1 if the largest difference is above this
-    #[arg(long, value_name = "MAX")]
+    #[arg(long, value_name = "MAX", allow_hyphen_values = true)]
     fail_above: Option<f64>,
 }
 

@@ -35,11 +35,11 @@ const BACKGROUND: Background = Background::Color([0.086, 0.094, 0.114]);
 const TRANSFER_FUNCTION: &str = "cool-to-warm@0:0.008,0.04:0.004,0.15:0.02,0.4:0.05,0.6:0.15,0.8:0.65,1:0.95";
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let series = generate(&SynthSpec { cells: args.cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
     let dir = &args.out;
     let frames_dir = dir.join("frames");
     std::fs::create_dir_all(&frames_dir)
         .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
-    let series = generate(&SynthSpec { cells: args.cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
     let store_path = dir.join("jet.zarr");
     let options = IngestOptions { overwrite: true, ..Default::default() };
     let report = source::run_ingest(&series, &store_path, &options, terminal)?;

@@ -26,6 +26,11 @@ const EXIT_BAD_INPUT: u8 = 2;
 /// Exit code of a run that did its work and found a check failing.
 const EXIT_CHECK_FAILED: u8 = 1;
 
+/// Heading of the options that all commands have.
+const COMMON: &str = "Common options";
+/// More threads than any machine has cores; starting far more hangs.
+const THREADS_MAX: i64 = 1024;
+
 /// Plays time-varying scalar fields on tetrahedral meshes.
 #[derive(Debug, Parser)]
 #[command(name = "tetreel", version, max_term_width = 110)]
@@ -34,13 +39,14 @@ pub struct Cli {
     #[command(subcommand)]
     command: Command,
     /// Threads to compute with (0: one per core)
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    threads: usize,
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", help_heading = COMMON)]
+    #[arg(value_parser = clap::value_parser!(u16).range(..=THREADS_MAX))]
+    threads: u16,
     /// Say more
-    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = COMMON)]
     verbose: bool,
     /// Say nothing but errors and results
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = COMMON)]
     quiet: bool,
 }
 
@@ -72,7 +78,7 @@ struct Interrupted;
 
 /// Runs the command line and returns its exit code. Results go to stdout, everything else to stderr.
 pub fn run(cli: Cli) -> ExitCode {
-    if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build_global() {
+    if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(cli.threads.into()).build_global() {
         eprintln!("error: cannot start {} threads: {error}", cli.threads);
         return EXIT_BAD_INPUT.into();
     }
@@ -115,7 +121,8 @@ fn print_result(json: bool, value: &impl serde::Serialize, text: &impl std::fmt:
         serde_json::to_writer_pretty(&mut out, value)?;
         writeln!(out)?;
     } else {
-        write!(out, "{text}")?;
+        let text = text.to_string();
+        writeln!(out, "{}", text.trim_end())?;
     }
     out.flush()?;
     Ok(())

@@ -4,6 +4,7 @@ use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
 use super::{Outcome, source};
 use crate::export::sequence::{Background, FramePattern, FrameWriter};
+use crate::files;
 use crate::ingest::StepRange;
 use crate::stats::FrameStats;
 use crate::task::Progress;
@@ -55,7 +56,12 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if steps.len() > 1 && !args.output.is_numbered() {
         bail!("{} frames need a number in the file name, such as frame_%04d.png", steps.len());
     }
+    if let Some(path) = &args.stats {
+        files::check_place(path)?;
+    }
     let mut scene = Scene::open(&store, &args.scene)?;
+    // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
+    scene.pipeline.check_steps(&steps)?;
     terminal.detail(&format!("camera: {}", scene.camera));
     let records = render_steps(&mut scene, &steps, &args.output, args.background, terminal)?;
     if let Some(path) = &args.stats {
@@ -127,5 +133,5 @@ fn parse_times(text: &str) -> Result<(f64, f64), String> {
 /// Writes the statistics beside their place and moves them there.
 fn write_stats(path: &Path, records: &[impl Serialize]) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(records)?;
-    Ok(crate::files::replace_with(path, text.as_bytes())?)
+    Ok(files::replace_with(path, text.as_bytes())?)
 }

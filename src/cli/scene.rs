@@ -6,6 +6,7 @@ use crate::node_table::NodeTable;
 use crate::pipeline::{FrameRequest, Pipeline, RenderMode};
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use anyhow::Context;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ pub(super) struct SceneArgs {
     #[arg(long, value_name = "KIND", default_value = "alpha")]
     pub(super) opacity_kind: OpacityKind,
     /// The length that opacities refer to, in world units (default: 1 % of the bounding box's diagonal)
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = parse_length)]
     pub(super) unit_distance: Option<f64>,
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
@@ -58,6 +59,13 @@ impl FromStr for SizePx {
     }
 }
 
+fn parse_length(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|l: &f64| *l > 0.0 && l.is_finite())
+        .ok_or_else(|| "a length is a positive number".to_owned())
+}
+
 /// A series, ready to be asked for frames.
 pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
@@ -74,12 +82,12 @@ pub(super) struct Scene {
 
 impl Scene {
     pub(super) fn open(store: &Store, args: &SceneArgs) -> anyhow::Result<Self> {
-        let tf = TransferFunction::parse(&args.tf)?;
+        let tf = TransferFunction::parse(&args.tf).with_context(|| format!("--tf '{}'", args.tf))?;
         let pipeline = Pipeline::open(store, args.field.as_ref())?;
         let bounds = pipeline.mesh().positions.world_bounds();
         let framing = Camera::default_for(bounds)?.fit_to_aspect(args.size.0, args.size.1);
         let camera = match &args.camera {
-            Some(text) => Camera::parse(text, &framing)?,
+            Some(text) => Camera::parse(text, &framing).with_context(|| format!("--camera '{text}'"))?,
             None => framing,
         };
         // A mesh without extent is refused when it is built, so the diagonal is positive.

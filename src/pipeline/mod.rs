@@ -14,6 +14,7 @@ use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::visibility::{CellSet, finite_cells};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -127,6 +128,17 @@ impl Pipeline {
     /// The field that is played.
     pub fn field(&self) -> &StoredField {
         self.reader.info()
+    }
+
+    /// Reads steps as a frame would and forgets them: whether the store can give them all.
+    ///
+    /// # Errors
+    /// That of the first step that cannot be read.
+    pub fn check_steps(&self, steps: &[usize]) -> FileResult<()> {
+        let vertices = self.mesh.positions.local.len();
+        let read = |buffer: &mut Vec<f32>, &step: &usize| self.reader.decode_step(step, buffer).err();
+        let errors = steps.par_iter().map_init(|| vec![0.0; vertices], read);
+        errors.find_first(Option::is_some).flatten().map_or(Ok(()), Err)
     }
 
     /// Renders a frame of exactly the step asked for.

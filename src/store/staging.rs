@@ -91,7 +91,7 @@ fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
     }
     if !overwrite {
         let error = FileError::invalid(target, "", "exists");
-        return Err(error.remedy("choose another name, or allow it to be overwritten"));
+        return Err(error.remedy("choose another name, or allow it to be replaced (--overwrite)"));
     }
     Ok(())
 }

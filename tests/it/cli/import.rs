@@ -1,0 +1,103 @@
+//! Importing the series that comes with tetreel, and damaged copies of it.
+
+use super::Place;
+use std::path::Path;
+use tetreel::image::read_png;
+
+const LAST: &str = "run/tornado_0007.vtu";
+
+impl Place {
+    /// A folder with a copy of `data/tornado` as `run`.
+    fn with_tornado() -> Self {
+        let place = Self::empty();
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/tornado");
+        std::fs::create_dir(place.path("run")).unwrap();
+        for entry in std::fs::read_dir(from).unwrap() {
+            let entry = entry.unwrap();
+            std::fs::copy(entry.path(), place.path("run").join(entry.file_name())).unwrap();
+        }
+        place
+    }
+
+    /// Replaces text in the head of a file; what follows the head is binary.
+    fn edit(&self, file: &str, from: &str, to: &str) {
+        let bytes = std::fs::read(self.path(file)).unwrap();
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect("the text to replace");
+        let edited = [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat();
+        std::fs::write(self.path(file), edited).unwrap();
+    }
+}
+
+#[test]
+fn the_shipped_series_is_imported_with_its_times_and_played() {
+    let place = Place::with_tornado();
+    place.ok(&["import", "run/tornado.pvd", "-o", "t.zarr"]);
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    assert_eq!(info["time"]["steps"], 8);
+    let pvd = std::fs::read_to_string(place.path("run/tornado.pvd")).unwrap();
+    let last = info["time"]["last"].as_f64().unwrap();
+    assert!(pvd.contains(&format!("timestep=\"{last:?}\"")), "{last:?} is not in {pvd}");
+    // From the store, and from the source through the cache: the same picture.
+    let look = ["--field", "velocity", "--steps", "5", "--size", "80x60"];
+    place.ok(&[&["render", "t.zarr", "-o", "a.png"], &look[..]].concat());
+    place.ok(&[&["render", "run/tornado.pvd", "-o", "b.png"], &look[..]].concat());
+    let image = read_png(&place.path("a.png")).unwrap();
+    assert!(image.pixels.iter().any(|p| p[3] > 0.1) && image == read_png(&place.path("b.png")).unwrap());
+    place.refuses(&["import", "run/tornado.pvd", "-o", "t.zarr"], &["t.zarr", "--overwrite"]);
+    place.ok(&["import", "run/tornado.pvd", "-o", "t.zarr", "--overwrite", "--field", "pressure", "--steps", "0..7:7"]);
+    assert_eq!(place.json(&["info", "t.zarr", "--json"])["time"]["steps"], 2);
+}
+
+#[test]
+fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
+    type Damage = (&'static str, fn(&Place), &'static [&'static str]);
+    let damages: [Damage; 8] = [
+        ("missing collection", |p| std::fs::remove_file(p.path("run/tornado.pvd")).unwrap(), &["tornado.pvd"]),
+        ("missing step", |p| std::fs::remove_file(p.path(LAST)).unwrap(), &["tornado.pvd", "tornado_0007.vtu"]),
+        (
+            "cut file",
+            |p| {
+                let bytes = std::fs::read(p.path(LAST)).unwrap();
+                std::fs::write(p.path(LAST), &bytes[..5000]).unwrap();
+            },
+            &["tornado_0007.vtu"],
+        ),
+        ("wrong size", |p| p.edit(LAST, "offset=\"2940\"", "offset=\"2936\""), &["tornado_0007.vtu", "velocity"]),
+        (
+            "unknown cell type",
+            |p| {
+                for step in 0..8 {
+                    let file = format!("run/tornado_{step:04}.vtu");
+                    let mut bytes = std::fs::read(p.path(&file)).unwrap();
+                    let tail = bytes.windows(8).rposition(|w| w == [10; 8]).unwrap();
+                    bytes[tail] = 12;
+                    std::fs::write(p.path(&file), bytes).unwrap();
+                }
+            },
+            &["tornado_0000.vtu", "12", "hexahedron"],
+        ),
+        (
+            "missing field",
+            |p| p.edit(LAST, "Name=\"velocity\"", "Name=\"elocityy\""),
+            &["tornado_0007.vtu", "velocity"],
+        ),
+        (
+            "other vertex count",
+            |p| p.edit(LAST, "NumberOfPoints=\"729\"", "NumberOfPoints=\"728\""),
+            &["tornado_0007.vtu", "728"],
+        ),
+        (
+            "two equal times",
+            |p| p.edit("run/tornado.pvd", "timestep=\"0.0\"", "timestep=\"9.031793516813595\""),
+            &["pvd", "9.03"],
+        ),
+    ];
+    for (name, damage, parts) in damages {
+        let place = Place::with_tornado();
+        place.ok(&["import", "run/tornado.pvd", "-o", "old.zarr", "--field", "pressure"]);
+        damage(&place);
+        eprintln!("{name}");
+        place.refuses(&["import", "run/tornado.pvd", "-o", "new.zarr"], parts);
+        place.refuses(&["import", "run/tornado.pvd", "-o", "old.zarr", "--overwrite"], parts);
+    }
+}
