@@ -72,7 +72,12 @@ impl Cell {
         if !(near < far && near.is_finite() && far.is_finite()) {
             return None;
         }
-        let scalar = |depth: f64| (0..4).map(|i| (at_zero[i] + slope[i] * depth) * self.scalars[i]).sum();
+        // Relative to one corner's: a constant scalar stays what it is, exactly on a step of the table perhaps.
+        let first = self.scalars[0];
+        let scalar = |depth: f64| -> f64 {
+            let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (self.scalars[i] - first);
+            first + (1..4).map(rise).sum::<f64>()
+        };
         Some(Segment { near, far, scalar_near: scalar(near), scalar_far: scalar(far) })
     }
 }

@@ -261,3 +261,64 @@ fn parts_that_do_not_belong_together_are_refused() {
         assert!(renderer.render(bad_cells.clone()).unwrap_err().to_string().contains("7 cells"));
     }
 }
+
+#[test]
+fn random_tables_with_steps_and_spikes_agree_with_the_reference() {
+    let mesh = Arc::new(build(grid(5, 0.16, 17, |c| c.length() > 0.45)));
+    for seed in 0..24u64 {
+        let random = |i: u64| noise(100 + seed, i);
+        let count = 2 + (seed % 9);
+        let mut scalars: Vec<f64> = (0..count).map(|i| 1.5 * random(i)).collect();
+        scalars.sort_by(f64::total_cmp);
+        // Every third node is a step, every fourth a spike of a millionth of the range.
+        let mut nodes = Vec::new();
+        for (i, &scalar) in (0u64..).zip(&scalars) {
+            let rgb = [0, 1, 2].map(|c| 0.5 + 0.5 * random(50 + 3 * i + c));
+            let tau = if random(200 + i) < 0.0 { 0.0 } else { 3.0 * random(200 + i) };
+            match i % 4 {
+                1 => nodes.extend([(scalar, rgb, 0.0), (scalar, rgb, tau)]),
+                3 => nodes.extend([(scalar, rgb, 0.0), (scalar + 1.5e-6, rgb, 3e5 * tau), (scalar + 3e-6, rgb, 0.0)]),
+                _ => nodes.push((scalar, rgb, tau)),
+            }
+        }
+        nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let position = DVec3::new(random(300), random(301), random(302)).normalize_or(DVec3::X) * 4.5;
+        let job = job(&mesh, sample(&mesh, wave), &camera(position, PERSPECTIVE), (48, 48), table(&nodes));
+        let (rmse, max) = difference(&raycast(&job), &reference(&job));
+        assert!(rmse <= 1e-5 && max <= 1e-3, "seed {seed}: rmse {rmse:.2e}, max {max:.2e}, {nodes:?}");
+    }
+}
+
+#[test]
+fn labels_on_the_steps_of_a_table_agree_with_the_reference() {
+    let mesh = Arc::new(build(grid(6, 0.16, 19, |_| true)));
+    // Whole numbers at the vertices, most cells constant, and steps of the table exactly there.
+    let labels = sample(&mesh, |p| (2.5 * p.x).floor());
+    let steps: Vec<_> = (-3..3)
+        .flat_map(|i| {
+            let rgb = |i: i32| [0.1 * f64::from(i + 4), 0.5, 0.9 - 0.1 * f64::from(i + 4)];
+            let tau = |i: i32| if i % 2 == 0 { 0.7 } else { 0.0 };
+            [(f64::from(i), rgb(i), tau(i)), (f64::from(i), rgb(i + 1), tau(i + 1))]
+        })
+        .collect();
+    for camera in cameras() {
+        assert_agrees("labels", &job(&mesh, labels.clone(), &camera, (48, 48), table(&steps)));
+    }
+}
+
+#[test]
+fn extremes_of_the_field_agree_with_the_reference() {
+    let mesh = Arc::new(build(grid(4, 0.16, 23, |_| true)));
+    // Denormals, the largest numbers, a huge offset with a small range: the table spans what f32 can tell apart.
+    for (name, lo, hi) in [("denormal", 1e-42, 3e-41), ("huge", -3e38, 3e38), ("offset", 1e7, 1e7 + 64.0)] {
+        let scalars = sample(&mesh, |p| lo + (hi - lo) * (0.5 + 0.3 * wave(p)));
+        let nodes =
+            [(lo, [0.1, 0.2, 0.9], 0.0), (0.5 * lo + 0.5 * hi, [0.2, 0.9, 0.3], 1.0), (hi, [1.0, 0.4, 0.1], 0.3)];
+        assert_agrees(
+            name,
+            &job(&mesh, scalars, &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (48, 48), table(&nodes)),
+        );
+    }
+    let constant = vec![0.25; mesh.positions.local.len()];
+    assert_agrees("constant", &job(&mesh, constant, &camera(DVec3::X * 4.0, PERSPECTIVE), (49, 49), dense()));
+}

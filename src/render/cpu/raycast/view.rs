@@ -110,7 +110,8 @@ pub(super) fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool
 
 /// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
 ///
-/// The convex combination keeps the depth within the triangle's; the determinant form does not. Values that rounding has
+/// The convex combination keeps the depth within the triangle's; the determinant form does not. The scalar is taken relative
+/// to one corner's, so that a constant one stays what it is: it may lie exactly on a step of the table. Values that rounding has
 /// made negative count as zero; a triangle of nothing but rounding is hit in its middle.
 #[inline]
 pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
@@ -118,5 +119,5 @@ pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f
     let sum = e[0] + e[1] + e[2];
     let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
     let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);
-    (wp * p.w + wq * q.w + wr * r.w, wp * p.s + wq * q.s + wr * r.s)
+    (wp * p.w + wq * q.w + wr * r.w, p.s + wq * (q.s - p.s) + wr * (r.s - p.s))
 }
