@@ -50,12 +50,13 @@ pub(super) fn face_of(topology: &Topology, cell: u32, opposite: usize) -> EntryF
 /// behind the eye where it enters the cell and not where it leaves it; both are computed as for any other face, so that
 /// entries in front of the eye and starts around it complement each other.
 pub(super) fn cells_at_eye(job: &RenderJob, local_view: &View) -> Vec<u32> {
-    if !local_view.perspective {
-        return Vec::new();
-    }
     // View coordinates are rounded by some 2^-53 of the local box's diameter, which is below 4; far more than that is safe,
     // since a cell too many only costs time.
     const TOLERANCE: f64 = 1e-12;
+    // The local box lies within [-1, 1]: an eye outside needs no search.
+    if !local_view.perspective || local_view.eye.abs().max_element() > 1.0 + TOLERANCE {
+        return Vec::new();
+    }
     job.mesh.cells_near(local_view.eye, TOLERANCE).into_iter().filter(|&c| job.active.contains(c)).collect()
 }
 

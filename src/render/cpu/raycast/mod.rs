@@ -20,8 +20,8 @@
 //! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
 //! 3. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
 //!
-//! Tried and not kept: walking four or eight rays of a thread in turn, to hide the latency of the loads (cell, vertex,
-//! neighbour). It changed nothing: rays of a tile share their cells, which stay in the cache.
+//! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
+//! or eight rays of a thread in turn, to hide the latency of the loads; vertices and neighbours of a cell side by side.
 
 mod entries;
 mod view;
