@@ -5,7 +5,7 @@ mod import;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use tetreel::image::read_png;
 
 /// A folder with `slab.zarr` in it, in which commands run.
@@ -279,4 +279,22 @@ fn man_pages_and_completions_know_every_command() {
         let script = place.ok(&["manual", "--completions", shell]);
         assert!(script.contains("compare") && script.contains("unit-distance"), "{shell}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_run_with_130_and_leaves_no_half_file() {
+    let place = Place::empty();
+    // Long enough never to be done before it is interrupted.
+    let args = ["synth", "jet", "-o", "jet.zarr", "--cells", "20000", "--steps", "100000"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
+    let mut child = command.args(args).current_dir(place.0.path()).stderr(Stdio::null()).spawn().unwrap();
+    while files(place.0.path()).is_empty() {
+        assert_eq!(child.try_wait().unwrap(), None, "ended before it wrote anything");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(files(place.0.path()).is_empty(), "{:?}", files(place.0.path()).keys());
 }
