@@ -92,7 +92,7 @@ impl ExactRay {
     /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
     /// `s0` is the scalar at which the ray entered or the `s1` of the segment before. Returns the number of pieces that
     /// were integrated.
-    #[inline]
+    #[inline(always)]
     pub fn segment(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
         let intervals = table.intervals.as_slice();
         let interval = &intervals[self.interval];
@@ -103,7 +103,7 @@ impl ExactRay {
         self.across_nodes(intervals, s0, s1, length, out)
     }
 
-    #[inline]
+    #[inline(always)]
     fn piece(&mut self, interval: &Interval, to: f64, length: f64, out: &mut Accumulator) -> u64 {
         let near = self.here;
         self.here = interval.at(to);
@@ -117,7 +117,7 @@ impl ExactRay {
         1
     }
 
-    #[inline(never)]
+    #[inline]
     fn across_nodes(&mut self, intervals: &[Interval], s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
         let mut pieces = 0;
         let mut s = s0;

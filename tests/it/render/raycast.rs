@@ -220,6 +220,17 @@ fn slices_and_threads_do_not_change_the_image() {
 }
 
 #[test]
+fn the_version_for_newer_processors_draws_the_same_bits() {
+    let mesh = Arc::new(build(grid(8, 0.16, 1, |c| c.length() > 0.4)));
+    for camera in cameras() {
+        for table in [dense(), tents()] {
+            let job = job(&mesh, sample(&mesh, wave), &camera, (50, 50), table);
+            assert_eq!(raycast(&job), Raycast::portable().render(job).unwrap().color);
+        }
+    }
+}
+
+#[test]
 fn opaque_rays_stop_early_and_change_nothing_visible() {
     let mesh = Arc::new(build(grid(8, 0.16, 1, |_| true)));
     let opaque = table(&[(-1.5, [0.2, 0.2, 1.0], 30.0), (1.5, [1.0, 0.2, 0.1], 60.0)]);

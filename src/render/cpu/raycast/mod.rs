@@ -18,12 +18,14 @@
 //! Deviations for speed from the plain algorithm:
 //! 1. Entry candidates are culled by conservative pixel boxes.
 //! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
-//! 3. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
+//! 3. It is compiled a second time for AVX2 ([`simd`]).
+//! 4. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
 //!
 //! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
 //! or eight rays of a thread in turn, to hide the latency of the loads; vertices and neighbours of a cell side by side.
 
 mod entries;
+mod simd;
 mod view;
 mod walk;
 
@@ -58,6 +60,8 @@ pub struct Raycast {
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
+    /// Use no instructions that not every processor of its kind has.
+    portable: bool,
 }
 
 /// What a job under way needs beyond the buffers.
@@ -74,6 +78,11 @@ impl Raycast {
     /// A renderer without a job.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// The same renderer without instructions that only newer processors have; its images are the same.
+    pub fn portable() -> Self {
+        Self { portable: true, ..Self::default() }
     }
 
     /// Entry faces depend on the mesh and its active cells alone: those of the last job are kept while these are the same.
@@ -139,7 +148,7 @@ impl Renderer for Raycast {
         while active.next_tile < tile_count {
             let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
             active.next_tile = tiles.end;
-            let (bins, scratch) = (&self.bins, &self.scratch);
+            let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
             let counts = self.tile_pixels[tiles.start * TILE_PX * TILE_PX..tiles.end * TILE_PX * TILE_PX]
                 .par_chunks_exact_mut(TILE_PX * TILE_PX)
                 .zip(tiles.clone())
@@ -147,7 +156,7 @@ impl Renderer for Raycast {
                     // A thread of the pool has a scratch of its own: the lock is never waited for.
                     let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
                     let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                    walk::render_tile(&scene, bins, tile, &mut scratch, pixels)
+                    simd::render_tile(avx2, &scene, bins, tile, &mut scratch, pixels)
                 })
                 .reduce(FrameStats::default, |mut sum, part| {
                     sum.add_counts(&part);

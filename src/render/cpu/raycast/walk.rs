@@ -37,7 +37,8 @@ struct Start {
 }
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
-pub(super) fn render_tile(
+#[inline(always)]
+pub(super) fn render_tile_inlined(
     scene: &Scene<'_>,
     bins: &TileBins,
     tile: usize,
@@ -197,7 +198,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Walks through one cell; false at the end of the ray.
-    #[inline]
+    #[inline(always)]
     fn step(&mut self, scene: &Scene<'_>) -> bool {
         self.steps += 1;
         let topology = &scene.mesh.topology;
@@ -256,7 +257,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Composites the segment from the last (depth, scalar) place to the next one, or the part of it behind `front`.
-    #[inline]
+    #[inline(always)]
     fn composite(&mut self, table: &ExactTable, to: (f64, f64)) {
         let mut from = self.last;
         if from.0 < self.front {
