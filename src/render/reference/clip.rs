@@ -1,6 +1,6 @@
 //! A tet and a ray.
 
-use super::INFLATION;
+use super::{GRAZING_LENGTH, INFLATION};
 use crate::camera::View;
 use glam::DVec3;
 use std::ops::Range;
@@ -54,24 +54,14 @@ impl Cell {
             (DVec3::new(px, py, 0.0), DVec3::new(0.0, 0.0, 1.0))
         };
         let start = if view.perspective { 0.0 } else { f64::NEG_INFINITY };
-        let (mut near, mut far) = (start, f64::INFINITY);
         let mut at_zero = [0.0; 4];
         let mut slope = [0.0; 4];
         for i in 0..4 {
             at_zero[i] = self.offset[i] + self.gradient[i].dot(origin);
             slope[i] = self.gradient[i].dot(direction);
-            let meets = (-INFLATION - at_zero[i]) / slope[i];
-            if slope[i] > 0.0 {
-                near = near.max(meets);
-            } else if slope[i] < 0.0 {
-                far = far.min(meets);
-            } else if at_zero[i] < -INFLATION {
-                return None;
-            }
         }
-        if !(near < far && near.is_finite() && far.is_finite()) {
-            return None;
-        }
+        let grazing = || inside(start, &at_zero, &slope, -INFLATION).filter(|(near, far)| far - near > GRAZING_LENGTH);
+        let (near, far) = inside(start, &at_zero, &slope, 0.0).or_else(grazing)?;
         // Relative to one corner's: a constant scalar stays what it is, exactly on a step of the table perhaps.
         let first = self.scalars[0];
         let scalar = |depth: f64| -> f64 {
@@ -80,6 +70,22 @@ impl Cell {
         };
         Some(Segment { near, far, scalar_near: scalar(near), scalar_far: scalar(far) })
     }
+}
+
+/// Depths, from `start` on, between which four coordinates `at_zero + slope * depth` are all at least `bound`.
+fn inside(start: f64, at_zero: &[f64; 4], slope: &[f64; 4], bound: f64) -> Option<(f64, f64)> {
+    let (mut near, mut far) = (start, f64::INFINITY);
+    for (&at_zero, &slope) in at_zero.iter().zip(slope) {
+        let meets = (bound - at_zero) / slope;
+        if slope > 0.0 {
+            near = near.max(meets);
+        } else if slope < 0.0 {
+            far = far.min(meets);
+        } else if at_zero < bound {
+            return None;
+        }
+    }
+    (near < far && near.is_finite() && far.is_finite()).then_some((near, far))
 }
 
 /// Columns and rows of the pixels whose rays may meet the corners' hull.

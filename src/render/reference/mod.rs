@@ -5,7 +5,8 @@
 //! the stored coordinates.
 //!
 //! 1. A tet is clipped by its barycentric coordinates, which are linear along the ray: the ray is inside where all four
-//!    are >= -[`INFLATION`]. The inflation keeps rays that run in a face or along an edge from falling between two cells.
+//!    are >= 0, or, if it is nowhere, where they are >= -[`INFLATION`] over more than [`GRAZING_LENGTH`]: rays that run in a
+//!    face or along an edge do not fall between two cells, and a cell that is only touched does not count.
 //! 2. Inflated cells overlap by as much, and invalid meshes more: segments are taken by their near end, each from where
 //!    the last one ended. A point of the ray is in one cell.
 //! 3. A segment is split where the scalar meets a node; each piece is integrated by its definition
@@ -28,7 +29,11 @@ const BAND_ROWS: usize = 8;
 
 /// By how much, in barycentric coordinates, cells are inflated: far above f64's rounding of them on anything but slivers of
 /// 1:10^5, far below what an image can show.
-pub(crate) const INFLATION: f64 = 1e-10;
+const INFLATION: f64 = 1e-10;
+
+/// Least length, in local units, of a segment that exists by inflation alone: a cell that is touched in a point is passed in
+/// about [`INFLATION`], one along whose face the ray runs in about the cell's size.
+const GRAZING_LENGTH: f64 = 1e-5;
 
 /// The reference renderer. Renders 1M cells to 512 x 512 pixels in seconds.
 #[derive(Default)]

@@ -333,3 +333,40 @@ fn extremes_of_the_field_agree_with_the_reference() {
     let constant = vec![0.25; mesh.positions.local.len()];
     assert_agrees("constant", &job(&mesh, constant, &camera(DVec3::X * 4.0, PERSPECTIVE), (49, 49), dense()));
 }
+
+#[test]
+fn an_eye_in_the_plane_of_faces_agrees_with_the_reference() {
+    // Every face of this mesh lies in a plane through lattice points: rays from lattice points run along faces.
+    let mesh = Arc::new(build(grid(3, 0.0, 1, |_| true)));
+    let scalars = sample(&mesh, |p| p.x + 2.0 * p.y * p.z);
+    for (eye, focal) in [
+        (DVec3::new(0.0, 0.0, -0.2), DVec3::new(0.0, 0.0, -1.0)),
+        (DVec3::new(0.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 1.0)),
+        (DVec3::new(1.0 / 3.0, 0.1, 0.2), DVec3::new(1.0 / 3.0, 1.0, 0.2)),
+    ] {
+        for angle in [60.0, 100.0, 170.0] {
+            let view_up = if (focal - eye).cross(DVec3::Z).length() < 1e-9 { DVec3::Y } else { DVec3::Z };
+            let projection = Projection::Perspective { view_angle: angle };
+            let camera = Camera { position: eye, focal_point: focal, view_up, projection, near: 0.0 };
+            assert_agrees(&format!("{eye}, {angle}"), &job(&mesh, scalars.clone(), &camera, (101, 67), dense()));
+        }
+    }
+}
+
+#[test]
+fn an_eye_on_the_boundary_sees_nothing_behind_it() {
+    let mesh = Arc::new(build(grid(3, 0.0, 1, |_| true)));
+    let opaque = table(&[(0.0, [1.0; 3], 3e7)]);
+    let camera = Camera {
+        position: DVec3::new(0.25, 0.31, 1.0),
+        focal_point: DVec3::new(2.0, 0.7, 0.9),
+        view_up: DVec3::Z,
+        projection: Projection::Perspective { view_angle: 100.0 },
+        near: 0.0,
+    };
+    // An odd height would send a row of rays along the boundary, where there is no defined answer.
+    let job = job(&mesh, sample(&mesh, wave), &camera, (64, 48), opaque);
+    assert_agrees("eye on the boundary", &job);
+    let clear = reference(&job).pixels.iter().filter(|p| p[3] == 0.0).count();
+    assert!(clear > 0 && clear < 64 * 48, "{clear} clear pixels");
+}

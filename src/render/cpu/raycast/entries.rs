@@ -2,7 +2,7 @@
 
 use super::super::super::RenderJob;
 use super::TILE_PX;
-use super::view::{Ray, Sheared, ViewVertex, edge, hit, is_positive};
+use super::view::{Ray, Sheared, ViewVertex, hit, signed_edge};
 use crate::camera::View;
 use crate::mesh::{FACE_VERTICES, Topology};
 use crate::visibility::CellSet;
@@ -75,11 +75,10 @@ pub(super) struct Crossing {
 pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Option<Crossing> {
     let corners = ids.map(|v| ray.shear(&vertices[v as usize]));
     let [p, q, r] = &corners;
-    let edges = [edge(q, r), edge(r, p), edge(p, q)];
-    let inside = is_positive(edges[0], q, r, ids[1], ids[2])
-        && is_positive(edges[1], r, p, ids[2], ids[0])
-        && is_positive(edges[2], p, q, ids[0], ids[1]);
-    inside.then(|| {
+    let signed =
+        [signed_edge(q, r, ids[1], ids[2]), signed_edge(r, p, ids[2], ids[0]), signed_edge(p, q, ids[0], ids[1])];
+    signed.iter().all(|edge| edge.1).then(|| {
+        let edges = signed.map(|edge| edge.0);
         let (depth, scalar) = hit(edges, p, q, r);
         Crossing { corners, edges, depth, scalar }
     })

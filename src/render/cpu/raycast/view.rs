@@ -65,13 +65,15 @@ pub(super) fn edge(a: &Sheared, b: &Sheared) -> f64 {
     a.x * b.y - b.x * a.y
 }
 
-/// How far the sign of an edge function of points with these reaches (|x| + |y|) can be trusted: each of its two products
-/// is rounded by at most 2^-53 of itself and so is their difference, and the products are at most the product of the
-/// reaches. Twice the bound, and never zero.
+/// Below this an edge function of points with these reaches (|x| + |y|) is taken more carefully ([`accurate_edge`]).
+///
+/// Each of its two products is rounded by at most 2^-53 of itself and so is their difference, and the products are at most
+/// the product of the reaches: above 2^-30 of that, the value is right to 2^-21 of itself, and so is its sign. Faces seen
+/// edge-on have three small edge functions; depths from values that are mostly rounding would lie off the ray.
 #[inline]
 pub(super) fn uncertainty(reach_a: f64, reach_b: f64) -> f64 {
-    const ROUNDING: f64 = 1.0 / (1u64 << 51) as f64;
-    ROUNDING * reach_a * reach_b + f64::MIN_POSITIVE
+    const CAREFUL: f64 = 1.0 / (1u64 << 30) as f64;
+    CAREFUL * reach_a * reach_b + f64::MIN_POSITIVE
 }
 
 impl Sheared {
@@ -82,22 +84,25 @@ impl Sheared {
     }
 }
 
-/// Whether an edge function is positive: exact, never undecided, and antisymmetric.
-///
-/// What rounding leaves in doubt goes through the exact predicate. A true zero is decided for the ray shifted by (d, d^2),
-/// d -> 0: the function gains d (a.y - b.y) + d^2 (b.x - a.x). Where the two vertices coincide in the plane, their ids
-/// decide: no triangle with such an edge contains the origin, since its two other edges have opposite signs.
+/// An edge function and whether it counts as positive: exact, never undecided, and antisymmetric.
 #[inline]
-pub(super) fn is_positive(value: f64, a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
-    if value.abs() > uncertainty(a.reach(), b.reach()) { value > 0.0 } else { exact_sign(a, b, a_id, b_id) }
+pub(super) fn signed_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (f64, bool) {
+    let value = edge(a, b);
+    if value.abs() > uncertainty(a.reach(), b.reach()) { (value, value > 0.0) } else { accurate_edge(a, b, a_id, b_id) }
 }
 
+/// The edge function to nearly full accuracy, and its exact sign.
+///
+/// The rounding errors of the two products are recovered by fused multiplication and addition. The sign is that of the
+/// exact predicate. A true zero is decided for the ray shifted by (d, d^2), d -> 0: the function gains
+/// d (a.y - b.y) + d^2 (b.x - a.x). Where the two vertices coincide in the plane, their ids decide: no triangle with such an
+/// edge contains the origin, since its two other edges have opposite signs.
 #[cold]
 #[inline(never)]
-pub(super) fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool {
+pub(super) fn accurate_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (f64, bool) {
     let at = |v: &Sheared| robust::Coord { x: v.x, y: v.y };
-    let area = robust::orient2d(robust::Coord { x: 0.0, y: 0.0 }, at(a), at(b));
-    if area != 0.0 {
+    let area = robust::orient2d(at(a), at(b), robust::Coord { x: 0.0, y: 0.0 });
+    let positive = if area != 0.0 {
         area > 0.0
     } else if a.y != b.y {
         a.y > b.y
@@ -105,7 +110,10 @@ pub(super) fn exact_sign(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> bool
         b.x > a.x
     } else {
         a_id < b_id
-    }
+    };
+    let (left, right) = (a.x * b.y, b.x * a.y);
+    let value = (left - right) + (a.x.mul_add(b.y, -left) - b.x.mul_add(a.y, -right));
+    (value, positive)
 }
 
 /// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.

@@ -1,7 +1,7 @@
 //! From an entry through the active cells to the exit.
 
 use super::entries::{Crossing, EntryFace, PixelRect, TileBins, crossing, face_of};
-use super::view::{Ray, Sheared, ViewVertex, edge, hit, is_positive, uncertainty};
+use super::view::{Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Accumulator;
@@ -208,12 +208,12 @@ impl<'a> Walk<'a> {
         let reach = new.reach();
         // Spelled out rather than mapped: this is the innermost loop.
         let [p, q, r] = &self.corners;
-        let to = [edge(&new, p), edge(&new, q), edge(&new, r)];
+        let mut to = [edge(&new, p), edge(&new, q), edge(&new, r)];
         let least = to[0].abs().min(to[1].abs()).min(to[2].abs());
         let signs = if least > uncertainty(reach, self.reaches[0] + self.reaches[1] + self.reaches[2]) {
             usize::from(to[0] > 0.0) | usize::from(to[1] > 0.0) << 1 | usize::from(to[2] > 0.0) << 2
         } else {
-            self.exact_signs(&to, &new, new_id)
+            self.careful_signs(&mut to, &new, new_id)
         };
         let k = REPLACED[signs] as usize;
         if k == 3 {
@@ -249,11 +249,17 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The signs of the edge functions from a new vertex to the corners as bits, where rounding may have left one in doubt.
+    /// The signs of the edge functions from a new vertex to the corners as bits, where one is small; values are refined.
     #[cold]
     #[inline(never)]
-    fn exact_signs(&self, to: &[f64; 3], new: &Sheared, new_id: u32) -> usize {
-        (0..3).map(|i| usize::from(is_positive(to[i], new, &self.corners[i], new_id, self.ids[i])) << i).sum()
+    fn careful_signs(&self, to: &mut [f64; 3], new: &Sheared, new_id: u32) -> usize {
+        let mut signs = 0;
+        for (i, value) in to.iter_mut().enumerate() {
+            let (refined, positive) = signed_edge(new, &self.corners[i], new_id, self.ids[i]);
+            *value = refined;
+            signs |= usize::from(positive) << i;
+        }
+        signs
     }
 
     /// Composites the segment from the last (depth, scalar) place to the next one, or the part of it behind `front`.
