@@ -4,6 +4,7 @@ use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
 use crate::image::compare;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
 use crate::stats::FrameStats;
+use crate::task::{Cancel, Progress};
 
 /// What moves from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,27 +43,28 @@ pub struct FrameBench {
 /// Every how many frames one is judged.
 const JUDGE_EVERY: usize = 8;
 
-/// Renders the frames of a run and measures them; `on_frame` hears of each.
+/// Renders the frames of a run and measures them; `progress` hears of each.
 ///
 /// # Errors
-/// If a step cannot be read or there is no view through a camera.
+/// If a step cannot be read, there is no view through a camera, or `cancel` was raised.
 pub fn run_frames(
     pipeline: &mut Pipeline,
     bench: &FrameBench,
-    mut on_frame: impl FnMut(),
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<BenchRun, PipelineError> {
     let mut measured: Vec<FrameStats> = Vec::with_capacity(bench.frames);
     let mut worst: Option<RunError> = None;
     for index in 0..WARM_UP + bench.frames {
         let request = request_of(pipeline, bench, index)?;
-        let frame = pipeline.render(&request)?;
+        let frame = pipeline.render_unless(&request, cancel)?;
         if index < WARM_UP {
             continue;
         }
         measured.push(frame.stats.clone());
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.color.clone();
-            let judge = pipeline.render(&FrameRequest { mode: RenderMode::Reference, ..request })?;
+            let judge = pipeline.render_unless(&FrameRequest { mode: RenderMode::Reference, ..request }, cancel)?;
             // Equal sizes by construction, and renderers give finite pixels; an image that cannot be compared is as wrong
             // as can be.
             let error = compare(&fast, &judge.color, [0.0; 3]).map_or(
@@ -81,7 +83,7 @@ pub fn run_frames(
                 None => error,
             });
         }
-        on_frame();
+        progress.advance(1);
     }
     Ok(record(pipeline, bench, &measured, worst))
 }

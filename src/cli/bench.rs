@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
                 judged,
             };
             terminal.begin("bench", u64::from(args.frames), "frames");
-            let measured = run_frames(&mut scene.pipeline, &bench, || terminal.advance(1));
+            let measured = run_frames(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
             terminal.end();
             runs.push(measured?);
         }

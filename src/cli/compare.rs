@@ -30,7 +30,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let metrics = image::compare(&image::read_png(&args.a)?, &image::read_png(&args.b)?, background)
         .map_err(|e| anyhow::anyhow!("{} and {}: {e}", args.a.display(), args.b.display()))?;
     print_result(args.json, &metrics, &Text(&metrics))?;
-    let failed = args.fail_above.is_some_and(|bound| metrics.max > bound);
+    let failed = args.fail_above.is_some_and(|bound| bound.is_nan() || metrics.max > bound);
     Ok(if failed { Outcome::CheckFailed } else { Outcome::Done })
 }
 

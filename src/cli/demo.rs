@@ -9,6 +9,7 @@ use crate::ingest::IngestOptions;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use anyhow::Context;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Generate a series, import it, render frames and a contact sheet
@@ -40,7 +41,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let frames_dir = dir.join("frames");
     std::fs::create_dir_all(&frames_dir)
         .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
-    let store_path = dir.join("jet.zarr");
+    let store_path = dir.join("demo_jet.zarr");
     let options = IngestOptions { overwrite: true, ..Default::default() };
     let report = source::run_ingest(&series, &store_path, &options, terminal)?;
     terminal.say(&report.to_string());
@@ -65,8 +66,10 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let sheet = image::contact_sheet(&frames, SHEET.0, 4, [0.0; 3]);
     let sheet_path = dir.join("contact_sheet.png");
     image::write_png(&sheet_path, &sheet, None, PngDepth::Eight)?;
-    println!("{} frames: {}", STEPS, frames_dir.display());
-    println!("contact sheet: {}", sheet_path.display());
-    println!("the series: {} (try: tetreel info {0}; tetreel render {0} -o frame_%04d.png)", store_path.display());
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{} frames: {}", STEPS, frames_dir.display())?;
+    writeln!(out, "contact sheet: {}", sheet_path.display())?;
+    let store = store_path.display();
+    writeln!(out, "the series: {store} (try: tetreel info {store}; tetreel render {store} -o frame_%04d.png)")?;
     Ok(Outcome::Done)
 }

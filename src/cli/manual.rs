@@ -3,6 +3,7 @@
 use super::{Cli, Outcome};
 use anyhow::Context;
 use clap::CommandFactory;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Write man pages, or print a shell's completions
@@ -27,7 +28,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
             .with_context(|| format!("{}: cannot write man pages", dir.display()))?;
     }
     if let Some(shell) = args.completions {
-        clap_complete::generate(shell, &mut table, "tetreel", &mut std::io::stdout());
+        let mut script = Vec::new();
+        clap_complete::generate(shell, &mut table, "tetreel", &mut script);
+        std::io::stdout().write_all(&script)?;
     }
     Ok(Outcome::Done)
 }

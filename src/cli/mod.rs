@@ -15,6 +15,7 @@ mod scene;
 mod source;
 mod synth;
 
+use crate::pipeline::PipelineError;
 use clap::{Parser, Subcommand};
 use progress::Terminal;
 use std::process::ExitCode;
@@ -96,7 +97,7 @@ pub fn run(cli: Cli) -> ExitCode {
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::CheckFailed) => EXIT_CHECK_FAILED.into(),
-        Err(error) if error.is::<Interrupted>() => {
+        Err(error) if is_interruption(&error) => {
             eprintln!("interrupted");
             EXIT_INTERRUPTED.into()
         }
@@ -106,6 +107,11 @@ pub fn run(cli: Cli) -> ExitCode {
             EXIT_BAD_INPUT.into()
         }
     }
+}
+
+/// Whether Ctrl-C ended the work.
+fn is_interruption(error: &anyhow::Error) -> bool {
+    error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(PipelineError::Cancelled))
 }
 
 /// Whether the reader of our output has gone (`tetreel info X | head -1`): no error of ours.
@@ -118,8 +124,8 @@ fn print_result(json: bool, value: &impl serde::Serialize, text: &impl std::fmt:
     use std::io::Write;
     let mut out = std::io::stdout().lock();
     if json {
-        serde_json::to_writer_pretty(&mut out, value)?;
-        writeln!(out)?;
+        let text = serde_json::to_string_pretty(value)?;
+        writeln!(out, "{text}")?;
     } else {
         let text = text.to_string();
         writeln!(out, "{}", text.trim_end())?;

@@ -20,7 +20,14 @@ impl Terminal {
         let cancel = Cancel::new();
         let flag = cancel.clone();
         // Without a handler Ctrl-C ends the process at once and leaves temporary files: worth a word, no reason to stop.
-        if let Err(error) = ctrlc::set_handler(move || flag.cancel()) {
+        // A second one ends it at once, for those who cannot wait.
+        let on_signal = move || {
+            if flag.is_cancelled() {
+                std::process::exit(i32::from(super::EXIT_INTERRUPTED));
+            }
+            flag.cancel();
+        };
+        if let Err(error) = ctrlc::set_handler(on_signal) {
             eprintln!("warning: Ctrl-C will not clean up: {error}");
         }
         Self { quiet, verbose, bar: Mutex::new(None), cancel }

@@ -61,7 +61,10 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     }
     let mut scene = Scene::open(&store, &args.scene)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
-    scene.pipeline.check_steps(&steps)?;
+    terminal.begin("check", steps.len() as u64, "steps");
+    let checked = scene.pipeline.check_steps(&steps, terminal, &terminal.cancel);
+    terminal.end();
+    checked?;
     terminal.detail(&format!("camera: {}", scene.camera));
     let records = render_steps(&mut scene, &steps, &args.output, args.background, terminal)?;
     if let Some(path) = &args.stats {
@@ -91,7 +94,7 @@ pub(super) fn render_steps(
             terminal.check_interrupted()?;
             let request = scene.request(step)?;
             let time = scene.pipeline.times().values[step];
-            let frame = scene.pipeline.render(&request)?;
+            let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
             let file = output.path(frame_index);
             writer.send(frame.color.clone(), file.clone())?;
             records.push(FrameRecord { frame: frame_index, step, time, file, stats: frame.stats.clone() });

@@ -62,9 +62,10 @@ fn cache_dir() -> anyhow::Result<PathBuf> {
     Ok(dir)
 }
 
-/// A name that changes with the source's path and with every change of its files.
+/// A name that changes with the version of tetreel, the source's path and every change of its files.
 fn entry_name(path: &Path, files: &[PathBuf]) -> String {
-    let mut state = format!("{}", path.canonicalize().unwrap_or_else(|_| path.to_owned()).display());
+    let mut state =
+        format!("{} {}", env!("CARGO_PKG_VERSION"), path.canonicalize().unwrap_or_else(|_| path.to_owned()).display());
     for file in files {
         let (size, changed) = std::fs::metadata(file).map_or((0, None), |m| (m.len(), m.modified().ok()));
         let nanos = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());

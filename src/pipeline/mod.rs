@@ -13,6 +13,7 @@ use crate::render::reference::Reference;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
+use crate::task::{Cancel, Progress};
 use crate::visibility::{CellSet, finite_cells};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -70,6 +71,9 @@ pub enum PipelineError {
     /// There is no view through the camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// Somebody asked to stop.
+    #[error("cancelled")]
+    Cancelled,
     /// Mesh and field do not belong together.
     #[error(transparent)]
     Render(#[from] RenderError),
@@ -130,13 +134,19 @@ impl Pipeline {
         self.reader.info()
     }
 
-    /// Reads steps as a frame would and forgets them: whether the store can give them all.
+    /// Reads steps as a frame would and forgets them: whether the store can give them all. Reports each to `progress`.
     ///
     /// # Errors
-    /// That of the first step that cannot be read.
-    pub fn check_steps(&self, steps: &[usize]) -> FileResult<()> {
+    /// That of the first step that cannot be read, or `Cancelled`.
+    pub fn check_steps(&self, steps: &[usize], progress: &dyn Progress, cancel: &Cancel) -> Result<(), PipelineError> {
         let vertices = self.mesh.positions.local.len();
-        let read = |buffer: &mut Vec<f32>, &step: &usize| self.reader.decode_step(step, buffer).err();
+        let read = |buffer: &mut Vec<f32>, &step: &usize| {
+            if cancel.is_cancelled() {
+                return Some(PipelineError::Cancelled);
+            }
+            progress.advance(1);
+            self.reader.decode_step(step, buffer).err().map(PipelineError::from)
+        };
         let errors = steps.par_iter().map_init(|| vec![0.0; vertices], read);
         errors.find_first(Option::is_some).flatten().map_or(Ok(()), Err)
     }
@@ -146,12 +156,20 @@ impl Pipeline {
     /// # Errors
     /// If the step cannot be read or there is no view through the camera.
     pub fn render(&mut self, request: &FrameRequest) -> Result<&Frame, PipelineError> {
+        self.render_unless(request, &Cancel::new())
+    }
+
+    /// As [`Self::render`], unless `cancel` is raised.
+    ///
+    /// # Errors
+    /// As [`Self::render`], or `Cancelled`.
+    pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
         let job = self.prepare(request)?;
         let renderer: &mut dyn Renderer = match request.mode {
             RenderMode::Auto | RenderMode::Raycast => &mut self.raycast,
             RenderMode::Reference => &mut self.reference,
         };
-        Ok(renderer.render(job)?)
+        renderer.render_unless(job, cancel)?.ok_or(PipelineError::Cancelled)
     }
 
     /// The job of a request: decodes the step and finds its active cells, unless that is the step decoded last.

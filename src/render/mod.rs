@@ -11,6 +11,7 @@ use crate::image::RgbaImage;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::stats::FrameStats;
+use crate::task::Cancel;
 use crate::visibility::CellSet;
 use std::sync::Arc;
 use std::time::Duration;
@@ -127,6 +128,21 @@ pub trait Renderer: Send {
     /// Works on the job for about `budget` (at least one tile) and shows what there is. Without a job the last frame
     /// is done.
     fn advance(&mut self, budget: Duration) -> Advance<'_>;
+
+    /// Renders a whole frame unless `cancel` is raised, which is looked at every tenth of a second; `None` if it was.
+    ///
+    /// # Errors
+    /// If the parts of the job do not belong together.
+    fn render_unless(&mut self, job: RenderJob, cancel: &Cancel) -> Result<Option<&Frame>, RenderError> {
+        self.begin(job)?;
+        while let Advance::Partial(_) = self.advance(Duration::from_millis(100)) {
+            if cancel.is_cancelled() {
+                return Ok(None);
+            }
+        }
+        let (Advance::Partial(frame) | Advance::Done(frame)) = self.advance(Duration::ZERO);
+        Ok(Some(frame))
+    }
 
     /// Renders a whole frame.
     ///

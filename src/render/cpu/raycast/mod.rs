@@ -144,7 +144,7 @@ impl Renderer for Raycast {
             early_termination: active.job.early_termination,
         };
         // With an endless budget all tiles are one batch, so that no thread waits at the end of a batch.
-        let batch = if budget == Duration::MAX { tile_count } else { 8 * rayon::current_num_threads() };
+        let batch = if budget == Duration::MAX { tile_count } else { 32 * rayon::current_num_threads() };
         while active.next_tile < tile_count {
             let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
             active.next_tile = tiles.end;
