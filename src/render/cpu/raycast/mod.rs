@@ -143,8 +143,9 @@ impl Renderer for Raycast {
             eye_cells: &active.eye_cells,
             early_termination: active.job.early_termination,
         };
-        // With an endless budget all tiles are one batch, so that no thread waits at the end of a batch.
-        let batch = if budget == Duration::MAX { tile_count } else { 32 * rayon::current_num_threads() };
+        // Threads wait for each other at the end of a batch: small ones only where the budget is small.
+        let tiles_per_thread = if budget < Duration::from_millis(20) { 2 } else { 32 };
+        let batch = if budget == Duration::MAX { tile_count } else { tiles_per_thread * rayon::current_num_threads() };
         while active.next_tile < tile_count {
             let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
             active.next_tile = tiles.end;
