@@ -144,7 +144,7 @@ impl Renderer for Raycast {
             early_termination: active.job.early_termination,
         };
         // Threads wait for each other at the end of a batch: small ones only where the budget is small.
-        let tiles_per_thread = if budget < Duration::from_millis(20) { 2 } else { 32 };
+        let tiles_per_thread = if budget < Duration::from_millis(20) { 2 } else { 128 };
         let batch = if budget == Duration::MAX { tile_count } else { tiles_per_thread * rayon::current_num_threads() };
         while active.next_tile < tile_count {
             let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
