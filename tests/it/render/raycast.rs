@@ -370,3 +370,50 @@ fn an_eye_on_the_boundary_sees_nothing_behind_it() {
     let clear = reference(&job).pixels.iter().filter(|p| p[3] == 0.0).count();
     assert!(clear > 0 && clear < 64 * 48, "{clear} clear pixels");
 }
+
+#[test]
+fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
+    let meshes = [grid(5, 0.16, 1, |_| true), grid(4, 0.16, 2, |c| c.length() > 0.4)].map(|raw| Arc::new(build(raw)));
+    let mut jobs = Vec::new();
+    for (i, mesh) in meshes.iter().enumerate() {
+        let base =
+            job(mesh, sample(mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (40 - i, 33), dense());
+        let mut some = CellSet::all(mesh.topology.tets.len());
+        (0..some.universe() as u32).step_by(3).for_each(|cell| some.set(cell, false));
+        let clear = Arc::new(table(&[(0.0, [1.0; 3], 0.0)]));
+        jobs.push(RenderJob { active: Arc::new(some), ..base.clone() });
+        jobs.push(RenderJob { table: clear, ..base.clone() });
+        jobs.push(base);
+    }
+    let mut renderer = Raycast::new();
+    // Every job after every other one, itself included.
+    for first in &jobs {
+        for second in &jobs {
+            renderer.render(first.clone()).unwrap();
+            let again = renderer.render(second.clone()).unwrap();
+            let fresh = Raycast::new().render(second.clone()).unwrap().clone();
+            assert_eq!((&again.color, again.stats.entry_faces), (&fresh.color, fresh.stats.entry_faces));
+        }
+    }
+}
+
+#[test]
+fn overlapping_cells_are_counted_and_composited_once() {
+    let mut raw = grid(4, 0.16, 3, |_| true);
+    let moved = raw.points.iter().map(|&p| p + DVec3::new(0.31, 0.17, 0.23)).collect::<Vec<_>>();
+    let first = raw.points.len() as u32;
+    let again = raw.tets.iter().map(|tet| tet.map(|v| v + first)).collect::<Vec<_>>();
+    let alone = Arc::new(build(raw.clone()));
+    raw.points.extend(moved);
+    raw.tets.extend(again);
+    let both = Arc::new(build(raw));
+    let out_of_order = |mesh: &Arc<Mesh>| {
+        // Constant: which of two overlapping cells has a point does not matter.
+        let constant = vec![0.5; mesh.positions.local.len()];
+        let job = job(mesh, constant, &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (48, 48), dense());
+        assert_agrees("constant", &job);
+        Raycast::new().render(job).unwrap().stats.out_of_order
+    };
+    assert_eq!(out_of_order(&alone), 0);
+    assert!(out_of_order(&both) > 1000);
+}
