@@ -19,14 +19,17 @@ pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
     if is_store(path) || path.extension().is_some_and(|e| e == "zarr") {
         return Ok(Store::open(path)?);
     }
-    let source = import::open(path)?;
-    let cached = cache_dir()?.join(entry_name(path, &import::files(path)?));
+    let cache = cache_dir()?;
+    let cached = cache.join(entry_name(path, &import::files(path)?));
     if is_store(&cached)
         && let Ok(store) = Store::open(&cached)
     {
         terminal.detail(&format!("{}: imported before to {}", path.display(), cached.display()));
         return Ok(store);
     }
+    // Only now: what was imported before need not be read, and a bad source leaves no folder.
+    let source = import::open(path)?;
+    std::fs::create_dir_all(&cache).with_context(|| format!("{}: cannot make the cache folder", cache.display()))?;
     terminal.say(&format!("importing {} to {}", path.display(), cached.display()));
     let report = run_ingest(&*source, &cached, &IngestOptions { overwrite: true, ..Default::default() }, terminal)?;
     terminal.detail(&report.to_string());
@@ -52,14 +55,10 @@ pub(super) fn run_ingest(
 
 fn cache_dir() -> anyhow::Result<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    let dir = variable("TETREEL_CACHE")
+    variable("TETREEL_CACHE")
         .or_else(|| variable("XDG_CACHE_HOME").map(|d| d.join("tetreel")))
         .or_else(|| variable("HOME").map(|d| d.join(".cache").join("tetreel")))
-        .context(
-            "no place for the cache of imported files; set TETREEL_CACHE to a folder, or import to a store first",
-        )?;
-    std::fs::create_dir_all(&dir).with_context(|| format!("{}: cannot make the cache folder", dir.display()))?;
-    Ok(dir)
+        .context("no place for the cache of imported files; set TETREEL_CACHE to a folder, or import to a store first")
 }
 
 /// A name that changes with the version of tetreel, the source's path and every change of its files.
