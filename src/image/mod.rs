@@ -23,6 +23,17 @@ pub struct RgbaImage {
     pub pixels: Vec<[f32; 4]>,
 }
 
+/// A plane of distances, world units; infinite where there is nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthImage {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width * height` distances, top row first.
+    pub pixels: Vec<f32>,
+}
+
 impl RgbaImage {
     /// A fully transparent image.
     pub fn new(width: usize, height: usize) -> Self {

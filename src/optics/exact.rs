@@ -68,6 +68,21 @@ impl ExactTable {
         Self { intervals }
     }
 
+    /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
+    pub fn clear_share(&self, s0: f64, s1: f64) -> f64 {
+        // As the walk along the segment: at a node the side that it goes to holds.
+        let share = |s: f64| if s1 == s0 { 0.0 } else { ((s - s0) / (s1 - s0)).clamp(0.0, 1.0) };
+        if s1 >= s0 {
+            let first = self.intervals.partition_point(|i| i.hi <= s0);
+            let visible = self.intervals[first..].iter().take_while(|i| i.lo < s1 || i.lo <= s0).find(|i| !i.clear);
+            visible.map_or(1.0, |i| share(i.lo.max(s0)))
+        } else {
+            let end = self.intervals.partition_point(|i| i.lo < s0);
+            let visible = self.intervals[..end].iter().rev().take_while(|i| i.hi > s1).find(|i| !i.clear);
+            visible.map_or(1.0, |i| share(i.hi.min(s0)))
+        }
+    }
+
     /// Whether no scalar has extinction.
     pub fn is_clear(&self) -> bool {
         self.intervals.iter().all(|i| i.clear)

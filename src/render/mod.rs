@@ -7,7 +7,7 @@ pub mod cpu;
 pub mod reference;
 
 use crate::camera::View;
-use crate::image::RgbaImage;
+use crate::image::{DepthImage, RgbaImage};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::stats::FrameStats;
@@ -93,6 +93,10 @@ impl RenderJob {
 pub struct Frame {
     /// Raw accumulators.
     pub color: RgbaImage,
+    /// Where each ray first meets something visible: the near end of the first piece of it with extinction. World units
+    /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
+    /// infinite where there is nothing.
+    pub depth: DepthImage,
     /// Counts and times.
     pub stats: FrameStats,
 }
@@ -104,6 +108,10 @@ impl Frame {
         (color.width, color.height) = (width_px, height_px);
         color.pixels.clear();
         color.pixels.resize(width_px * height_px, [0.0; 4]);
+        let depth = &mut self.depth;
+        (depth.width, depth.height) = (width_px, height_px);
+        depth.pixels.clear();
+        depth.pixels.resize(width_px * height_px, f32::INFINITY);
     }
 }
 
@@ -127,30 +135,33 @@ pub trait Renderer: Send {
 
     /// Works on the job for about `budget` (at least one tile) and shows what there is. Without a job the last frame
     /// is done.
-    fn advance(&mut self, budget: Duration) -> Advance<'_>;
+    ///
+    /// # Errors
+    /// If the device is lost or fails; the job is then dropped.
+    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError>;
 
     /// Renders a whole frame unless `cancel` is raised, which is looked at every tenth of a second; `None` if it was.
     ///
     /// # Errors
-    /// If the parts of the job do not belong together.
+    /// As [`Self::begin`] and [`Self::advance`].
     fn render_unless(&mut self, job: RenderJob, cancel: &Cancel) -> Result<Option<&Frame>, RenderError> {
         self.begin(job)?;
-        while let Advance::Partial(_) = self.advance(Duration::from_millis(100)) {
+        while let Advance::Partial(_) = self.advance(Duration::from_millis(100))? {
             if cancel.is_cancelled() {
                 return Ok(None);
             }
         }
-        let (Advance::Partial(frame) | Advance::Done(frame)) = self.advance(Duration::ZERO);
+        let (Advance::Partial(frame) | Advance::Done(frame)) = self.advance(Duration::ZERO)?;
         Ok(Some(frame))
     }
 
     /// Renders a whole frame.
     ///
     /// # Errors
-    /// If the parts of the job do not belong together.
+    /// As [`Self::begin`] and [`Self::advance`].
     fn render(&mut self, job: RenderJob) -> Result<&Frame, RenderError> {
         self.begin(job)?;
-        match self.advance(Duration::MAX) {
+        match self.advance(Duration::MAX)? {
             Advance::Partial(frame) | Advance::Done(frame) => Ok(frame),
         }
     }

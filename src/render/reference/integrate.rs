@@ -18,20 +18,35 @@ const SUB_PIECE_DEPTH: f64 = 0.5;
 /// What lies behind this optical depth is below f64's rounding of the image.
 const END_DEPTH: f64 = 40.0;
 
-/// Premultiplied colour and opacity of a ray; `world_per_depth` is the world length of a unit of depth.
-pub(super) fn integrate(table: &NodeTable, chain: impl Iterator<Item = Segment>, world_per_depth: f64) -> [f64; 4] {
+/// What a ray sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Light {
+    /// Premultiplied colour and opacity.
+    pub(super) rgba: [f64; 4],
+    /// Depth where the first piece with extinction begins; infinite if there is none.
+    pub(super) visible_from: f64,
+}
+
+/// Colour, opacity and first visible depth of a ray; `world_per_depth` is the world length of a unit of depth.
+pub(super) fn integrate(table: &NodeTable, chain: impl Iterator<Item = Segment>, world_per_depth: f64) -> Light {
     let mut rgb = [0.0; 3];
     let mut depth_so_far = 0.0;
+    let mut visible_from = f64::INFINITY;
     'ray: for segment in chain {
         let length = (segment.far - segment.near) * world_per_depth;
+        let mut passed = 0.0;
         for (from, to, share) in pieces(table, segment.scalar_near, segment.scalar_far) {
+            if from.tau.max(to.tau) > 0.0 {
+                visible_from = visible_from.min(segment.near + passed * (segment.far - segment.near));
+            }
+            passed += share;
             add_piece(&mut rgb, &mut depth_so_far, &from, &to, share * length);
             if depth_so_far > END_DEPTH {
                 break 'ray;
             }
         }
     }
-    [rgb[0], rgb[1], rgb[2], -(-depth_so_far).exp_m1()]
+    Light { rgba: [rgb[0], rgb[1], rgb[2], -(-depth_so_far).exp_m1()], visible_from }
 }
 
 /// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as seen

@@ -87,8 +87,8 @@ impl Renderer for Reference {
         Ok(())
     }
 
-    fn advance(&mut self, budget: Duration) -> Advance<'_> {
-        let Some(active) = &mut self.active_job else { return Advance::Done(&self.frame) };
+    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
+        let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
         let slice_started = Instant::now();
         let width = self.frame.color.width;
         let bands = self.frame.color.height.div_ceil(BAND_ROWS);
@@ -98,11 +98,12 @@ impl Renderer for Reference {
             active.next_band = range.end;
             let rows_at = range.start * BAND_ROWS;
             let rows_end = (range.end * BAND_ROWS).min(self.frame.color.height);
-            let pixels = &mut self.frame.color.pixels[rows_at * width..rows_end * width];
-            let steps: u64 = pixels
-                .par_chunks_mut((BAND_ROWS * width).max(1))
+            let (pixels_at, band) = (rows_at * width..rows_end * width, (BAND_ROWS * width).max(1));
+            let steps: u64 = self.frame.color.pixels[pixels_at.clone()]
+                .par_chunks_mut(band)
+                .zip(self.frame.depth.pixels[pixels_at].par_chunks_mut(band))
                 .enumerate()
-                .map(|(i, pixels)| render_band(active, (range.start + i) * BAND_ROWS, pixels))
+                .map(|(i, (pixels, depths))| render_band(active, (range.start + i) * BAND_ROWS, pixels, depths))
                 .sum();
             self.frame.stats.steps += steps;
             if slice_started.elapsed() >= budget {
@@ -114,14 +115,14 @@ impl Renderer for Reference {
         self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
         if done {
             self.active_job = None;
-            return Advance::Done(&self.frame);
+            return Ok(Advance::Done(&self.frame));
         }
-        Advance::Partial(&self.frame)
+        Ok(Advance::Partial(&self.frame))
     }
 }
 
 /// Renders the rows from `first_row` on; returns the number of segments.
-fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]]) -> u64 {
+fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let view = &active.view;
     let width = view.width_px;
     let rows = first_row..first_row + pixels.len() / width;
@@ -144,7 +145,9 @@ fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]]) ->
         let world_per_depth = local_per_depth * active.job.mesh.positions.scale;
         let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
-        pixels[pixel] = integrate::integrate(&active.job.table, chain, world_per_depth).map(|v| v as f32);
+        let light = integrate::integrate(&active.job.table, chain, world_per_depth);
+        pixels[pixel] = light.rgba.map(|v| v as f32);
+        depths[pixel] = (light.visible_from * active.job.mesh.positions.scale) as f32;
     }
     segments.len() as u64
 }

@@ -205,7 +205,7 @@ fn slices_and_threads_do_not_change_the_image() {
     let mut slices = 0;
     let image = loop {
         slices += 1;
-        match sliced.advance(Duration::ZERO) {
+        match sliced.advance(Duration::ZERO).unwrap() {
             Advance::Partial(frame) => assert_eq!(frame.color.pixels.len(), 70 * 50),
             Advance::Done(frame) => break frame.color.clone(),
         }

@@ -40,7 +40,7 @@ use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use view::ViewVertex;
-use walk::{Scene, TileScratch};
+use walk::{Scene, TilePixel, TileScratch};
 
 /// Tiles are squares of this many pixels: small enough to balance load, large enough that neighbouring rays share cells
 /// in cache.
@@ -56,7 +56,7 @@ pub struct Raycast {
     entry_faces_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     bins: TileBins,
     /// Pixels tile by tile, each tile's rows together.
-    tile_pixels: Vec<[f32; 4]>,
+    tile_pixels: Vec<TilePixel>,
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
@@ -122,16 +122,17 @@ impl Renderer for Raycast {
             ms_order: started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
-        self.tile_pixels.resize(self.bins.tile_count() * TILE_PX * TILE_PX, [0.0; 4]);
+        self.tile_pixels.resize(self.bins.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
         self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
         self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started });
         Ok(())
     }
 
-    fn advance(&mut self, budget: Duration) -> Advance<'_> {
-        let Some(active) = &mut self.active_job else { return Advance::Done(&self.frame) };
+    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
+        let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
         let slice_started = Instant::now();
         let tile_count = self.bins.tile_count();
+        let depth_scale = active.job.mesh.positions.scale;
         let scene = Scene {
             mesh: &active.job.mesh,
             active: &active.job.active,
@@ -170,7 +171,10 @@ impl Renderer for Raycast {
                 let width = self.frame.color.width;
                 for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
                     let at = (rect.y + row) * width + rect.x;
-                    self.frame.color.pixels[at..at + rect.width].copy_from_slice(line);
+                    for (i, pixel) in line.iter().enumerate() {
+                        self.frame.color.pixels[at + i] = pixel.rgba;
+                        self.frame.depth.pixels[at + i] = (pixel.depth * depth_scale) as f32;
+                    }
                 }
             }
             if slice_started.elapsed() >= budget {
@@ -182,8 +186,8 @@ impl Renderer for Raycast {
         self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
         if done {
             self.active_job = None;
-            return Advance::Done(&self.frame);
+            return Ok(Advance::Done(&self.frame));
         }
-        Advance::Partial(&self.frame)
+        Ok(Advance::Partial(&self.frame))
     }
 }

@@ -5,7 +5,7 @@
 #![allow(unsafe_code, reason = "calling code for a processor feature is unsafe; the feature is asked for first")]
 
 use super::entries::TileBins;
-use super::walk::{Scene, TileScratch, render_tile_inlined};
+use super::walk::{Scene, TilePixel, TileScratch, render_tile_inlined};
 use crate::stats::FrameStats;
 
 /// Whether this processor runs the AVX2 version.
@@ -23,7 +23,7 @@ pub(super) fn render_tile(
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
-    pixels: &mut [[f32; 4]],
+    pixels: &mut [TilePixel],
 ) -> FrameStats {
     #[cfg(target_arch = "x86_64")]
     if avx2 && has_avx2() {
@@ -41,7 +41,7 @@ fn render_tile_avx2(
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
-    pixels: &mut [[f32; 4]],
+    pixels: &mut [TilePixel],
 ) -> FrameStats {
     render_tile_inlined(scene, bins, tile, scratch, pixels)
 }

@@ -22,6 +22,18 @@ pub(super) struct Scene<'a> {
     pub(super) early_termination: bool,
 }
 
+/// What a ray has seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TilePixel {
+    pub(super) rgba: [f32; 4],
+    /// Local depth of the first visible place; infinite if there is none.
+    pub(super) depth: f64,
+}
+
+impl TilePixel {
+    pub(super) const CLEAR: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
+}
+
 /// Buffers of a tile, used again from tile to tile.
 #[derive(Default)]
 pub(super) struct TileScratch {
@@ -43,10 +55,10 @@ pub(super) fn render_tile_inlined(
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
-    pixels: &mut [[f32; 4]],
+    pixels: &mut [TilePixel],
 ) -> FrameStats {
     let rect = bins.rect(tile);
-    pixels.fill([0.0; 4]);
+    pixels.fill(TilePixel::CLEAR);
     let mut stats = FrameStats::default();
     find_starts(scene, bins, tile, rect, &mut scratch.starts);
     stats.entries = scratch.starts.len() as u64;
@@ -55,7 +67,7 @@ pub(super) fn render_tile_inlined(
         let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
         let mut walk = Walk::new(scene, ray, starts);
         while walk.step(scene) {}
-        pixels[pixel] = walk.light.pixel();
+        pixels[pixel] = TilePixel { rgba: walk.light.pixel(), depth: walk.visible_from };
         stats.add_counts(&walk.counts());
     }
     stats
@@ -130,6 +142,8 @@ struct Walk<'a> {
     /// Place in the table, if the last segment was composited up to `last`.
     exact: Option<ExactRay>,
     light: Accumulator,
+    /// Depth of the first visible place.
+    visible_from: f64,
     /// Depth up to which the ray has been composited, or the near distance.
     front: f64,
     /// Whether `front` is the end of a segment rather than the near distance.
@@ -159,6 +173,7 @@ impl<'a> Walk<'a> {
             last: (0.0, 0.0),
             exact: None,
             light: Accumulator::CLEAR,
+            visible_from: f64::INFINITY,
             front: if ray.perspective { scene.view.near.max(0.0) } else { f64::NEG_INFINITY },
             composited: false,
             steps: 0,
@@ -277,7 +292,18 @@ impl<'a> Walk<'a> {
         }
         let place = self.exact.get_or_insert_with(|| ExactRay::enter(table, from.1));
         let length = (to.0 - from.0) * self.ray.length_per_depth;
-        self.segments += place.segment(table, from.1, to.1, length, &mut self.light) as u32;
+        let pieces = place.segment(table, from.1, to.1, length, &mut self.light) as u32;
+        if self.segments == 0 && pieces > 0 {
+            self.visible_from = first_visible(table, from, to);
+        }
+        self.segments += pieces;
         (self.front, self.composited) = (to.0, true);
     }
+}
+
+/// Depth where a segment from one (depth, scalar) place to another, part of which can be seen, becomes visible.
+#[cold]
+#[inline(never)]
+fn first_visible(table: &ExactTable, from: (f64, f64), to: (f64, f64)) -> f64 {
+    from.0 + table.clear_share(from.1, to.1) * (to.0 - from.0)
 }
