@@ -4,6 +4,7 @@
 //! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU.
 
 pub mod cpu;
+pub mod gpu;
 pub mod reference;
 
 use crate::camera::View;
