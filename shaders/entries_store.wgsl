@@ -22,7 +22,13 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
     let box = vec4<u32>(bounds);
     let tiles = box / TILE_PX;
-    let kind = select(0u, EYE_CELL, item >= params.face_count);
+    var word = items[item];
+    var kind = 0u;
+    if item >= params.face_count {
+        let at = params.face_count + 2u * (item - params.face_count);
+        word = items[at];
+        kind = EYE_CELL | items[at + 1u] << SIDES_SHIFT;
+    }
     for (var y = tiles.z; y <= tiles.w; y++) {
         for (var x = tiles.x; x <= tiles.y; x++) {
             let place = atomicAdd(&bins[y * params.tiles.x + x], 1u);
@@ -32,7 +38,7 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
                 let low = vec2(max(box.x, corner.x), max(box.z, corner.y)) - corner;
                 let high = vec2(min(box.y - corner.x, TILE_PX - 1u), min(box.w - corner.y, TILE_PX - 1u));
                 let at = pairs_at + PAIR_WORDS * place;
-                atomicStore(&bins[at], items[item]);
+                atomicStore(&bins[at], word);
                 atomicStore(&bins[at + 1u], kind | low.x | high.x << 4u | low.y << 8u | high.y << 12u);
             }
         }

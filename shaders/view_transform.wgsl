@@ -8,10 +8,16 @@
 @group(0) @binding(2) var<storage, read> scalars: array<f32>;
 @group(0) @binding(3) var<storage, read_write> vertices: array<ViewVertex>;
 
+// The same number, of which the compiler knows nothing. Without it drivers simplify (a + b) - a to b, which real numbers
+// would allow; Mesa's do.
+fn opaque(x: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ params.zero);
+}
+
 // A sum of two: value and rest.
 fn two_sum(a: f32, b: f32) -> vec2<f32> {
-    let sum = a + b;
-    let b_seen = sum - a;
+    let sum = opaque(a + b);
+    let b_seen = opaque(sum - a);
     return vec2(sum, (a - (sum - b_seen)) + (b - b_seen));
 }
 
@@ -53,13 +59,11 @@ fn view_transform(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     let x = along(d_hi, d_lo, 0u) * PLANE_SCALE;
     let y = along(d_hi, d_lo, 1u) * PLANE_SCALE;
     let w = along(d_hi, d_lo, 2u);
-    var factor = vec2(1.0, 0.0);
-    if (params.flags & PERSPECTIVE) != 0u {
-        let w1 = leading(w.x);
-        factor = vec2(w1, (w.x - w1) + w.y);
-    }
-    let depth = (w.x - params.depth_origin.x) + (w.y - params.depth_origin.y);
+    let from_origin = two_sum(w.x, -params.depth_origin.x);
+    let rest = from_origin.y + (w.y - params.depth_origin.y);
+    let w1 = leading(from_origin.x);
+    let w23 = two_sum(from_origin.x - w1, rest);
     // Far outside the table the scalar itself does not matter, but it must stay finite.
     let scalar = clamp((scalars[v] - params.scalar_offset) * params.scalar_scale, -1e30, 1e30);
-    vertices[v] = ViewVertex(vec4(x, y), vec4(factor, depth, scalar));
+    vertices[v] = ViewVertex(vec4(x, y), vec4(w1, w23, scalar));
 }

@@ -60,27 +60,36 @@ fn insert(starts: ptr<function, Starts>, depth: f32, face: u32) {
     (*starts).count = min((*starts).count + 1u, 4u);
 }
 
-// Depth at which the ray enters a cell that it enters behind (or at) the eye and leaves in front of it, and the face;
-// NONE if it does not.
-struct EyeStart {
+// A start of a path: depth, and cell << 2 | opposite vertex of the face; NONE if there is none.
+struct Start {
     depth: f32,
     face: u32,
 }
 
-fn start_at_eye(ray: Ray, cell: u32) -> EyeStart {
-    var start = EyeStart(0.0, NONE);
+// Where a path starts in a cell at the eye. On which side of a face the eye is has been decided exactly: a face is in
+// front if the ray enters through it and the eye is outside, or leaves through it and the eye is strictly inside. A cell
+// that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts; one that it enters in
+// front is entered as any other, if the face is open.
+fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
+    var start = Start(0.0, NONE);
+    var enters_in_front = false;
     var leaves_in_front = false;
     for (var opposite = 0u; opposite < 4u; opposite++) {
         let ids = face_vertices(cell, opposite);
         let entered = crossing(ray, ids);
         if entered.hit {
-            start = EyeStart(entered.at.x, cell << 2u | opposite);
-        } else {
-            let left = crossing(ray, ids.xzy);
-            leaves_in_front = leaves_in_front || (left.hit && left.at.x > params.eye);
+            start = Start(entered.at.x, cell << 2u | opposite);
+            enters_in_front = (sides >> opposite & 1u) != 0u;
+        } else if (sides >> (4u + opposite) & 1u) != 0u && crossing(ray, ids.xzy).hit {
+            leaves_in_front = true;
         }
     }
-    if !(start.depth <= params.eye && leaves_in_front) {
+    if enters_in_front {
+        let behind = cell_neighbour(cell, start.face & 3u);
+        if behind != NONE && is_active(behind >> 2u) {
+            start.face = NONE;
+        }
+    } else if !leaves_in_front {
         start.face = NONE;
     }
     return start;
@@ -103,21 +112,17 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_fa
             && local.y >= (bounds >> 8u & 15u) && local.y <= (bounds >> 12u & 15u);
         if inside {
             let item = bins[pairs_at + PAIR_WORDS * i];
-            var depth = 0.0;
-            var face = NONE;
+            var start = Start(0.0, NONE);
             if (bounds & EYE_CELL) != 0u {
-                let start = start_at_eye(ray, item);
-                depth = start.depth;
-                face = start.face;
+                start = start_in_eye_cell(ray, item, bounds >> SIDES_SHIFT);
             } else {
                 let entered = crossing(ray, face_vertices(item >> 2u, item & 3u));
-                if entered.hit && (!perspective || entered.at.x > params.eye) {
-                    depth = entered.at.x;
-                    face = item;
+                if entered.hit && (!perspective || entered.at.x > 0.0) {
+                    start = Start(entered.at.x, item);
                 }
             }
-            if face != NONE && comes_before(after_depth, after_face, depth, face) {
-                insert(starts, depth, face);
+            if start.face != NONE && comes_before(after_depth, after_face, start.depth, start.face) {
+                insert(starts, start.depth, start.face);
                 found += 1u;
             }
         }
@@ -143,7 +148,7 @@ struct Walk {
     last: vec2<f32>,
     // Whether the optics are at `last`.
     placed: bool,
-    // Depth up to which the ray has been composited, or the near distance.
+    // Depth up to which the ray has been composited, or the near distance; as all depths of a path, from the ray's origin.
     front: f32,
     composited: bool,
     visible_from: f32,
@@ -154,7 +159,10 @@ struct Walk {
 }
 var<private> path: Walk;
 
-fn begin_path(face: u32) {
+fn begin_path(depth: f32, face: u32) {
+    let front = path.front + path.ray.origin.y + path.ray.origin.x;
+    path.ray = ray_from(path.ray, depth);
+    path.front = (front - path.ray.origin.x) - path.ray.origin.y;
     path.cell = face >> 2u;
     path.opposite = face & 3u;
     path.ids = face_vertices(face >> 2u, face & 3u);
@@ -186,7 +194,8 @@ fn composite(to: vec2<f32>) {
     let was_visible = optics.visible;
     optics_segment(from_.y, to.y, (to.x - from_.x) * path.ray.length_per_depth);
     if optics.visible && !was_visible {
-        path.visible_from = from_.x + optics.visible_share * (to.x - from_.x);
+        let visible_from = from_.x + optics.visible_share * (to.x - from_.x);
+        path.visible_from = visible_from + path.ray.origin.y + path.ray.origin.x;
     }
     path.front = to.x;
     path.composited = true;
@@ -276,7 +285,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     var going = entries > 0u;
     while going {
         // Four at a time; `next` moves them up.
-        begin_path(starts.face.x);
+        begin_path(starts.depth.x, starts.face.x);
         let taken_depth = starts.depth.x;
         let taken_face = starts.face.x;
         while step_cell() {}
@@ -287,7 +296,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
         starts.face = vec4(starts.face.yzw, NONE);
         starts.count -= 1u;
         if starts.count == 0u && entries > 4u {
-            _ = find_starts(path.ray, tile, local, taken_depth, taken_face, &starts);
+            _ = find_starts(ray_from(path.ray, 0.0), tile, local, taken_depth, taken_face, &starts);
         }
         going = starts.count > 0u;
     }

@@ -6,14 +6,24 @@ fn item_box(item: u32) -> vec4<i32> {
     if item >= params.face_count {
         return vec4(0, last.x, 0, last.y);
     }
-    let ids = face_vertices(items[item] >> 2u, items[item] & 3u);
+    let cell = items[item] >> 2u;
+    for (var i = 0u; i < params.eye_count; i++) {
+        // The faces of a cell at the eye are looked at with the cell.
+        if items[params.face_count + 2u * i] == cell {
+            return NO_BOX;
+        }
+    }
+    let ids = face_vertices(cell, items[item] & 3u);
     return face_box(vertices[ids.x], vertices[ids.y], vertices[ids.z], last);
 }
 
 const NO_BOX: vec4<i32> = vec4<i32>(1, 0, 1, 0);
 
 fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex, last: vec2<i32>) -> vec4<i32> {
-    let w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
+    var w = vec3(1.0);
+    if (params.flags & PERSPECTIVE) != 0u {
+        w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
+    }
     if max(max(w.x, w.y), w.z) <= 0.0 || is_back_facing(a, b, c) {
         return NO_BOX;
     }
@@ -58,7 +68,7 @@ fn is_back_facing(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> bool {
     let q = (c.plane.xz - a.plane.xz) + (c.plane.yw - a.plane.yw);
     let ab = vec3(p / PLANE_SCALE, (b.depth.x - a.depth.x) + (b.depth.y - a.depth.y));
     let ac = vec3(q / PLANE_SCALE, (c.depth.x - a.depth.x) + (c.depth.y - a.depth.y));
-    // Along the ray to corner a; the factors of parallel rays are all 1, and the product below is that of the plane.
+    // Along the ray to corner a; parallel rays all go along the depth.
     var ray = vec3(0.0, 0.0, 1.0);
     if (params.flags & PERSPECTIVE) != 0u {
         ray = vec3(a.plane.xz / PLANE_SCALE, a.depth.x + a.depth.y);

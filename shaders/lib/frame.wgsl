@@ -9,7 +9,7 @@ struct Params {
     axes: array<vec4<f32>, 9>,
     // Half the distance of two pixels on the image plane times PLANE_SCALE: x as a sum of two, y as a sum of two.
     pitch: vec4<f32>,
-    // Depth from which depths are counted, as a sum of two.
+    // Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin, as a sum of two.
     depth_origin: vec2<f32>,
     // Scalars are seen as (scalar - offset) * scale.
     scalar_offset: f32,
@@ -18,18 +18,22 @@ struct Params {
     size_px: vec2<u32>,
     // Tiles per row, rows of tiles.
     tiles: vec2<u32>,
-    // Depths of the near distance and of the eye, counted from depth_origin.
+    // Depth of the near distance.
     near: f32,
-    eye: f32,
     vertex_count: u32,
-    // Entry faces come first among the items, then cells at the eye.
+    // Entry faces come first among the items, then cells at the eye, each a word and the sides of its faces.
     face_count: u32,
+    eye_count: u32,
     item_count: u32,
     // Pairs of tile and item that there is room for.
     pair_capacity: u32,
     // First tile of the slice.
     first_tile: u32,
     flags: u32,
+    // Shape of the table; for the exact integrator the number of intervals.
+    table_shape: vec3<u32>,
+    // Zero, which no compiler knows.
+    zero: u32,
 }
 
 // Flags.
@@ -44,8 +48,7 @@ const PLANE_SCALE: f32 = 1073741824.0;
 struct ViewVertex {
     // x and y times PLANE_SCALE, as sums: x, rest of x, y, rest of y.
     plane: vec4<f32>,
-    // Factor of the ray's image-plane coordinates (the depth from the eye; 1 for parallel rays) as a sum of a part of 12
-    // bits and a rest; depth counted from depth_origin; scalar.
+    // Depth as a sum of three, the first of 12 bits; scalar.
     depth: vec4<f32>,
 }
 
@@ -55,6 +58,8 @@ const TILE_PX: u32 = 16u;
 const PAIR_WORDS: u32 = 2u;
 // In the second word: the item is a cell at the eye.
 const EYE_CELL: u32 = 0x10000u;
+// From this bit on: on which side of the cell's faces the eye is (outside: bits 0 to 3; strictly inside: bits 4 to 7).
+const SIDES_SHIFT: u32 = 17u;
 
 // No neighbour.
 const NONE: u32 = 0xffffffffu;

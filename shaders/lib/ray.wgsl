@@ -10,6 +10,9 @@ struct Ray {
     y: vec2<f32>,
     // Length of the ray per unit of depth.
     length_per_depth: f32,
+    // Depth from which the depths along the ray are counted, as a sum of two, the first of 12 bits: near it they keep
+    // their digits, however far the eye.
+    origin: vec2<f32>,
 }
 
 // n * (pitch.x + pitch.y) as a part of 12 bits and a rest; |n| is an integer below 2^24.
@@ -33,18 +36,20 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
         let p = vec2(x.x + x.y, y.x + y.y) / PLANE_SCALE;
         length_per_depth = sqrt(1.0 + dot(p, p));
     }
-    return Ray(x, y, length_per_depth);
+    return Ray(x, y, length_per_depth, vec2(0.0));
 }
 
-// A vertex sheared along a ray: x and y times PLANE_SCALE, depth, scalar.
+// A vertex sheared along a ray: x and y times PLANE_SCALE, depth from the ray's origin, scalar.
 fn shear(ray: Ray, v: ViewVertex) -> vec4<f32> {
-    let w1 = v.depth.x;
-    let w2 = v.depth.y;
+    let perspective = (params.flags & PERSPECTIVE) != 0u;
+    let w1 = select(1.0, v.depth.x, perspective);
+    let w2 = select(0.0, v.depth.y, perspective);
     let w = w1 + w2;
     // Products of two 12-bit parts are exact, and so is the first difference near the ray.
     let x = (v.plane.x - ray.x.x * w1) + (v.plane.y - (ray.x.x * w2 + ray.x.y * w));
     let y = (v.plane.z - ray.y.x * w1) + (v.plane.w - (ray.y.x * w2 + ray.y.y * w));
-    return vec4(x, y, v.depth.z, v.depth.w);
+    let depth = (v.depth.x - ray.origin.x) + ((v.depth.y - ray.origin.y) + v.depth.z);
+    return vec4(x, y, depth, v.depth.w);
 }
 
 // Twice the signed area of the triangle (origin, a, b).
@@ -111,6 +116,12 @@ fn hit(edges: vec3<f32>, p: vec4<f32>, q: vec4<f32>, r: vec4<f32>) -> vec2<f32> 
         weights = e / sum;
     }
     return p.zw + weights.y * (q.zw - p.zw) + weights.z * (r.zw - p.zw);
+}
+
+// The ray with its depths counted from `depth`.
+fn ray_from(ray: Ray, depth: f32) -> Ray {
+    let first = leading(depth);
+    return Ray(ray.x, ray.y, ray.length_per_depth, vec2(first, depth - first));
 }
 
 // Where the ray passes through a triangle from its front.

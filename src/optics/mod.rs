@@ -11,9 +11,11 @@
 //! the nodes has pieces on which everything is linear in t. [`exact`] integrates those.
 
 pub mod exact;
+mod scalar_map;
 mod weights;
 
 use glam::Vec4;
+pub use scalar_map::ScalarMap;
 pub use weights::{PieceWeights, piece_weights};
 
 /// Light gathered along a ray from the front: premultiplied colour and opacity, and what still shines through.

@@ -55,6 +55,33 @@ pub enum RenderError {
         /// Cells of the mesh.
         cells: usize,
     },
+    /// There is no GPU to render on.
+    #[error("no GPU: {0}")]
+    NoGpu(String),
+    /// The job is too much for this GPU, or not made for it; a renderer on the CPU can do it.
+    #[error("{adapter} cannot render this: {problem}")]
+    BeyondGpu {
+        /// Name of the adapter.
+        adapter: String,
+        /// What is too much.
+        problem: String,
+    },
+    /// The driver reset the device, or it is gone.
+    #[error("the GPU {adapter} was lost: {reason}")]
+    DeviceLost {
+        /// Name of the adapter.
+        adapter: String,
+        /// What the driver says.
+        reason: String,
+    },
+    /// The device failed.
+    #[error("the GPU {adapter} failed: {problem}")]
+    Gpu {
+        /// Name of the adapter.
+        adapter: String,
+        /// What the driver says.
+        problem: String,
+    },
 }
 
 impl RenderJob {

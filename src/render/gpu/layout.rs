@@ -49,7 +49,7 @@ pub struct Params {
     pub axes: [[f32; 4]; 9],
     /// Half the distance of two pixels on the image plane times [`PLANE_SCALE`]: x as a sum of two, y as a sum of two.
     pub pitch: [f32; 4],
-    /// Depth from which depths are counted, local: sum of the two.
+    /// Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin: sum of the two.
     pub depth_origin: [f32; 2],
     /// Scalars are seen as (scalar - offset) * scale.
     pub scalar_offset: f32,
@@ -59,14 +59,14 @@ pub struct Params {
     pub size_px: [u32; 2],
     /// Tiles per row, rows of tiles.
     pub tiles: [u32; 2],
-    /// Depth of the near distance, counted from `depth_origin`.
+    /// Depth of the near distance.
     pub near: f32,
-    /// Depth of the eye, counted from `depth_origin`.
-    pub eye: f32,
     /// Vertices of the mesh.
     pub vertex_count: u32,
     /// Entry faces; they come first among the items.
     pub face_count: u32,
+    /// Cells at the eye.
+    pub eye_count: u32,
     /// Entry faces and cells at the eye.
     pub item_count: u32,
     /// Pairs of tile and item that there is room for.
@@ -75,6 +75,10 @@ pub struct Params {
     pub first_tile: u32,
     /// Bits of [`flags`].
     pub flags: u32,
+    /// Shape of the table; for the exact integrator the number of intervals.
+    pub table_shape: [u32; 3],
+    /// Zero, which the compilers of shaders do not know: it keeps them from simplifying sums as if they were exact.
+    pub zero: u32,
 }
 
 impl Params {
@@ -91,16 +95,13 @@ impl Params {
         let [right, up, forward] = [view.right, view.up, view.forward].map(axis);
         let axes = [right, up, forward].concat().try_into().unwrap_or_default();
         let eye = view.eye.to_array().map(two_parts);
-        // The local cube lies within this distance of the local origin, and no depth in front of the eye is negative.
-        let first_depth = -view.forward.dot(view.eye) - 3f64.sqrt() * (1.0 + 1e-9);
-        let origin = two_parts(if view.perspective { first_depth.max(0.0) } else { first_depth });
-        let origin_depth = depth_of(origin);
+        let origin = if view.perspective { [0.0; 2] } else { two_parts(-view.forward.dot(view.eye)) };
         let pitch = |half: f64, pixels: usize| two_parts(half / pixels as f64 * PLANE_SCALE);
         let (x, y) = (pitch(view.half_width, view.width_px), pitch(view.half_height, view.height_px));
-        let (near, eye_depth, perspective) = if view.perspective {
-            (clamp_depth(view.near.max(0.0) - origin_depth), (-origin_depth) as f32, flags::PERSPECTIVE)
+        let (near, perspective) = if view.perspective {
+            (view.near.clamp(0.0, f64::from(FAR)) as f32, flags::PERSPECTIVE)
         } else {
-            (-FAR, -FAR, 0)
+            (-FAR, 0)
         };
         Some(Self {
             eye_hi: [eye[0][0], eye[1][0], eye[2][0], 0.0],
@@ -111,7 +112,6 @@ impl Params {
             size_px: [view.width_px as u32, view.height_px as u32],
             tiles: [view.width_px.div_ceil(TILE_PX) as u32, view.height_px.div_ceil(TILE_PX) as u32],
             near,
-            eye: eye_depth,
             flags: perspective,
             ..Self::default()
         })
@@ -121,10 +121,6 @@ impl Params {
     pub fn tile_count(&self) -> usize {
         self.tiles[0] as usize * self.tiles[1] as usize
     }
-}
-
-fn clamp_depth(depth: f64) -> f32 {
-    depth.clamp(f64::from(-FAR), f64::from(FAR)) as f32
 }
 
 /// The depth that a sum of two means.
@@ -180,15 +176,12 @@ mod tests {
     }
 
     #[test]
-    fn depths_are_counted_from_before_the_mesh() {
+    fn depths_are_counted_from_the_eye_or_from_the_middle_of_the_mesh() {
         let perspective = Projection::Perspective { view_angle: 30.0 };
         let params = Params::of_view(&view(1000.0, perspective)).unwrap();
-        assert!((depth_of(params.depth_origin) - (1000.0 - 3f64.sqrt())).abs() < 1e-6);
-        assert!(params.eye < -990.0 && params.flags == flags::PERSPECTIVE);
-        let params = Params::of_view(&view(0.5, perspective)).unwrap();
-        assert_eq!((params.depth_origin, params.eye, params.near), ([0.0; 2], 0.0, 0.0));
+        assert_eq!((params.depth_origin, params.near, params.flags), ([0.0; 2], 0.0, flags::PERSPECTIVE));
         let params = Params::of_view(&view(-7.0, Projection::Parallel { scale: 1.0 })).unwrap();
-        assert!(depth_of(params.depth_origin) < -8.0 && params.eye == -FAR && params.flags == 0);
+        assert_eq!((params.depth_origin, params.near, params.flags), ([-7.0, 0.0], -FAR, 0));
         assert_eq!((params.size_px, params.tiles, params.tile_count()), ([40, 30], [3, 2], 6));
     }
 

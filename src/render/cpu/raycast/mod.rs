@@ -24,7 +24,7 @@
 //! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
 //! or eight rays of a thread in turn, to hide the latency of the loads; vertices and neighbours of a cell side by side.
 
-mod entries;
+pub(in crate::render) mod entries;
 mod simd;
 mod view;
 mod walk;
