@@ -1,7 +1,9 @@
 //! Renderers against closed forms and against the reference.
 
 mod closed_form;
+mod depth;
 mod raycast;
+mod table3d;
 
 use glam::DVec3;
 use std::sync::Arc;
@@ -32,6 +34,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         active: Arc::new(active),
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
+        optics: Default::default(),
         early_termination: true,
         stats: Default::default(),
     }
