@@ -30,7 +30,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let camera = Camera::default_for((lo, hi))?;
     for (step, time) in pipeline.times().values.clone().into_iter().enumerate() {
         let (table, size_px) = (table.clone(), (320, 240));
-        let frame = pipeline.render(&FrameRequest { step, camera, table, size_px, mode: RenderMode::Auto })?;
+        let frame = pipeline.render(&FrameRequest {
+            step,
+            camera,
+            table,
+            size_px,
+            mode: RenderMode::Auto,
+            optics: Default::default(),
+        })?;
         println!("step {step:3}  time {time:8.4}  {:7.2} ms", frame.stats.ms_frame);
     }
     Ok(())

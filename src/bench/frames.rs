@@ -2,6 +2,7 @@
 
 use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
 use crate::image::compare;
+use crate::optics::OpticsKind;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -117,7 +118,12 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         backend: "cpu".to_owned(),
         mode: if bench.request.mode == RenderMode::Reference { "reference" } else { "raycast" }.to_owned(),
         lod: 1.0,
-        optics: "exact".to_owned(),
+        // The reference integrates exactly whatever was asked for.
+        optics: match bench.request.mode {
+            RenderMode::Reference => OpticsKind::Exact,
+            RenderMode::Auto | RenderMode::Raycast => bench.request.optics,
+        }
+        .to_string(),
         codec: pipeline.field().codec.clone(),
         skip: false,
         threads: rayon::current_num_threads(),

@@ -55,6 +55,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         camera: Some(CAMERA.to_owned()),
         size: SIZE,
         mode: Default::default(),
+        optics: Default::default(),
     };
     let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;
     let pattern = FramePattern::new(&frames_dir.join("frame_%04d.png"))?;

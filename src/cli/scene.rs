@@ -3,6 +3,7 @@
 use crate::camera::Camera;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
 use crate::pipeline::{FrameRequest, Pipeline, RenderMode};
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
@@ -37,6 +38,9 @@ pub(super) struct SceneArgs {
     /// auto, raycast, or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
+    /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
+    #[arg(long, value_name = "OPTICS", default_value = "exact")]
+    pub(super) optics: OpticsKind,
 }
 
 /// Width and height in pixels.
@@ -76,6 +80,7 @@ pub(super) struct Scene {
     unit_distance: f64,
     size: SizePx,
     mode: RenderMode,
+    optics: OpticsKind,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
 }
@@ -93,8 +98,18 @@ impl Scene {
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = args.unit_distance.unwrap_or_else(|| 0.01 * (bounds.1 - bounds.0).length());
         let (policy, kind) = (args.range, args.opacity_kind);
-        let mut scene =
-            Self { pipeline, camera, tf, policy, kind, unit_distance, size: args.size, mode: args.mode, table: None };
+        let mut scene = Self {
+            pipeline,
+            camera,
+            tf,
+            policy,
+            kind,
+            unit_distance,
+            size: args.size,
+            mode: args.mode,
+            optics: args.optics,
+            table: None,
+        };
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             scene.request(0)?;
@@ -106,7 +121,14 @@ impl Scene {
     /// The request for a step.
     pub(super) fn request(&mut self, step: usize) -> anyhow::Result<FrameRequest> {
         let table = self.table(step)?;
-        Ok(FrameRequest { step, camera: self.camera, table, size_px: (self.size.0, self.size.1), mode: self.mode })
+        Ok(FrameRequest {
+            step,
+            camera: self.camera,
+            table,
+            size_px: (self.size.0, self.size.1),
+            mode: self.mode,
+            optics: self.optics,
+        })
     }
 
     /// The table for a step; made anew only if the range has changed.

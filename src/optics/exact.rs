@@ -5,7 +5,7 @@
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
 //! are those at the start of the next.
 
-use super::{Accumulator, ScalarMap, piece_weights};
+use super::{Accumulator, Integrator, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
 
@@ -186,5 +186,27 @@ impl ExactRay {
     fn move_to(&mut self, intervals: &[Interval], interval: usize, scalar: f64) {
         self.interval = interval;
         self.here = intervals[interval].at(scalar);
+    }
+}
+
+impl Integrator for ExactTable {
+    type Place = ExactRay;
+
+    #[inline(always)]
+    fn enter(&self, scalar: f64) -> ExactRay {
+        ExactRay::enter(self, scalar)
+    }
+
+    #[inline(always)]
+    fn segment(&self, place: &mut ExactRay, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
+        place.segment(self, s0, s1, length, out)
+    }
+
+    fn clear_share(&self, s0: f64, s1: f64) -> f64 {
+        self.clear_share(s0, s1)
+    }
+
+    fn is_clear(&self) -> bool {
+        self.is_clear()
     }
 }

@@ -8,6 +8,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
@@ -60,6 +61,8 @@ pub struct FrameRequest {
     pub size_px: (usize, usize),
     /// Which renderer.
     pub mode: RenderMode,
+    /// How segments are integrated; the reference does it in its own way.
+    pub optics: OpticsKind,
 }
 
 /// Why a request did not become a frame.
@@ -191,6 +194,7 @@ impl Pipeline {
             active: decoded.active.clone(),
             view,
             table: request.table.clone(),
+            optics: request.optics,
             early_termination: true,
             stats,
         };

@@ -11,6 +11,7 @@ use crate::camera::View;
 use crate::image::{DepthImage, RgbaImage};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
@@ -30,6 +31,8 @@ pub struct RenderJob {
     pub view: View,
     /// Transfer function.
     pub table: Arc<NodeTable>,
+    /// How segments are integrated; the reference does it in its own way.
+    pub optics: OpticsKind,
     /// Whether rays stop when nothing behind can be seen.
     pub early_termination: bool,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.

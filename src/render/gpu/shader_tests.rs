@@ -2,6 +2,7 @@
 
 use super::layout::{self, Params};
 use super::shaders::{RECORD_PARTS_MAX, RecordSplit, STAGES, Stage};
+use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
 
 const SPLITS: [RecordSplit; 2] =
@@ -106,7 +107,7 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
             ref other => panic!("{name}: {other:?}"),
         }
     };
-    let walk = STAGES[STAGES.len() - 1];
+    let walk = Stage::Walk(crate::optics::OpticsKind::Exact);
     for (name, rust) in [
         ("TILE_PX", layout::TILE_PX as f64),
         ("PAIR_WORDS", layout::PAIR_WORDS as f64),
@@ -121,4 +122,25 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
     ] {
         assert_eq!(value(walk, name), rust, "{name}");
     }
+}
+
+#[test]
+fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(Table3dParams, $field))),*] };
+    }
+    let rust = rust_offsets!(
+        below,
+        above,
+        scalar_lo,
+        scalar_lo_rest,
+        scalar_hi,
+        scalar_hi_rest,
+        intervals_per_scalar,
+        length_max,
+        scalars,
+        lengths,
+    );
+    let shader = members(&module(Stage::Walk(crate::optics::OpticsKind::Table3d)), "Table3dParams");
+    assert_eq!(shader, (rust, size_of::<Table3dParams>()));
 }

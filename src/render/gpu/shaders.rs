@@ -1,13 +1,7 @@
 //! The shaders, composed from their parts. The only place that knows which parts a stage is made of.
 
+use crate::optics::OpticsKind;
 use std::fmt;
-
-/// How the integration of a segment is done on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OpticsPart {
-    /// `shaders/lib/optics_exact.wgsl`, twin of [`crate::optics::exact`].
-    Exact,
-}
 
 /// A stage of the ray caster: one entry point in one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,16 +15,17 @@ pub enum Stage {
     /// The items of each tile.
     EntriesStore,
     /// From entries through the cells.
-    Walk(OpticsPart),
+    Walk(OpticsKind),
 }
 
 /// All stages.
-pub const STAGES: [Stage; 5] = [
+pub const STAGES: [Stage; 6] = [
     Stage::ViewTransform,
     Stage::EntriesCount,
     Stage::EntriesScan,
     Stage::EntriesStore,
-    Stage::Walk(OpticsPart::Exact),
+    Stage::Walk(OpticsKind::Exact),
+    Stage::Walk(OpticsKind::Table3d),
 ];
 
 /// How the records of cells are split over bindings.
@@ -83,6 +78,7 @@ impl Stage {
         const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
         const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
         const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
+        const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
         let constants = Constants(split).to_string();
         let parts: &[&str] = match self {
             Self::ViewTransform => &[FRAME, include_str!("../../../shaders/view_transform.wgsl")],
@@ -95,7 +91,8 @@ impl Stage {
             }
             Self::Walk(optics) => {
                 let optics = match optics {
-                    OpticsPart::Exact => EXACT,
+                    OpticsKind::Exact => EXACT,
+                    OpticsKind::Table3d => TABLE3D,
                 };
                 &[&constants, FRAME, CELLS, RAY, MATH, optics, include_str!("../../../shaders/walk.wgsl")]
             }

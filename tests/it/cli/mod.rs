@@ -214,6 +214,7 @@ fn bad_input_gives_one_error_that_names_it_and_changes_nothing() {
         ("--range", "3,1", ["3..1", "--range"]),
         ("--unit-distance", "0", ["unit-distance", "0"]),
         ("--mode", "fast", ["'fast'", "raycast"]),
+        ("--optics", "fast", ["'fast'", "table3d"]),
         ("--background", "pink", ["pink", "#rrggbb"]),
     ] {
         place.refuses(&render(&[&out[..], &[option, value]].concat()), &parts);

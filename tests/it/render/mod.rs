@@ -1,9 +1,11 @@
 //! Renderers against closed forms and against the reference.
 
 mod closed_form;
+mod depth;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod raycast;
+mod table3d;
 
 use glam::DVec3;
 use std::sync::Arc;
@@ -34,6 +36,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         active: Arc::new(active),
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
+        optics: Default::default(),
         early_termination: true,
         stats: Default::default(),
     }

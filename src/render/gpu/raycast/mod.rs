@@ -166,7 +166,8 @@ impl Raycast {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_bind_group(0, &groups.walk, &[]);
-            pass.set_pipeline(&pipelines.walk);
+            let walk = pipelines.walk(active.job.optics);
+            pass.set_pipeline(walk.ok_or_else(|| self.context.beyond("the walk has not been prepared".to_owned()))?);
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
         let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();

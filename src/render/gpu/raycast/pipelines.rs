@@ -1,8 +1,9 @@
 //! Shaders and bind group layouts: made once for a device and a split of the records.
 
+use crate::optics::OpticsKind;
 use crate::render::RenderError;
 use crate::render::gpu::context::Context;
-use crate::render::gpu::shaders::{OpticsPart, RecordSplit, Stage};
+use crate::render::gpu::shaders::{RecordSplit, Stage};
 
 /// A compute pipeline for each stage, and the layouts of what they bind.
 pub(super) struct Pipelines {
@@ -14,7 +15,8 @@ pub(super) struct Pipelines {
     pub(super) entries_count: wgpu::ComputePipeline,
     pub(super) entries_scan: wgpu::ComputePipeline,
     pub(super) entries_store: wgpu::ComputePipeline,
-    pub(super) walk: wgpu::ComputePipeline,
+    /// For the optics that have been asked for so far.
+    walks: Vec<(OpticsKind, wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
@@ -25,7 +27,8 @@ impl Pipelines {
             let transform_layout = layout("transform", &[UNIFORM, READ, READ, WRITE]);
             let entries_layout = layout("entries", &[UNIFORM, READ, READ, READ, READ, READ, WRITE]);
             let (color, depth) = (plane(wgpu::TextureFormat::Rgba32Float), plane(wgpu::TextureFormat::R32Float));
-            let walk_layout = layout("walk", &[UNIFORM, READ, READ, READ, READ, READ, READ, READ, WRITE, color, depth]);
+            let walk_layout =
+                layout("walk", &[UNIFORM, READ, READ, READ, READ, READ, READ, READ, WRITE, color, depth, UNIFORM]);
             let stage = |stage: Stage, layout: &wgpu::BindGroupLayout| pipeline(device, stage, split, layout);
             Self {
                 split,
@@ -33,12 +36,26 @@ impl Pipelines {
                 entries_count: stage(Stage::EntriesCount, &entries_layout),
                 entries_scan: stage(Stage::EntriesScan, &entries_layout),
                 entries_store: stage(Stage::EntriesStore, &entries_layout),
-                walk: stage(Stage::Walk(OpticsPart::Exact), &walk_layout),
+                walks: Vec::new(),
                 transform_layout,
                 entries_layout,
                 walk_layout,
             }
         })
+    }
+
+    /// Compiles the walk for `optics` unless that has been done.
+    pub(super) fn prepare_walk(&mut self, context: &Context, optics: OpticsKind) -> Result<(), RenderError> {
+        if self.walk(optics).is_none() {
+            let made = context.create(|device| pipeline(device, Stage::Walk(optics), self.split, &self.walk_layout))?;
+            self.walks.push((optics, made));
+        }
+        Ok(())
+    }
+
+    /// The walk for `optics`, if it has been prepared.
+    pub(super) fn walk(&self, optics: OpticsKind) -> Option<&wgpu::ComputePipeline> {
+        self.walks.iter().find(|(kind, _)| *kind == optics).map(|(_, pipeline)| pipeline)
     }
 }
 

@@ -5,9 +5,11 @@ use super::pipelines::Pipelines;
 use super::target::Target;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
-use crate::optics::ScalarMap;
 use crate::optics::exact::ExactTable;
+use crate::optics::table3d::Table3dParams;
+use crate::optics::{OpticsKind, ScalarMap};
 use crate::render::cpu::raycast::entries;
+use crate::render::cpu::raycast::pre_integrated::PreIntegrated;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{Params, flags};
 use crate::render::gpu::shaders::RecordSplit;
@@ -29,9 +31,12 @@ struct Domain {
 struct Table {
     of: Option<(Arc<NodeTable>, f64)>,
     exact: Option<ExactTable>,
-    /// The map that the buffer's contents are for.
-    map: Option<ScalarMap>,
+    pre_integrated: PreIntegrated,
+    /// What the buffers' contents are for.
+    sent: Option<(ScalarMap, OpticsKind)>,
     buffer: GrowingBuffer,
+    /// What the pre-integrated table needs beside its entries.
+    parameters: GrowingBuffer,
     interval_count: u32,
 }
 
@@ -70,7 +75,15 @@ impl Scene {
                 faces: Vec::new(),
                 packed: Vec::new(),
             },
-            table: Table { of: None, exact: None, map: None, buffer: storage("table"), interval_count: 0 },
+            table: Table {
+                of: None,
+                exact: None,
+                pre_integrated: PreIntegrated::default(),
+                sent: None,
+                buffer: storage("table"),
+                parameters: GrowingBuffer::uniform("parameters of the table"),
+                interval_count: 0,
+            },
             pipelines: None,
             target: None,
             groups: None,
@@ -84,7 +97,7 @@ impl Scene {
         let same = |(table, s): &(Arc<NodeTable>, f64)| Arc::ptr_eq(table, &job.table) && *s == scale;
         if !self.table.of.as_ref().is_some_and(same) {
             self.table.exact = Some(ExactTable::new(&job.table, scale));
-            self.table.map = None;
+            self.table.sent = None;
             self.table.of = Some((job.table.clone(), scale));
         }
         self.table.exact.as_ref().is_none_or(ExactTable::is_clear)
@@ -107,6 +120,9 @@ impl Scene {
             self.pipelines = Some(Pipelines::new(context, split)?);
             stale = true;
         }
+        if let Some(pipelines) = &mut self.pipelines {
+            pipelines.prepare_walk(context, job.optics)?;
+        }
         let (made, sent) = self.mesh.upload(context, &job.mesh, split)?;
         if made {
             self.scalars.forget();
@@ -115,7 +131,7 @@ impl Scene {
         self.bytes_sent += sent;
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, &job.scalars, &self.mesh.scalars)?;
         self.bytes_sent += sent;
-        stale |= self.update_table(context, prescale, params)?;
+        stale |= self.update_table(context, job, prescale, params)?;
         stale |= self.update_domain(context, job, eye_cells)?;
         let size_px = (params.size_px[0] as usize, params.size_px[1] as usize);
         if self.target.as_ref().is_none_or(|t| t.size_px != size_px) {
@@ -158,21 +174,41 @@ impl Scene {
         self.make_groups(context)
     }
 
-    fn update_table(&mut self, context: &Context, prescale: f64, params: &mut Params) -> Result<bool, RenderError> {
-        let Table { of: Some((nodes, _)), exact: Some(exact), map, buffer, interval_count } = &mut self.table else {
-            return Ok(false);
-        };
-        let new_map = ScalarMap::of_table(nodes, prescale);
-        let mut made = false;
-        if *map != Some(new_map) {
-            let packed = exact.packed(new_map);
-            made = buffer.reserve(context, size_of_val(packed.as_slice()) as u64)?;
-            self.bytes_sent += buffer.write(context, 0, bytemuck::cast_slice(&packed))?;
-            *interval_count = (packed.len() / 3) as u32;
-            *map = Some(new_map);
+    /// The table of the job's optics, seen through the map of its scalars.
+    fn update_table(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        prescale: f64,
+        params: &mut Params,
+    ) -> Result<bool, RenderError> {
+        let table = &mut self.table;
+        let map = ScalarMap::of_table(&job.table, prescale);
+        (params.scalar_offset, params.scalar_scale) = (map.offset as f32, map.scale as f32);
+        let mut made = table.parameters.reserve(context, size_of::<Table3dParams>() as u64)?;
+        if made || table.sent != Some((map, job.optics)) {
+            table.sent = None;
+            let pre_integrated;
+            let packed;
+            let words: &[[f32; 4]] = match (job.optics, &table.exact) {
+                (OpticsKind::Table3d, _) => {
+                    pre_integrated = table.pre_integrated.get(job);
+                    let of_shader = pre_integrated.params(map);
+                    self.bytes_sent += table.parameters.write(context, 0, bytemuck::bytes_of(&of_shader))?;
+                    bytemuck::cast_slice(pre_integrated.entries())
+                }
+                (OpticsKind::Exact, Some(exact)) => {
+                    packed = exact.packed(map);
+                    table.interval_count = (packed.len() / 3) as u32;
+                    &packed
+                }
+                (OpticsKind::Exact, None) => &[],
+            };
+            made |= table.buffer.reserve(context, size_of_val(words) as u64)?;
+            self.bytes_sent += table.buffer.write(context, 0, bytemuck::cast_slice(words))?;
+            table.sent = Some((map, job.optics));
         }
-        params.table_shape = [*interval_count, 0, 0];
-        (params.scalar_offset, params.scalar_scale) = (new_map.offset as f32, new_map.scale as f32);
+        params.table_shape = [table.interval_count, 0, 0];
         Ok(made)
     }
 
@@ -210,7 +246,6 @@ impl Scene {
         Ok(made)
     }
 
-    /// Group bindings.
     fn make_groups(&mut self, context: &Context) -> Result<(), RenderError> {
         let (Some(pipelines), Some(target)) = (&self.pipelines, &self.target) else { return Ok(()) };
         let get = |buffer: &GrowingBuffer| buffer.get(context).cloned();
@@ -228,6 +263,7 @@ impl Scene {
         let (positions, scalars) = (get(&self.mesh.positions)?, get(&self.mesh.scalars)?);
         let (items, active) = (get(&self.domain.items)?, get(&self.domain.active)?);
         let (table, counters) = (get(&self.table.buffer)?, get(&target.counters)?);
+        let table_parameters = get(&self.table.parameters)?;
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let (color, depth) = (view(&target.color), view(&target.depth));
         let whole = wgpu::Buffer::as_entire_binding;
@@ -246,6 +282,7 @@ impl Scene {
             whole(&counters),
             wgpu::BindingResource::TextureView(&color),
             wgpu::BindingResource::TextureView(&depth),
+            whole(&table_parameters),
         ];
         let of_transform = [whole(&params), whole(&positions), whole(&scalars), whole(&vertices)];
         self.groups = Some(Groups {
