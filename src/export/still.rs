@@ -1,8 +1,8 @@
 //! One frame to one image file: what goes into it, and in which format.
 
 use crate::error::{FileError, FileResult};
-use crate::image::{DepthImage, PngDepth, RgbaImage, write_png};
-use crate::transfer::{MappedRange, OpacityKind};
+use crate::image::{DepthImage, ExrAttributes, ExrColor, ExrValue, PngDepth, RgbaImage, write_exr, write_png};
+use crate::transfer::{MappedRange, OpacityKind, RangePolicy};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,6 +52,42 @@ pub struct FrameAttributes {
 impl FrameAttributes {
     /// What [`Self::software`] says of this version.
     pub const SOFTWARE: &str = concat!("tetreel ", env!("CARGO_PKG_VERSION"));
+
+    /// The same as attributes of an EXR: `software`, and `tetreel.NAME` for what is known. Camera, transfer function and
+    /// range are texts as the command line takes them; numbers are doubles; extras are `tetreel.extra.NAME`.
+    pub fn to_exr(&self) -> ExrAttributes {
+        let range = self.range.map_or(String::new(), |range| {
+            let (lo, hi) = (range.lo(), range.hi());
+            if range.is_log() { RangePolicy::LogManual(lo, hi) } else { RangePolicy::Manual(lo, hi) }.to_string()
+        });
+        let opacity_kind = match self.opacity_kind {
+            OpacityKind::Alpha => "alpha",
+            OpacityKind::Extinction => "extinction",
+        };
+        let texts = [
+            ("field", self.field.as_str()),
+            ("units", self.units.as_deref().unwrap_or_default()),
+            ("camera", &self.camera),
+            ("transferFunction", &self.transfer_function),
+            ("range", &range),
+            ("opacityKind", opacity_kind),
+        ];
+        let numbers = [
+            ("time", self.time),
+            ("step", self.step as f64),
+            ("frame", self.frame as f64),
+            ("unitDistance", self.unit_distance),
+        ];
+        let text = |text: &str| ExrValue::Text(text.to_owned());
+        let known = texts.into_iter().filter(|(_, value)| !value.is_empty());
+        let mut attributes: ExrAttributes = known.map(|(name, v)| (format!("tetreel.{name}"), text(v))).collect();
+        attributes.extend(numbers.map(|(name, v)| (format!("tetreel.{name}"), ExrValue::Number(v))));
+        attributes.extend(self.extras.iter().map(|(name, v)| (format!("tetreel.extra.{name}"), text(v))));
+        if !self.software.is_empty() {
+            attributes.insert("software".to_owned(), text(&self.software));
+        }
+        attributes
+    }
 }
 
 /// What lies behind the volume.
@@ -119,6 +155,8 @@ pub struct StillOptions {
     pub background: Background,
     /// Bits per channel of a PNG.
     pub png_depth: PngDepth,
+    /// What the colours of an EXR are.
+    pub exr_color: ExrColor,
 }
 
 /// Writes a frame in the format that the file's name asks for. The file appears whole or not at all.
@@ -128,7 +166,10 @@ pub struct StillOptions {
 pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
     match StillFormat::of(path) {
         Some(StillFormat::Png) => write_png(path, &frame.color, options.background.color(), options.png_depth),
-        Some(StillFormat::Exr) => Err(FileError::unsupported(path, "", "EXR images cannot be written yet")),
+        Some(StillFormat::Exr) => {
+            let depth = Some(&frame.depth).filter(|depth| !depth.pixels.is_empty());
+            write_exr(path, &frame.color, depth, options.exr_color, &frame.attributes.to_exr())
+        }
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
     }
 }
@@ -139,12 +180,66 @@ const REMEDY: &str = "end the name with .png or .exr";
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::read_exr;
 
     #[test]
     fn backgrounds_are_named_or_hexadecimal() {
         assert_eq!("#ff8000".parse(), Ok(Background::Color([1.0, 128.0 / 255.0, 0.0])));
         assert_eq!("none".parse(), Ok(Background::Transparent));
         assert!("#12345".parse::<Background>().is_err() && "#+12345".parse::<Background>().is_err());
+    }
+
+    /// A frame of 2 x 1 pixels.
+    fn frame() -> OutputFrame {
+        let color = RgbaImage { width: 2, height: 1, pixels: vec![[0.5, 0.25, 0.125, 0.5], [0.0; 4]] };
+        let depth = DepthImage { width: 2, height: 1, pixels: vec![2.5, f32::INFINITY] };
+        let attributes = FrameAttributes {
+            time: 0.1,
+            step: 3,
+            units: Some("K".to_owned()),
+            range: Some(MappedRange::new(1.0, 1000.0, true).unwrap()),
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            extras: BTreeMap::from([("lod".to_owned(), "0.5".to_owned())]),
+            ..Default::default()
+        };
+        OutputFrame { color, depth, attributes }
+    }
+
+    #[test]
+    fn an_exr_has_planes_and_attributes_of_the_frame() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
+        write_still(&path, &frame(), &options).unwrap();
+        let back = read_exr(&path).unwrap();
+        assert_eq!((back.color, back.depth), (frame().color, Some(frame().depth)));
+        let text = |text: &str| Some(ExrValue::Text(text.to_owned()));
+        let get = |name: &str| back.attributes.get(name).cloned();
+        assert_eq!(get("tetreel.time"), Some(ExrValue::Number(0.1)));
+        assert_eq!(get("tetreel.step"), Some(ExrValue::Number(3.0)));
+        assert_eq!(get("tetreel.range"), text("log:1.0,1000.0"));
+        assert_eq!((get("tetreel.units"), get("tetreel.field")), (text("K"), None));
+        assert_eq!((get("tetreel.extra.lod"), get("tetreel.opacityKind")), (text("0.5"), text("alpha")));
+        assert_eq!(get("software"), text(FrameAttributes::SOFTWARE));
+        write_still(&path, &OutputFrame { depth: DepthImage::default(), ..frame() }, &options).unwrap();
+        assert_eq!(read_exr(&path).unwrap().depth, None);
+    }
+
+    #[test]
+    fn a_png_has_as_many_bits_as_asked_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        for (png_depth, bits) in [(PngDepth::Eight, 8), (PngDepth::Sixteen, 16)] {
+            write_still(&path, &frame(), &StillOptions { png_depth, ..Default::default() }).unwrap();
+            // The bit depth of a PNG's header ("IHDR", PNG specification 11.2.2).
+            assert_eq!(std::fs::read(&path).unwrap()[24], bits);
+        }
+    }
+
+    #[test]
+    fn frame_attributes_are_plain_data() {
+        let json = serde_json::to_string(&frame().attributes).unwrap();
+        assert_eq!(serde_json::from_str::<FrameAttributes>(&json).unwrap(), frame().attributes);
     }
 
     #[test]
