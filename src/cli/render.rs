@@ -3,8 +3,10 @@
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
 use super::{Outcome, source};
-use crate::export::sequence::{Background, FramePattern, FrameWriter};
+use crate::export::sequence::{FramePattern, FrameWriter};
+use crate::export::still::{Background, OutputFrame, StillFormat, StillOptions};
 use crate::files;
+use crate::image::{ExrColor, PngDepth};
 use crate::ingest::StepRange;
 use crate::stats::FrameStats;
 use crate::task::Progress;
@@ -12,7 +14,7 @@ use anyhow::bail;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Render steps of a series to PNG files
+/// Render steps of a series to PNG or EXR files
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  tetreel render case.zarr -o frames/frame_%04d.png --tf 'inferno@0:0,0.3:0,1:0.4' --steps 0..99:10"
@@ -21,7 +23,7 @@ pub(super) struct Args {
     /// A store, or a source (.pvd, .vtu) to import to the cache first
     #[arg(value_name = "NAME.zarr")]
     store: PathBuf,
-    /// Image files; %04d counts the frames from 0
+    /// Image files, .png or .exr; %04d counts the frames from 0
     #[arg(short, long, value_name = "frame_%04d.png")]
     output: FramePattern,
     /// Steps A..B:S, zero-based, both ends included
@@ -35,9 +37,34 @@ pub(super) struct Args {
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
+    /// Bits per channel of PNG files: 8 or 16 (default: 8)
+    #[arg(long, value_name = "BITS")]
+    bit_depth: Option<PngDepth>,
+    /// Colours of EXR files: linear, or raw for display-referred values as they were accumulated (default: linear)
+    #[arg(long, value_name = "COLORS")]
+    exr: Option<ExrColor>,
     /// Write counts and times of every frame to a JSON file
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
+}
+
+impl Args {
+    /// How frames are written.
+    fn still_options(&self) -> anyhow::Result<StillOptions> {
+        let file = self.output.path(0);
+        let is = |format| StillFormat::of(&file) == Some(format);
+        if self.exr.is_some() && !is(StillFormat::Exr) {
+            bail!("--exr is for EXR files; {} is none", file.display());
+        }
+        if (self.bit_depth.is_some() || self.background != Background::Transparent) && !is(StillFormat::Png) {
+            bail!("--bit-depth and --background are for PNG files; {} has floats and opacity", file.display());
+        }
+        Ok(StillOptions {
+            background: self.background,
+            png_depth: self.bit_depth.unwrap_or_default(),
+            exr_color: self.exr.unwrap_or_default(),
+        })
+    }
 }
 
 /// One entry of `--stats`.
@@ -56,6 +83,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if steps.len() > 1 && !args.output.is_numbered() {
         bail!("{} frames need a number in the file name, such as frame_%04d.png", steps.len());
     }
+    let options = args.still_options()?;
     if let Some(path) = &args.stats {
         files::check_place(path)?;
     }
@@ -66,7 +94,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     terminal.end();
     checked?;
     terminal.detail(&format!("camera: {}", scene.camera));
-    let records = render_steps(&mut scene, &steps, &args.output, args.background, terminal)?;
+    let records = render_steps(&mut scene, &steps, &args.output, options, terminal)?;
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
@@ -83,20 +111,22 @@ pub(super) fn render_steps(
     scene: &mut Scene,
     steps: &[usize],
     output: &FramePattern,
-    background: Background,
+    options: StillOptions,
     terminal: &Terminal,
 ) -> anyhow::Result<Vec<FrameRecord>> {
-    let mut writer = FrameWriter::new(background);
+    let mut writer = FrameWriter::new(options);
     let mut records = Vec::new();
     terminal.begin("render", steps.len() as u64, "frames");
     let mut render_all = || -> anyhow::Result<()> {
         for (frame_index, &step) in steps.iter().enumerate() {
             terminal.check_interrupted()?;
             let request = scene.request(step)?;
-            let time = scene.pipeline.times().values[step];
+            let attributes = scene.attributes(step, frame_index);
+            let time = attributes.time;
             let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
             let file = output.path(frame_index);
-            writer.send(frame.color.clone(), file.clone())?;
+            let still = OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes };
+            writer.send(still, file.clone())?;
             records.push(FrameRecord { frame: frame_index, step, time, file, stats: frame.stats.clone() });
             terminal.advance(1);
         }

@@ -1,6 +1,7 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use crate::camera::Camera;
+use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
@@ -75,6 +76,8 @@ pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
     pub(super) camera: Camera,
     tf: TransferFunction,
+    /// `tf` as the user wrote it.
+    tf_text: String,
     policy: RangePolicy,
     kind: OpacityKind,
     unit_distance: f64,
@@ -102,6 +105,7 @@ impl Scene {
             pipeline,
             camera,
             tf,
+            tf_text: args.tf.clone(),
             policy,
             kind,
             unit_distance,
@@ -129,6 +133,25 @@ impl Scene {
             mode: self.mode,
             optics: self.optics,
         })
+    }
+
+    /// What the frame of the last request shows: `step`, as frame number `frame` of the run.
+    pub(super) fn attributes(&self, step: usize, frame: usize) -> FrameAttributes {
+        let field = self.pipeline.field();
+        FrameAttributes {
+            time: self.pipeline.times().values.get(step).copied().unwrap_or_default(),
+            step,
+            frame,
+            field: field.name.clone(),
+            units: field.units.clone(),
+            camera: self.camera.to_string(),
+            transfer_function: self.tf_text.clone(),
+            range: self.table.as_ref().map(|(range, _)| *range),
+            opacity_kind: self.kind,
+            unit_distance: self.unit_distance,
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            extras: Default::default(),
+        }
     }
 
     /// The table for a step; made anew only if the range has changed.

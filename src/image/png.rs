@@ -5,6 +5,7 @@ use crate::error::{FileError, FileResult};
 use crate::files;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
+use std::str::FromStr;
 
 /// Bits per channel of a written PNG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,6 +15,18 @@ pub enum PngDepth {
     Eight,
     /// 16 bits.
     Sixteen,
+}
+
+impl FromStr for PngDepth {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "8" => Ok(Self::Eight),
+            "16" => Ok(Self::Sixteen),
+            _ => Err("a PNG has 8 or 16 bits".to_owned()),
+        }
+    }
 }
 
 /// Writes an image: with straight alpha, or opaque over `background` where one is given. The file appears whole or not at
