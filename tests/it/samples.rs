@@ -33,7 +33,8 @@ fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
 
 /// The same request through the fast path and through the judge.
 fn both(pipeline: &mut Pipeline, step: usize, camera: Camera, table: &Arc<NodeTable>) -> (RgbaImage, RgbaImage) {
-    let request = FrameRequest { step, camera, table: table.clone(), size_px: (128, 128), mode: RenderMode::Raycast };
+    let (table, size_px, mode) = (table.clone(), (128, 128), RenderMode::Raycast);
+    let request = FrameRequest { time: step.into(), camera, table, size_px, mode };
     let fast = pipeline.render(&request).unwrap().color.clone();
     let judge = pipeline.render(&FrameRequest { mode: RenderMode::Reference, ..request }).unwrap().color.clone();
     (fast, judge)
