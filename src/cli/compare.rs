@@ -1,7 +1,7 @@
 //! `tetreel compare`: how far two images are apart.
 
 use super::{Outcome, print_result};
-use crate::export::sequence::Background;
+use crate::export::still::Background;
 use crate::image::{self, ImageMetrics};
 use std::fmt;
 use std::path::PathBuf;

@@ -3,7 +3,8 @@
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
 use super::{Outcome, source};
-use crate::export::sequence::{Background, FramePattern, FrameWriter};
+use crate::export::sequence::{FramePattern, FrameWriter};
+use crate::export::still::{Background, OutputFrame, StillOptions};
 use crate::files;
 use crate::ingest::StepRange;
 use crate::stats::FrameStats;
@@ -40,6 +41,13 @@ pub(super) struct Args {
     stats: Option<PathBuf>,
 }
 
+impl Args {
+    /// How frames are written.
+    fn still_options(&self) -> StillOptions {
+        StillOptions { background: self.background, ..Default::default() }
+    }
+}
+
 /// One entry of `--stats`.
 #[derive(Serialize)]
 pub(super) struct FrameRecord {
@@ -66,7 +74,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     terminal.end();
     checked?;
     terminal.detail(&format!("camera: {}", scene.camera));
-    let records = render_steps(&mut scene, &steps, &args.output, args.background, terminal)?;
+    let records = render_steps(&mut scene, &steps, &args.output, args.still_options(), terminal)?;
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
@@ -83,20 +91,22 @@ pub(super) fn render_steps(
     scene: &mut Scene,
     steps: &[usize],
     output: &FramePattern,
-    background: Background,
+    options: StillOptions,
     terminal: &Terminal,
 ) -> anyhow::Result<Vec<FrameRecord>> {
-    let mut writer = FrameWriter::new(background);
+    let mut writer = FrameWriter::new(options);
     let mut records = Vec::new();
     terminal.begin("render", steps.len() as u64, "frames");
     let mut render_all = || -> anyhow::Result<()> {
         for (frame_index, &step) in steps.iter().enumerate() {
             terminal.check_interrupted()?;
             let request = scene.request(step)?;
-            let time = scene.pipeline.times().values[step];
+            let attributes = scene.attributes(&request, frame_index);
+            let time = attributes.time;
             let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
             let file = output.path(frame_index);
-            writer.send(frame.color.clone(), file.clone())?;
+            let still = OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes };
+            writer.send(still, file.clone())?;
             records.push(FrameRecord { frame: frame_index, step, time, file, stats: frame.stats.clone() });
             terminal.advance(1);
         }

@@ -1,6 +1,7 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use crate::camera::Camera;
+use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::pipeline::{FrameRequest, FrameTime, Pipeline, RenderMode};
@@ -71,6 +72,8 @@ pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
     pub(super) camera: Camera,
     tf: TransferFunction,
+    /// `tf` as the user wrote it.
+    tf_text: String,
     policy: RangePolicy,
     kind: OpacityKind,
     unit_distance: f64,
@@ -93,8 +96,18 @@ impl Scene {
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = args.unit_distance.unwrap_or_else(|| 0.01 * (bounds.1 - bounds.0).length());
         let (policy, kind) = (args.range, args.opacity_kind);
-        let mut scene =
-            Self { pipeline, camera, tf, policy, kind, unit_distance, size: args.size, mode: args.mode, table: None };
+        let mut scene = Self {
+            pipeline,
+            camera,
+            tf,
+            tf_text: args.tf.clone(),
+            policy,
+            kind,
+            unit_distance,
+            size: args.size,
+            mode: args.mode,
+            table: None,
+        };
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             scene.request(0)?;
@@ -108,6 +121,25 @@ impl Scene {
         let time = time.into();
         let table = self.table(time)?;
         Ok(FrameRequest { time, camera: self.camera, table, size_px: (self.size.0, self.size.1), mode: self.mode })
+    }
+
+    /// What the frame of the last `request` shows, as frame number `frame` of the run.
+    pub(super) fn attributes(&self, request: &FrameRequest, frame: usize) -> FrameAttributes {
+        let field = self.pipeline.field();
+        FrameAttributes {
+            time: request.time.time(self.pipeline.times()),
+            step: request.time.step(),
+            frame,
+            field: field.name.clone(),
+            units: field.units.clone(),
+            camera: request.camera.to_string(),
+            transfer_function: self.tf_text.clone(),
+            range: self.table.as_ref().map(|(range, _)| *range),
+            opacity_kind: self.kind,
+            unit_distance: self.unit_distance,
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            extras: Default::default(),
+        }
     }
 
     /// The table for a moment; made anew only if the range has changed. Between two steps their ranges are interpolated as

@@ -2,4 +2,5 @@
 
 mod folder;
 pub mod sequence;
+pub mod still;
 pub mod vtu;

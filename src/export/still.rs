@@ -1,0 +1,157 @@
+//! One frame to one image file: what goes into it, and in which format.
+
+use crate::error::{FileError, FileResult};
+use crate::image::{DepthImage, PngDepth, RgbaImage, write_png};
+use crate::transfer::{MappedRange, OpacityKind};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+/// A frame on its way to a file: its planes, and what they show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OutputFrame {
+    /// Raw accumulators.
+    pub color: RgbaImage,
+    /// Distances, as [`Frame::depth`](crate::render::Frame::depth) has them. Of the same size as `color`, or without pixels
+    /// where there is none.
+    pub depth: DepthImage,
+    /// What the planes show.
+    pub attributes: FrameAttributes,
+}
+
+/// What a frame shows, as plain data: written into formats that take it, and the source of annotations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameAttributes {
+    /// Time of the series, in its unit.
+    pub time: f64,
+    /// Zero-based step of the series; the last one at or before `time` where steps are interpolated.
+    pub step: usize,
+    /// Number of the frame among those of the run, from 0.
+    pub frame: usize,
+    /// Field shown, as the user selects it: `T`, `velocity:mag`.
+    pub field: String,
+    /// Unit of the field, if known.
+    pub units: Option<String>,
+    /// Camera as `--camera` takes it.
+    pub camera: String,
+    /// Transfer function as `--tf` takes it.
+    pub transfer_function: String,
+    /// Scalars that the transfer function covers in this frame; `None` if that is not known.
+    pub range: Option<MappedRange>,
+    /// Meaning of the opacities.
+    pub opacity_kind: OpacityKind,
+    /// The length that opacities refer to, world units.
+    pub unit_distance: f64,
+    /// `tetreel VERSION`.
+    pub software: String,
+    /// Whatever else is to be said of this frame, by name.
+    pub extras: BTreeMap<String, String>,
+}
+
+impl FrameAttributes {
+    /// What [`Self::software`] says of this version.
+    pub const SOFTWARE: &str = concat!("tetreel ", env!("CARGO_PKG_VERSION"));
+}
+
+/// What lies behind the volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Background {
+    /// Nothing: the image keeps its opacity as straight alpha.
+    #[default]
+    Transparent,
+    /// A display-referred colour, 0..=1 per channel: the image is opaque.
+    Color([f32; 3]),
+}
+
+impl Background {
+    /// The colour, if there is one.
+    pub fn color(self) -> Option<[f32; 3]> {
+        match self {
+            Self::Transparent => None,
+            Self::Color(rgb) => Some(rgb),
+        }
+    }
+}
+
+impl FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" | "transparent" => return Ok(Self::Transparent),
+            "black" => return Ok(Self::Color([0.0; 3])),
+            "white" => return Ok(Self::Color([1.0; 3])),
+            "gray" | "grey" => return Ok(Self::Color([0.5; 3])),
+            _ => {}
+        }
+        let hex = text.strip_prefix('#').filter(|h| h.len() == 6 && h.bytes().all(|b| b.is_ascii_hexdigit()));
+        let packed = hex.and_then(|h| u32::from_str_radix(h, 16).ok());
+        let packed = packed.ok_or("write #rrggbb, black, white, gray or none")?;
+        Ok(Self::Color([16, 8, 0].map(|shift| (packed >> shift & 255) as f32 / 255.0)))
+    }
+}
+
+/// A format of still images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StillFormat {
+    /// PNG: colour in 8 or 16 bits.
+    Png,
+    /// OpenEXR: colour and depth as floats, and [`FrameAttributes`].
+    Exr,
+}
+
+impl StillFormat {
+    /// The format that a file name asks for with its extension, in upper or lower case.
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_ascii_lowercase().to_str()? {
+            "png" => Some(Self::Png),
+            "exr" => Some(Self::Exr),
+            _ => None,
+        }
+    }
+}
+
+/// How stills are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StillOptions {
+    /// What lies behind the volume, PNG only.
+    pub background: Background,
+    /// Bits per channel of a PNG.
+    pub png_depth: PngDepth,
+}
+
+/// Writes a frame in the format that the file's name asks for. The file appears whole or not at all.
+///
+/// # Errors
+/// If the name asks for no known format, the frame cannot be stored in it, or the folder does not take the file.
+pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
+    match StillFormat::of(path) {
+        Some(StillFormat::Png) => write_png(path, &frame.color, options.background.color(), options.png_depth),
+        Some(StillFormat::Exr) => Err(FileError::unsupported(path, "", "EXR images cannot be written yet")),
+        None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
+    }
+}
+
+/// What to do about a name without a known extension.
+const REMEDY: &str = "end the name with .png or .exr";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_are_named_or_hexadecimal() {
+        assert_eq!("#ff8000".parse(), Ok(Background::Color([1.0, 128.0 / 255.0, 0.0])));
+        assert_eq!("none".parse(), Ok(Background::Transparent));
+        assert!("#12345".parse::<Background>().is_err() && "#+12345".parse::<Background>().is_err());
+    }
+
+    #[test]
+    fn the_extension_chooses_the_format() {
+        let of = |name: &str| StillFormat::of(Path::new(name));
+        assert_eq!(of("a/b.PNG"), Some(StillFormat::Png));
+        assert_eq!(of("b.c.exr"), Some(StillFormat::Exr));
+        assert_eq!([of("exr"), of(".png"), of("a.jpg"), of("")], [None; 4]);
+    }
+}
