@@ -1,7 +1,7 @@
 //! One frame to one image file: what goes into it, and in which format.
 
 use crate::error::{FileError, FileResult};
-use crate::image::{DepthImage, PngDepth, RgbaImage, write_png};
+use crate::image::{DepthImage, PngDepth, RgbaImage, read_png_text, write_png_with_texts};
 use crate::transfer::{MappedRange, OpacityKind};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -52,6 +52,13 @@ pub struct FrameAttributes {
 impl FrameAttributes {
     /// What [`Self::software`] says of this version.
     pub const SOFTWARE: &str = concat!("tetreel ", env!("CARGO_PKG_VERSION"));
+    /// Name among [`Self::extras`] of what [`read_fingerprint`] gives back.
+    pub const FINGERPRINT: &str = "fingerprint";
+
+    /// The fingerprint of the request that made the frame, if it has one.
+    pub fn fingerprint(&self) -> Option<&str> {
+        self.extras.get(Self::FINGERPRINT).map(String::as_str)
+    }
 }
 
 /// What lies behind the volume.
@@ -127,9 +134,32 @@ pub struct StillOptions {
 /// If the name asks for no known format, the frame cannot be stored in it, or the folder does not take the file.
 pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
     match StillFormat::of(path) {
-        Some(StillFormat::Png) => write_png(path, &frame.color, options.background.color(), options.png_depth),
+        Some(StillFormat::Png) => {
+            let mut texts = Vec::new();
+            if let Some(fingerprint) = frame.attributes.fingerprint() {
+                texts.push((PNG_SOFTWARE, frame.attributes.software.as_str()));
+                texts.push((PNG_FINGERPRINT, fingerprint));
+            }
+            write_png_with_texts(path, &frame.color, options.background.color(), options.png_depth, &texts)
+        }
         Some(StillFormat::Exr) => Err(FileError::unsupported(path, "", "EXR images cannot be written yet")),
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
+    }
+}
+
+/// The standard's keyword for what made an image.
+const PNG_SOFTWARE: &str = "Software";
+/// Keyword of [`FrameAttributes::FINGERPRINT`].
+const PNG_FINGERPRINT: &str = "tetreel fingerprint";
+
+/// The fingerprint of the request that made an image; `None` if it has none. The file is read to its end.
+///
+/// # Errors
+/// If the file cannot be read, is damaged or cut.
+pub fn read_fingerprint(path: &Path) -> FileResult<Option<String>> {
+    match StillFormat::of(path) {
+        Some(StillFormat::Png) => read_png_text(path, PNG_FINGERPRINT),
+        Some(StillFormat::Exr) | None => Ok(None),
     }
 }
 

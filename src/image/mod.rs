@@ -9,7 +9,7 @@ mod png;
 mod sheet;
 
 pub use metrics::{ImageMetrics, MetricsError, compare};
-pub use png::{PngDepth, read_png, write_png};
+pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
 pub use sheet::contact_sheet;
 
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.

@@ -20,7 +20,7 @@ use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::{Cancel, Progress};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
@@ -60,11 +60,17 @@ pub struct FrameRequest {
     /// Where from.
     pub camera: Camera,
     /// Transfer function over the field's scalars.
+    #[serde(serialize_with = "serialize_table")]
     pub table: Arc<NodeTable>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
     /// Which renderer.
     pub mode: RenderMode,
+}
+
+/// What the table is, not where.
+fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
+    NodeTable::serialize(table, serializer)
 }
 
 /// Why a request did not become a frame.
