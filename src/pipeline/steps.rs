@@ -184,6 +184,26 @@ mod tests {
     }
 
     #[test]
+    fn a_mixture_is_the_blend_by_hand() {
+        // More than one chunk, values of many magnitudes.
+        let value = |i: usize| ((i as f32) * 0.7).sin() * 10f32.powi(i as i32 % 60 - 30);
+        let from: Vec<f32> = (0..2 * MIX_CHUNK + 7).map(value).collect();
+        let to: Vec<f32> = (0..from.len()).map(|i| value(i + 5)).collect();
+        let mut out = Vec::new();
+        mix_steps(&from, &to, 0.3, &mut out);
+        let mut exact = 0;
+        for ((&a, &b), &mixed) in from.iter().zip(&to).zip(&out) {
+            let by_hand = f64::from(a) + 0.3 * (f64::from(b) - f64::from(a));
+            // Both are one rounding to f32 away from numbers that differ by a few roundings of an f64.
+            let scale = f64::from(a.abs().max(b.abs()));
+            assert!((f64::from(mixed) - by_hand).abs() <= f64::from(f32::EPSILON) * scale, "{a} {b} {mixed}");
+            exact += usize::from(mixed == by_hand as f32);
+        }
+        // Roundings of an f64 decide a rounding to f32 once in millions.
+        assert!(exact + 2 >= out.len() && from != out, "{exact} of {}", out.len());
+    }
+
+    #[test]
     fn a_hole_in_either_step_is_a_hole_between_them() {
         let (nan, inf) = (f32::NAN, f32::INFINITY);
         let (from, to) = ([1.0, nan, 1.0, inf, inf, 0.5], [3.0, 1.0, -inf, 1.0, -inf, 0.5]);

@@ -70,7 +70,7 @@ impl FrameTime {
     /// The time that is shown, in the file's unit: that of the step, or between those of the two.
     pub fn time(self, times: &TimeAxis) -> f64 {
         let time_of = |step: usize| times.values.get(step).copied().unwrap_or(f64::NAN);
-        self.mix(time_of(self.step), |next| time_of(next))
+        self.mix(time_of(self.step), time_of)
     }
 
     /// `first` at one step; between two steps, the mixture with the value `of` the second.

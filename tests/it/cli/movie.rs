@@ -99,12 +99,21 @@ fn a_movie_shows_what_images_of_the_same_request_show() {
             let rows = shown.pixels.chunks_exact(66).take(49);
             let mut cut =
                 RgbaImage { width: 65, height: 49, pixels: rows.flat_map(|row| &row[..65]).copied().collect() };
-            // Crf 18 stays above 35 dB on smooth pictures; the colour matrix of BT.601 would cost it.
+            // What is lost is colour at half resolution, along the outline of the slab.
             let psnr = compare(&image, &cut, [0.0; 3]).unwrap().psnr;
-            assert!(psnr > 33.0, "{movie} frame {index}: {psnr} dB");
+            assert!(psnr > 30.0, "{movie} frame {index}: {psnr} dB");
             cut.pixels.iter_mut().for_each(|p| p.swap(0, 2));
             let wrong = compare(&image, &cut, [0.0; 3]).unwrap().psnr;
             assert!(wrong < 25.0, "red and blue exchanged are not seen: {wrong} dB");
+        }
+        // In the padding and beside it. Rounding to 8-bit YCbCr costs up to 2 / 255, the encoder about as much; another
+        // matrix than that of the tags (BT.601) would move this green by 20.
+        let flat = ["-o", movie, "--steps", "0", "--background", "#20c040", "--size", "65x65"];
+        place.ok(&[&["render", "slab.zarr"], &flat[..]].concat());
+        let flat = frame_of(&place.path(movie), 0);
+        for pixel in [flat.pixels[0], flat.pixels[65], flat.pixels[66 * 66 - 1]] {
+            let off = [0x20, 0xc0, 0x40].iter().zip(pixel).map(|(&c, p)| (c as f32 - 255.0 * p).abs());
+            assert!(off.clone().all(|off| off <= 5.0), "{movie}: {:?}", off.collect::<Vec<_>>());
         }
     }
 }
@@ -222,23 +231,36 @@ fn combinations_without_a_meaning_are_refused() {
 }
 
 #[test]
-fn frames_at_the_steps_themselves_are_those_of_the_steps() {
+fn frames_between_steps_follow_the_times_of_the_file_and_at_a_step_are_that_step() {
     let place = Place::with_slab();
-    place.ok(&render(&["-o", "plain_%d.png"]));
-    // Five steps, evenly spaced: every fourth of 17 frames is one.
+    place.ok(&render(&["-o", "plain_%d.png", "--stats", "stats.json"]));
+    let times: Vec<f64> = stats(&place).iter().map(|record| record["time"].as_f64().unwrap()).collect();
+    assert!(times.windows(3).any(|t| t[1] - t[0] != t[2] - t[1]), "evenly spaced steps would test less: {times:?}");
     let spread = ["--fps", "17", "--duration", "1"];
     place.ok(&render(&[&["-o", "held_%d.png", "--stats", "stats.json"], &spread[..]].concat()));
     assert_eq!(origins(&place).iter().filter(|origin| *origin == "rendered").count(), STEPS);
     place.ok(&render(&[&["-o", "mixed_%d.png", "--interpolate", "--stats", "stats.json"], &spread[..]].concat()));
-    let image = |name: String| read_png(&place.path(&name)).unwrap();
-    for frame in 0..17 {
-        assert_eq!(image(format!("held_{frame}.png")), image(format!("plain_{}.png", frame / 4)), "{frame}");
-        let mixed = image(format!("mixed_{frame}.png"));
-        assert_eq!(mixed == image(format!("plain_{}.png", frame / 4)), frame % 4 == 0, "{frame}");
-    }
     let records = stats(&place);
-    assert_eq!(records[6]["toward"], serde_json::json!([2, 0.5]));
-    assert_eq!((&records[6]["step"], &records[6]["time"]), (&1.into(), &0.375.into()));
+    let image = |name: String| read_png(&place.path(&name)).unwrap();
+    let mut at_steps = 0;
+    for (frame, record) in records.iter().enumerate() {
+        let time = frame as f64 / 16.0;
+        let last = times.iter().rposition(|&t| t <= time).unwrap();
+        let plain = image(format!("plain_{last}.png"));
+        assert_eq!(image(format!("held_{frame}.png")), plain, "{frame}");
+        let is_step = times.contains(&time);
+        assert_eq!(image(format!("mixed_{frame}.png")) == plain, is_step, "{frame}");
+        assert_eq!((&record["step"], &record["time"]), (&last.into(), &time.into()), "{frame}");
+        if is_step {
+            at_steps += 1;
+            assert_eq!(record["toward"], Value::Null, "{frame}");
+        } else {
+            let weight = (time - times[last]) / (times[last + 1] - times[last]);
+            assert_eq!(record["toward"][0], last + 1, "{frame}");
+            assert!((record["toward"][1].as_f64().unwrap() - weight).abs() < 1e-15, "{frame}");
+        }
+    }
+    assert!(at_steps > 2, "more than the two ends");
     let decoded: u64 = records.iter().map(|r| r["stats"]["vertices_decoded"].as_u64().unwrap()).sum();
     let one: u64 = records[0]["stats"]["vertices_decoded"].as_u64().unwrap();
     assert_eq!(decoded, one * STEPS as u64, "each step is decoded once");
