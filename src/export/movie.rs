@@ -189,7 +189,7 @@ impl Ffmpeg {
         let rate = options.rate.to_string();
         let mut command = Command::new(&self.program);
         command
-            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])
+            .args(["-hide_banner", "-loglevel", "error", "-xerror", "-nostdin", "-y"])
             .args(["-f", "rawvideo", "-pixel_format", "rgb24", "-video_size", &format!("{width}x{height}")])
             .args(["-framerate", &rate, "-i", "pipe:0", "-an", "-vf", &filter])
             .args(["-c:v", self.format.encoder()])
@@ -290,7 +290,7 @@ impl MovieWriter {
         }
         let mut image = image;
         loop {
-            let Some(queue) = &self.queue else { return Err(self.failure("has failed before")) };
+            let Some(queue) = &self.queue else { return Err(self.failure("has failed before", "")) };
             match queue.send_timeout(image, PATIENCE) {
                 Ok(()) => return Ok(()),
                 Err(SendTimeoutError::Timeout(_)) if cancel.is_cancelled() => return Err(MovieError::Cancelled),
@@ -298,7 +298,7 @@ impl MovieWriter {
                 // The feeder has ended, which it does only when the process no longer reads.
                 Err(SendTimeoutError::Disconnected(_)) => {
                     self.end(cancel)?;
-                    return Err(self.failure("no longer reads"));
+                    return Err(self.failure("no longer reads", ""));
                 }
             }
         }
@@ -312,7 +312,7 @@ impl MovieWriter {
         let frames = self.end(cancel)?;
         let written = |file: &TempPath| std::fs::metadata(file).is_ok_and(|m| m.len() > 0);
         let Some(file) = self.file.take().filter(written) else {
-            return Err(self.failure(&format!("wrote nothing for {frames} frames")));
+            return Err(self.failure(&format!("wrote nothing for {frames} frames"), ""));
         };
         file.persist(&self.place).map_err(|e| FileError::io(&self.place, "write", &e.error))?;
         Ok(frames)
@@ -336,20 +336,26 @@ impl MovieWriter {
             Some(Ok(result)) => result,
             Some(Err(panic)) => std::panic::resume_unwind(panic),
         };
+        let said = self.last_words();
         match fed {
-            Ok(frames) if status.success() => Ok(frames),
-            Err(_) if status.success() => Err(self.failure("ended before it had read all frames")),
-            Ok(_) | Err(_) => Err(self.failure(&format!("ended with {status}"))),
+            // A full disk may not show in the exit status: an index that was not written is an error message only.
+            Ok(frames) if status.success() && said.is_empty() => Ok(frames),
+            Err(_) if status.success() => Err(self.failure("ended before it had read all frames", &said)),
+            Ok(_) | Err(_) => Err(self.failure(&format!("ended with {status}"), &said)),
         }
     }
 
-    /// Why there is no movie, with the last words of the process.
-    fn failure(&self, what: &str) -> MovieError {
-        let said = match self.messages.recv_timeout(LAST_WORDS) {
-            Ok(said) if !said.is_empty() => format!(": {said}"),
-            Ok(_) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => String::new(),
-        };
-        let problem = io::Error::other(format!("{} {what}{said}", self.program.display()));
+    /// What the process said before it ended, errors only.
+    fn last_words(&self) -> String {
+        match self.messages.recv_timeout(LAST_WORDS) {
+            Ok(said) => said,
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => String::new(),
+        }
+    }
+
+    fn failure(&self, what: &str, said: &str) -> MovieError {
+        let colon = if said.is_empty() { "" } else { ": " };
+        let problem = io::Error::other(format!("{} {what}{colon}{said}", self.program.display()));
         FileError::io(&self.place, "encode", &problem).into()
     }
 }

@@ -163,12 +163,16 @@ fn an_ffmpeg_that_fails_midway_is_quoted_and_leaves_the_older_movie() {
     let fails = script(&place, "fails", &format!("{half}; echo 'first line' >&2; echo 'disk is full' >&2; exit 1"));
     let stops = script(&place, "stops", &format!("{half}; exit 0"));
     let empty = script(&place, "empty", "cat > /dev/null; exit 0");
+    // As ffmpeg does on a full disk.
+    let cut = format!("{half}; cat > /dev/null; echo 'Error writing trailer' >&2; exit 0");
+    let cut = script(&place, "cut", &cut);
     std::fs::write(place.path("m.mp4"), "an older movie").unwrap();
     let before = files(place.0.path());
     let args = render(&["-o", "m.mp4", "--fps", "25", "--duration", "4"]);
     for (ffmpeg, parts) in [
         (&fails, &["m.mp4", "disk is full", "exit status: 1"][..]),
         (&stops, &["m.mp4", "before it had read all frames"]),
+        (&cut, &["m.mp4", "Error writing trailer"]),
         (&empty, &["m.mp4", "wrote nothing for 100 frames"]),
     ] {
         let (code, err) = run_with(&place, ffmpeg, &args);
