@@ -93,7 +93,7 @@ pub fn run_frames(
 fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<FrameRequest, PipelineError> {
     let mut request = bench.request.clone();
     if bench.motion.time {
-        request.step = (request.step + index) % pipeline.times().len().max(1);
+        request.time = ((request.time.step() + index) % pipeline.times().len().max(1)).into();
     }
     if bench.motion.camera {
         request.camera = request.camera.orbit(TURN_DEG * index as f64, 0.0)?;

@@ -5,7 +5,7 @@ use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::pipeline::{FrameRequest, Pipeline, RenderMode};
+use crate::pipeline::{FrameRequest, FrameTime, Pipeline, RenderMode};
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use anyhow::Context;
@@ -122,29 +122,24 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The request for a step.
-    pub(super) fn request(&mut self, step: usize) -> anyhow::Result<FrameRequest> {
-        let table = self.table(step)?;
-        Ok(FrameRequest {
-            step,
-            camera: self.camera,
-            table,
-            size_px: (self.size.0, self.size.1),
-            mode: self.mode,
-            optics: self.optics,
-        })
+    /// The request for a step, or for a moment between two.
+    pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
+        let time = time.into();
+        let table = self.table(time)?;
+        let request = FrameRequest::new(time, self.camera, table, (self.size.0, self.size.1));
+        Ok(FrameRequest { mode: self.mode, optics: self.optics, ..request })
     }
 
-    /// What the frame of the last request shows: `step`, as frame number `frame` of the run.
-    pub(super) fn attributes(&self, step: usize, frame: usize) -> FrameAttributes {
+    /// What the frame of the last `request` shows, as frame number `frame` of the run.
+    pub(super) fn attributes(&self, request: &FrameRequest, frame: usize) -> FrameAttributes {
         let field = self.pipeline.field();
         FrameAttributes {
-            time: self.pipeline.times().values.get(step).copied().unwrap_or_default(),
-            step,
+            time: request.time.time(self.pipeline.times()),
+            step: request.time.step(),
             frame,
             field: field.name.clone(),
             units: field.units.clone(),
-            camera: self.camera.to_string(),
+            camera: request.camera.to_string(),
             transfer_function: self.tf_text.clone(),
             range: self.table.as_ref().map(|(range, _)| *range),
             opacity_kind: self.kind,
@@ -154,17 +149,20 @@ impl Scene {
         }
     }
 
-    /// The table for a step; made anew only if the range has changed.
-    fn table(&mut self, step: usize) -> anyhow::Result<Arc<NodeTable>> {
+    /// The table for a moment; made anew only if the range has changed. Between two steps their ranges are interpolated as
+    /// the scalars are: no mixed scalar lies outside, and colours do not jump at a step.
+    fn table(&mut self, time: FrameTime) -> anyhow::Result<Arc<NodeTable>> {
         let field = self.pipeline.field();
         let nothing = (f64::NAN, f64::NAN);
         let ends = |range: Option<[f32; 2]>| range.map_or(nothing, |[lo, hi]| (f64::from(lo), f64::from(hi)));
         let series = ends(field.range);
         // A step without a finite value shows nothing, whatever the colours.
-        let of_step = match field.range_per_step.get(step).copied().flatten() {
+        let of = |step: usize| match field.range_per_step.get(step).copied().flatten() {
             None => series,
             range => ends(range),
         };
+        let (lo, hi) = of(time.step());
+        let of_step = (time.mix(lo, |next| of(next).0), time.mix(hi, |next| of(next).1));
         let range = self.policy.resolve(series, of_step).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         if let Some((last, table)) = &self.table
             && *last == range

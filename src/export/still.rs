@@ -1,7 +1,10 @@
 //! One frame to one image file: what goes into it, and in which format.
 
 use crate::error::{FileError, FileResult};
-use crate::image::{DepthImage, ExrAttributes, ExrColor, ExrValue, PngDepth, RgbaImage, write_exr, write_png};
+use crate::image::{
+    DepthImage, ExrAttributes, ExrColor, ExrValue, PngDepth, RgbaImage, read_exr, read_png_text, write_exr,
+    write_png_with_texts,
+};
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -88,6 +91,14 @@ impl FrameAttributes {
         }
         attributes
     }
+
+    /// Name among [`Self::extras`] of what [`read_fingerprint`] gives back.
+    pub const FINGERPRINT: &str = "fingerprint";
+
+    /// The fingerprint of the request that made the frame, if it has one.
+    pub fn fingerprint(&self) -> Option<&str> {
+        self.extras.get(Self::FINGERPRINT).map(String::as_str)
+    }
 }
 
 /// What lies behind the volume.
@@ -165,12 +176,41 @@ pub struct StillOptions {
 /// If the name asks for no known format, the frame cannot be stored in it, or the folder does not take the file.
 pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
     match StillFormat::of(path) {
-        Some(StillFormat::Png) => write_png(path, &frame.color, options.background.color(), options.png_depth),
+        Some(StillFormat::Png) => {
+            let mut texts = Vec::new();
+            if let Some(fingerprint) = frame.attributes.fingerprint() {
+                texts.push((PNG_SOFTWARE, frame.attributes.software.as_str()));
+                texts.push((PNG_FINGERPRINT, fingerprint));
+            }
+            write_png_with_texts(path, &frame.color, options.background.color(), options.png_depth, &texts)
+        }
         Some(StillFormat::Exr) => {
             let depth = Some(&frame.depth).filter(|depth| !depth.pixels.is_empty());
             write_exr(path, &frame.color, depth, options.exr_color, &frame.attributes.to_exr())
         }
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
+    }
+}
+
+/// The standard's keyword for what made an image.
+const PNG_SOFTWARE: &str = "Software";
+/// Keyword of [`FrameAttributes::FINGERPRINT`].
+const PNG_FINGERPRINT: &str = "tetreel fingerprint";
+/// The same as an attribute of an EXR.
+const EXR_FINGERPRINT: &str = "tetreel.extra.fingerprint";
+
+/// The fingerprint of the request that made an image; `None` if it has none. The file is read to its end.
+///
+/// # Errors
+/// If the file cannot be read, is damaged or cut.
+pub fn read_fingerprint(path: &Path) -> FileResult<Option<String>> {
+    match StillFormat::of(path) {
+        Some(StillFormat::Png) => read_png_text(path, PNG_FINGERPRINT),
+        Some(StillFormat::Exr) => Ok(match read_exr(path)?.attributes.remove(EXR_FINGERPRINT) {
+            Some(ExrValue::Text(fingerprint)) => Some(fingerprint),
+            _ => None,
+        }),
+        None => Ok(None),
     }
 }
 

@@ -25,7 +25,7 @@ fn image(width: usize, height: usize) -> RgbaImage {
 }
 
 fn depth_of(color: &RgbaImage) -> DepthImage {
-    let depth = |i: usize| if i % 3 == 0 { f32::INFINITY } else { 0.1 + i as f32 / 7.0 - 2.0 };
+    let depth = |i: usize| if i.is_multiple_of(3) { f32::INFINITY } else { 0.1 + i as f32 / 7.0 - 2.0 };
     DepthImage { width: color.width, height: color.height, pixels: (0..color.pixels.len()).map(depth).collect() }
 }
 

@@ -15,7 +15,7 @@ fn frame() -> OutputFrame {
         let a = (i as f32 * 0.1).sin().abs();
         [a * 0.7, -0.0, 1e-40 * i as f32, a]
     };
-    let depth = |i: usize| if i % 4 == 0 { f32::INFINITY } else { i as f32 / 3.0 - 20.0 };
+    let depth = |i: usize| if i.is_multiple_of(4) { f32::INFINITY } else { i as f32 / 3.0 - 20.0 };
     let attributes = FrameAttributes {
         time: 0.1,
         step: 7,

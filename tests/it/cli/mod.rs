@@ -1,6 +1,7 @@
 //! The `tetreel` command as a user meets it: exit codes, files, what is on stdout and what on stderr.
 
 mod import;
+mod movie;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
