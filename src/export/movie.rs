@@ -8,7 +8,7 @@ use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::image::RgbaImage;
 use crate::task::Cancel;
-use crossbeam::channel::{Receiver, RecvTimeoutError, SendTimeoutError, Sender, bounded};
+use crossbeam::channel::{Receiver, SendTimeoutError, Sender, bounded};
 use std::ffi::OsString;
 use std::fmt;
 use std::io::{self, Read, Write};
@@ -347,10 +347,7 @@ impl MovieWriter {
 
     /// What the process said before it ended, errors only.
     fn last_words(&self) -> String {
-        match self.messages.recv_timeout(LAST_WORDS) {
-            Ok(said) => said,
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => String::new(),
-        }
+        self.messages.recv_timeout(LAST_WORDS).unwrap_or_default()
     }
 
     fn failure(&self, what: &str, said: &str) -> MovieError {
