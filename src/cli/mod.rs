@@ -56,7 +56,7 @@ enum Command {
     Demo(demo::Args),
     Import(import::Args),
     Info(info::Args),
-    Render(render::Args),
+    Render(Box<render::Args>),
     Compare(compare::Args),
     Bench(bench::Args),
     Synth(synth::Args),

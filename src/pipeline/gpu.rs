@@ -1,0 +1,146 @@
+//! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
+
+use super::Backend;
+use crate::mesh::Mesh;
+use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::gpu::raycast::Raycast;
+use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::task::Cancel;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Times that a frame is begun again on a new device before its failure counts.
+const RESTARTS_MAX: u64 = 2;
+
+/// The ray caster on the GPU, if there is one.
+#[derive(Default)]
+pub(in crate::pipeline) struct Gpu {
+    options: ContextOptions,
+    state: State,
+    /// Mesh and size of the last job that was beyond it: the next like it would be too.
+    beyond: Option<(Arc<Mesh>, (usize, usize), RenderError)>,
+    /// Why the last frame that should have been rendered here was not.
+    problem: Option<RenderError>,
+}
+
+#[derive(Default)]
+enum State {
+    #[default]
+    NotLookedFor,
+    /// None but perhaps software.
+    NoHardware(RenderError),
+    Absent(RenderError),
+    Ready(Box<Raycast>),
+}
+
+impl Gpu {
+    /// Another GPU than the best one; what was begun on the last one is forgotten.
+    pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
+        *self = Self { options, ..Self::default() };
+    }
+
+    /// The GPU in use, if one has been needed so far.
+    pub(in crate::pipeline) fn context(&self) -> Option<&Arc<Context>> {
+        match &self.state {
+            State::Ready(renderer) => Some(renderer.context()),
+            State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
+        }
+    }
+
+    /// Why the last frame that should have been rendered here was not.
+    pub(in crate::pipeline) fn problem(&self) -> Option<&RenderError> {
+        self.problem.as_ref()
+    }
+
+    /// Whether frames of a backend are rendered here.
+    ///
+    /// # Errors
+    /// `NoGpu` if they must be, and there is no GPU.
+    pub(in crate::pipeline) fn is_wanted(&mut self, backend: Backend) -> Result<bool, RenderError> {
+        let is_named = !self.options.adapter.is_empty();
+        match backend {
+            Backend::Cpu => Ok(false),
+            Backend::Gpu => self.renderer(false).map(|_| true),
+            // A GPU that was asked for by name and is not there is a mistake.
+            Backend::Auto if is_named => self.renderer(false).map(|_| true),
+            Backend::Auto => Ok(self.renderer(true).is_ok_and(|r| r.context().adapter().is_hardware)),
+        }
+    }
+
+    fn renderer(&mut self, hardware_only: bool) -> Result<&mut Raycast, RenderError> {
+        let is_new = match &self.state {
+            State::NotLookedFor => true,
+            State::NoHardware(_) => !hardware_only,
+            State::Absent(_) | State::Ready(_) => false,
+        };
+        if is_new {
+            let options = ContextOptions { hardware_only, ..self.options.clone() };
+            self.state = match Context::new(&options) {
+                Ok(context) => State::Ready(Box::new(Raycast::new(Arc::new(context)))),
+                Err(error) if hardware_only => State::NoHardware(error),
+                Err(error) => State::Absent(error),
+            };
+        }
+        match &mut self.state {
+            State::Ready(renderer) => Ok(renderer),
+            State::NoHardware(error) | State::Absent(error) => Err(error.clone()),
+            State::NotLookedFor => Err(RenderError::NoGpu("it has not been looked for".to_owned())),
+        }
+    }
+
+    /// Renders a job, unless `cancel` is raised: whether [`Self::last_frame`] is its frame. A device that is lost or fails
+    /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
+    ///
+    /// # Errors
+    /// Of the last device, or that the job is beyond the GPU.
+    pub(in crate::pipeline) fn draw(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
+        let drawn = self.draw_again(job, cancel);
+        self.problem = drawn.as_ref().err().cloned();
+        drawn
+    }
+
+    fn draw_again(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
+        let size_px = (job.view.width_px, job.view.height_px);
+        if let Some((mesh, size, error)) = &self.beyond
+            && Arc::ptr_eq(mesh, &job.mesh)
+            && *size == size_px
+        {
+            return Err(error.clone());
+        }
+        let mut job = job.clone();
+        loop {
+            let error = match self.renderer(false)?.render_unless(job.clone(), cancel) {
+                Ok(frame) => return Ok(frame.is_some()),
+                Err(error) => error,
+            };
+            match error {
+                RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
+                    self.state = State::NotLookedFor;
+                    if job.stats.gpu_restarts == RESTARTS_MAX {
+                        self.state = State::Absent(error.clone());
+                        return Err(error);
+                    }
+                    job.stats.gpu_restarts += 1;
+                    // Without a device to go on with, the loss of this one is what has happened.
+                    self.renderer(false).map_err(|_| error)?;
+                }
+                RenderError::BeyondGpu { .. } => {
+                    self.beyond = Some((job.mesh.clone(), size_px, error.clone()));
+                    return Err(error);
+                }
+                RenderError::NoGpu(_) | RenderError::ScalarCount { .. } | RenderError::CellCount { .. } => {
+                    return Err(error);
+                }
+            }
+        }
+    }
+
+    /// The last frame that was rendered to its end.
+    pub(in crate::pipeline) fn last_frame(&mut self) -> Option<&Frame> {
+        let State::Ready(renderer) = &mut self.state else { return None };
+        match renderer.advance(Duration::ZERO) {
+            Ok(Advance::Done(frame)) => Some(frame),
+            Ok(Advance::Partial(_)) | Err(_) => None,
+        }
+    }
+}
