@@ -13,9 +13,10 @@ use std::time::Duration;
 const RESTARTS_MAX: u64 = 2;
 
 /// The ray caster on the GPU, if there is one.
-#[derive(Default)]
 pub(in crate::pipeline) struct Gpu {
     options: ContextOptions,
+    /// [`Context::new`], or in tests one that gives devices of no use.
+    open: fn(&ContextOptions) -> Result<Context, RenderError>,
     state: State,
     /// Mesh and size of the last job that was beyond it: the next like it would be too.
     beyond: Option<(Arc<Mesh>, (usize, usize), RenderError)>,
@@ -33,10 +34,22 @@ enum State {
     Ready(Box<Raycast>),
 }
 
+impl Default for Gpu {
+    fn default() -> Self {
+        Self {
+            options: ContextOptions::default(),
+            open: Context::new,
+            state: State::default(),
+            beyond: None,
+            problem: None,
+        }
+    }
+}
+
 impl Gpu {
     /// Another GPU than the best one; what was begun on the last one is forgotten.
     pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
-        *self = Self { options, ..Self::default() };
+        *self = Self { options, open: self.open, ..Self::default() };
     }
 
     /// The GPU in use, if one has been needed so far.
@@ -61,8 +74,11 @@ impl Gpu {
         match backend {
             Backend::Cpu => Ok(false),
             Backend::Gpu => self.renderer(false).map(|_| true),
-            // A GPU that was asked for by name and is not there is a mistake.
-            Backend::Auto if is_named => self.renderer(false).map(|_| true),
+            // A GPU that was asked for by name and is not there is a mistake; one that was lost for good is not.
+            Backend::Auto if is_named => match self.renderer(false) {
+                Err(error @ RenderError::NoGpu(_)) => Err(error),
+                found => Ok(found.is_ok()),
+            },
             Backend::Auto => Ok(self.renderer(true).is_ok_and(|r| r.context().adapter().is_hardware)),
         }
     }
@@ -75,7 +91,7 @@ impl Gpu {
         };
         if is_new {
             let options = ContextOptions { hardware_only, ..self.options.clone() };
-            self.state = match Context::new(&options) {
+            self.state = match (self.open)(&options) {
                 Ok(context) => State::Ready(Box::new(Raycast::new(Arc::new(context)))),
                 Err(error) if hardware_only => State::NoHardware(error),
                 Err(error) => State::Absent(error),
@@ -116,13 +132,12 @@ impl Gpu {
             match error {
                 RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
                     self.state = State::NotLookedFor;
-                    if job.stats.gpu_restarts == RESTARTS_MAX {
+                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderer(false).is_err() {
+                        // Without a device to go on with, the loss of this one is what has happened.
                         self.state = State::Absent(error.clone());
                         return Err(error);
                     }
                     job.stats.gpu_restarts += 1;
-                    // Without a device to go on with, the loss of this one is what has happened.
-                    self.renderer(false).map_err(|_| error)?;
                 }
                 RenderError::BeyondGpu { .. } => {
                     self.beyond = Some((job.mesh.clone(), size_px, error.clone()));
@@ -142,5 +157,67 @@ impl Gpu {
             Ok(Advance::Done(frame)) => Some(frame),
             Ok(Advance::Partial(_)) | Err(_) => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::backend::Renderers;
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use crate::mesh::RawMesh;
+    use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::RenderMode;
+    use crate::visibility::CellSet;
+    use glam::DVec3;
+
+    fn one_tet() -> RenderJob {
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
+        let camera = Camera {
+            position: DVec3::new(3.0, 2.0, 2.5),
+            focal_point: DVec3::splat(0.25),
+            view_up: DVec3::Z,
+            projection: Projection::Perspective { view_angle: 30.0 },
+            near: 0.0,
+        };
+        let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
+        RenderJob {
+            mesh: Arc::new(mesh),
+            scalars: Arc::new(vec![0.5; 4]),
+            active: Arc::new(CellSet::all(1)),
+            view: camera.view(32, 24).unwrap(),
+            table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
+            optics: Default::default(),
+            early_termination: true,
+            stats: Default::default(),
+        }
+    }
+
+    /// A device that is lost before it does anything.
+    fn open_and_lose(options: &ContextOptions) -> Result<Context, RenderError> {
+        let context = Context::new(options)?;
+        context.lose();
+        Ok(context)
+    }
+
+    #[test]
+    fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu() {
+        // The integration tests say aloud where there is no GPU.
+        let Ok(context) = Context::new(&ContextOptions::default()) else { return };
+        let job = one_tet();
+        let (mut renderers, cancel) = (Renderers::default(), Cancel::new());
+        renderers.gpu.open = open_and_lose;
+        let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu, &cancel).map(|_| ());
+        assert!(matches!(refused, Err(RenderError::DeviceLost { .. })), "{refused:?}");
+
+        renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
+        for _ in 0..2 {
+            let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto, &cancel);
+            let frame = drawn.unwrap().unwrap();
+            assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.1));
+            assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));
+        }
+        assert!(renderers.gpu.context().is_none());
     }
 }

@@ -169,7 +169,14 @@ impl Context {
     /// `DeviceLost` once it is lost, `Gpu` after any other failure.
     pub fn check(&self) -> Result<(), RenderError> {
         let adapter = || self.name.name.clone();
-        match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
+        let fault = || self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut found = fault();
+        if matches!(found, Some(Fault::Failed(_))) {
+            // What follows from a loss may be reported before it: losses wait for the next poll.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+            found = fault();
+        }
+        match &found {
             None => Ok(()),
             Some(Fault::Lost(reason)) => Err(RenderError::DeviceLost { adapter: adapter(), reason: reason.clone() }),
             Some(Fault::Failed(problem)) => Err(RenderError::Gpu { adapter: adapter(), problem: problem.clone() }),
