@@ -2,6 +2,7 @@
 
 mod import;
 mod movie;
+mod render;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -39,8 +40,10 @@ impl Place {
 
     fn run(&self, args: &[&str]) -> Run {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
-        let output = command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache")).output();
-        let output = output.unwrap();
+        command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache"));
+        // Without it, GPU drivers say on stderr that they find no display server.
+        command.env("XDG_RUNTIME_DIR", self.0.path());
+        let output = command.output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         let run = Run { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };
         assert!(!run.err.contains("panicked") && !run.out.contains("panicked"), "{args:?}: {}", run.err);
