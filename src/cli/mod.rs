@@ -89,7 +89,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Import(args) => import::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         Command::Render(args) => render::run(args, &terminal),
-        Command::Compare(args) => compare::run(args),
+        Command::Compare(args) => compare::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal),
         Command::Synth(args) => synth::run(args, &terminal),
         Command::Manual(args) => manual::run(args),

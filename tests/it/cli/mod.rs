@@ -189,6 +189,10 @@ fn compare_exits_with_0_1_or_2() {
     assert_eq!(run.code, Some(1));
     let metrics: Value = serde_json::from_str(&run.out).unwrap();
     assert!(metrics["max"].as_f64() > Some(1e-3), "{metrics}");
+    place.ok(&["compare", "a.png", "b.png", "--sheet", "sheet.png"]);
+    let sheet = read_png(&place.path("sheet.png")).unwrap();
+    assert_eq!((sheet.width, sheet.height), (3 * 64 + 4 * 2, 64 + 2 * 2));
+    assert!(sheet.pixels.iter().any(|p| p[0] > 0.1), "the difference is visible");
     place.ok(&["render", "slab.zarr", "-o", "c.png", "--steps", "0", "--size", "8x8"]);
     place.refuses(&["compare", "a.png", "c.png"], &["a.png", "c.png", "64 x 64", "8 x 8"]);
     place.refuses(&["compare", "a.png", "missing.png"], &["missing.png"]);
