@@ -12,7 +12,7 @@ mod positions;
 mod repair;
 mod report;
 #[cfg(test)]
-mod test_meshes;
+pub(crate) mod test_meshes;
 #[cfg(test)]
 mod tests;
 mod topology;

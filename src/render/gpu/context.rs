@@ -207,6 +207,9 @@ impl Context {
 
     /// Loses the device, as a reset of the driver would: everything under way fails from here on.
     pub fn lose(&self) {
+        // A reset is told at once; a destroyed device only when its queue is empty, after the failures that follow from it.
+        let lost = Fault::Lost("it was given up".to_owned());
+        *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(lost);
         self.device.destroy();
     }
 }

@@ -18,6 +18,8 @@ mod buffers;
 mod pipelines;
 mod readback;
 mod scene;
+#[cfg(test)]
+mod stage_tests;
 mod target;
 
 use super::context::Context;

@@ -50,7 +50,7 @@ pub(super) struct Groups {
 /// All that the stages read and write.
 pub(super) struct Scene {
     pub(super) params: GrowingBuffer,
-    mesh: MeshBuffers,
+    pub(super) mesh: MeshBuffers,
     scalars: GpuScalars,
     domain: Domain,
     table: Table,
@@ -105,6 +105,21 @@ impl Scene {
 
     /// Brings everything to the GPU that is not there yet, and completes the parameters. [`Self::is_clear`] has been asked.
     pub(super) fn update(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        eye_cells: &[[u32; 2]],
+        params: &mut Params,
+    ) -> Result<(), RenderError> {
+        let updated = self.update_parts(context, job, eye_cells, params);
+        if updated.is_err() {
+            // Buffers may have been made anew before one was refused: the groups bind the old ones.
+            self.groups = None;
+        }
+        updated
+    }
+
+    fn update_parts(
         &mut self,
         context: &Context,
         job: &RenderJob,

@@ -1,7 +1,11 @@
 //! The ray caster on the GPU against the one on the CPU. The scenes of the other tests of renderers are compared too
 //! (`assert_agrees`).
 
+mod behaviour;
+mod images;
+
 use super::*;
+use crate::meshes::{build, grid, noise, sample};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use tetreel::render::Frame;
 use tetreel::render::gpu::context::{Context, ContextOptions};
@@ -31,3 +35,26 @@ pub fn render(job: &RenderJob) -> Option<Frame> {
     let mut renderer = renderer.lock().unwrap_or_else(PoisonError::into_inner);
     Some(renderer.render(job.clone()).unwrap().clone())
 }
+
+/// A GPU of its own with these options, for tests that count what it makes or that break it.
+fn own_context(options: &ContextOptions) -> Option<Arc<Context>> {
+    context()?;
+    Some(Arc::new(Context::new(options).unwrap()))
+}
+
+fn wave(p: DVec3) -> f64 {
+    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
+}
+
+/// Something everywhere, with a step.
+fn dense() -> NodeTable {
+    table(&[
+        (-1.5, [0.2, 0.2, 1.0], 0.1),
+        (-0.4, [0.1, 0.9, 0.3], 0.4),
+        (0.1, [0.9, 0.9, 0.1], 1.2),
+        (0.1, [0.3, 0.0, 0.8], 0.2),
+        (0.9, [1.0, 0.2, 0.1], 2.0),
+    ])
+}
+
+const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
