@@ -1,11 +1,11 @@
 //! `tetreel synth`: generated series.
 
+use super::export::Written;
 use super::progress::Terminal;
 use super::{Interrupted, Outcome, print_result, source};
-use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
+use crate::export::vtu::{self, VtuError, VtuOptions};
 use crate::ingest::IngestOptions;
 use crate::synth::{SeriesName, SynthSpec, generate};
-use std::fmt;
 use std::path::PathBuf;
 
 /// Largest series written as .vtu files, which repeat the mesh in every step.
@@ -59,14 +59,5 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             print_result(args.json, &report, &Written(&report))?;
             Ok(Outcome::Done)
         }
-    }
-}
-
-struct Written<'a>(&'a VtuReport);
-
-impl fmt::Display for Written<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let VtuReport { pvd, steps, bytes } = self.0;
-        writeln!(f, "{}: {steps} steps, {:.1} MB", pvd.display(), *bytes as f64 / 1e6)
     }
 }

@@ -2,4 +2,7 @@
 
 mod folder;
 pub mod sequence;
+mod stored;
 pub mod vtu;
+
+pub use stored::StoredSeries;

@@ -6,7 +6,8 @@ use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 use tetreel::camera::{Camera, Projection};
-use tetreel::field::FieldSelector;
+use tetreel::export::{StoredSeries, vtu};
+use tetreel::field::{Component, FieldSelector, SeriesSource};
 use tetreel::image::RgbaImage;
 use tetreel::import;
 use tetreel::ingest::{IngestOptions, ingest};
@@ -99,4 +100,79 @@ fn the_blunt_fin_is_drawn_as_the_reference_draws_it() {
     let (fast, judge) = both(&mut pipeline, 0, camera, &table);
     let (rmse, max) = difference(&fast, &judge);
     assert!(rmse <= 1e-5 && max <= 1e-3, "{rmse:.1e}, {max:.1e}");
+}
+
+/// Every sample that is a tetrahedral mesh: vertices, cells, steps and times at both ends.
+const SERIES: [(&str, usize, usize, usize, [f64; 2]); 7] = [
+    ("heart_wave/heart_wave.xdmf", 10_297, 45_064, 360, [0.002_064, 0.743_04]),
+    ("jet_flow/jet_flow.xdmf", 22_905, 134_977, 64, [3.12, 10.68]),
+    ("natural_convection/natural_convection.xdmf", 33_232, 169_095, 150, [0.32, 48.0]),
+    ("torso_dipole/torso_dipole.xdmf", 8_278, 51_419, 360, [0.0, 359.0]),
+    ("spxf/spxf.pvd", 2_896, 12_936, 192, [0.004, 0.768]),
+    ("paper_static/spx.vtu", 2_896, 12_936, 1, [0.0, 0.0]),
+    ("paper_static/bluntfin.vtu", 40_960, 187_395, 1, [0.0, 0.0]),
+];
+
+#[test]
+fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_changed_bit() {
+    let Some(dir) = samples() else { return };
+    for (name, points, tets, steps, ends) in SERIES {
+        let source = import::open(&dir.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let mesh = source.mesh().unwrap();
+        assert_eq!((mesh.points.len(), mesh.tets.len(), source.times().len()), (points, tets, steps), "{name}");
+        assert_eq!([source.times().values[0], source.times().values[steps - 1]], ends, "{name}");
+        // Three steps stand for all: first, last, and one in between.
+        let chosen =
+            if steps == 1 { "0".to_owned() } else { format!("{}..{}:{}", 0, steps - 1, steps.div_ceil(2) - 1) };
+        let out = tempfile::tempdir().unwrap();
+        let store = import_to(&dir.join(name), &out.path().join("a.zarr"), &chosen);
+        let stored = StoredSeries::new(&store, &[]).unwrap();
+        let pvd = out.path().join("b.pvd");
+        vtu::write_collection(&stored, &pvd, &Default::default(), &Silent, &Cancel::new()).unwrap();
+        assert_exported_as_imported(name, &*source, &store, &pvd);
+        let again = import_to(&pvd, &out.path().join("c.zarr"), "0..");
+        assert_eq!(again.times(), store.times(), "{name}");
+        let names = |store: &Store| store.fields().iter().map(|f| f.name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&again), names(&store), "{name}");
+        // And it plays.
+        let mut pipeline = Pipeline::open(&again, None).unwrap();
+        let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+        let table = table_for(&pipeline, TRANSFER_FUNCTIONS[0]);
+        let last = again.times().len() - 1;
+        let request = FrameRequest { step: last, camera, table, size_px: (32, 32), mode: RenderMode::Raycast };
+        assert!(pipeline.render(&request).unwrap().color.pixels.iter().any(|p| p[3] > 0.0), "{name}");
+    }
+}
+
+/// Compares values per point and positions with the source, in the source's numbering.
+fn assert_exported_as_imported(name: &str, source: &dyn SeriesSource, store: &Store, pvd: &Path) {
+    let exported = import::open(pvd).unwrap();
+    assert_eq!(exported.times(), store.times(), "{name}");
+    let (before, after) = (source.mesh().unwrap(), exported.mesh().unwrap());
+    let mesh = store.mesh().unwrap();
+    // Points that no cell uses are gone; the others are in their order.
+    let mut kept: Vec<u32> = mesh.vertex_source.clone();
+    kept.sort_unstable();
+    assert_eq!((after.points.len(), after.tets.len()), (kept.len(), mesh.cell_source.len()), "{name}");
+    // Rounding to f32 in a box within [-1, 1].
+    let bound = mesh.positions.scale * 2f64.powi(-25);
+    for (&old, new) in kept.iter().zip(&after.points) {
+        assert!((before.points[old as usize] - *new).abs().max_element() <= bound, "{name}: point {old}");
+    }
+    let (mut was, mut is) = (Vec::new(), Vec::new());
+    let mut compared = 0;
+    for field in exported.fields() {
+        let Some(original) = source.fields().iter().find(|f| **f == *field) else { continue };
+        for (step, time) in exported.times().values.iter().enumerate() {
+            let source_step = source.times().values.iter().position(|t| t == time).unwrap();
+            for component in (0..field.components).map(Component::Index) {
+                source.read(original, component, source_step, &mut was).unwrap();
+                exported.read(field, component, step, &mut is).unwrap();
+                let same = kept.iter().zip(&is).all(|(&old, new)| was[old as usize].to_bits() == new.to_bits());
+                assert!(same && is.len() == kept.len(), "{name}: {} at step {step}", field.name);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared >= exported.times().len(), "{name}: nothing was compared");
 }
