@@ -34,7 +34,8 @@ fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
 
 /// The same request through the fast path and through the judge.
 fn both(pipeline: &mut Pipeline, step: usize, camera: Camera, table: &Arc<NodeTable>) -> (RgbaImage, RgbaImage) {
-    let request = FrameRequest { step, camera, table: table.clone(), size_px: (128, 128), mode: RenderMode::Raycast };
+    let request =
+        FrameRequest { mode: RenderMode::Raycast, ..FrameRequest::new(step, camera, table.clone(), (128, 128)) };
     let fast = pipeline.render(&request).unwrap().color.clone();
     let judge = pipeline.render(&FrameRequest { mode: RenderMode::Reference, ..request }).unwrap().color.clone();
     (fast, judge)
@@ -139,7 +140,7 @@ fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_
         let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
         let table = table_for(&pipeline, TRANSFER_FUNCTIONS[0]);
         let last = again.times().len() - 1;
-        let request = FrameRequest { step: last, camera, table, size_px: (32, 32), mode: RenderMode::Raycast };
+        let request = FrameRequest { mode: RenderMode::Raycast, ..FrameRequest::new(last, camera, table, (32, 32)) };
         assert!(pipeline.render(&request).unwrap().color.pixels.iter().any(|p| p[3] > 0.0), "{name}");
     }
 }
