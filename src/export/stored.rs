@@ -1,8 +1,9 @@
 //! A store as a source again: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store keeps where each vertex and cell was in the source. What the import dropped (points that no cell used, flat
-//! and duplicate cells) is gone; the others keep their order. Cells that it turned stay turned. Positions are those of
-//! the store: the source's to within 2^-25 of half the length of the mesh's box, rounded up to a power of two.
+//! and duplicate cells) is gone; the others keep their order. Cells that it turned stay turned. Points are those of the
+//! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest
+//! side of the mesh's box, rounded up to a power of two.)
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
@@ -32,7 +33,9 @@ impl<'a> StoredSeries<'a> {
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
         let Mesh { topology, positions, vertex_source, cell_source } = store.mesh()?;
         let vertices = order_of(&vertex_source);
-        let points = vertices.iter().map(|&v| positions.world(v as usize)).collect();
+        let as_read = store.source_points()?;
+        let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
+        let points = vertices.iter().map(|&v| point(v)).collect();
         let mut ranks = vec![0; vertices.len()];
         for (rank, &vertex) in (0_u32..).zip(&vertices) {
             ranks[vertex as usize] = rank;

@@ -44,7 +44,7 @@ pub(super) enum Geometry {
     /// So many coordinates a point, 2 or 3, point by point.
     Together(Item, usize),
     /// x, y and z in arrays of their own.
-    Apart([Item; 3]),
+    Apart(Box<[Item; 3]>),
 }
 
 /// A field.
@@ -209,7 +209,7 @@ fn geometry(document: &Document, id: Id) -> FileResult<(Geometry, usize)> {
         ("XYZ", [item]) => (Geometry::Together(item.clone(), 3), item.len(), 3),
         ("XY", [item]) => (Geometry::Together(item.clone(), 2), item.len(), 2),
         ("X_Y_Z", [x, y, z]) if x.len() == y.len() && x.len() == z.len() => {
-            (Geometry::Apart([x.clone(), y.clone(), z.clone()]), x.len(), 1)
+            (Geometry::Apart(Box::new([x.clone(), y.clone(), z.clone()])), x.len(), 1)
         }
         _ => return Err(several()),
     };

@@ -78,7 +78,7 @@ fn items_of(grid: &Grid) -> Vec<&Item> {
     let mut items: Vec<&Item> = grid.topology.connectivity.iter().collect();
     match &grid.geometry {
         Geometry::Together(item, _) => items.push(item),
-        Geometry::Apart(all) => items.extend(all),
+        Geometry::Apart(all) => items.extend(all.iter()),
     }
     items.extend(grid.attributes.iter().map(|attribute| &attribute.item));
     items
