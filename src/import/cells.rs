@@ -71,7 +71,8 @@ impl GridReader {
         if fits(self.mesh.points.len(), points) && fits(self.cells, cells) {
             return Ok(());
         }
-        Err(FileError::unsupported(path, place, format!("has more than {limit} points or cells")))
+        Err(FileError::unsupported(path, place, format!("has more than {limit} points or cells"))
+            .remedy("correct the count if it is wrong, or import a part of the mesh"))
     }
 
     /// Counts a cell without volume, by VTK's number of its type.

@@ -96,7 +96,8 @@ impl<S: StepReader> Series<S> {
         let grid = first.reader.read_grid()?;
         if grid.mesh.tets.is_empty() {
             let found = [vec![format!("{} cells", grid.cells)], grid.notes()].concat().join("; ");
-            return Err(FileError::unsupported(first.reader.path(), "", format!("has no tetrahedra ({found})")));
+            return Err(FileError::unsupported(first.reader.path(), "", format!("has no tetrahedra ({found})"))
+                .remedy("write a volume mesh of tetrahedra"));
         }
         notes.extend(grid.notes());
         if first.reader.is_in_pieces() {

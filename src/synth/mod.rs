@@ -17,6 +17,8 @@
 mod decay;
 mod dipole;
 mod faded;
+#[cfg(test)]
+mod faded_tests;
 mod jet;
 mod kuhn;
 mod noise;

@@ -61,8 +61,9 @@ fn failure(path: &Path, place: String, error: &hdf5_reader::error::Error) -> Fil
     use hdf5_reader::error::Error as E;
     match innermost(error) {
         E::Io(e) => FileError::io(path, "read", e),
-        E::GroupNotFound(_) | E::DatasetNotFound(_) => FileError::invalid(path, place, "does not exist"),
-        E::InvalidMagic => FileError::invalid(path, "", "is no HDF5 file"),
+        E::GroupNotFound(_) | E::DatasetNotFound(_) => FileError::invalid(path, place, "does not exist")
+            .remedy("correct the name behind the colon in the XDMF file; h5ls -r lists those there are"),
+        E::InvalidMagic => FileError::invalid(path, "", "is no HDF5 file").remedy("write or copy it again"),
         E::UnsupportedEncoding(what) | E::UnsupportedFilter(what) | E::ResourceLimit(what) => {
             FileError::unsupported(path, place, format!("is stored in a way that is not read ({what})"))
                 .remedy("write it without compression or with gzip, with h5repack for example")

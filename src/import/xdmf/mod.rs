@@ -92,7 +92,9 @@ fn read(path: &Path) -> FileResult<(Vec<Collection>, Vec<String>)> {
     for id in root {
         domains.extend(document.children_named(id, "Domain")?);
     }
-    let domain = *domains.first().ok_or_else(|| FileError::invalid(path, "<Xdmf>", "has no <Domain>"))?;
+    let domain = *domains
+        .first()
+        .ok_or_else(|| FileError::invalid(path, "<Xdmf>", "has no <Domain>").remedy("write the file again"))?;
     let (mut temporal, mut plain) = (Vec::new(), Vec::new());
     for grid in document.children_named(domain, "Grid")? {
         if is_temporal(&document, grid) { temporal.push(grid) } else { plain.push(grid) }

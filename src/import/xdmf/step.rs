@@ -98,14 +98,16 @@ impl StepReader for XdmfStep {
     }
 
     fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Vec<ItemBytes>> {
-        let invalid = |problem: String| FileError::invalid(self.path(), format!("step {step}"), problem);
+        let invalid = |problem: String| {
+            FileError::invalid(self.path(), format!("step {step}"), problem).remedy("leave that step or that field out")
+        };
         let read = |grid: &Grid| {
             let name = &field.name;
             let attribute = find(&grid.attributes, field).ok_or_else(|| {
                 let kind = if field.association == Association::Point { "node" } else { "cell" };
                 let reason = grid.left_out.iter().find(|text| text.starts_with(&format!("'{name}' (")));
                 let reason = reason.map_or(String::new(), |text| format!(": {text}"));
-                invalid(format!("has no {kind} attribute '{name}'{reason}")).remedy("leave that step or that field out")
+                invalid(format!("has no {kind} attribute '{name}'{reason}"))
             })?;
             if attribute.components != field.components {
                 let (new, old) = (attribute.components, field.components);

@@ -97,11 +97,12 @@ impl Document {
     }
 
     pub(super) fn invalid(&self, id: Id, problem: impl Into<String>) -> FileError {
-        FileError::invalid(&self.path, self.place(id), problem)
+        FileError::invalid(&self.path, self.place(id), problem).remedy("correct it, or write the file again")
     }
 
     pub(super) fn unsupported(&self, id: Id, problem: impl Into<String>) -> FileError {
         FileError::unsupported(&self.path, self.place(id), problem)
+            .remedy("write it as meshio does: an unstructured grid, its arrays in HDF5, binary or XML")
     }
 
     /// The children of an element: what `xi:include` names in its place, and references followed.
@@ -286,7 +287,8 @@ fn parse(path: &Path, text: &str) -> FileResult<Vec<Element>> {
     loop {
         let byte = reader.buffer_position() as usize;
         let invalid = |problem: String| FileError::invalid(path, format!("byte {byte}"), problem);
-        let event = reader.read_event().map_err(|e| invalid(format!("malformed XML: {e}")))?;
+        let event =
+            reader.read_event().map_err(|e| invalid(format!("malformed XML: {e}")).remedy("write the file again"))?;
         let end = reader.buffer_position() as usize;
         // Never empty: the document is not closed.
         let parent = open.last().copied().unwrap_or(0);
