@@ -1,7 +1,7 @@
 //! A store as a source again: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store keeps where each vertex and cell was in the source. What the import dropped (points that no cell used, flat
-//! and duplicate cells) is gone; the others keep their order. Cells that it turned stay turned. Points are those of the
+//! and duplicate cells) is gone; the others keep their order. Cells that it turned are turned back. Points are those of the
 //! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest
 //! side of the mesh's box, rounded up to a power of two.)
 
@@ -31,7 +31,7 @@ impl<'a> StoredSeries<'a> {
     /// # Errors
     /// If the mesh cannot be read, or a field does not exist.
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
-        let Mesh { topology, positions, vertex_source, cell_source } = store.mesh()?;
+        let Mesh { topology, positions, vertex_source, cell_source, cell_turned } = store.mesh()?;
         let vertices = order_of(&vertex_source);
         let as_read = store.source_points()?;
         let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
@@ -41,7 +41,11 @@ impl<'a> StoredSeries<'a> {
             ranks[vertex as usize] = rank;
         }
         let cells = order_of(&cell_source);
-        let tets = cells.iter().map(|&c| topology.tets[c as usize].map(|v| ranks[v as usize])).collect();
+        let tet = |&cell: &u32| {
+            let [a, b, c, d] = topology.tets[cell as usize].map(|v| ranks[v as usize]);
+            if cell_turned[cell as usize] { [a, b, d, c] } else { [a, b, c, d] }
+        };
+        let tets = cells.iter().map(tet).collect();
         let (mut fields, mut readers) = (Vec::new(), Vec::new());
         for Group { name, components } in chosen(store, selectors)? {
             fields.push(FieldInfo { name, components: components.len(), association: Association::Point });

@@ -2,7 +2,7 @@
 //!
 //! | group | arrays |
 //! |---|---|
-//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
+//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
 //!

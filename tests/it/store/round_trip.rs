@@ -59,6 +59,7 @@ fn the_mesh_comes_back_as_it_was_built() {
     assert_eq!(read.topology, built.topology);
     assert_eq!(read.positions, built.positions);
     assert_eq!((read.vertex_source, read.cell_source), (built.vertex_source, built.cell_source));
+    assert!(read.cell_turned == built.cell_turned && built.cell_turned.contains(&true));
 }
 
 #[test]
