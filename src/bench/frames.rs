@@ -115,7 +115,7 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         time_moves: bench.motion.time,
         camera_moves: bench.motion.camera,
         size: [size.0, size.1],
-        backend: "cpu".to_owned(),
+        backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
         mode: if bench.request.mode == RenderMode::Reference { "reference" } else { "raycast" }.to_owned(),
         lod: 1.0,
         // The reference integrates exactly whatever was asked for.

@@ -52,6 +52,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         files::check_place(path)?;
     }
     let mut runs = Vec::new();
+    let mut machine = Machine::detect();
     for path in &args.stores {
         let store = source::open(path, terminal)?;
         let mut scene = Scene::open(&store, &args.scene)?;
@@ -69,8 +70,9 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             terminal.end();
             runs.push(measured?);
         }
+        machine.adapter = scene.gpu_report().adapter.or(machine.adapter);
     }
-    let report = BenchReport { machine: Machine::detect(), runs };
+    let report = BenchReport { machine, runs };
     if let Some(path) = &args.json {
         let mut text = serde_json::to_vec_pretty(&report)?;
         text.push(b'\n');
@@ -91,10 +93,13 @@ impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let machine = &self.0.machine;
         writeln!(f, "{}, {} cores", machine.cpu, machine.cores)?;
+        if let Some(adapter) = &machine.adapter {
+            writeln!(f, "{adapter}")?;
+        }
         writeln!(
             f,
-            "{:16} {:>10} {:12} {:9} {:>9} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
-            "dataset", "cells", "moves", "size", "ms/frame", "p95", "decode", "order", "fps", "rmse", "max"
+            "{:16} {:>10} {:12} {:9} {:>7} {:>9} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
+            "dataset", "cells", "moves", "size", "backend", "ms/frame", "p95", "decode", "order", "fps", "rmse", "max"
         )?;
         self.0.runs.iter().try_for_each(|run| row(f, run))
     }
@@ -113,11 +118,12 @@ fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {
     };
     writeln!(
         f,
-        "{:16} {:>10} {:12} {:9} {:>9.1} {:>8.1} {:>8.2} {:>8.1} {:>7.1} {:>9} {:>9}",
+        "{:16} {:>10} {:12} {:9} {:>7} {:>9.1} {:>8.1} {:>8.2} {:>8.1} {:>7.1} {:>9} {:>9}",
         run.dataset,
         run.cells,
         moves,
         size,
+        run.backend,
         run.ms.p50,
         run.ms.p95,
         run.ms.decode,

@@ -1,8 +1,10 @@
 //! `tetreel compare`: how far two images are apart.
 
+use super::progress::Terminal;
 use super::{Outcome, print_result};
 use crate::export::still::Background;
-use crate::image::{self, DepthMetrics, ImageMetrics};
+use crate::files;
+use crate::image::{self, DepthMetrics, ImageMetrics, PngDepth};
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
@@ -29,15 +31,35 @@ pub(super) struct Args {
     /// Exit with 1 if the largest difference is above this
     #[arg(long, value_name = "MAX", allow_hyphen_values = true)]
     fail_above: Option<f64>,
+    /// Write a PNG with the first image, the second, and what differs, side by side
+    #[arg(long, value_name = "FILE.png")]
+    sheet: Option<PathBuf>,
+    /// Factor of the differences on the sheet (default: as much as the largest one allows)
+    #[arg(long, value_name = "FACTOR", requires = "sheet", value_parser = parse_factor)]
+    amplify: Option<f32>,
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
+fn parse_factor(text: &str) -> Result<f32, String> {
+    let parsed = text.parse().ok().filter(|f: &f32| *f > 0.0 && f.is_finite());
+    parsed.ok_or_else(|| "a factor is a positive number".to_owned())
+}
+
+pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    if let Some(path) = &args.sheet {
+        files::check_place(path)?;
+    }
     let background = args.background.color().unwrap_or([0.0; 3]);
     let ((a, a_depth), (b, b_depth)) = (image::read_image(&args.a)?, image::read_image(&args.b)?);
     let named = |e| anyhow::anyhow!("{} and {}: {e}", args.a.display(), args.b.display());
     let metrics = image::compare(&a, &b, background).map_err(named)?;
     let depth = a_depth.zip(b_depth).map(|(a, b)| image::compare_depth(&a, &b)).transpose().map_err(named)?;
     let comparison = Comparison { metrics, depth };
+    if let Some(path) = &args.sheet {
+        let (differences, factor) = image::amplified_difference(&a, &b, background, args.amplify).map_err(named)?;
+        let sheet = image::contact_sheet(&[a, b, differences], 3, 2, background);
+        image::write_png(path, &sheet, None, PngDepth::Eight)?;
+        terminal.say(&format!("wrote {}: first, second, difference times {factor}", path.display()));
+    }
     print_result(args.json, &comparison, &Text(&comparison))?;
     let failed = args.fail_above.is_some_and(|bound| bound.is_nan() || metrics.max > bound);
     Ok(if failed { Outcome::CheckFailed } else { Outcome::Done })

@@ -56,6 +56,9 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         camera: Some(CAMERA.to_owned()),
         size: SIZE,
         mode: Default::default(),
+        backend: Default::default(),
+        #[cfg(feature = "gpu")]
+        adapter: String::new(),
         optics: Default::default(),
     };
     let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;

@@ -1,14 +1,17 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use crate::camera::Camera;
+use crate::export::annotate::ColorScale;
 use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::pipeline::{FrameRequest, FrameTime, Pipeline, RenderMode};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode};
+#[cfg(feature = "gpu")]
+use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -39,6 +42,13 @@ pub(super) struct SceneArgs {
     /// auto, raycast, or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
+    /// auto (the GPU if there is one), cpu, or gpu
+    #[arg(long, value_name = "BACKEND", default_value = "auto")]
+    pub(super) backend: Backend,
+    /// Part of the name of the GPU to use, for machines with several or for one in software (default: the best)
+    #[cfg(feature = "gpu")]
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
+    pub(super) adapter: String,
     /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
@@ -71,6 +81,15 @@ fn parse_length(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "a length is a positive number".to_owned())
 }
 
+/// The GPU of a scene.
+#[derive(Debug, Default)]
+pub(super) struct GpuReport {
+    /// Its name, once it was needed.
+    pub(super) adapter: Option<String>,
+    /// Why the last frame that it should have rendered was rendered elsewhere.
+    pub(super) problem: Option<String>,
+}
+
 /// A series, ready to be asked for frames.
 pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
@@ -83,6 +102,7 @@ pub(super) struct Scene {
     unit_distance: f64,
     size: SizePx,
     mode: RenderMode,
+    backend: Backend,
     optics: OpticsKind,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
@@ -91,7 +111,15 @@ pub(super) struct Scene {
 impl Scene {
     pub(super) fn open(store: &Store, args: &SceneArgs) -> anyhow::Result<Self> {
         let tf = TransferFunction::parse(&args.tf).with_context(|| format!("--tf '{}'", args.tf))?;
-        let pipeline = Pipeline::open(store, args.field.as_ref())?;
+        if args.mode == RenderMode::Reference && args.backend == Backend::Gpu {
+            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
+        }
+        let mut pipeline = Pipeline::open(store, args.field.as_ref())?;
+        #[cfg(feature = "gpu")]
+        pipeline.choose_gpu(ContextOptions { adapter: args.adapter.clone(), ..Default::default() });
+        if let Err(problem) = pipeline.check_backend(args.backend) {
+            bail!("{problem}; --backend cpu renders without one");
+        }
         let bounds = pipeline.mesh().positions.world_bounds();
         let framing = Camera::default_for(bounds)?.fit_to_aspect(args.size.0, args.size.1);
         let camera = match &args.camera {
@@ -111,6 +139,7 @@ impl Scene {
             unit_distance,
             size: args.size,
             mode: args.mode,
+            backend: args.backend,
             optics: args.optics,
             table: None,
         };
@@ -127,7 +156,24 @@ impl Scene {
         let time = time.into();
         let table = self.table(time)?;
         let request = FrameRequest::new(time, self.camera, table, (self.size.0, self.size.1));
-        Ok(FrameRequest { mode: self.mode, optics: self.optics, ..request })
+        Ok(FrameRequest { mode: self.mode, optics: self.optics, backend: self.backend, ..request })
+    }
+
+    /// What is known of the GPU by now.
+    pub(super) fn gpu_report(&self) -> GpuReport {
+        #[cfg(feature = "gpu")]
+        return GpuReport {
+            adapter: self.pipeline.gpu().map(|gpu| gpu.adapter().to_string()),
+            problem: self.pipeline.gpu_problem().map(ToString::to_string),
+        };
+        #[cfg(not(feature = "gpu"))]
+        GpuReport::default()
+    }
+
+    /// What the colours of the last `request` mean.
+    pub(super) fn color_scale(&self) -> Option<ColorScale<'_>> {
+        let (range, _) = self.table.as_ref()?;
+        Some(ColorScale { map: self.tf.color_map(), range: *range })
     }
 
     /// What the frame of the last `request` shows, as frame number `frame` of the run.

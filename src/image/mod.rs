@@ -13,7 +13,7 @@ mod srgb;
 pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
 pub use metrics::{DepthMetrics, ImageMetrics, MetricsError, compare, compare_depth};
 pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
-pub use sheet::contact_sheet;
+pub use sheet::{amplified_difference, contact_sheet};
 
 use crate::error::{FileError, FileResult};
 use std::io::Read;

@@ -1,6 +1,6 @@
-//! Contact sheets: many frames on one page.
+//! Contact sheets: many frames on one page; and what two images differ in, made visible.
 
-use super::RgbaImage;
+use super::{MetricsError, RgbaImage};
 
 /// Frames in rows of `columns`, top left first, with `gap` pixels between and around them, over an opaque `background`.
 /// Frames of different sizes sit in the middle of cells of the largest width and height. Without frames the sheet is empty.
@@ -28,6 +28,33 @@ pub fn contact_sheet(frames: &[RgbaImage], columns: usize, gap: usize, backgroun
     sheet
 }
 
+/// Absolute differences of two images over a `background`, times `factor`, clamped to 1: opaque, black where they are equal.
+/// Without a factor it is the largest power of ten that clamps nothing (1 for equal images). Returns the factor too.
+///
+/// # Errors
+/// If sizes differ or there are no pixels.
+pub fn amplified_difference(
+    a: &RgbaImage,
+    b: &RgbaImage,
+    background: [f32; 3],
+    factor: Option<f32>,
+) -> Result<(RgbaImage, f32), MetricsError> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
+    }
+    if a.pixels.is_empty() {
+        return Err(MetricsError::NoPixels);
+    }
+    let pairs = a.over(background).into_iter().zip(b.over(background));
+    let differences: Vec<[f32; 3]> =
+        pairs.map(|(a, b)| std::array::from_fn(|channel| (a[channel] - b[channel]).abs())).collect();
+    let largest = differences.iter().flatten().fold(0.0f32, |most, &d| most.max(d));
+    let factor = factor.unwrap_or(if largest > 0.0 { 10f32.powf((1.0 / largest).log10().floor()) } else { 1.0 });
+    let pixels = differences.iter().map(|d| [d[0], d[1], d[2]].map(|d| (d * factor).min(1.0)));
+    let pixels = pixels.map(|[r, g, b]| [r, g, b, 1.0]).collect();
+    Ok((RgbaImage { width: a.width, height: a.height, pixels }, factor))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -53,6 +80,19 @@ mod tests {
         assert_eq!((sheet.width, sheet.height), (6, 3));
         let white: Vec<usize> = (0..18).filter(|&i| sheet.pixels[i][0] == 1.0).collect();
         assert_eq!(white, [0, 1, 2, 6, 7, 8, 10, 12, 13, 14]);
+    }
+
+    #[test]
+    fn differences_are_amplified_by_a_power_of_ten_that_clamps_nothing_or_as_asked() {
+        let (a, b) = (filled(2, 1, [0.5, 0.25, 0.0, 1.0]), filled(2, 1, [0.53, 0.25, 0.0, 1.0]));
+        let (image, factor) = amplified_difference(&a, &b, [0.0; 3], None).unwrap();
+        assert_eq!(factor, 10.0);
+        assert!((image.pixels[1][0] - 0.3).abs() < 1e-6 && image.pixels[1][1..] == [0.0, 0.0, 1.0]);
+        let (image, factor) = amplified_difference(&a, &b, [0.0; 3], Some(100.0)).unwrap();
+        assert_eq!((factor, image.pixels[0]), (100.0, [1.0, 0.0, 0.0, 1.0]));
+        assert_eq!(amplified_difference(&a, &a, [1.0; 3], None).unwrap(), (filled(2, 1, [0.0, 0.0, 0.0, 1.0]), 1.0));
+        assert!(amplified_difference(&a, &filled(1, 1, [0.0; 4]), [0.0; 3], None).is_err());
+        assert!(amplified_difference(&filled(0, 0, [0.0; 4]), &filled(0, 0, [0.0; 4]), [0.0; 3], None).is_err());
     }
 
     #[test]

@@ -3,9 +3,13 @@
 //! [`Pipeline`] plays one field of one store. What did not change since the last request is not done again: the same step
 //! is not decoded twice. A frame shows a step or, between two steps, their linear mixture ([`FrameTime`]).
 
+mod backend;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod steps;
 mod time;
 
+pub use backend::Backend;
 pub use time::FrameTime;
 
 use crate::camera::{Camera, CameraError};
@@ -14,12 +18,13 @@ use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::render::cpu::raycast::Raycast;
-use crate::render::reference::Reference;
-use crate::render::{Frame, RenderError, RenderJob, Renderer};
+#[cfg(feature = "gpu")]
+use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::{Frame, RenderError, RenderJob};
 use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::{Cancel, Progress};
+use backend::Renderers;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 use std::str::FromStr;
@@ -36,7 +41,7 @@ pub enum RenderMode {
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
     Raycast,
-    /// The float64 judge, [`mod@crate::render::reference`].
+    /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
 
@@ -69,6 +74,8 @@ pub struct FrameRequest {
     pub mode: RenderMode,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
+    /// Where it is rendered.
+    pub backend: Backend,
 }
 
 impl FrameRequest {
@@ -76,8 +83,8 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (mode, optics) = (RenderMode::default(), OpticsKind::default());
-        Self { time: time.into(), camera, table, size_px, mode, optics }
+        let (mode, optics, backend) = Default::default();
+        Self { time: time.into(), camera, table, size_px, mode, optics, backend }
     }
 }
 
@@ -109,8 +116,7 @@ pub struct Pipeline {
     times: TimeAxis,
     reader: FieldReader,
     steps: StepCache,
-    raycast: Raycast,
-    reference: Reference,
+    renderers: Renderers,
 }
 
 impl Pipeline {
@@ -131,7 +137,7 @@ impl Pipeline {
         let mesh = Arc::new(store.mesh()?);
         let steps = StepCache::new(mesh.topology.tets.len());
         let times = store.times().clone();
-        Ok(Self { mesh, times, reader, steps, raycast: Raycast::new(), reference: Reference::new() })
+        Ok(Self { mesh, times, reader, steps, renderers: Renderers::default() })
     }
 
     /// The mesh of the series.
@@ -175,7 +181,33 @@ impl Pipeline {
         checked.into_iter().collect()
     }
 
-    /// Renders a frame of exactly the moment asked for.
+    /// Whether there is what a backend needs: what cannot work fails here, before the first frame.
+    ///
+    /// # Errors
+    /// `NoGpu` if a GPU is asked for and there is none.
+    pub fn check_backend(&mut self, backend: Backend) -> Result<(), RenderError> {
+        self.renderers.check(backend)
+    }
+
+    /// Another GPU, or other limits, than by default.
+    #[cfg(feature = "gpu")]
+    pub fn choose_gpu(&mut self, options: ContextOptions) {
+        self.renderers.gpu.choose(options);
+    }
+
+    /// The GPU in use, once one was needed.
+    #[cfg(feature = "gpu")]
+    pub fn gpu(&self) -> Option<&Arc<Context>> {
+        self.renderers.gpu.context()
+    }
+
+    /// Why the last frame that should have been rendered on the GPU was not: [`Backend::Auto`] then uses the CPU.
+    #[cfg(feature = "gpu")]
+    pub fn gpu_problem(&self) -> Option<&RenderError> {
+        self.renderers.gpu.problem()
+    }
+
+    /// Renders a frame of exactly the moment asked for. If the GPU is lost on the way, another device begins it again.
     ///
     /// # Errors
     /// If a step cannot be read or there is no view through the camera.
@@ -189,11 +221,8 @@ impl Pipeline {
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
         let job = self.prepare(request)?;
-        let renderer: &mut dyn Renderer = match request.mode {
-            RenderMode::Auto | RenderMode::Raycast => &mut self.raycast,
-            RenderMode::Reference => &mut self.reference,
-        };
-        renderer.render_unless(job, cancel)?.ok_or(PipelineError::Cancelled)
+        let drawn = self.renderers.render(job, request.mode, request.backend, cancel)?;
+        drawn.ok_or(PipelineError::Cancelled)
     }
 
     /// The job of a request: decodes what it shows and finds its active cells, unless the last request showed the same.

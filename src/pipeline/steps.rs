@@ -106,9 +106,10 @@ impl StepCache {
     }
 }
 
-/// The buffer if nobody else holds it, else an empty one.
-fn unshared(mut buffer: Arc<Vec<f32>>) -> Arc<Vec<f32>> {
-    if Arc::get_mut(&mut buffer).is_some() { buffer } else { Arc::default() }
+/// The buffer if nobody else holds it, else an empty one. A renderer may still know it by a weak reference, to tell whether
+/// it has sent it; `Arc::make_mut` then leaves that behind and moves the values.
+fn unshared(buffer: Arc<Vec<f32>>) -> Arc<Vec<f32>> {
+    if Arc::strong_count(&buffer) == 1 { buffer } else { Arc::default() }
 }
 
 /// `(1 - weight) * from + weight * to` per vertex, in f64. Not finite where one of both is not: a hole in either step is one

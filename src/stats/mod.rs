@@ -30,6 +30,10 @@ pub struct FrameStats {
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
+    /// Whether the GPU rendered it.
+    pub on_gpu: bool,
+    /// Times that the frame was begun again because the device was lost or failed.
+    pub gpu_restarts: u64,
     /// Times that a frame was begun again because its lists of entries were longer than the room for them (GPU).
     pub entry_retries: u64,
     /// Bytes sent to the GPU.

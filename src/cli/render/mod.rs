@@ -7,6 +7,7 @@ mod sink;
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
 use super::{Outcome, source};
+use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
 use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillFormat, StillOptions};
@@ -46,6 +47,9 @@ pub(super) struct Args {
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
+    /// Drawn over the frames: time, legend, title or title=TEXT, separated by commas
+    #[arg(long, value_name = "PARTS")]
+    annotate: Option<Annotations>,
     /// Bits per channel of PNG files: 8 or 16 (default: 8)
     #[arg(long, value_name = "BITS")]
     bit_depth: Option<PngDepth>,
@@ -143,6 +147,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     terminal.end();
     let checksums = checked?;
     terminal.detail(&format!("camera: {}", scene.camera));
+    let annotator = annotator(args, &scene);
     let (sink, fingerprints) = match ffmpeg {
         Some(ffmpeg) => {
             if args.background == Background::Transparent {
@@ -153,12 +158,14 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         }
         None => {
             let options = args.still_options()?;
-            let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &plan, &checksums, &options);
+            let written_as = format!("{options:?} {annotator:?}");
+            let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &plan, &checksums, &written_as);
             (Sink::images(options), Some(fingerprints))
         }
     };
-    let job = Job { plan: &plan, output: &args.output, fingerprints, resume: args.resume };
+    let job = Job { plan: &plan, output: &args.output, fingerprints, annotator, resume: args.resume };
     let records = job.run(&mut scene, sink, terminal)?;
+    report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
@@ -166,9 +173,31 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// What is drawn over the frames.
+fn annotator(args: &Args, scene: &Scene) -> Option<Annotator> {
+    let field = scene.pipeline.field();
+    let about = AboutSeries {
+        dataset: &dataset_name(&args.store),
+        field: &field.name,
+        units: field.units.as_deref(),
+        times: &scene.pipeline.times().values,
+        time_units: None,
+    };
+    let background = match args.output {
+        Target::Movie(..) => Some(args.background.color().unwrap_or_default()),
+        Target::Images(_) => args.background.color(),
+    };
+    Some(Annotator::new(args.annotate.as_ref()?, &about, background))
+}
+
+/// What people call the series.
+fn dataset_name(store: &Path) -> String {
+    store.file_stem().unwrap_or(store.as_os_str()).to_string_lossy().into_owned()
+}
+
 /// What the movie says of itself.
 fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
-    let name = args.store.file_stem().unwrap_or(args.store.as_os_str()).to_string_lossy();
+    let name = dataset_name(&args.store);
     let field = scene.pipeline.field();
     let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
     let SceneArgs { tf, range, size, .. } = &args.scene;
@@ -179,6 +208,23 @@ fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
         title: format!("{name}: {}{units}", field.name),
         comment: format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.camera),
     })
+}
+
+/// Says where frames were rendered, aloud if not as one would think.
+fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
+    let rendered = || records.iter().filter_map(|record| record.stats.as_ref());
+    let on_gpu = rendered().filter(|stats| stats.on_gpu).count();
+    let gpu = scene.gpu_report();
+    if let Some(adapter) = gpu.adapter.filter(|_| on_gpu > 0) {
+        terminal.detail(&format!("{on_gpu} frames on {adapter}"));
+    }
+    if let Some(problem) = gpu.problem {
+        terminal.say(&format!("{} frames on the CPU: {problem}", rendered().count() - on_gpu));
+    }
+    let restarts: u64 = rendered().map(|stats| stats.gpu_restarts).sum();
+    if restarts > 0 {
+        terminal.say(&format!("the GPU was lost {restarts} times; those frames were begun again"));
+    }
 }
 
 /// The last word of a run.
@@ -204,7 +250,7 @@ pub(super) fn render_steps(
     terminal: &Terminal,
 ) -> anyhow::Result<Vec<FrameRecord>> {
     let (plan, output) = (Plan::of_steps(steps), Target::Images(output.clone()));
-    let job = Job { plan: &plan, output: &output, fingerprints: None, resume: false };
+    let job = Job { plan: &plan, output: &output, fingerprints: None, annotator: None, resume: false };
     job.run(scene, Sink::images(options), terminal)
 }
 
@@ -214,6 +260,8 @@ struct Job<'a> {
     output: &'a Target,
     /// Written into images.
     fingerprints: Option<Fingerprints>,
+    /// Draws over all frames.
+    annotator: Option<Annotator>,
     /// Whether images that have the right fingerprint are kept.
     resume: bool,
 }
@@ -247,15 +295,18 @@ impl Job<'_> {
                 (Origin::Kept, None)
             } else {
                 attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
-                if let Some(frame) = &held {
-                    sink.send(finish_frame(frame, attributes), &file, terminal)?;
-                    (Origin::Repeated, None)
+                let (origin, mut output, stats) = if let Some(frame) = &held {
+                    (Origin::Repeated, output_of(frame, attributes), None)
                 } else {
                     let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
-                    sink.send(finish_frame(frame, attributes), &file, terminal)?;
                     held = next_is_same.then(|| frame.clone());
-                    (Origin::Rendered, Some(frame.stats.clone()))
+                    (Origin::Rendered, output_of(frame, attributes), Some(frame.stats.clone()))
+                };
+                if let (Some(annotator), Some(colors)) = (&self.annotator, scene.color_scale()) {
+                    annotator.draw(&mut output.color, time, &colors);
                 }
+                sink.send(output, &file, terminal)?;
+                (origin, stats)
             };
             if !next_is_same {
                 held = None;
@@ -276,8 +327,8 @@ fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<Fram
     Ok(request)
 }
 
-/// What is written of a rendered frame, to an image as to a movie: the place for all that is drawn over it.
-fn finish_frame(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
+/// What is written of a rendered frame, to an image as to a movie.
+fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
     OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes }
 }
 

@@ -5,7 +5,7 @@
 //! the same fingerprint that can be read to its end is the frame that would be rendered.
 
 use super::plan::{Plan, PlannedFrame};
-use crate::export::still::{FrameAttributes, StillOptions, read_fingerprint};
+use crate::export::still::{FrameAttributes, read_fingerprint};
 use crate::mesh::Mesh;
 use crate::pipeline::FrameRequest;
 use sha2::{Digest, Sha256};
@@ -19,8 +19,8 @@ pub(super) struct Fingerprints {
 }
 
 impl Fingerprints {
-    /// `checksums` are those of the plan's steps, in their order.
-    pub(super) fn new(mesh: &Mesh, plan: &Plan, checksums: &[u32], options: &StillOptions) -> Self {
+    /// `checksums` are those of the plan's steps, in their order; `written_as` is how frames become files.
+    pub(super) fn new(mesh: &Mesh, plan: &Plan, checksums: &[u32], written_as: &str) -> Self {
         let mut common = Sha256::new();
         common.update(FrameAttributes::SOFTWARE);
         let positions = &mesh.positions;
@@ -29,7 +29,7 @@ impl Fingerprints {
             crc32c::crc32c(bytemuck::cast_slice(&mesh.topology.tets)),
         ];
         let counts = (positions.local.len(), mesh.topology.tets.len());
-        common.update(format!("{:?} {} {crcs:?} {counts:?} {options:?}", positions.origin, positions.scale));
+        common.update(format!("{:?} {} {crcs:?} {counts:?} {written_as}", positions.origin, positions.scale));
         Self { common, steps: plan.steps.iter().copied().zip(checksums.iter().copied()).collect() }
     }
 

@@ -20,6 +20,8 @@ pub enum Tier {
 pub struct ContextOptions {
     /// Part of the adapter's name, any case; the best adapter if empty.
     pub adapter: String,
+    /// No software: an adapter on the CPU is none.
+    pub hardware_only: bool,
     /// Which limits are asked for.
     pub tier: Tier,
     /// Fewer bytes for a storage binding than the device has, to see how buffers are split.
@@ -84,8 +86,12 @@ impl Context {
         // Stable: the driver's order among equals.
         adapters.sort_by_key(|a| preference(a.get_info().device_type));
         let wanted = options.adapter.to_lowercase();
-        let chosen = adapters.iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted));
-        let Some(adapter) = chosen else { return Err(RenderError::NoGpu(nothing_found(&options.adapter, &adapters))) };
+        let fits = |info: wgpu::AdapterInfo| {
+            info.name.to_lowercase().contains(&wanted) && (name_of(&info).is_hardware || !options.hardware_only)
+        };
+        let Some(adapter) = adapters.iter().find(|a| fits(a.get_info())) else {
+            return Err(RenderError::NoGpu(nothing_found(options, &adapters)));
+        };
         Self::of_adapter(adapter, options)
     }
 
@@ -163,7 +169,14 @@ impl Context {
     /// `DeviceLost` once it is lost, `Gpu` after any other failure.
     pub fn check(&self) -> Result<(), RenderError> {
         let adapter = || self.name.name.clone();
-        match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
+        let fault = || self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut found = fault();
+        if matches!(found, Some(Fault::Failed(_))) {
+            // What follows from a loss may be reported before it: losses wait for the next poll.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+            found = fault();
+        }
+        match &found {
             None => Ok(()),
             Some(Fault::Lost(reason)) => Err(RenderError::DeviceLost { adapter: adapter(), reason: reason.clone() }),
             Some(Fault::Failed(problem)) => Err(RenderError::Gpu { adapter: adapter(), problem: problem.clone() }),
@@ -234,10 +247,12 @@ fn limits(adapter: &wgpu::Limits, tier: Tier) -> wgpu::Limits {
     }
 }
 
-fn nothing_found(wanted: &str, adapters: &[wgpu::Adapter]) -> String {
+fn nothing_found(options: &ContextOptions, adapters: &[wgpu::Adapter]) -> String {
     let names: Vec<_> = adapters.iter().map(|a| name_of(&a.get_info()).to_string()).collect();
+    let wanted = &options.adapter;
     match (names.is_empty(), wanted.is_empty()) {
         (true, _) => "no Vulkan, Metal or Direct3D 12 driver offers an adapter".to_owned(),
-        (false, _) => format!("no adapter's name contains '{wanted}'; there are: {}", names.join(", ")),
+        (false, true) => format!("software only: {}", names.join(", ")),
+        (false, false) => format!("no adapter's name contains '{wanted}'; there are: {}", names.join(", ")),
     }
 }

@@ -3,6 +3,7 @@
 mod export;
 mod import;
 mod movie;
+mod render;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -40,8 +41,10 @@ impl Place {
 
     fn run(&self, args: &[&str]) -> Run {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
-        let output = command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache")).output();
-        let output = output.unwrap();
+        command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache"));
+        // Without it, GPU drivers say on stderr that they find no display server.
+        command.env("XDG_RUNTIME_DIR", self.0.path());
+        let output = command.output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         let run = Run { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };
         assert!(!run.err.contains("panicked") && !run.out.contains("panicked"), "{args:?}: {}", run.err);
@@ -187,6 +190,10 @@ fn compare_exits_with_0_1_or_2() {
     assert_eq!(run.code, Some(1));
     let metrics: Value = serde_json::from_str(&run.out).unwrap();
     assert!(metrics["max"].as_f64() > Some(1e-3), "{metrics}");
+    place.ok(&["compare", "a.png", "b.png", "--sheet", "sheet.png"]);
+    let sheet = read_png(&place.path("sheet.png")).unwrap();
+    assert_eq!((sheet.width, sheet.height), (3 * 64 + 4 * 2, 64 + 2 * 2));
+    assert!(sheet.pixels.iter().any(|p| p[0] > 0.1), "the difference is visible");
     place.ok(&["render", "slab.zarr", "-o", "c.png", "--steps", "0", "--size", "8x8"]);
     place.refuses(&["compare", "a.png", "c.png"], &["a.png", "c.png", "64 x 64", "8 x 8"]);
     place.refuses(&["compare", "a.png", "missing.png"], &["missing.png"]);

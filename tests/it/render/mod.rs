@@ -3,7 +3,7 @@
 mod closed_form;
 mod depth;
 #[cfg(feature = "gpu")]
-mod gpu;
+pub mod gpu;
 mod raycast;
 mod table3d;
 

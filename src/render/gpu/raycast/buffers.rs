@@ -5,7 +5,7 @@ use crate::render::RenderError;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::VIEW_VERTEX_BYTES;
 use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Records are made and sent in pieces of this many cells, so that no second copy of a large mesh is held.
 const CELLS_PER_PIECE: usize = 1 << 18;
@@ -147,7 +147,8 @@ const PRESCALE: f32 = (1u128 << 100) as f32;
 /// Scalars in the GPU's memory.
 #[derive(Debug, Default)]
 pub(super) struct GpuScalars {
-    of: Option<Arc<Vec<f32>>>,
+    /// Those in the buffer. Weak: whoever owns them may decode the next step into them once no job has them.
+    of: Weak<Vec<f32>>,
     prescale: f32,
     converted: Vec<f32>,
 }
@@ -162,10 +163,10 @@ impl GpuScalars {
         scalars: &Arc<Vec<f32>>,
         buffer: &GrowingBuffer,
     ) -> Result<(f64, u64), RenderError> {
-        if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, scalars)) {
+        if Weak::as_ptr(&self.of) == Arc::as_ptr(scalars) {
             return Ok((f64::from(self.prescale), 0));
         }
-        self.of = None;
+        self.forget();
         let finite = |s: f32| if s.is_finite() { s } else { 0.0 };
         let (largest, all_finite) = scalars
             .iter()
@@ -178,12 +179,12 @@ impl GpuScalars {
             self.converted.extend(scalars.iter().map(|&s| finite(s) * self.prescale));
             buffer.write(context, 0, bytemuck::cast_slice(&self.converted))?
         };
-        self.of = Some(scalars.clone());
+        self.of = Arc::downgrade(scalars);
         Ok((f64::from(self.prescale), sent))
     }
 
     /// What is in the buffer is no longer known.
     pub(super) fn forget(&mut self) {
-        self.of = None;
+        self.of = Weak::new();
     }
 }

@@ -289,6 +289,7 @@ impl Renderer for Raycast {
         self.frame.stats = FrameStats {
             cells_active: cells_active as u64,
             cells_total: job.active.universe() as u64,
+            on_gpu: true,
             ..job.stats.clone()
         };
         let far = || self.context.beyond("the eye is too far from the mesh for single precision".to_owned());

@@ -1,0 +1,223 @@
+//! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
+
+use super::Backend;
+use crate::mesh::Mesh;
+use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::gpu::raycast::Raycast;
+use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::task::Cancel;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Times that a frame is begun again on a new device before its failure counts.
+const RESTARTS_MAX: u64 = 2;
+
+/// The ray caster on the GPU, if there is one.
+pub(in crate::pipeline) struct Gpu {
+    options: ContextOptions,
+    /// [`Context::new`], or in tests one that gives devices of no use.
+    open: fn(&ContextOptions) -> Result<Context, RenderError>,
+    state: State,
+    /// Mesh and size of the last job that was beyond it: the next like it would be too.
+    beyond: Option<(Arc<Mesh>, (usize, usize), RenderError)>,
+    /// Why the last frame that should have been rendered here was not.
+    problem: Option<RenderError>,
+}
+
+#[derive(Default)]
+enum State {
+    #[default]
+    NotLookedFor,
+    /// None but perhaps software.
+    NoHardware(RenderError),
+    Absent(RenderError),
+    Ready(Box<Raycast>),
+}
+
+impl Default for Gpu {
+    fn default() -> Self {
+        Self {
+            options: ContextOptions::default(),
+            open: Context::new,
+            state: State::default(),
+            beyond: None,
+            problem: None,
+        }
+    }
+}
+
+impl Gpu {
+    /// Another GPU than the best one; what was begun on the last one is forgotten.
+    pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
+        *self = Self { options, open: self.open, ..Self::default() };
+    }
+
+    /// The GPU in use, if one has been needed so far.
+    pub(in crate::pipeline) fn context(&self) -> Option<&Arc<Context>> {
+        match &self.state {
+            State::Ready(renderer) => Some(renderer.context()),
+            State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
+        }
+    }
+
+    /// Why the last frame that should have been rendered here was not.
+    pub(in crate::pipeline) fn problem(&self) -> Option<&RenderError> {
+        self.problem.as_ref()
+    }
+
+    /// Whether frames of a backend are rendered here.
+    ///
+    /// # Errors
+    /// `NoGpu` if they must be, and there is no GPU.
+    pub(in crate::pipeline) fn is_wanted(&mut self, backend: Backend) -> Result<bool, RenderError> {
+        let is_named = !self.options.adapter.is_empty();
+        match backend {
+            Backend::Cpu => Ok(false),
+            Backend::Gpu => self.renderer(false).map(|_| true),
+            // A GPU that was asked for by name and is not there is a mistake; one that was lost for good is not.
+            Backend::Auto if is_named => match self.renderer(false) {
+                Err(error @ RenderError::NoGpu(_)) => Err(error),
+                found => Ok(found.is_ok()),
+            },
+            Backend::Auto => Ok(self.renderer(true).is_ok_and(|r| r.context().adapter().is_hardware)),
+        }
+    }
+
+    fn renderer(&mut self, hardware_only: bool) -> Result<&mut Raycast, RenderError> {
+        let is_new = match &self.state {
+            State::NotLookedFor => true,
+            State::NoHardware(_) => !hardware_only,
+            State::Absent(_) | State::Ready(_) => false,
+        };
+        if is_new {
+            let options = ContextOptions { hardware_only, ..self.options.clone() };
+            self.state = match (self.open)(&options) {
+                Ok(context) => State::Ready(Box::new(Raycast::new(Arc::new(context)))),
+                Err(error) if hardware_only => State::NoHardware(error),
+                Err(error) => State::Absent(error),
+            };
+        }
+        match &mut self.state {
+            State::Ready(renderer) => Ok(renderer),
+            State::NoHardware(error) | State::Absent(error) => Err(error.clone()),
+            State::NotLookedFor => Err(RenderError::NoGpu("it has not been looked for".to_owned())),
+        }
+    }
+
+    /// Renders a job, unless `cancel` is raised: whether [`Self::last_frame`] is its frame. A device that is lost or fails
+    /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
+    ///
+    /// # Errors
+    /// Of the last device, or that the job is beyond the GPU.
+    pub(in crate::pipeline) fn draw(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
+        let drawn = self.draw_again(job, cancel);
+        self.problem = drawn.as_ref().err().cloned();
+        drawn
+    }
+
+    fn draw_again(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
+        let size_px = (job.view.width_px, job.view.height_px);
+        if let Some((mesh, size, error)) = &self.beyond
+            && Arc::ptr_eq(mesh, &job.mesh)
+            && *size == size_px
+        {
+            return Err(error.clone());
+        }
+        let mut job = job.clone();
+        loop {
+            let error = match self.renderer(false)?.render_unless(job.clone(), cancel) {
+                Ok(frame) => return Ok(frame.is_some()),
+                Err(error) => error,
+            };
+            match error {
+                RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
+                    self.state = State::NotLookedFor;
+                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderer(false).is_err() {
+                        // Without a device to go on with, the loss of this one is what has happened.
+                        self.state = State::Absent(error.clone());
+                        return Err(error);
+                    }
+                    job.stats.gpu_restarts += 1;
+                }
+                RenderError::BeyondGpu { .. } => {
+                    self.beyond = Some((job.mesh.clone(), size_px, error.clone()));
+                    return Err(error);
+                }
+                RenderError::NoGpu(_) | RenderError::ScalarCount { .. } | RenderError::CellCount { .. } => {
+                    return Err(error);
+                }
+            }
+        }
+    }
+
+    /// The last frame that was rendered to its end.
+    pub(in crate::pipeline) fn last_frame(&mut self) -> Option<&Frame> {
+        let State::Ready(renderer) = &mut self.state else { return None };
+        match renderer.advance(Duration::ZERO) {
+            Ok(Advance::Done(frame)) => Some(frame),
+            Ok(Advance::Partial(_)) | Err(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::backend::Renderers;
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use crate::mesh::RawMesh;
+    use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::RenderMode;
+    use crate::visibility::CellSet;
+    use glam::DVec3;
+
+    fn one_tet() -> RenderJob {
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
+        let camera = Camera {
+            position: DVec3::new(3.0, 2.0, 2.5),
+            focal_point: DVec3::splat(0.25),
+            view_up: DVec3::Z,
+            projection: Projection::Perspective { view_angle: 30.0 },
+            near: 0.0,
+        };
+        let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
+        RenderJob {
+            mesh: Arc::new(mesh),
+            scalars: Arc::new(vec![0.5; 4]),
+            active: Arc::new(CellSet::all(1)),
+            view: camera.view(32, 24).unwrap(),
+            table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
+            optics: Default::default(),
+            early_termination: true,
+            stats: Default::default(),
+        }
+    }
+
+    /// A device that is lost before it does anything.
+    fn open_and_lose(options: &ContextOptions) -> Result<Context, RenderError> {
+        let context = Context::new(options)?;
+        context.lose();
+        Ok(context)
+    }
+
+    #[test]
+    fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu() {
+        // The integration tests say aloud where there is no GPU.
+        let Ok(context) = Context::new(&ContextOptions::default()) else { return };
+        let job = one_tet();
+        let (mut renderers, cancel) = (Renderers::default(), Cancel::new());
+        renderers.gpu.open = open_and_lose;
+        let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu, &cancel).map(|_| ());
+        assert!(matches!(refused, Err(RenderError::DeviceLost { .. })), "{refused:?}");
+
+        renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
+        for _ in 0..2 {
+            let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto, &cancel);
+            let frame = drawn.unwrap().unwrap();
+            assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.1));
+            assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));
+        }
+        assert!(renderers.gpu.context().is_none());
+    }
+}

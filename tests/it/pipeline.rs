@@ -1,0 +1,129 @@
+//! Frames of a series by request: which renderer draws them, and what happens when it fails.
+
+use crate::series::{ingested, table_for};
+use tetreel::camera::Camera;
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+
+/// A small jet, and a request for its frames.
+fn jet(dir: &std::path::Path) -> (Pipeline, FrameRequest) {
+    let series = generate(&SynthSpec { cells: 3000, steps: 6, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+    let pipeline = Pipeline::open(&ingested(&series, &dir.join("jet.zarr"), "0..5"), None).unwrap();
+    let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+    let table = table_for(&pipeline, "inferno@0:0,1:0.5");
+    (pipeline, FrameRequest::new(0, camera, table, (96, 64)))
+}
+
+#[test]
+fn a_request_says_by_itself_where_it_is_rendered() {
+    for backend in [Backend::Auto, Backend::Cpu, Backend::Gpu] {
+        let json = serde_json::to_string(&backend).unwrap();
+        assert_eq!(json.trim_matches('"').parse::<Backend>().unwrap(), backend);
+    }
+    assert!("cuda".parse::<Backend>().unwrap_err().contains("choose auto, cpu or gpu"));
+    let temp = tempfile::tempdir().unwrap();
+    let (mut pipeline, request) = jet(temp.path());
+    pipeline.check_backend(Backend::Auto).unwrap();
+    let cpu = FrameRequest { backend: Backend::Cpu, ..request.clone() };
+    assert!(!pipeline.render(&cpu).unwrap().stats.on_gpu);
+    let judge = FrameRequest { backend: Backend::Gpu, mode: RenderMode::Reference, ..request };
+    assert!(!pipeline.render(&judge).unwrap().stats.on_gpu);
+}
+
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn without_the_feature_a_gpu_is_refused_and_auto_is_the_cpu() {
+    let temp = tempfile::tempdir().unwrap();
+    let (mut pipeline, request) = jet(temp.path());
+    let refused = pipeline.render(&FrameRequest { backend: Backend::Gpu, ..request.clone() }).unwrap_err();
+    assert!(refused.to_string().contains("built without the feature gpu"), "{refused}");
+    assert!(pipeline.check_backend(Backend::Gpu).is_err());
+    assert!(!pipeline.render(&request).unwrap().stats.on_gpu);
+}
+
+#[cfg(feature = "gpu")]
+mod gpu {
+    use super::*;
+    use crate::render::gpu::context;
+    use tetreel::export::still::{OutputFrame, StillOptions, write_still};
+    use tetreel::image::{ExrColor, read_exr};
+    use tetreel::pipeline::PipelineError;
+    use tetreel::render::RenderError;
+    use tetreel::render::gpu::context::ContextOptions;
+
+    #[test]
+    fn frames_of_a_gpu_that_is_lost_in_the_middle_of_an_animation_are_those_of_one_that_is_not() {
+        if context().is_none() {
+            return;
+        }
+        let temp = tempfile::tempdir().unwrap();
+        let (mut pipeline, request) = jet(temp.path());
+        let request = FrameRequest { backend: Backend::Gpu, ..request };
+        let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
+        let mut animate = |name: &str, lost_after: Option<usize>| {
+            let mut restarts = Vec::new();
+            for step in 0..6 {
+                let frame = pipeline.render(&FrameRequest { time: step.into(), ..request.clone() }).unwrap();
+                assert!(frame.stats.on_gpu);
+                restarts.push(frame.stats.gpu_restarts);
+                let output = OutputFrame {
+                    color: frame.color.clone(),
+                    depth: frame.depth.clone(),
+                    attributes: Default::default(),
+                };
+                write_still(&temp.path().join(format!("{name}_{step}.exr")), &output, &options).unwrap();
+                if lost_after == Some(step) {
+                    pipeline.gpu().unwrap().lose();
+                }
+            }
+            restarts
+        };
+        assert_eq!(animate("whole", None), [0; 6]);
+        assert_eq!(animate("lost", Some(2)), [0, 0, 0, 1, 0, 0]);
+        let mut last = None;
+        for step in 0..6 {
+            let read = |name: &str| read_exr(&temp.path().join(format!("{name}_{step}.exr"))).unwrap();
+            let (whole, lost) = (read("whole"), read("lost"));
+            assert_eq!((&whole.color, &whole.depth), (&lost.color, &lost.depth), "step {step}");
+            assert!(last.replace(whole.color.clone()) != Some(whole.color), "the steps differ");
+        }
+    }
+
+    #[test]
+    fn auto_uses_a_gpu_in_software_only_if_it_is_named_and_the_cpu_for_what_is_beyond_it() {
+        let Some(context) = context() else { return };
+        let temp = tempfile::tempdir().unwrap();
+        let (mut pipeline, request) = jet(temp.path());
+        let on_gpu = pipeline.render(&request).unwrap().stats.on_gpu;
+        assert_eq!(on_gpu, context.adapter().is_hardware);
+        let named = ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() };
+        pipeline.choose_gpu(named.clone());
+        assert!(pipeline.render(&request).unwrap().stats.on_gpu);
+        assert_eq!(pipeline.gpu_problem(), None);
+
+        // No mesh fits into bindings of this size.
+        pipeline.choose_gpu(ContextOptions { binding_bytes: Some(1024), ..named });
+        for _ in 0..2 {
+            let frame = pipeline.render(&request).unwrap();
+            assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.0));
+            assert!(matches!(pipeline.gpu_problem(), Some(RenderError::BeyondGpu { .. })));
+        }
+        let refused = pipeline.render(&FrameRequest { backend: Backend::Gpu, ..request.clone() });
+        assert!(matches!(refused, Err(PipelineError::Render(RenderError::BeyondGpu { .. }))));
+        // Not asked, not mentioned.
+        pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request }).unwrap();
+    }
+
+    #[test]
+    fn a_gpu_that_is_not_there_is_refused_by_the_names_of_those_that_are() {
+        let Some(context) = context() else { return };
+        let temp = tempfile::tempdir().unwrap();
+        let (mut pipeline, request) = jet(temp.path());
+        pipeline.choose_gpu(ContextOptions { adapter: "no such adapter".to_owned(), ..Default::default() });
+        for backend in [Backend::Auto, Backend::Gpu] {
+            let refused = pipeline.render(&FrameRequest { backend, ..request.clone() }).unwrap_err().to_string();
+            assert!(refused.contains("no such adapter") && refused.contains(&context.adapter().name), "{refused}");
+        }
+        assert!(pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request }).is_ok());
+    }
+}

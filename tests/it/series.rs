@@ -1,0 +1,95 @@
+//! Whole series, from file or generator to frames: the fast renderers against the judge.
+
+use crate::render::{assert_within, raycast, reference};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+use tetreel::camera::{Camera, Projection};
+use tetreel::field::{FieldSelector, SeriesSource};
+use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::node_table::NodeTable;
+use tetreel::pipeline::{FrameRequest, Pipeline};
+use tetreel::render::RenderJob;
+use tetreel::store::Store;
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::{Cancel, Silent};
+use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
+
+/// A store of a source.
+pub fn ingested(source: &dyn SeriesSource, out: &Path, steps: &str) -> Store {
+    let options = IngestOptions { steps: steps.parse().unwrap(), ..Default::default() };
+    ingest(source, out, &options, &Silent, &Cancel::new()).unwrap();
+    Store::open(out).unwrap()
+}
+
+/// A transfer function over the field's range.
+pub fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
+    let [lo, hi] = pipeline.field().range.unwrap().map(f64::from);
+    let range = RangePolicy::Series.resolve((lo, hi), (lo, hi)).unwrap();
+    let (a, b) = pipeline.mesh().positions.world_bounds();
+    let tf = TransferFunction::parse(tf).unwrap();
+    Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (b - a).length()).unwrap())
+}
+
+/// Dense, sparse with narrow tents, with an opaque plateau, and nearly transparent.
+const TRANSFER_FUNCTIONS: [&str; 4] = [
+    "viridis@0:0.02,1:0.5",
+    "inferno@0:0,0.01:0,0.02:0.4,0.03:0,0.5:0,0.52:0.6,0.54:0,1:0",
+    "turbo@0:0,0.1:0.1,0.3:1,1:1",
+    "gray@0:0.001,1:0.002",
+];
+
+/// Outside, along an axis, in parallel projection, and from within.
+fn cameras(bounds: (DVec3, DVec3)) -> [Camera; 4] {
+    let outside = Camera::default_for(bounds).unwrap();
+    let (centre, size) = (0.5 * (bounds.0 + bounds.1), (bounds.1 - bounds.0).length());
+    let along_x = Camera { position: centre + DVec3::X * size, view_up: DVec3::Z, ..outside };
+    let parallel =
+        Camera { projection: Projection::Parallel { scale: 0.37 * size }, ..outside.orbit(70.0, -20.0).unwrap() };
+    let inside = Camera {
+        position: centre + 0.03 * size * DVec3::new(0.3, 0.2, 0.1),
+        projection: Projection::Perspective { view_angle: 80.0 },
+        ..outside
+    };
+    [outside, along_x, parallel, inside]
+}
+
+/// The CPU against the judge, the GPU, where there is one, against the CPU. Returns the largest opacity.
+pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
+    let (fast, judge) = (raycast(job), reference(job));
+    assert_within(&format!("{name}: CPU against reference"), &fast, &judge);
+    #[cfg(feature = "gpu")]
+    if let Some(frame) = crate::render::gpu::render(job) {
+        assert_within(&format!("{name}: GPU against CPU"), &frame.color, &fast);
+        assert_eq!(frame.stats.broken_paths, 0, "{name}");
+    }
+    judge.pixels.iter().fold(0.0, |most, p| most.max(p[3]))
+}
+
+/// Four transfer functions, four cameras, the steps given.
+pub fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize]) {
+    let selector: FieldSelector = field.parse().unwrap();
+    let mut pipeline = Pipeline::open(store, Some(&selector)).unwrap();
+    let mut seen = 0.0f32;
+    for tf in TRANSFER_FUNCTIONS {
+        let table = table_for(&pipeline, tf);
+        for (c, camera) in cameras(pipeline.mesh().positions.world_bounds()).into_iter().enumerate() {
+            for &step in steps {
+                let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (128, 128))).unwrap();
+                seen = seen.max(assert_frame_agrees(&format!("{field}, {tf}, camera {c}, step {step}"), &job));
+            }
+        }
+    }
+    assert!(seen > 0.5, "empty images prove nothing");
+}
+
+#[test]
+fn every_generated_series_is_drawn_as_the_reference_draws_it() {
+    let temp = tempfile::tempdir().unwrap();
+    for name in SeriesName::ALL {
+        let series = generate(&SynthSpec { cells: 6000, steps: 4, ..SynthSpec::new(name) }).unwrap();
+        let store = ingested(&series, &temp.path().join(format!("{name}.zarr")), "1..3:2");
+        let field = store.fields()[0].name.clone();
+        assert_agrees_from_all_sides(&store, &field, &[0, 1]);
+    }
+}
