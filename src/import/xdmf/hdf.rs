@@ -45,7 +45,8 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -
     let all = dataset.shape().iter().try_fold(number.size() as u64, |n, &d| n.checked_mul(d));
     let limit = file_bytes.saturating_mul(RATIO_MAX).saturating_add(UNWRITTEN_MAX);
     if all.is_none_or(|bytes| bytes > limit) {
-        return Err(invalid(format!("claims the shape {:?} in a file of {file_bytes} bytes", dataset.shape())));
+        let problem = format!("claims the shape {:?} in a file of {file_bytes} bytes", dataset.shape());
+        return Err(invalid(problem).remedy("write the file again with all its values"));
     }
     let Some(slab) = slab else {
         let bytes = dataset.read_raw_bytes().map_err(damaged)?;
