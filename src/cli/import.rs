@@ -10,11 +10,12 @@ use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
 
-/// Import a series (.pvd, .vtu) into a store
+/// Import a series (.pvd, .vtu, .xdmf) into a store
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag")]
 pub(super) struct Args {
-    /// A .pvd file, or one or more .vtu files (one a step, in the natural order of their names)
+    /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
+    /// (each with other fields)
     #[arg(required = true, value_name = "SOURCE")]
     sources: Vec<PathBuf>,
     /// The store to write

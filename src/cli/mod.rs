@@ -6,6 +6,7 @@
 mod bench;
 mod compare;
 mod demo;
+mod export;
 mod import;
 mod info;
 mod manual;
@@ -60,6 +61,7 @@ enum Command {
     Compare(compare::Args),
     Bench(bench::Args),
     Synth(synth::Args),
+    Export(export::Args),
     Manual(manual::Args),
 }
 
@@ -92,6 +94,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Compare(args) => compare::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal),
         Command::Synth(args) => synth::run(args, &terminal),
+        Command::Export(args) => export::run(args, &terminal),
         Command::Manual(args) => manual::run(args),
     };
     match result {

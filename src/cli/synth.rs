@@ -1,19 +1,23 @@
 //! `tetreel synth`: generated series.
 
+use super::export::Written;
 use super::progress::Terminal;
 use super::{Interrupted, Outcome, print_result, source};
-use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
+use crate::export::vtu::{self, VtuError, VtuOptions};
+use crate::field::{Association, FieldSelector, SeriesSource};
+use crate::import;
 use crate::ingest::IngestOptions;
-use crate::synth::{SeriesName, SynthSpec, generate};
-use std::fmt;
-use std::path::PathBuf;
+use crate::synth::{FadedSeries, SeriesName, SynthSpec, generate};
+use anyhow::Context;
+use std::path::{Path, PathBuf};
 
 /// Largest series written as .vtu files, which repeat the mesh in every step.
 const VTU_CELLS_MAX: u64 = 200_000;
 
 /// Generate a series: decay, dipole, jet, tornado or slab
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  tetreel synth jet -o jet.zarr --cells 1000000 --steps 64")]
+#[command(after_help = "Examples:\n  tetreel synth jet -o jet.zarr --cells 1000000 --steps 64\n  \
+                  tetreel synth decay --from spx.vtu --subdivide 2 -o spx2.zarr")]
 pub(super) struct Args {
     /// decay, dipole, jet (turbulent scalar with fronts), tornado (vector) or slab (homogeneous)
     name: SeriesName,
@@ -23,6 +27,15 @@ pub(super) struct Args {
     /// About how many tets
     #[arg(long, default_value_t = 100_000, value_name = "N")]
     cells: u64,
+    /// decay only: fade the scalars of this mesh (.vtu, .pvd, .xdmf) instead of generated ones
+    #[arg(long, value_name = "MESH", conflicts_with_all = ["cells", "seed"])]
+    from: Option<PathBuf>,
+    /// Split every cell of the mesh into eight, so many times
+    #[arg(long, default_value_t = 0, value_name = "N", requires = "from")]
+    subdivide: u32,
+    /// Field of the mesh to fade: NAME, NAME:mag or NAME:0 (default: its first field of points)
+    #[arg(long, value_name = "FIELD", requires = "from")]
+    field: Option<FieldSelector>,
     /// Number of steps (default: the series' own)
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
@@ -39,34 +52,59 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let steps = args.steps.unwrap_or(args.name.default_steps());
-    let series = generate(&SynthSpec { name: args.name, cells: args.cells, steps, seed: args.seed })?;
+    match &args.from {
+        None => {
+            let series = generate(&SynthSpec { name: args.name, cells: args.cells, steps, seed: args.seed })?;
+            write(args, &series, series.cell_count(), terminal)
+        }
+        Some(from) => {
+            let series = faded(args, from, steps)?;
+            write(args, &series, series.cell_count(), terminal)
+        }
+    }
+}
+
+/// The decay of the first step of a mesh from elsewhere.
+fn faded(args: &Args, from: &Path, steps: usize) -> anyhow::Result<FadedSeries> {
+    anyhow::ensure!(args.name == SeriesName::Decay, "--from goes with decay, not with {}", args.name);
+    let source = import::open(from)?;
+    let mut of_points = source.fields().iter().filter(|field| field.association == Association::Point);
+    let found = match &args.field {
+        None => of_points.next(),
+        Some(selector) => of_points.find(|field| field.name == selector.name),
+    };
+    let names: Vec<&str> = source.fields().iter().map(|field| field.name.as_str()).collect();
+    let field = found.with_context(|| match &args.field {
+        Some(field) => format!("{}: no field '{field}' of points; there are {}", from.display(), names.join(", ")),
+        None => format!("{}: has no field of points to fade", from.display()),
+    })?;
+    let selector = args.field.clone().unwrap_or(FieldSelector { name: field.name.clone(), component: None });
+    let mut values = Vec::new();
+    source.read(field, selector.component_of(field.components), 0, &mut values)?;
+    let mesh = source.mesh()?;
+    let name = if field.components == 1 { field.name.clone() } else { selector.to_string() };
+    Ok(FadedSeries::new(&source.describe(), &name, mesh, values, args.subdivide, steps)?)
+}
+
+/// Writes a series as a store or as `.vtu` files.
+fn write(args: &Args, series: &dyn SeriesSource, cells: u64, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if args.output.extension().is_some_and(|e| e == "zarr") {
         let options = IngestOptions { overwrite: args.overwrite, ..Default::default() };
-        let report = source::run_ingest(&series, &args.output, &options, terminal)?;
+        let report = source::run_ingest(series, &args.output, &options, terminal)?;
         print_result(args.json, &report, &report)?;
         return Ok(Outcome::Done);
     }
-    if series.cell_count() > VTU_CELLS_MAX {
+    if cells > VTU_CELLS_MAX {
         anyhow::bail!(
-            "{} cells as .vtu files would repeat the mesh in every step; above {VTU_CELLS_MAX} write a store: -o NAME.zarr",
-            series.cell_count()
+            "{cells} cells as .vtu files would repeat the mesh in every step; above {VTU_CELLS_MAX} write a store: -o NAME.zarr"
         );
     }
-    match vtu::write_series(&series, &args.output, &VtuOptions::default(), terminal, &terminal.cancel) {
+    match vtu::write_series(series, &args.output, &VtuOptions::default(), terminal, &terminal.cancel) {
         Err(VtuError::Cancelled) => Err(Interrupted.into()),
         Err(error) => Err(error.into()),
         Ok(report) => {
             print_result(args.json, &report, &Written(&report))?;
             Ok(Outcome::Done)
         }
-    }
-}
-
-struct Written<'a>(&'a VtuReport);
-
-impl fmt::Display for Written<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let VtuReport { pvd, steps, bytes } = self.0;
-        writeln!(f, "{}: {steps} steps, {:.1} MB", pvd.display(), *bytes as f64 / 1e6)
     }
 }

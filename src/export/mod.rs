@@ -5,4 +5,7 @@ mod folder;
 pub mod movie;
 pub mod sequence;
 pub mod still;
+mod stored;
 pub mod vtu;
+
+pub use stored::StoredSeries;

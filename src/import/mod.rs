@@ -4,26 +4,32 @@
 //! |---|---|---|
 //! | `.vtu` | an unstructured grid of VTK in XML: one step | `vtu` |
 //! | `.pvd` | ParaView's list of `.vtu` files, each with its time | `pvd` |
+//! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //!
 //! A reader yields a [`SeriesSource`]; a further format is one more file here and one more arm in [`open`].
 
 mod cache;
+mod cells;
+mod joined;
+mod numbers;
 mod pvd;
 mod series;
 mod vtu;
+mod xdmf;
 mod xml;
 
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
-use series::VtuSeries;
+use joined::Joined;
+use series::Series;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 /// What [`open`] reads, for messages.
-const SUPPORTED: &str = ".pvd (ParaView collections) and .vtu (unstructured grids of VTK)";
+const SUPPORTED: &str = ".pvd (ParaView collections), .vtu (unstructured grids of VTK) and .xdmf (XDMF with HDF5)";
 
-/// Opens a series: a `.pvd` collection, or a single `.vtu` file as a series of one step, at the time that its field data
-/// name `TimeValue`, else at 0.
+/// Opens a series: a `.pvd` collection, an XDMF file, or a single `.vtu` file as a series of one step, at the time that its
+/// field data name `TimeValue`, else at 0.
 ///
 /// The first step is read for the mesh and the fields; that the files of the others exist is checked.
 ///
@@ -35,13 +41,19 @@ pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
             let (steps, notes) = pvd::read(path)?;
             let times = TimeAxis { values: steps.iter().map(|step| step.time).collect() };
             let files = steps.into_iter().map(|step| step.parts).collect();
-            Ok(Box::new(VtuSeries::new(path.display().to_string(), times, files, notes)?))
+            Ok(Box::new(Series::<vtu::VtuStep>::new(path.display().to_string(), times, files, notes)?))
         }
         "vtu" => {
             let time = finite(path, vtu::time_value_of(path)?)?.unwrap_or(0.0);
             let times = TimeAxis { values: vec![time] };
-            Ok(Box::new(VtuSeries::new(path.display().to_string(), times, vec![vec![path.to_owned()]], Vec::new())?))
+            Ok(Box::new(Series::<vtu::VtuStep>::new(
+                path.display().to_string(),
+                times,
+                vec![vec![path.to_owned()]],
+                Vec::new(),
+            )?))
         }
+        "xdmf" | "xmf" => xdmf::open(path),
         _ => Err(unsupported(path)),
     }
 }
@@ -52,19 +64,22 @@ pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
 /// If a collection is damaged or names missing files.
 pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     let mut files = vec![path.to_owned()];
-    if extension(path) == "pvd" {
-        files.extend(pvd::read(path)?.0.into_iter().flat_map(|step| step.parts));
+    match extension(path).as_str() {
+        "pvd" => files.extend(pvd::read(path)?.0.into_iter().flat_map(|step| step.parts)),
+        "xdmf" | "xmf" => files.extend(xdmf::files(path)?),
+        _ => {}
     }
     Ok(files)
 }
 
-/// Opens several `.vtu` files as a series of one step each, in natural order of their names (2 before 10).
+/// Opens several `.vtu` files as a series of one step each, in natural order of their names (2 before 10); or several
+/// XDMF files, each with fields of its own on the same mesh at the same times, as one series.
 ///
 /// Times are the `TimeValue` of the files' field data if all have one and no two are equal (the steps are then in their
 /// order), else 0, 1, 2, ...; the source's notes say which. A single path is opened as [`open`] does.
 ///
 /// # Errors
-/// As for [`open`]; if `paths` is empty; if one of several paths is no `.vtu` file.
+/// As for [`open`]; if `paths` is empty; if several paths are of other or of different kinds.
 pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let mut paths = paths.to_vec();
     paths.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
@@ -73,9 +88,14 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
         [path] => return open(path),
         [first, .., last] => (first, last),
     };
+    let is_xdmf = |path: &PathBuf| matches!(extension(path).as_str(), "xdmf" | "xmf");
+    if paths.iter().all(is_xdmf) {
+        return Joined::of(first, paths.iter().map(|path| open(path)).collect::<FileResult<_>>()?);
+    }
     if let Some(other) = paths.iter().find(|path| extension(path) != "vtu") {
-        return Err(if extension(other) == "pvd" {
-            FileError::unsupported(other, "", "only .vtu files can be joined to a series").remedy("open it alone")
+        return Err(if extension(other) == "pvd" || is_xdmf(other) {
+            FileError::unsupported(other, "", "only files of one kind, .vtu or .xdmf, can be joined to a series")
+                .remedy("open it alone")
         } else {
             unsupported(other)
         });
@@ -87,7 +107,7 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     }
     let (times, note) = times_of(&mut timed);
     let steps = timed.into_iter().map(|(_, path)| vec![path]).collect();
-    Ok(Box::new(VtuSeries::new(description, times, steps, vec![note])?))
+    Ok(Box::new(Series::<vtu::VtuStep>::new(description, times, steps, vec![note])?))
 }
 
 /// The times of the files, which are brought into the order of these, and a note that says where the times are from.
@@ -190,7 +210,7 @@ mod tests {
     fn other_files_are_refused_with_a_list_of_what_is_read() {
         for name in ["a.stl", "folder", "a.VTK", ""] {
             let error = open(Path::new(name)).err().expect("refused").to_string();
-            assert!(error.contains(".pvd") && error.contains(".vtu"), "{error}");
+            assert!([".pvd", ".vtu", ".xdmf"].iter().all(|kind| error.contains(kind)), "{error}");
         }
         assert!(open_many(&[]).is_err());
         let pair = [PathBuf::from("a.vtu"), PathBuf::from("b.pvd")];

@@ -1,10 +1,11 @@
-//! What the XML headers of `.pvd` and `.vtu` files need: tolerant attributes and UTF-8 of unchanged length.
+//! What the XML of `.pvd`, `.vtu` and XDMF files needs: tolerant attributes and UTF-8 of unchanged length.
 
 use quick_xml::events::BytesStart;
 use std::borrow::Cow;
 
 /// The attributes of a tag. VTK writes names unescaped, so `<`, `>` and `&` in a value stand for themselves; the five
 /// entities and numeric references of XML are still resolved.
+#[derive(Default)]
 pub(super) struct Attributes(Vec<(String, String)>);
 
 impl Attributes {
@@ -40,7 +41,7 @@ impl Attributes {
 }
 
 /// Resolves each reference that is one; an ampersand that begins none stands for itself.
-fn unescape(value: &str) -> String {
+pub(super) fn unescape(value: &str) -> String {
     let mut out = String::with_capacity(value.len());
     let mut rest = value;
     while let Some(at) = rest.find('&') {

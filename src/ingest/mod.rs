@@ -19,7 +19,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource, TimeAxis};
 use crate::mesh::Mesh;
 use crate::moments::Moments;
-use crate::store::{FieldDescription, FieldWriter, StoreWriter};
+use crate::store::{FieldDescription, FieldWriter, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
 use order::VertexOrder;
 use plan::{Output, PlannedField};
@@ -48,10 +48,13 @@ pub fn ingest(
 
     let raw = source.mesh()?;
     let counts = [raw.points.len(), raw.tets.len()];
+    let points = SourcePoints::of(&raw.points);
     check_cancel(cancel)?;
     let (mesh, repair) =
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
     writer.write_mesh(&mesh, &repair)?;
+    writer.write_source_points(&mesh, &points)?;
+    drop(points);
     writer.write_times(&TimeAxis { values: times })?;
     let mesh_seconds = start.elapsed().as_secs_f64();
 

@@ -25,14 +25,15 @@
 //! | orientations | 1 | | x | x | | |
 //! | vertex keys, ranks | 16 v + 4 v | | | x | x | |
 //! | cell keys | 16 | | | x | x | |
-//! | positions, sources | 12 v + 4 v + 4 | | | | x | x |
+//! | positions, sources, turns | 12 v + 4 v + 5 | | | | x | x |
 //! | cells | 16 | | | | x | x |
 //! | half-faces, bucket starts | 48 + 4 v | | | | | x |
 //! | neighbours | 16 | | | | | x |
 //! | faces and their cells | 20 s | | | | | x |
-//! | sum for v = 0.18, s = 2 | | 22 | 19 | 39 | 61 | 128 |
+//! | sum for v = 0.18, s = 2 | | 22 | 19 | 39 | 62 | 129 |
 //!
-//! Measured on 55^3 jittered cubes in random order (998,250 cells): 128 at the peak, of which 79 stay; 0.6 s on two shared
+//! Measured on 55^3 jittered cubes in random order (998,250 cells): 128 at the peak, of which 79 stay (then
+//! without the turns); 0.6 s on two shared
 //! cores, the exact predicate 11 ms of it, so that it needs no filter in front. Not kept: a hash map from faces to cells
 //! (more memory than the half-faces, and an order to undo), and one sort of all half-faces (each would have to hold its
 //! lowest vertex, too: 16 bytes a cell more).
@@ -78,8 +79,10 @@ impl Mesh {
         report.coincident_points = repair::count_coincident(&vertex_order, &raw_positions.local);
 
         let mut cell_order = order_cells(&tets, &orientations, &raw_positions.local);
-        drop(orientations);
         repair::drop_duplicates(&mut cell_order, &tets);
+        let is_turned = |&(_, source): &CurveKey| orientations[source as usize] == Orientation::Negative;
+        let cell_turned = cell_order.par_iter().map(is_turned).collect();
+        drop(orientations);
         report.cells_out = cell_order.len() as u64;
         report.duplicate_cells = report.cells_in - report.zero_volume - report.cells_out;
 
@@ -96,7 +99,7 @@ impl Mesh {
         report.non_manifold_faces = non_manifold_faces;
         report.boundary_faces = topology.boundary_faces().count() as u64;
         report.parts = topology.count_parts();
-        Ok((Mesh { topology, positions, vertex_source, cell_source }, report))
+        Ok((Mesh { topology, positions, vertex_source, cell_source, cell_turned }, report))
     }
 }
 

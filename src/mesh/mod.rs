@@ -45,4 +45,6 @@ pub struct Mesh {
     pub vertex_source: Vec<u32>,
     /// For each cell the index it had in the [`RawMesh`].
     pub cell_source: Vec<u32>,
+    /// For each cell whether its last two vertices were swapped to make its volume positive.
+    pub cell_turned: Vec<bool>,
 }

@@ -305,6 +305,11 @@ proptest! {
         prop_assert_eq!(report.unreferenced_vertices, (flats / 2 + unreferenced) as u64);
         prop_assert_eq!((report.cells_out, report.vertices_out), (clean_report.cells_out, clean_report.vertices_out));
         prop_assert_eq!((report.boundary_faces, report.parts), (clean_report.boundary_faces, 1));
+        // Sources and turns lead back to the cells of the file.
+        for (tet, (&source, &turned)) in mesh.topology.tets.iter().zip(mesh.cell_source.iter().zip(&mesh.cell_turned)) {
+            let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
+            prop_assert_eq!(if turned { [a, b, d, c] } else { [a, b, c, d] }, spoilt.tets[source as usize]);
+        }
         // Doubled cells were shuffled, hence count as flipped or not by chance.
         let flips = flips.min(clean.tets.len()) as u64;
         prop_assert!((flips..=flips + duplicates as u64).contains(&report.flipped));

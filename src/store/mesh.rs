@@ -10,6 +10,9 @@ use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
+/// Name of the array that says which cells the import turned; not there if it turned none.
+const TURNED: &str = "cell_turned";
+
 /// Writes the arrays of one group, each as one chunk.
 pub(super) struct ArrayWriter<'a> {
     pub(super) root: &'a Path,
@@ -80,6 +83,10 @@ pub(super) fn write(root: &Path, storage: &Storage, mesh: &Mesh, report: &Repair
     to.write::<u32, 4>("neighbours", bytemuck::cast_slice(&topology.neighbours), ["cell", "face"], derived())?;
     to.write("vertex_permutation", column(&mesh.vertex_source), ["vertex", ""], Map::new())?;
     to.write("cell_permutation", column(&mesh.cell_source), ["cell", ""], Map::new())?;
+    if mesh.cell_turned.contains(&true) {
+        let turned: Vec<u8> = mesh.cell_turned.iter().map(|&turned| turned.into()).collect();
+        to.write(TURNED, column(&turned), ["cell", ""], Map::new())?;
+    }
     Ok(to.sink.bytes)
 }
 
@@ -118,7 +125,18 @@ impl StoredMesh {
         };
         let vertex_source = read("vertex_permutation", self.vertices)?;
         let cell_source = read("cell_permutation", self.cells)?;
-        Ok(Mesh { topology, positions, vertex_source, cell_source })
+        let cell_turned = self.read_turned(root, storage, source)?;
+        Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned })
+    }
+
+    /// Which cells the import turned: none if there is no such array.
+    fn read_turned(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Vec<bool>> {
+        if root.join(MESH).join(TURNED).exists() {
+            let array = open_array(root, storage, TURNED, ElementType::U8, 1)?.expect_shape(root, &[self.cells])?;
+            return Ok(array.read::<u8, 1>(root, source)?.into_iter().map(|[turned]| turned != 0).collect());
+        }
+        // Topology has this many.
+        Ok(vec![false; usize::try_from(self.cells).unwrap_or_default()])
     }
 
     fn read_positions(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Positions> {

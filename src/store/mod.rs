@@ -2,7 +2,7 @@
 //!
 //! | group | arrays |
 //! |---|---|
-//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; derived: `faces`, `face_cells`, `neighbours` |
+//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
 //!
@@ -21,11 +21,13 @@ mod info;
 mod layout;
 mod mesh;
 mod names;
+mod source_points;
 mod staging;
 mod writer;
 
 pub use field::{FieldReader, StoredField};
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
+pub use source_points::SourcePoints;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter};
 
 use crate::codec::{Chunking, ElementType, ReadRange};
@@ -34,6 +36,7 @@ use crate::field::{Component, FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use array::StoredArray;
 use folder::Folder;
+use glam::DVec3;
 use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
 use mesh::StoredMesh;
 use std::path::{Path, PathBuf};
@@ -96,6 +99,15 @@ impl Store {
     /// If points, cells or permutations are missing or damaged, or do not make a mesh.
     pub fn mesh(&self) -> FileResult<Mesh> {
         self.mesh.read(&self.root, &self.storage, &*self.source)
+    }
+
+    /// For each vertex of the mesh the coordinates that the source has, where those of the mesh do not give them back bit
+    /// for bit; `None` where they do, or if an older version wrote the store.
+    ///
+    /// # Errors
+    /// If the array is damaged.
+    pub fn source_points(&self) -> FileResult<Option<Vec<DVec3>>> {
+        source_points::read(&self.root, &self.storage, &*self.source, self.mesh.vertices)
     }
 
     /// A reader of one field. `NAME` of a vector means `NAME:mag`.

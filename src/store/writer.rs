@@ -8,6 +8,7 @@ use super::layout::{
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
+use super::source_points::SourcePoints;
 use super::staging::Staging;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
@@ -55,6 +56,17 @@ impl StoreWriter {
     /// If a file cannot be written.
     pub fn write_mesh(&mut self, mesh: &Mesh, report: &RepairReport) -> FileResult<()> {
         mesh::write(self.staging.path(), &self.storage, mesh, report).map(drop)
+    }
+
+    /// Writes the points that the mesh was built from, if it does not give them back bit for bit.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    ///
+    /// # Panics
+    /// If the mesh was built from others, and names one that is missing.
+    pub fn write_source_points(&mut self, mesh: &Mesh, points: &SourcePoints) -> FileResult<()> {
+        points.write(self.staging.path(), &self.storage, &mesh.positions, &mesh.vertex_source)
     }
 
     /// Writes the times of the steps, all of which show mesh 0.

@@ -11,9 +11,14 @@
 //!
 //! Meshes are jittered Kuhn grids; what lies outside a domain is left out cell by cell, so its outline is stepped. The
 //! number of cells is within 5 % of the one asked for from 1000 cells on, and the nearest a grid gives below.
+//!
+//! [`FadedSeries`] is a decay on a mesh from elsewhere.
 
 mod decay;
 mod dipole;
+mod faded;
+#[cfg(test)]
+mod faded_tests;
 mod jet;
 mod kuhn;
 mod noise;
@@ -22,6 +27,8 @@ pub mod slab;
 #[cfg(test)]
 mod tests;
 mod tornado;
+
+pub use faded::FadedSeries;
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};

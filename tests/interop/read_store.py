@@ -28,6 +28,7 @@ def check_mesh(mesh):
     assert neighbours.shape == (cells, 4)
     assert mesh["vertex_permutation"].shape == (vertices,)
     assert mesh["cell_permutation"].shape == (cells,)
+    assert mesh["cell_turned"].shape == (cells,) and set(mesh["cell_turned"][:]) == {0, 1}
     # Every tet is positively oriented in world coordinates.
     world = np.array(mesh["points"].attrs["origin"]) + mesh["points"].attrs["scale"] * points.astype(np.float64)
     a, b, c, d = (world[tets[:, i]] for i in range(4))

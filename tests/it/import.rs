@@ -2,6 +2,7 @@
 
 mod damage;
 mod series;
+mod xdmf;
 
 use serde_json::Value;
 use std::collections::BTreeMap;

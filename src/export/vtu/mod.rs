@@ -10,6 +10,7 @@ mod xml;
 use super::folder::NewFolder;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource};
+use crate::files;
 use crate::mesh::RawMesh;
 use crate::task::{Cancel, Progress};
 use piece::Values;
@@ -63,19 +64,70 @@ pub fn write_series(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VtuReport, VtuError> {
+    let name = file_name(dir, options)?;
+    let (folder, steps, text, bytes) = write_folder(source, dir, &name, "", options, progress, cancel)?;
+    let path = folder.path().join(format!("{name}.pvd"));
+    fs::write(&path, &text).map_err(|e| FileError::io(&path, "write", &e))?;
+    folder.finish()?;
+    Ok(VtuReport { pvd: dir.join(format!("{name}.pvd")), steps, bytes: bytes + text.len() as u64 })
+}
+
+/// Writes the steps of `source` as the collection `pvd` with its `.vtu` files in a new folder beside it: `run.pvd`, and
+/// `run/run_0000.vtu` and so on, as ParaView saves a series. `options.name` is not used.
+///
+/// # Errors
+/// As for [`write_series`]; if `pvd` does not end in `.pvd`, or it or the folder exists.
+pub fn write_collection(
+    source: &dyn SeriesSource,
+    pvd: &Path,
+    options: &VtuOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VtuReport, VtuError> {
+    if pvd.extension().is_none_or(|e| !e.eq_ignore_ascii_case("pvd")) {
+        return Err(FileError::unsupported(pvd, "", "a series is written as a .pvd file").remedy("name it so").into());
+    }
+    let check_free = || match fs::symlink_metadata(pvd) {
+        Ok(_) => Err(FileError::invalid(pvd, "", "exists").remedy("choose another name or remove it")),
+        Err(_) => Ok(()),
+    };
+    check_free()?;
+    let dir = pvd.with_extension("");
+    let name = file_name(&dir, &VtuOptions::default())?;
+    let prefix = format!("{name}/");
+    let (folder, steps, text, bytes) = write_folder(source, &dir, &name, &prefix, options, progress, cancel)?;
+    check_free()?;
+    folder.finish()?;
+    if let Err(error) = files::replace_with(pvd, text.as_bytes()) {
+        // Without the list of its files the folder is of no use, and would be in the way of the next attempt.
+        let _ = fs::remove_dir_all(&dir);
+        return Err(error.into());
+    }
+    Ok(VtuReport { pvd: pvd.to_owned(), steps, bytes: bytes + text.len() as u64 })
+}
+
+/// Writes the `.vtu` files beside the folder `dir` to be. Also returns their number, the text of the collection, in
+/// which `prefix` stands before the names of the files, and the bytes written.
+fn write_folder(
+    source: &dyn SeriesSource,
+    dir: &Path,
+    name: &str,
+    prefix: &str,
+    options: &VtuOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<(NewFolder, usize, String, u64), VtuError> {
     let mut values: Vec<Values> = choose_fields(source, &options.fields)?.into_iter().map(Values::empty).collect();
     let steps = choose_steps(source, options.steps.as_deref())?;
-    let name = file_name(dir, options)?;
     let folder = NewFolder::begin(dir)?;
     let mesh = source.mesh()?;
     check_mesh(source, &mesh)?;
     progress.begin("export", steps.len() as u64, "steps");
-    let files = Files { source, mesh: &mesh, dir: folder.path(), name: &name };
-    let written = files.write(&steps, &mut values, progress, cancel);
+    let writer = Files { source, mesh: &mesh, dir: folder.path(), name, prefix };
+    let written = writer.write(&steps, &mut values, progress, cancel);
     progress.end();
-    let bytes = written?;
-    folder.finish()?;
-    Ok(VtuReport { pvd: dir.join(format!("{name}.pvd")), steps: steps.len(), bytes })
+    let (text, bytes) = written?;
+    Ok((folder, steps.len(), text, bytes))
 }
 
 /// Where the files come from and go to.
@@ -84,18 +136,19 @@ struct Files<'a> {
     mesh: &'a RawMesh,
     dir: &'a Path,
     name: &'a str,
+    prefix: &'a str,
 }
 
 impl Files<'_> {
-    /// Writes the `.vtu` files and the `.pvd`; returns their size in bytes.
+    /// Writes the `.vtu` files; returns the text of their `.pvd` file and their size in bytes.
     fn write(
         &self,
         steps: &[usize],
         values: &mut [Values],
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<u64, VtuError> {
-        let mut collection = Collection::new(self.name);
+    ) -> Result<(String, u64), VtuError> {
+        let mut collection = Collection::new(self.name, self.prefix);
         let mut bytes = 0;
         for &step in steps {
             if cancel.is_cancelled() {
@@ -108,26 +161,24 @@ impl Files<'_> {
             bytes += piece::write(&self.dir.join(collection.add(time)), self.mesh, time, values)?;
             progress.advance(1);
         }
-        let path = self.dir.join(format!("{}.pvd", self.name));
-        let text = collection.finish();
-        fs::write(&path, &text).map_err(|e| FileError::io(&path, "write", &e))?;
-        Ok(bytes + text.len() as u64)
+        Ok((collection.finish(), bytes))
     }
 }
 
 /// The text of a `.pvd` file.
 struct Collection<'a> {
     name: &'a str,
+    prefix: &'a str,
     text: String,
     files: usize,
 }
 
 impl<'a> Collection<'a> {
-    fn new(name: &'a str) -> Self {
+    fn new(name: &'a str, prefix: &'a str) -> Self {
         let text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
             <VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
             <Collection>\n";
-        Self { name, text: text.to_owned(), files: 0 }
+        Self { name, prefix, text: text.to_owned(), files: 0 }
     }
 
     /// Adds the next file and returns its name.
@@ -135,7 +186,7 @@ impl<'a> Collection<'a> {
         let file = format!("{}_{:04}.vtu", self.name, self.files);
         self.files += 1;
         // The name was checked, so XML can express it. `{:?}` is the shortest decimal that reads back as the same f64.
-        let attribute = xml::attribute(&file).unwrap_or_default();
+        let attribute = xml::attribute(&format!("{}{file}", self.prefix)).unwrap_or_default();
         self.text += &format!("<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{attribute}\"/>\n");
         file
     }

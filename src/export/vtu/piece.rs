@@ -40,8 +40,10 @@ struct Head {
 impl Head {
     /// Declares an array of `tuples` tuples of `components` numbers of `bytes` bytes; `name` is escaped.
     fn array(&mut self, kind: &str, name: &str, components: usize, tuples: usize, bytes: usize) {
+        // As VTK, which leaves a 1 out: meshio takes a scalar that says it for an array of two axes.
+        let width = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
         self.text += &format!(
-            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"appended\" offset=\"{}\"/>\n",
+            "<DataArray type=\"{kind}\" Name=\"{name}\"{width} format=\"appended\" offset=\"{}\"/>\n",
             self.offset
         );
         self.offset += (size_of::<u64>() + components * tuples * bytes) as u64;

@@ -1,8 +1,8 @@
 //! The XML header of a `.vtu` file: which arrays there are, and where their data lie.
 
+use super::super::numbers::Number;
 use super::super::xml::{Attributes, same_length_utf8};
 use super::compression::Compressor;
-use super::numbers::Number;
 use crate::error::{FileError, FileResult};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};

@@ -4,13 +4,12 @@ mod cells;
 mod compression;
 mod encoded;
 mod header;
-mod numbers;
+mod step;
 
-pub(super) use cells::GridReader;
-pub(super) use header::{ArrayInfo, Piece};
-pub(super) use numbers::Values;
+pub(super) use step::VtuStep;
 
-use numbers::Number;
+use super::numbers::{self, Number, Values};
+use header::{ArrayInfo, Piece};
 
 use crate::error::{FileError, FileResult};
 use encoded::{Decoded, Layout, Stored};

@@ -59,6 +59,43 @@ fn the_mesh_comes_back_as_it_was_built() {
     assert_eq!(read.topology, built.topology);
     assert_eq!(read.positions, built.positions);
     assert_eq!((read.vertex_source, read.cell_source), (built.vertex_source, built.cell_source));
+    assert!(read.cell_turned == built.cell_turned && built.cell_turned.contains(&true));
+}
+
+#[test]
+fn points_that_the_mesh_does_not_give_back_are_kept_as_the_source_has_them() {
+    for kind in ["", "float32", "float64"] {
+        let mut source = sample(1);
+        for point in &mut source.mesh.points {
+            *point = match kind {
+                // Cubes: small ones have finer bits than the shift to the middle of the box leaves.
+                "float32" => ((*point - 1e6 * glam::DVec3::X) / 7.0).powf(3.0).as_vec3().as_dvec3(),
+                "float64" => *point / 3.0,
+                _ => *point,
+            };
+        }
+        let (dir, store) = store_of(&source, &IngestOptions::default());
+        let (mesh, points) = (store.mesh().unwrap(), store.source_points().unwrap());
+        let folder = dir.path().join("s.zarr/mesh/0/source_points");
+        let expected: Vec<_> = mesh.vertex_source.iter().map(|&s| source.mesh.points[s as usize]).collect();
+        let drawn: Vec<_> = (0..expected.len()).map(|v| mesh.positions.world(v)).collect();
+        assert_eq!(drawn == expected, kind.is_empty(), "{kind}");
+        let Some(points) = points else {
+            assert!(kind.is_empty() && !folder.exists(), "{kind}");
+            continue;
+        };
+        assert_eq!(points, expected, "{kind}");
+        let metadata = std::fs::read_to_string(folder.join("zarr.json")).unwrap();
+        assert!(metadata.contains(kind) && !kind.is_empty(), "{metadata}");
+
+        let chunk = folder.join("c/0/0");
+        let mut bytes = std::fs::read(&chunk).unwrap();
+        bytes[5] ^= 1;
+        std::fs::write(&chunk, bytes).unwrap();
+        assert_eq!(store.source_points().unwrap_err().path, chunk, "{kind}");
+        std::fs::write(folder.join("zarr.json"), metadata.replace(kind, "uint32")).unwrap();
+        assert!(store.source_points().unwrap_err().path.starts_with(&folder), "{kind}");
+    }
 }
 
 #[test]

@@ -1,8 +1,8 @@
-//! The number types of VTK files, and typed views of byte buffers that hold them.
+//! The number types of files, and typed views of byte buffers that hold them.
 
 /// A number type as the `type` attribute of a `DataArray` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Number {
+pub(super) enum Number {
     Int8,
     UInt8,
     Int16,
@@ -29,7 +29,7 @@ macro_rules! with_type {
 
 impl Number {
     /// The type of that name; `None` for names that hold no numbers of whole bytes (`String`, `Bit`).
-    pub(crate) fn from_name(name: &str) -> Option<Self> {
+    pub(super) fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "Int8" => Self::Int8,
             "UInt8" => Self::UInt8,
@@ -45,8 +45,32 @@ impl Number {
         })
     }
 
+    /// The integer of so many bytes.
+    pub(super) fn integer(bytes: u8, signed: bool) -> Option<Self> {
+        Some(match (bytes, signed) {
+            (1, true) => Self::Int8,
+            (1, false) => Self::UInt8,
+            (2, true) => Self::Int16,
+            (2, false) => Self::UInt16,
+            (4, true) => Self::Int32,
+            (4, false) => Self::UInt32,
+            (8, true) => Self::Int64,
+            (8, false) => Self::UInt64,
+            _ => return None,
+        })
+    }
+
+    /// The float of so many bytes.
+    pub(super) fn float(bytes: u8) -> Option<Self> {
+        match bytes {
+            4 => Some(Self::Float32),
+            8 => Some(Self::Float64),
+            _ => None,
+        }
+    }
+
     /// Bytes of one number.
-    pub(crate) fn size(self) -> usize {
+    pub(super) fn size(self) -> usize {
         with_type!(self, T => size_of::<T>())
     }
 }
@@ -114,21 +138,21 @@ fn is_decorated_nan(word: &str) -> bool {
 
 /// Numbers in a byte buffer.
 #[derive(Clone, Copy)]
-pub(crate) struct Values<'a> {
-    pub(crate) number: Number,
-    pub(crate) big_endian: bool,
+pub(super) struct Values<'a> {
+    pub(super) number: Number,
+    pub(super) big_endian: bool,
     /// A whole count of numbers.
-    pub(crate) bytes: &'a [u8],
+    pub(super) bytes: &'a [u8],
 }
 
 impl Values<'_> {
     /// All numbers as f64.
-    pub(crate) fn to_f64(self) -> Vec<f64> {
+    pub(super) fn to_f64(self) -> Vec<f64> {
         with_type!(self.number, T => self.map(T::to_f64).collect())
     }
 
     /// All numbers as indices; the error is the place of the first that is negative or no integer.
-    pub(crate) fn to_indices(self) -> Result<Vec<u64>, usize> {
+    pub(super) fn to_indices(self) -> Result<Vec<u64>, usize> {
         with_type!(self.number, T => self.map(T::to_index).enumerate().map(|(i, v)| v.ok_or(i)).collect())
     }
 
@@ -138,7 +162,7 @@ impl Values<'_> {
 
     /// Appends number `component` of each tuple of `components` to `out` as f32. Returns how many finite numbers lie
     /// beyond f32 and became infinite.
-    pub(crate) fn component(self, components: usize, component: usize, out: &mut Vec<f32>) -> u64 {
+    pub(super) fn component(self, components: usize, component: usize, out: &mut Vec<f32>) -> u64 {
         fn run<T: Scalar>(values: Values<'_>, components: usize, component: usize, out: &mut Vec<f32>) -> u64 {
             let size = size_of::<T>();
             let mut overflows = 0;
@@ -154,7 +178,7 @@ impl Values<'_> {
     }
 
     /// Appends the Euclidean norm of each tuple, computed in f64, as [`Values::component`] does.
-    pub(crate) fn magnitude(self, components: usize, out: &mut Vec<f32>) -> u64 {
+    pub(super) fn magnitude(self, components: usize, out: &mut Vec<f32>) -> u64 {
         fn run<T: Scalar>(values: Values<'_>, components: usize, out: &mut Vec<f32>) -> u64 {
             let size = size_of::<T>();
             let mut overflows = 0;
@@ -173,7 +197,7 @@ impl Values<'_> {
 }
 
 /// Numbers of an ASCII array as little-endian bytes. The error names the word that is no such number.
-pub(crate) fn parse_ascii(number: Number, text: &[u8]) -> Result<Vec<u8>, String> {
+pub(super) fn parse_ascii(number: Number, text: &[u8]) -> Result<Vec<u8>, String> {
     fn run<T: Scalar>(number: Number, text: &[u8]) -> Result<Vec<u8>, String> {
         let mut out = Vec::new();
         for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {

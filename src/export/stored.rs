@@ -1,0 +1,166 @@
+//! A store as a source again: its steps decoded, in the numbering of the file that it was imported from.
+//!
+//! The store keeps where each vertex and cell was in the source. What the import dropped (points that no cell used, flat
+//! and duplicate cells) is gone; the others keep their order. Cells that it turned are turned back. Points are those of the
+//! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest
+//! side of the mesh's box, rounded up to a power of two.)
+
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
+use crate::mesh::{Mesh, RawMesh};
+use crate::store::{FieldReader, Store, StoredField};
+use std::sync::{Mutex, PoisonError};
+
+/// Fields of a store, per vertex, as a [`SeriesSource`].
+pub struct StoredSeries<'a> {
+    store: &'a Store,
+    mesh: RawMesh,
+    fields: Vec<FieldInfo>,
+    /// For each field its components.
+    readers: Vec<Vec<FieldReader>>,
+    /// For each point of `mesh` the vertex of the store.
+    vertices: Vec<u32>,
+    /// A step in the order of the store.
+    buffer: Mutex<Vec<f32>>,
+}
+
+impl<'a> StoredSeries<'a> {
+    /// The fields that `selectors` name, or all. The components of a vector of which the store has all are one field
+    /// again; its magnitude is then left to the reader of the file, unless it is asked for.
+    ///
+    /// # Errors
+    /// If the mesh cannot be read, or a field does not exist.
+    pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
+        let Mesh { topology, positions, vertex_source, cell_source, cell_turned } = store.mesh()?;
+        let vertices = order_of(&vertex_source);
+        let as_read = store.source_points()?;
+        let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
+        let points = vertices.iter().map(|&v| point(v)).collect();
+        let mut ranks = vec![0; vertices.len()];
+        for (rank, &vertex) in (0_u32..).zip(&vertices) {
+            ranks[vertex as usize] = rank;
+        }
+        let cells = order_of(&cell_source);
+        let tet = |&cell: &u32| {
+            let [a, b, c, d] = topology.tets[cell as usize].map(|v| ranks[v as usize]);
+            if cell_turned[cell as usize] { [a, b, d, c] } else { [a, b, c, d] }
+        };
+        let tets = cells.iter().map(tet).collect();
+        let (mut fields, mut readers) = (Vec::new(), Vec::new());
+        for Group { name, components } in chosen(store, selectors)? {
+            fields.push(FieldInfo { name, components: components.len(), association: Association::Point });
+            readers.push(components);
+        }
+        let buffer = Mutex::new(vec![0.0; vertices.len()]);
+        Ok(Self { store, mesh: RawMesh { points, tets }, fields, readers, vertices, buffer })
+    }
+}
+
+/// A field to be: its name and components.
+struct Group {
+    name: String,
+    components: Vec<FieldReader>,
+}
+
+/// The fields asked for, each once, or all.
+fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<Vec<Group>> {
+    let all = grouped(store.fields());
+    let mut names: Vec<(String, Vec<String>)> = Vec::new();
+    for selector in selectors {
+        let text = selector.to_string();
+        let group = match all.iter().find(|(name, _)| *name == text) {
+            Some(group) => group.clone(),
+            None => {
+                let field = store.field(selector)?.info().name.clone();
+                (field.clone(), vec![field])
+            }
+        };
+        if !names.contains(&group) {
+            names.push(group);
+        }
+    }
+    let names = if selectors.is_empty() { all } else { names };
+    let reader = |name: &String| {
+        let whole = FieldSelector { name: name.clone(), component: None };
+        store.field(&whole)
+    };
+    let group = |(name, components): (String, Vec<String>)| {
+        Ok(Group { name, components: components.iter().map(reader).collect::<FileResult<_>>()? })
+    };
+    names.into_iter().map(group).collect()
+}
+
+/// Names of all fields, each with the names of its components in the store. `U:0`, `U:1`, `U:2` and `U:mag`, their norm,
+/// are one field `U`.
+fn grouped(fields: &[StoredField]) -> Vec<(String, Vec<String>)> {
+    let vector_of = |magnitude: &StoredField| {
+        let name = magnitude.name.strip_suffix(":mag")?;
+        let expected = |(i, component): (usize, &String)| *component == format!("{name}:{i}");
+        let is_whole = !magnitude.magnitude_of.is_empty() && magnitude.magnitude_of.iter().enumerate().all(expected);
+        is_whole.then(|| (name.to_owned(), magnitude.magnitude_of.clone()))
+    };
+    let vectors: Vec<_> = fields.iter().filter_map(vector_of).collect();
+    let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    for field in fields {
+        let of_vector = vectors.iter().find(|(_, components)| components.contains(&field.name));
+        let group = match of_vector.or_else(|| vectors.iter().find(|(name, _)| field.name == format!("{name}:mag"))) {
+            Some(vector) => vector.clone(),
+            None => (field.name.clone(), vec![field.name.clone()]),
+        };
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+    }
+    groups
+}
+
+/// Indices in the order of their sources.
+fn order_of(sources: &[u32]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0_u32..).take(sources.len()).collect();
+    order.sort_unstable_by_key(|&i| sources[i as usize]);
+    order
+}
+
+impl SeriesSource for StoredSeries<'_> {
+    fn describe(&self) -> String {
+        self.store.path().display().to_string()
+    }
+
+    fn times(&self) -> &TimeAxis {
+        self.store.times()
+    }
+
+    fn fields(&self) -> &[FieldInfo] {
+        &self.fields
+    }
+
+    fn mesh(&self) -> FileResult<RawMesh> {
+        Ok(self.mesh.clone())
+    }
+
+    fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
+        let missing = || {
+            let what = FieldSelector { name: field.name.clone(), component: Some(component) };
+            FileError::invalid(self.store.path(), format!("field '{what}'"), "is not among those to export")
+        };
+        let Component::Index(index) = component else { return Err(missing()) };
+        let readers = self.fields.iter().position(|f| f == field).map(|i| &self.readers[i]);
+        let reader = readers.and_then(|readers| readers.get(index)).ok_or_else(missing)?;
+        let mut values = self.buffer.lock().unwrap_or_else(PoisonError::into_inner);
+        reader.decode_step(step, &mut values)?;
+        out.clear();
+        out.extend(self.vertices.iter().map(|&vertex| values[vertex as usize]));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_put_in_order_and_gaps_closed() {
+        assert_eq!(order_of(&[7, 0, 9, 3]), [1, 3, 0, 2]);
+        assert_eq!(order_of(&[]), [0_u32; 0]);
+    }
+}

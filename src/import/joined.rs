@@ -1,0 +1,99 @@
+//! Several sources on one mesh at the same times as one: a file for each field is how many solvers write.
+
+use crate::error::{FileError, FileResult};
+use crate::field::{Component, FieldInfo, SeriesSource, TimeAxis};
+use crate::mesh::RawMesh;
+use std::path::Path;
+
+/// Sources with the same mesh and times, and the fields of all.
+pub(super) struct Joined {
+    /// At least two.
+    sources: Vec<Box<dyn SeriesSource>>,
+    fields: Vec<FieldInfo>,
+    /// The source of each field.
+    owners: Vec<usize>,
+    description: String,
+    notes: Vec<String>,
+}
+
+impl Joined {
+    /// Joins sources; a single one stays what it is. Of fields that several have, the first is taken. `path` names the
+    /// whole in messages.
+    ///
+    /// # Errors
+    /// If there is no source, or one has other times or another mesh than the first.
+    pub(super) fn of(path: &Path, mut sources: Vec<Box<dyn SeriesSource>>) -> FileResult<Box<dyn SeriesSource>> {
+        if sources.len() == 1
+            && let Some(source) = sources.pop()
+        {
+            return Ok(source);
+        }
+        let Some((first, others)) = sources.split_first() else {
+            return Err(FileError::invalid(path, "", "there are no files to read"));
+        };
+        let mesh = first.mesh()?;
+        for other in others {
+            let differs = |what: &str| {
+                let problem = format!("has {what} than {}", first.describe());
+                FileError::unsupported(other.describe(), "", problem).remedy("import it to a store of its own")
+            };
+            if other.times() != first.times() {
+                return Err(differs("other times"));
+            }
+            if !is_same(&mesh, &other.mesh()?) {
+                return Err(differs("another mesh"));
+            }
+        }
+        let (mut fields, mut owners, mut notes) = (Vec::<FieldInfo>::new(), Vec::new(), Vec::new());
+        for (i, source) in sources.iter().enumerate() {
+            for field in source.fields() {
+                if fields.iter().any(|f| f.name == field.name && f.association == field.association) {
+                    notes.push(format!("left out a second field '{}' ({})", field.name, source.describe()));
+                } else {
+                    fields.push(field.clone());
+                    owners.push(i);
+                }
+            }
+        }
+        let mut names: Vec<String> = sources.iter().map(|source| source.describe()).collect();
+        names.dedup();
+        Ok(Box::new(Self { sources, fields, owners, description: names.join(", "), notes }))
+    }
+}
+
+fn is_same(a: &RawMesh, b: &RawMesh) -> bool {
+    let equal = |(p, q): (&glam::DVec3, &glam::DVec3)| p == q;
+    a.tets == b.tets && a.points.len() == b.points.len() && a.points.iter().zip(&b.points).all(equal)
+}
+
+impl SeriesSource for Joined {
+    fn describe(&self) -> String {
+        self.description.clone()
+    }
+
+    fn times(&self) -> &TimeAxis {
+        self.sources[0].times()
+    }
+
+    fn fields(&self) -> &[FieldInfo] {
+        &self.fields
+    }
+
+    fn mesh(&self) -> FileResult<RawMesh> {
+        self.sources[0].mesh()
+    }
+
+    fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
+        let owner = self.fields.iter().position(|f| f == field).and_then(|i| self.owners.get(i)).ok_or_else(|| {
+            FileError::invalid(&self.description, format!("field '{}'", field.name), "does not exist")
+        })?;
+        self.sources[*owner].read(field, component, step, out)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes: Vec<String> = self.sources.iter().flat_map(|source| source.notes()).collect();
+        let mut seen = std::collections::BTreeSet::new();
+        notes.retain(|note| seen.insert(note.clone()));
+        notes.into_iter().chain(self.notes.iter().cloned()).collect()
+    }
+}

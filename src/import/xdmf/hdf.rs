@@ -1,0 +1,152 @@
+//! Data sets of HDF5 files. Only what is asked for is read: the file's metadata on the way to the data set, and its
+//! chunks.
+//!
+//! A file is opened for each data set: the reader keeps decoded data sets for as long as it is open, and a series would
+//! pile up in memory.
+
+use super::super::numbers::Number;
+use super::items::Slab;
+use crate::error::{FileError, FileResult};
+use hdf5_reader::error::ByteOrder;
+use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, SliceInfo, SliceInfoElem};
+use std::path::Path;
+
+/// Most bytes that a byte of the file can stand for: deflate's limit.
+const RATIO_MAX: u64 = 1032;
+/// Bytes of a data set that need no justification by the size of the file: unwritten ones have their fill value.
+const UNWRITTEN_MAX: u64 = 64 << 20;
+
+/// The numbers of a data set.
+pub(super) struct HdfArray {
+    pub(super) number: Number,
+    pub(super) big_endian: bool,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Reads the data set `name`, which must have the shape `dims` (axes of length 1 do not count; a flat list has any
+/// shape), or the part of it that `slab` selects.
+///
+/// # Errors
+/// If there is no such file or data set, it is damaged, has another shape, holds no numbers, or is encoded in a way that
+/// is not read.
+pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -> FileResult<HdfArray> {
+    let place = || format!("data set '{name}'");
+    let damaged = |e: hdf5_reader::error::Error| failure(path, place(), &e);
+    let file_bytes = std::fs::metadata(path).map_err(|e| FileError::io(path, "open", &e))?.len();
+    let file = Hdf5File::open(path).map_err(damaged)?;
+    let dataset = file.dataset(name).map_err(damaged)?;
+    let (number, big_endian) = number_of(dataset.dtype())
+        .map_err(|problem| FileError::unsupported(path, place(), problem).remedy("write it as integers or floats"))?;
+    let invalid = |problem: String| FileError::invalid(path, place(), problem);
+    if slab.is_none() && !is_same_shape(dataset.shape(), dims) {
+        let problem = format!("has the shape {:?}, but the XDMF file says {dims:?}", dataset.shape());
+        return Err(invalid(problem).remedy("correct the Dimensions of its DataItem"));
+    }
+    let all = dataset.shape().iter().try_fold(number.size() as u64, |n, &d| n.checked_mul(d));
+    let limit = file_bytes.saturating_mul(RATIO_MAX).saturating_add(UNWRITTEN_MAX);
+    if all.is_none_or(|bytes| bytes > limit) {
+        let problem = format!("claims the shape {:?} in a file of {file_bytes} bytes", dataset.shape());
+        return Err(invalid(problem).remedy("write the file again with all its values"));
+    }
+    let Some(slab) = slab else {
+        let bytes = dataset.read_raw_bytes().map_err(damaged)?;
+        return Ok(HdfArray { number, big_endian, bytes });
+    };
+    let selection = selection(slab, dataset.shape()).map_err(invalid)?;
+    let bytes = read_slab(&dataset, number, &selection).map_err(damaged)?;
+    Ok(HdfArray { number, big_endian: false, bytes })
+}
+
+/// The error of the reader, by kind.
+fn failure(path: &Path, place: String, error: &hdf5_reader::error::Error) -> FileError {
+    use hdf5_reader::error::Error as E;
+    match innermost(error) {
+        E::Io(e) => FileError::io(path, "read", e),
+        E::GroupNotFound(_) | E::DatasetNotFound(_) => FileError::invalid(path, place, "does not exist")
+            .remedy("correct the name behind the colon in the XDMF file; h5ls -r lists those there are"),
+        E::InvalidMagic => FileError::invalid(path, "", "is no HDF5 file").remedy("write or copy it again"),
+        E::UnsupportedEncoding(what) | E::UnsupportedFilter(what) | E::ResourceLimit(what) => {
+            FileError::unsupported(path, place, format!("is stored in a way that is not read ({what})"))
+                .remedy("write it without compression or with gzip, with h5repack for example")
+        }
+        inner => FileError::invalid(path, place, format!("is damaged: {inner}"))
+            .remedy("write the file again, or copy it again if it was cut"),
+    }
+}
+
+fn innermost(error: &hdf5_reader::error::Error) -> &hdf5_reader::error::Error {
+    match error {
+        hdf5_reader::error::Error::Context { source, .. } => innermost(source),
+        other => other,
+    }
+}
+
+/// Number type and byte order of a data set.
+fn number_of(dtype: &Datatype) -> Result<(Number, bool), String> {
+    let (number, order) = match dtype {
+        Datatype::FixedPoint { size, signed, byte_order } => (Number::integer(*size, *signed), *byte_order),
+        Datatype::FloatingPoint { size, byte_order } => (Number::float(*size), *byte_order),
+        // Booleans of h5py are an enumeration.
+        Datatype::Enum { base, .. } => return number_of(base),
+        _ => return Err("holds no numbers".to_owned()),
+    };
+    let number = number.ok_or_else(|| format!("holds numbers of a width that is not read ({dtype:?})"))?;
+    Ok((number, order == ByteOrder::BigEndian))
+}
+
+/// Whether two shapes name the same numbers in the same order.
+fn is_same_shape(a: &[u64], b: &[u64]) -> bool {
+    let real = |shape: &[u64]| shape.iter().copied().filter(|&d| d != 1).collect::<Vec<_>>();
+    let (a, b) = (real(a), real(b));
+    let count = |shape: &[u64]| shape.iter().try_fold(1_u64, |n, &d| n.checked_mul(d));
+    a == b || ((a.len() <= 1 || b.len() <= 1) && count(&a) == count(&b))
+}
+
+fn selection(slab: &Slab, shape: &[u64]) -> Result<SliceInfo, String> {
+    if slab.axes.len() != shape.len() {
+        return Err(format!("has {} axes, and the HyperSlab {}", shape.len(), slab.axes.len()));
+    }
+    let mut selections = Vec::new();
+    for (axis, &length) in slab.axes.iter().zip(shape) {
+        let end = axis.end().filter(|&end| end <= length);
+        let end = end.ok_or_else(|| format!("has the shape {shape:?}, and the HyperSlab reaches beyond it"))?;
+        selections.push(SliceInfoElem::Slice { start: axis.start, end, step: axis.stride });
+    }
+    Ok(SliceInfo { selections })
+}
+
+/// The selected numbers as little-endian bytes.
+fn read_slab(dataset: &Dataset, number: Number, selection: &SliceInfo) -> hdf5_reader::error::Result<Vec<u8>> {
+    fn run<T: H5Type, const N: usize>(
+        dataset: &Dataset,
+        selection: &SliceInfo,
+        to_bytes: fn(&T) -> [u8; N],
+    ) -> hdf5_reader::error::Result<Vec<u8>> {
+        Ok(dataset.read_slice::<T>(selection)?.iter().flat_map(to_bytes).collect())
+    }
+    match number {
+        Number::Int8 => run(dataset, selection, |v: &i8| v.to_le_bytes()),
+        Number::UInt8 => run(dataset, selection, |v: &u8| v.to_le_bytes()),
+        Number::Int16 => run(dataset, selection, |v: &i16| v.to_le_bytes()),
+        Number::UInt16 => run(dataset, selection, |v: &u16| v.to_le_bytes()),
+        Number::Int32 => run(dataset, selection, |v: &i32| v.to_le_bytes()),
+        Number::UInt32 => run(dataset, selection, |v: &u32| v.to_le_bytes()),
+        Number::Int64 => run(dataset, selection, |v: &i64| v.to_le_bytes()),
+        Number::UInt64 => run(dataset, selection, |v: &u64| v.to_le_bytes()),
+        Number::Float32 => run(dataset, selection, |v: &f32| v.to_le_bytes()),
+        Number::Float64 => run(dataset, selection, |v: &f64| v.to_le_bytes()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_are_the_same_if_they_differ_in_axes_of_one_or_are_flat() {
+        assert!(is_same_shape(&[8, 1], &[8]) && is_same_shape(&[1, 8, 3], &[8, 3]) && is_same_shape(&[24], &[8, 3]));
+        assert!(is_same_shape(&[1], &[]) && is_same_shape(&[0], &[0, 3]));
+        assert!(!is_same_shape(&[3, 8], &[8, 3]) && !is_same_shape(&[24], &[8, 4]) && !is_same_shape(&[7], &[8]));
+        assert!(!is_same_shape(&[u64::MAX, 2], &[8]));
+    }
+}

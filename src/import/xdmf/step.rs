@@ -1,0 +1,241 @@
+//! One step: the grids that make up its mesh, and the fields on them.
+
+use super::super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
+use super::super::numbers::Values;
+use super::super::series::StepReader;
+use super::grid::{Attribute, CELL_TYPES, CellShape, Geometry, Grid, Topology};
+use super::items::{Item, ItemBytes};
+use super::tree::Document;
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, FieldInfo};
+use glam::DVec3;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a step is read from.
+#[derive(Clone)]
+pub(crate) struct XdmfStep {
+    pub(super) document: Arc<Document>,
+    /// At least one.
+    pub(super) grids: Arc<Vec<Grid>>,
+}
+
+impl StepReader for XdmfStep {
+    type Origin = Self;
+    /// One for each grid, in order.
+    type Decoded = Vec<ItemBytes>;
+
+    fn open(origin: &Self) -> FileResult<Self> {
+        Ok(origin.clone())
+    }
+
+    fn path(&self) -> &Path {
+        self.document.path()
+    }
+
+    fn bytes(&self) -> usize {
+        0
+    }
+
+    fn is_in_pieces(&self) -> bool {
+        self.grids.len() > 1
+    }
+
+    fn counts(&self) -> FileResult<(usize, usize)> {
+        Ok(self.grids.iter().fold((0, 0), |(points, cells), grid| {
+            (points.saturating_add(grid.points), cells.saturating_add(grid.topology.cells))
+        }))
+    }
+
+    fn read_grid(&self) -> FileResult<GridReader> {
+        let mut reader = GridReader::default();
+        for grid in self.grids.iter() {
+            self.add_grid(&mut reader, grid)?;
+        }
+        Ok(reader)
+    }
+
+    fn stored_hash(&self) -> FileResult<u64> {
+        // The same places of the same files; their own position in the XDMF file does not count.
+        let mut state = DefaultHasher::new();
+        for grid in self.grids.iter() {
+            let topology = &grid.topology;
+            (grid.points, topology.shape, topology.cells, topology.base).hash(&mut state);
+            topology.connectivity.as_ref().map(Item::place).hash(&mut state);
+            match &grid.geometry {
+                Geometry::Together(item, width) => (item.place(), width).hash(&mut state),
+                Geometry::Apart(items) => items.each_ref().map(Item::place).hash(&mut state),
+            }
+        }
+        Ok(state.finish())
+    }
+
+    fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo> {
+        let mut fields: Vec<FieldInfo> = Vec::new();
+        let mut left_out: Vec<String> = self.grids.iter().flat_map(|grid| grid.left_out.clone()).collect();
+        for grid in self.grids.iter() {
+            for (i, attribute) in grid.attributes.iter().enumerate() {
+                let Attribute { name, association, components, .. } = attribute;
+                let field = FieldInfo { name: name.clone(), components: *components, association: *association };
+                let is_same = |other: &Attribute| other.components == field.components;
+                if find(&grid.attributes[..i], &field).is_some() {
+                    left_out.push(format!("'{name}' (a second array of that name)"));
+                } else if !self.grids.iter().all(|grid| find(&grid.attributes, &field).is_some_and(is_same)) {
+                    left_out.push(format!("'{name}' (not the same in all pieces)"));
+                } else if !fields.contains(&field) {
+                    fields.push(field);
+                }
+            }
+        }
+        if !left_out.is_empty() {
+            left_out.sort();
+            left_out.dedup();
+            notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
+        }
+        fields.sort_by_key(|field| field.association == Association::Cell);
+        fields
+    }
+
+    fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Vec<ItemBytes>> {
+        let invalid = |problem: String| {
+            FileError::invalid(self.path(), format!("step {step}"), problem).remedy("leave that step or that field out")
+        };
+        let read = |grid: &Grid| {
+            let name = &field.name;
+            let attribute = find(&grid.attributes, field).ok_or_else(|| {
+                let kind = if field.association == Association::Point { "node" } else { "cell" };
+                let reason = grid.left_out.iter().find(|text| text.starts_with(&format!("'{name}' (")));
+                let reason = reason.map_or(String::new(), |text| format!(": {text}"));
+                invalid(format!("has no {kind} attribute '{name}'{reason}"))
+            })?;
+            if attribute.components != field.components {
+                let (new, old) = (attribute.components, field.components);
+                return Err(invalid(format!("attribute '{name}' has {new} components, but {old} in the first step")));
+            }
+            attribute.item.read(&self.document)
+        };
+        self.grids.iter().map(read).collect()
+    }
+
+    fn values<'a>(&'a self, decoded: &'a Vec<ItemBytes>) -> Vec<Values<'a>> {
+        decoded.iter().map(ItemBytes::values).collect()
+    }
+}
+
+impl XdmfStep {
+    fn add_grid(&self, reader: &mut GridReader, grid: &Grid) -> FileResult<()> {
+        let place = self.document.place(grid.topology.id);
+        reader.check_room(self.path(), &place, grid.points, grid.topology.cells)?;
+        let first_point = reader.mesh.points.len();
+        let tets_before = reader.mesh.tets.len();
+        self.add_points(reader, &grid.geometry)?;
+        self.add_cells(reader, grid, first_point)?;
+        reader.cells += grid.topology.cells;
+        if reader.mesh.tets.len() > tets_before && matches!(grid.geometry, Geometry::Together(_, 2)) {
+            let problem = "the mesh is flat: GeometryType=\"XY\" with tetrahedra";
+            return Err(self
+                .document
+                .unsupported(grid.topology.id, problem)
+                .remedy("write points of three coordinates"));
+        }
+        Ok(())
+    }
+
+    fn add_points(&self, reader: &mut GridReader, geometry: &Geometry) -> FileResult<()> {
+        let points = &mut reader.mesh.points;
+        match geometry {
+            Geometry::Together(item, width) => {
+                let numbers = item.read(&self.document)?.values().to_f64();
+                points.extend(
+                    numbers.chunks_exact(*width).map(|p| DVec3::new(p[0], p[1], p.get(2).copied().unwrap_or(0.0))),
+                );
+            }
+            Geometry::Apart(items) => {
+                let read = |item: &Item| Ok(item.read(&self.document)?.values().to_f64());
+                let [x, y, z] = [read(&items[0])?, read(&items[1])?, read(&items[2])?];
+                points.extend(x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| DVec3::new(x, y, z)));
+            }
+        }
+        Ok(())
+    }
+
+    fn add_cells(&self, reader: &mut GridReader, grid: &Grid, first_point: usize) -> FileResult<()> {
+        let topology = &grid.topology;
+        match topology.shape {
+            CellShape::Same(vtk) if matches!(kind_of(vtk.into()), Some((_, Kind::Flat))) => {
+                reader.skip_many(vtk, topology.cells);
+                return Ok(());
+            }
+            _ if topology.cells == 0 => return Ok(()),
+            _ => {}
+        }
+        let lacks = || self.document.invalid(topology.id, "has no corners of its cells");
+        let item = topology.connectivity.as_ref().ok_or_else(lacks)?;
+        let invalid = |problem: String| self.document.invalid(item.id, problem);
+        let mut corners = item.read(&self.document)?.values().to_indices().map_err(|i| {
+            invalid(format!("number {i} is negative or no integer")).remedy("corners of cells are whole numbers")
+        })?;
+        if topology.shape == CellShape::Mixed {
+            return self.add_mixed(reader, grid, &corners, first_point);
+        }
+        if corners.len() as u64 != 4 * topology.cells as u64 {
+            let (got, cells) = (corners.len(), topology.cells);
+            return Err(invalid(format!("has {got} corners, but {cells} tetrahedra need {}", 4 * cells as u64)));
+        }
+        self.rebase(topology, &mut corners)?;
+        for (cell, vertices) in corners.chunks_exact(4).enumerate() {
+            reader.push_tet(cell, vertices, grid.points, first_point).map_err(invalid)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the cells of a mixed topology: a list of type, number of corners where the type leaves it open, corners.
+    fn add_mixed(&self, reader: &mut GridReader, grid: &Grid, list: &[u64], first_point: usize) -> FileResult<()> {
+        let topology = &grid.topology;
+        let invalid = |problem: String| self.document.invalid(topology.id, problem);
+        let mut rest = list;
+        for cell in 0..topology.cells {
+            let cut = || invalid(format!("the list of cells ends in cell {cell} of {}", topology.cells));
+            let (&code, after) = rest.split_first().ok_or_else(cut)?;
+            let known = CELL_TYPES.iter().find(|t| t.code == code);
+            let known =
+                known.ok_or_else(|| invalid(format!("cell {cell} is of type {code}, which XDMF does not know")))?;
+            if let Some((_, Kind::Solid)) = kind_of(known.vtk.into()) {
+                let what = format!("cell {cell} is of type {code} ({})", name_of(known.vtk));
+                return Err(refuse_solid(self.path(), self.document.place(topology.id), &what));
+            }
+            let (corners, after) = match known.corners {
+                0 => after
+                    .split_first()
+                    .and_then(|(&n, after)| Some((usize::try_from(n).ok()?, after)))
+                    .ok_or_else(cut)?,
+                n => (n, after),
+            };
+            let (vertices, after) = after.split_at_checked(corners).ok_or_else(cut)?;
+            rest = after;
+            if known.vtk == 10 {
+                let mut vertices = vertices.to_vec();
+                self.rebase(topology, &mut vertices)?;
+                reader.push_tet(cell, &vertices, grid.points, first_point).map_err(invalid)?;
+            } else {
+                reader.skip(known.vtk);
+            }
+        }
+        if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }
+    }
+
+    /// Counts points from 0.
+    fn rebase(&self, topology: &Topology, vertices: &mut [u64]) -> FileResult<()> {
+        for vertex in vertices {
+            *vertex = vertex.checked_sub(topology.base).ok_or_else(|| {
+                self.document.invalid(topology.id, format!("point {vertex} is below the BaseOffset {}", topology.base))
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn find<'a>(attributes: &'a [Attribute], field: &FieldInfo) -> Option<&'a Attribute> {
+    attributes.iter().find(|a| a.association == field.association && a.name == field.name)
+}

@@ -1,0 +1,98 @@
+//! The coordinates that the source has, beside those that are drawn.
+//!
+//! A mesh is drawn from f32 coordinates in a local frame (see [`Positions`]). Shifting rounds, so the way back gives the
+//! source's coordinates to within 2^-25 of the frame, not bit for bit. Where it does not give every one back, a store
+//! keeps them as they were, for export; nothing else reads them.
+
+use super::array::StoredArray;
+use super::layout::{MESH, Storage};
+use super::mesh::ArrayWriter;
+use crate::codec::{Chunking, ElementType, ReadRange};
+use crate::error::FileResult;
+use crate::mesh::Positions;
+use glam::{DVec3, Vec3};
+use serde_json::Map;
+use std::path::Path;
+
+/// Name of the array: f32 if that holds all of them, else f64; a row a vertex of the store.
+const NAME: &str = "source_points";
+
+/// Points of a source before they were rounded, in its order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourcePoints(Points);
+
+#[derive(Clone, Debug, PartialEq)]
+enum Points {
+    Single(Vec<[f32; 3]>),
+    Double(Vec<[f64; 3]>),
+}
+
+impl SourcePoints {
+    /// Keeps points, in half the memory if f32 holds all of them.
+    pub fn of(points: &[DVec3]) -> Self {
+        let is_single = |p: &DVec3| p.as_vec3().as_dvec3() == *p;
+        Self(match points.iter().all(is_single) {
+            true => Points::Single(points.iter().map(|p| p.as_vec3().to_array()).collect()),
+            false => Points::Double(points.iter().map(|p| p.to_array()).collect()),
+        })
+    }
+
+    fn get(&self, index: u32) -> DVec3 {
+        match &self.0 {
+            Points::Single(points) => Vec3::from_array(points[index as usize]).as_dvec3(),
+            Points::Double(points) => DVec3::from_array(points[index as usize]),
+        }
+    }
+
+    /// Writes those that the vertices come from, unless the positions give them back.
+    ///
+    /// # Panics
+    /// If `vertex_source` names a missing point.
+    pub(super) fn write(
+        &self,
+        root: &Path,
+        storage: &Storage,
+        positions: &Positions,
+        vertex_source: &[u32],
+    ) -> FileResult<()> {
+        if vertex_source.iter().enumerate().all(|(vertex, &source)| positions.world(vertex) == self.get(source)) {
+            return Ok(());
+        }
+        let mut to = ArrayWriter::new(root, storage, MESH);
+        let axes = ["vertex", "axis"];
+        match &self.0 {
+            Points::Single(points) => to.write(NAME, &gather(points, vertex_source), axes, Map::new()),
+            Points::Double(points) => to.write(NAME, &gather(points, vertex_source), axes, Map::new()),
+        }
+    }
+}
+
+fn gather<T: Copy>(points: &[T], vertex_source: &[u32]) -> Vec<T> {
+    vertex_source.iter().map(|&source| points[source as usize]).collect()
+}
+
+/// The points as the source had them, one for each of so many vertices; `None` if the positions have them, or the store
+/// is older.
+pub(super) fn read(
+    root: &Path,
+    storage: &Storage,
+    source: &dyn ReadRange,
+    vertices: u64,
+) -> FileResult<Option<Vec<DVec3>>> {
+    if !root.join(MESH).join(NAME).join("zarr.json").exists() {
+        return Ok(None);
+    }
+    let open = |element| {
+        let array = StoredArray::open(root, storage, &format!("{MESH}/{NAME}"), element, Chunking::Whole, 2)?;
+        array.expect_shape(root, &[vertices, 3])
+    };
+    let error = match open(ElementType::F32) {
+        Ok(array) => {
+            let points = array.read::<f32, 3>(root, source)?;
+            return Ok(Some(points.into_iter().map(|p| Vec3::from_array(p).as_dvec3()).collect()));
+        }
+        Err(error) => error,
+    };
+    let Ok(array) = open(ElementType::F64) else { return Err(error) };
+    Ok(Some(array.read::<f64, 3>(root, source)?.into_iter().map(DVec3::from_array).collect()))
+}
