@@ -41,6 +41,21 @@ fn the_blunt_fin_is_drawn_as_the_reference_draws_it() {
     assert!(assert_frame_agrees("blunt fin", &job) > 0.5);
 }
 
+#[test]
+fn the_series_of_solvers_are_drawn_as_the_reference_draws_them() {
+    let Some(dir) = samples() else { return };
+    for (name, field, step) in [
+        ("heart_wave/heart_wave.xdmf", "potential", "200"),
+        ("jet_flow/jet_flow.xdmf", "velocity:mag", "40"),
+        ("natural_convection/natural_convection.xdmf", "temperature", "70"),
+        ("torso_dipole/torso_dipole.xdmf", "potential", "100"),
+    ] {
+        let out = tempfile::tempdir().unwrap();
+        let store = import_to(&dir.join(name), &out.path().join("series.zarr"), step);
+        assert_agrees_from_all_sides(&store, field, &[0]);
+    }
+}
+
 /// Every sample that is a tetrahedral mesh: vertices, cells, steps and times at both ends.
 const SERIES: [(&str, usize, usize, usize, [f64; 2]); 7] = [
     ("heart_wave/heart_wave.xdmf", 10_297, 45_064, 360, [0.002_064, 0.743_04]),
