@@ -2,9 +2,11 @@
 
 use super::progress::Terminal;
 use super::{Outcome, print_result, source};
+use crate::codec::raw;
+use crate::codec::vq::{MAX_ENTRIES, VqOptions};
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
-use crate::ingest::{IngestOptions, StepRange};
+use crate::ingest::{CodecChoice, IngestOptions, StepRange};
 use crate::mesh::{Mesh, RepairReport};
 use serde::Serialize;
 use std::fmt;
@@ -26,6 +28,18 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
+    /// How values are stored: raw as they are, vq compressed with loss
+    #[arg(long, default_value = "raw", value_parser = ["raw", "vq"])]
+    codec: String,
+    /// Entries of each codebook of vq: more are larger and closer to the truth
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(2..=MAX_ENTRIES as i64))]
+    entries: u32,
+    /// How vq finds its codebooks: fast, or exact (much slower, a little closer)
+    #[arg(long, value_name = "HOW", default_value = "fast", value_parser = ["fast", "exact"])]
+    search: String,
+    /// Let vq err relative to each vertex's own variation, for values over many orders of magnitude
+    #[arg(long)]
+    relative: bool,
     /// Read the mesh and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
@@ -51,11 +65,20 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         fields: args.fields.clone(),
         steps: args.steps,
         overwrite: args.overwrite,
-        ..Default::default()
+        codec: codec(args)?,
     };
     let report = source::run_ingest(&*series, output, &options, terminal)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
+}
+
+/// The codec that the options name.
+fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
+    if args.codec == raw::NAME {
+        return Ok(CodecChoice::Raw);
+    }
+    let search = args.search.parse().map_err(anyhow::Error::msg)?;
+    Ok(CodecChoice::Vq(VqOptions { entries: args.entries as usize, search, own_scales: args.relative }))
 }
 
 /// What `--dry-run` says.

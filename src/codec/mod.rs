@@ -10,17 +10,21 @@
 //! |---|---|
 //! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
 //! | bytes of a chunk | [`seal`], [`read_chunk`] |
-//! | values of a step | [`raw`] |
+//! | values of a step | [`raw`], [`vq`] |
+//! | how far they are from the truth | [`ErrorTally`], [`Quality`] |
 
 mod chunk;
 mod magnitude;
+mod quality;
 pub mod raw;
+pub mod vq;
 
 pub use chunk::{
     ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
     to_bytes,
 };
 pub use magnitude::magnitude;
+pub use quality::{ErrorTally, OverSigma, Quality};
 
 use crate::error::FileResult;
 
@@ -49,6 +53,8 @@ pub struct Encoded {
     pub arrays: Vec<ArraySpec>,
     /// Parameters of the codec, for the store's attributes.
     pub parameters: serde_json::Value,
+    /// What decoding gives back wrongly; `None` if it is exact by design.
+    pub errors: Option<ErrorTally>,
 }
 
 /// Encodes the steps of one field in order.
