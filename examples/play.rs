@@ -4,7 +4,7 @@
 use std::{env::args, error::Error, sync::Arc};
 use tetreel::camera::Camera;
 use tetreel::ingest::{IngestOptions, ingest};
-use tetreel::pipeline::{FrameRequest, Pipeline, RenderMode};
+use tetreel::pipeline::{FrameRequest, Pipeline};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -29,8 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (hi - lo).length())?);
     let camera = Camera::default_for((lo, hi))?;
     for (step, time) in pipeline.times().values.clone().into_iter().enumerate() {
-        let (table, size_px) = (table.clone(), (320, 240));
-        let frame = pipeline.render(&FrameRequest { step, camera, table, size_px, mode: RenderMode::Auto })?;
+        let frame = pipeline.render(&FrameRequest::new(step, camera, table.clone(), (320, 240)))?;
         println!("step {step:3}  time {time:8.4}  {:7.2} ms", frame.stats.ms_frame);
     }
     Ok(())

@@ -5,7 +5,7 @@ use std::{env::args, error::Error, path::Path, sync::Arc};
 use tetreel::camera::Camera;
 use tetreel::image::{PngDepth, write_png};
 use tetreel::ingest::{IngestOptions, ingest};
-use tetreel::pipeline::{FrameRequest, Pipeline, RenderMode};
+use tetreel::pipeline::{FrameRequest, Pipeline};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tf = TransferFunction::parse("inferno@0:0,0.3:0.02,1:0.5")?;
     let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (hi - lo).length())?);
     let camera = Camera::default_for((lo, hi))?;
-    let request = FrameRequest { step, camera, table, size_px: (640, 480), mode: RenderMode::Auto };
+    let request = FrameRequest::new(step, camera, table, (640, 480));
     let out = args().nth(1).unwrap_or_else(|| "render_one.png".to_owned());
     let frame = pipeline.render(&request)?;
     write_png(Path::new(&out), &frame.color, None, PngDepth::Eight)?;

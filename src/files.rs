@@ -13,15 +13,28 @@ use std::path::Path;
 /// If the folder does not take the file, or `write` fails.
 pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> FileResult<()> {
     let io = |e: std::io::Error| FileError::io(path, "write", &e);
-    check_place(path)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".tetreel-");
-    readable(&mut builder, 0o666);
-    let mut sibling = builder.tempfile_in(parent_of(path)).map_err(io)?;
+    let mut sibling = sibling_file(path)?;
     write(sibling.as_file_mut())?;
     sibling.as_file_mut().flush().map_err(io)?;
     sibling.persist(path).map_err(|e| io(e.error))?;
     Ok(())
+}
+
+/// Makes an empty file beside `path` with the same extension; it is removed when dropped unless it is renamed.
+///
+/// # Errors
+/// If the folder does not take the file.
+pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
+    check_place(path)?;
+    let mut suffix = OsString::new();
+    if let Some(extension) = path.extension() {
+        suffix.push(".");
+        suffix.push(extension);
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".tetreel-").suffix(&suffix);
+    readable(&mut builder, 0o666);
+    builder.tempfile_in(parent_of(path)).map_err(|e| FileError::io(path, "write", &e))
 }
 
 /// Makes an empty folder beside `target`, named after it and `purpose`; it is removed when dropped unless it is kept or

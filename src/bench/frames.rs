@@ -2,6 +2,7 @@
 
 use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
 use crate::image::compare;
+use crate::optics::OpticsKind;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -92,7 +93,7 @@ pub fn run_frames(
 fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<FrameRequest, PipelineError> {
     let mut request = bench.request.clone();
     if bench.motion.time {
-        request.step = (request.step + index) % pipeline.times().len().max(1);
+        request.time = ((request.time.step() + index) % pipeline.times().len().max(1)).into();
     }
     if bench.motion.camera {
         request.camera = request.camera.orbit(TURN_DEG * index as f64, 0.0)?;
@@ -117,7 +118,12 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         backend: "cpu".to_owned(),
         mode: if bench.request.mode == RenderMode::Reference { "reference" } else { "raycast" }.to_owned(),
         lod: 1.0,
-        optics: "exact".to_owned(),
+        // The reference integrates exactly whatever was asked for.
+        optics: match bench.request.mode {
+            RenderMode::Reference => OpticsKind::Exact,
+            RenderMode::Auto | RenderMode::Raycast => bench.request.optics,
+        }
+        .to_string(),
         codec: pipeline.field().codec.clone(),
         skip: false,
         threads: rayon::current_num_threads(),

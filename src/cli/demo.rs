@@ -3,7 +3,8 @@
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizePx};
 use super::{Outcome, render, source};
-use crate::export::sequence::{Background, FramePattern};
+use crate::export::sequence::FramePattern;
+use crate::export::still::{Background, StillOptions};
 use crate::image::{self, PngDepth};
 use crate::ingest::IngestOptions;
 use crate::store::Store;
@@ -55,11 +56,13 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         camera: Some(CAMERA.to_owned()),
         size: SIZE,
         mode: Default::default(),
+        optics: Default::default(),
     };
     let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;
     let pattern = FramePattern::new(&frames_dir.join("frame_%04d.png"))?;
     let steps: Vec<usize> = (0..STEPS).collect();
-    render::render_steps(&mut scene, &steps, &pattern, BACKGROUND, terminal)?;
+    let options = StillOptions { background: BACKGROUND, ..Default::default() };
+    render::render_steps(&mut scene, &steps, &pattern, options, terminal)?;
 
     let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(2 * i + 1));
     let frames = shown.map(|path| image::read_png(&path)).collect::<Result<Vec<_>, _>>()?;

@@ -1,9 +1,11 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use crate::camera::Camera;
+use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
-use crate::pipeline::{FrameRequest, Pipeline, RenderMode};
+use crate::optics::OpticsKind;
+use crate::pipeline::{FrameRequest, FrameTime, Pipeline, RenderMode};
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use anyhow::Context;
@@ -37,6 +39,9 @@ pub(super) struct SceneArgs {
     /// auto, raycast, or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
+    /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
+    #[arg(long, value_name = "OPTICS", default_value = "exact")]
+    pub(super) optics: OpticsKind,
 }
 
 /// Width and height in pixels.
@@ -71,11 +76,14 @@ pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
     pub(super) camera: Camera,
     tf: TransferFunction,
+    /// `tf` as the user wrote it.
+    tf_text: String,
     policy: RangePolicy,
     kind: OpacityKind,
     unit_distance: f64,
     size: SizePx,
     mode: RenderMode,
+    optics: OpticsKind,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
 }
@@ -93,8 +101,19 @@ impl Scene {
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = args.unit_distance.unwrap_or_else(|| 0.01 * (bounds.1 - bounds.0).length());
         let (policy, kind) = (args.range, args.opacity_kind);
-        let mut scene =
-            Self { pipeline, camera, tf, policy, kind, unit_distance, size: args.size, mode: args.mode, table: None };
+        let mut scene = Self {
+            pipeline,
+            camera,
+            tf,
+            tf_text: args.tf.clone(),
+            policy,
+            kind,
+            unit_distance,
+            size: args.size,
+            mode: args.mode,
+            optics: args.optics,
+            table: None,
+        };
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             scene.request(0)?;
@@ -103,23 +122,47 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The request for a step.
-    pub(super) fn request(&mut self, step: usize) -> anyhow::Result<FrameRequest> {
-        let table = self.table(step)?;
-        Ok(FrameRequest { step, camera: self.camera, table, size_px: (self.size.0, self.size.1), mode: self.mode })
+    /// The request for a step, or for a moment between two.
+    pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
+        let time = time.into();
+        let table = self.table(time)?;
+        let request = FrameRequest::new(time, self.camera, table, (self.size.0, self.size.1));
+        Ok(FrameRequest { mode: self.mode, optics: self.optics, ..request })
     }
 
-    /// The table for a step; made anew only if the range has changed.
-    fn table(&mut self, step: usize) -> anyhow::Result<Arc<NodeTable>> {
+    /// What the frame of the last `request` shows, as frame number `frame` of the run.
+    pub(super) fn attributes(&self, request: &FrameRequest, frame: usize) -> FrameAttributes {
+        let field = self.pipeline.field();
+        FrameAttributes {
+            time: request.time.time(self.pipeline.times()),
+            step: request.time.step(),
+            frame,
+            field: field.name.clone(),
+            units: field.units.clone(),
+            camera: request.camera.to_string(),
+            transfer_function: self.tf_text.clone(),
+            range: self.table.as_ref().map(|(range, _)| *range),
+            opacity_kind: self.kind,
+            unit_distance: self.unit_distance,
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            extras: Default::default(),
+        }
+    }
+
+    /// The table for a moment; made anew only if the range has changed. Between two steps their ranges are interpolated as
+    /// the scalars are: no mixed scalar lies outside, and colours do not jump at a step.
+    fn table(&mut self, time: FrameTime) -> anyhow::Result<Arc<NodeTable>> {
         let field = self.pipeline.field();
         let nothing = (f64::NAN, f64::NAN);
         let ends = |range: Option<[f32; 2]>| range.map_or(nothing, |[lo, hi]| (f64::from(lo), f64::from(hi)));
         let series = ends(field.range);
         // A step without a finite value shows nothing, whatever the colours.
-        let of_step = match field.range_per_step.get(step).copied().flatten() {
+        let of = |step: usize| match field.range_per_step.get(step).copied().flatten() {
             None => series,
             range => ends(range),
         };
+        let (lo, hi) = of(time.step());
+        let of_step = (time.mix(lo, |next| of(next).0), time.mix(hi, |next| of(next).1));
         let range = self.policy.resolve(series, of_step).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         if let Some((last, table)) = &self.table
             && *last == range

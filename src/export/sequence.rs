@@ -1,48 +1,11 @@
 //! Sequences of numbered images, encoded and written while the next frame renders.
 
+use super::still::{OutputFrame, StillFormat, StillOptions, write_still};
 use crate::error::{FileError, FileResult};
-use crate::image::{PngDepth, RgbaImage, write_png};
 use crossbeam::channel::{Sender, bounded};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::thread::JoinHandle;
-
-/// What lies behind the volume.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Background {
-    /// Nothing: the image keeps its opacity as straight alpha.
-    Transparent,
-    /// A display-referred colour, 0..=1 per channel: the image is opaque.
-    Color([f32; 3]),
-}
-
-impl Background {
-    /// The colour, if there is one.
-    pub fn color(self) -> Option<[f32; 3]> {
-        match self {
-            Self::Transparent => None,
-            Self::Color(rgb) => Some(rgb),
-        }
-    }
-}
-
-impl FromStr for Background {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "none" | "transparent" => return Ok(Self::Transparent),
-            "black" => return Ok(Self::Color([0.0; 3])),
-            "white" => return Ok(Self::Color([1.0; 3])),
-            "gray" | "grey" => return Ok(Self::Color([0.5; 3])),
-            _ => {}
-        }
-        let hex = text.strip_prefix('#').filter(|h| h.len() == 6 && h.bytes().all(|b| b.is_ascii_hexdigit()));
-        let packed = hex.and_then(|h| u32::from_str_radix(h, 16).ok());
-        let packed = packed.ok_or("write #rrggbb, black, white, gray or none")?;
-        Ok(Self::Color([16, 8, 0].map(|shift| (packed >> shift & 255) as f32 / 255.0)))
-    }
-}
 
 /// A file name with a place for the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent
 /// sign. Without a number it names a single frame.
@@ -58,7 +21,7 @@ impl FramePattern {
     /// Reads a pattern.
     ///
     /// # Errors
-    /// If there are two numbers, a conversion other than %d, or the file is no .png.
+    /// If there are two numbers, a conversion other than %d, or the file is neither .png nor .exr.
     pub fn new(path: &Path) -> FileResult<Self> {
         let bad =
             |problem: &str| FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png");
@@ -86,9 +49,8 @@ impl FramePattern {
             rest = tail;
         }
         pattern.push(rest);
-        let extension = Path::new(text).extension().map(|e| e.to_ascii_lowercase());
-        if extension.is_none_or(|e| e != "png") {
-            return Err(bad("only .png images can be written"));
+        if StillFormat::of(Path::new(text)).is_none() {
+            return Err(bad("only .png and .exr images can be written"));
         }
         Ok(pattern)
     }
@@ -125,21 +87,21 @@ const QUEUE: usize = 2;
 /// Encodes and writes images on a thread of its own. Each file appears whole or not at all.
 #[derive(Debug)]
 pub struct FrameWriter {
-    queue: Option<Sender<(RgbaImage, PathBuf)>>,
+    queue: Option<Sender<(OutputFrame, PathBuf)>>,
     thread: Option<JoinHandle<FileResult<usize>>>,
 }
 
 impl FrameWriter {
     /// Starts the thread.
-    pub fn new(background: Background) -> Self {
-        let (queue, frames) = bounded::<(RgbaImage, PathBuf)>(QUEUE);
+    pub fn new(options: StillOptions) -> Self {
+        let (queue, frames) = bounded::<(OutputFrame, PathBuf)>(QUEUE);
         let thread = std::thread::spawn(move || {
             let mut written = 0;
-            for (image, path) in frames {
+            for (frame, path) in frames {
                 if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
                     std::fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "make the folder", &e))?;
                 }
-                write_png(&path, &image, background.color(), PngDepth::Eight)?;
+                write_still(&path, &frame, &options)?;
                 written += 1;
             }
             Ok(written)
@@ -151,8 +113,8 @@ impl FrameWriter {
     ///
     /// # Errors
     /// If an earlier frame could not be written.
-    pub fn send(&mut self, image: RgbaImage, path: PathBuf) -> FileResult<()> {
-        let sent = self.queue.as_ref().is_some_and(|queue| queue.send((image, path)).is_ok());
+    pub fn send(&mut self, frame: OutputFrame, path: PathBuf) -> FileResult<()> {
+        let sent = self.queue.as_ref().is_some_and(|queue| queue.send((frame, path)).is_ok());
         if sent { Ok(()) } else { self.finish().map(|_| ()) }
     }
 
@@ -173,6 +135,7 @@ impl FrameWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::RgbaImage;
 
     #[test]
     fn patterns_place_the_number_of_the_frame() {
@@ -182,6 +145,7 @@ mod tests {
         assert_eq!(path("f%02d.png", 12345), "f12345.png");
         assert_eq!(path("50%%_%d.png", 3), "50%_3.png");
         assert_eq!(path("one.png", 3), "one.png");
+        assert_eq!(path("raw_%03d.exr", 3), "raw_003.exr");
     }
 
     #[test]
@@ -192,20 +156,14 @@ mod tests {
     }
 
     #[test]
-    fn backgrounds_are_named_or_hexadecimal() {
-        assert_eq!("#ff8000".parse(), Ok(Background::Color([1.0, 128.0 / 255.0, 0.0])));
-        assert_eq!("none".parse(), Ok(Background::Transparent));
-        assert!("#12345".parse::<Background>().is_err() && "#+12345".parse::<Background>().is_err());
-    }
-
-    #[test]
     fn a_frame_that_cannot_be_written_is_reported() {
         let dir = tempfile::tempdir().unwrap();
         let blocked = dir.path().join("file");
         std::fs::write(&blocked, "in the way").unwrap();
-        let mut writer = FrameWriter::new(Background::Transparent);
-        writer.send(RgbaImage::new(2, 2), dir.path().join("a.png")).unwrap();
-        let _ = writer.send(RgbaImage::new(2, 2), blocked.join("b.png"));
+        let frame = || OutputFrame { color: RgbaImage::new(2, 2), ..Default::default() };
+        let mut writer = FrameWriter::new(StillOptions::default());
+        writer.send(frame(), dir.path().join("a.png")).unwrap();
+        let _ = writer.send(frame(), blocked.join("b.png"));
         assert!(writer.finish().is_err());
         assert!(dir.path().join("a.png").is_file());
     }

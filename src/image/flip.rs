@@ -9,6 +9,7 @@
 //! 3. Difference per pixel: colour ^ (1 - feature). The result is the mean over all pixels.
 
 use super::filter::{Kernel, Plane};
+use super::srgb::linear_from_srgb;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -117,10 +118,6 @@ fn features(y: &Plane) -> Vec<[f64; 2]> {
 /// Distance of two colours (4.1.2).
 fn hyab(a: Pixel, b: Pixel) -> f64 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
-}
-
-fn linear_from_srgb(c: f64) -> f64 {
-    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 fn times(matrix: &[[f64; 3]; 3], v: Pixel) -> Pixel {

@@ -1,8 +1,8 @@
 //! How different two images are.
 
-use super::RgbaImage;
 use super::filter::{Kernel, Plane};
 use super::flip::mean_flip;
+use super::{DepthImage, RgbaImage};
 use serde::{Deserialize, Serialize};
 
 /// Differences between two images of equal size.
@@ -78,6 +78,46 @@ pub fn compare(a: &RgbaImage, b: &RgbaImage, background: [f32; 3]) -> Result<Ima
         ssim: mean_ssim(&luminance(&a_over, a), &luminance(&b_over, b)),
         flip: mean_flip(&a_over, &b_over, a.width, a.height),
     })
+}
+
+/// Differences between two planes of distances of equal size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DepthMetrics {
+    /// Largest absolute difference where both have a distance, world units; 0 if that is nowhere.
+    pub max: f64,
+    /// Root of the mean square difference, over the same pixels.
+    pub rmse: f64,
+    /// Number of these pixels.
+    pub compared: u64,
+    /// Pixels of which one plane has a distance and the other has none.
+    pub unmatched: u64,
+}
+
+/// Compares distances; a value that is not finite is none.
+///
+/// # Errors
+/// If sizes differ, or there are no pixels.
+pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, MetricsError> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
+    }
+    if a.pixels.is_empty() {
+        return Err(MetricsError::NoPixels);
+    }
+    let mut metrics = DepthMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
+    let mut squares = 0.0;
+    for (&x, &y) in a.pixels.iter().zip(&b.pixels) {
+        if x.is_finite() && y.is_finite() {
+            let difference = f64::from(x) - f64::from(y);
+            metrics.max = metrics.max.max(difference.abs());
+            squares += difference * difference;
+            metrics.compared += 1;
+        } else if x.is_finite() || y.is_finite() {
+            metrics.unmatched += 1;
+        }
+    }
+    metrics.rmse = (squares / metrics.compared.max(1) as f64).sqrt();
+    Ok(metrics)
 }
 
 /// Luma of display-referred RGB (Rec. 601), as the SSIM paper's programs take it.

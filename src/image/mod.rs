@@ -1,16 +1,41 @@
-//! Image planes, their metrics, and PNG files.
+//! Image planes, their metrics, PNG and EXR files.
 //!
 //! Row 0 is the top row; the centre of pixel (i, j) is (i + 0.5, j + 0.5).
 
+mod exr;
 mod filter;
 mod flip;
 mod metrics;
 mod png;
 mod sheet;
+mod srgb;
 
-pub use metrics::{ImageMetrics, MetricsError, compare};
-pub use png::{PngDepth, read_png, write_png};
+pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
+pub use metrics::{DepthMetrics, ImageMetrics, MetricsError, compare, compare_depth};
+pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
 pub use sheet::contact_sheet;
+
+use crate::error::{FileError, FileResult};
+use std::io::Read;
+use std::path::Path;
+
+/// The first bytes of every EXR.
+const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// Reads a PNG or an EXR, as its first bytes say: accumulators, and depth where the file has it.
+///
+/// # Errors
+/// As [`read_png`] and [`read_exr`].
+pub fn read_image(path: &Path) -> FileResult<(RgbaImage, Option<DepthImage>)> {
+    let mut first = Vec::new();
+    let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    file.take(4).read_to_end(&mut first).map_err(|e| FileError::io(path, "read", &e))?;
+    if first != EXR_MAGIC {
+        return Ok((read_png(path)?, None));
+    }
+    let ExrImage { color, depth, .. } = read_exr(path)?;
+    Ok((color, depth))
+}
 
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.
 #[derive(Clone, Debug, Default, PartialEq)]

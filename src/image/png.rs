@@ -5,6 +5,7 @@ use crate::error::{FileError, FileResult};
 use crate::files;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
+use std::str::FromStr;
 
 /// Bits per channel of a written PNG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,12 +17,38 @@ pub enum PngDepth {
     Sixteen,
 }
 
+impl FromStr for PngDepth {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "8" => Ok(Self::Eight),
+            "16" => Ok(Self::Sixteen),
+            _ => Err("a PNG has 8 or 16 bits".to_owned()),
+        }
+    }
+}
+
 /// Writes an image: with straight alpha, or opaque over `background` where one is given. The file appears whole or not at
 /// all. Colours are clamped to 0..=1.
 ///
 /// # Errors
 /// If the image has no pixels or one that is not finite, or the folder does not take the file.
 pub fn write_png(path: &Path, image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> FileResult<()> {
+    write_png_with_texts(path, image, background, depth, &[])
+}
+
+/// As [`write_png`], with `texts` beside the image: keywords and what they say (tEXt chunks, Latin-1).
+///
+/// # Errors
+/// As [`write_png`], or if a keyword or a text cannot be stored.
+pub fn write_png_with_texts(
+    path: &Path,
+    image: &RgbaImage,
+    background: Option<[f32; 3]>,
+    depth: PngDepth,
+    texts: &[(&str, &str)],
+) -> FileResult<()> {
     if let Some((i, j)) = image.first_not_finite() {
         return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
     }
@@ -43,7 +70,13 @@ pub fn write_png(path: &Path, image: &RgbaImage, background: Option<[f32; 3]>, d
             PngDepth::Eight => png::BitDepth::Eight,
             PngDepth::Sixteen => png::BitDepth::Sixteen,
         });
-        let written = encoder.write_header().and_then(|mut writer| {
+        let mut write = || {
+            for &(keyword, text) in texts {
+                encoder.add_text_chunk(keyword.to_owned(), text.to_owned())?;
+            }
+            Ok(())
+        };
+        let written = write().and_then(|()| encoder.write_header()).and_then(|mut writer| {
             writer.write_image_data(&bytes)?;
             writer.finish()
         });
@@ -66,30 +99,59 @@ fn straight(&[r, g, b, a]: &[f32; 4]) -> [f32; 4] {
 /// and no PNG has more than eight pixels a byte: a header that promises more than this per byte of the file lies.
 const MOST_PIXELS_PER_BYTE: u64 = 1032 * 8;
 
+/// Reads a PNG to its end and returns the text that it has under `keyword`, if any.
+///
+/// # Errors
+/// If the file cannot be opened, is no PNG, or is damaged or cut anywhere.
+pub fn read_png_text(path: &Path, keyword: &str) -> FileResult<Option<String>> {
+    let mut reader = open(path)?;
+    let mut bytes = vec![0; buffer_size(path, &reader)?];
+    let read = reader.next_frame(&mut bytes).and_then(|_| reader.finish());
+    read.map_err(|e| unreadable(path, e))?;
+    let found = reader.info().uncompressed_latin1_text.iter().find(|chunk| chunk.keyword == keyword);
+    Ok(found.map(|chunk| chunk.text.clone()))
+}
+
+type PngReader = png::Reader<BufReader<std::fs::File>>;
+
+fn unreadable(path: &Path, error: png::DecodingError) -> FileError {
+    match error {
+        png::DecodingError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => {
+            FileError::io(path, "read", &e)
+        }
+        other => FileError::invalid(path, "", other.to_string()).remedy("is it a whole PNG file?"),
+    }
+}
+
+/// Reads the header, which must not promise more pixels than the file can hold.
+fn open(path: &Path) -> FileResult<PngReader> {
+    let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    let file_bytes = file.metadata().map_err(|e| FileError::io(path, "open", &e))?.len();
+    let mut decoder = png::Decoder::new(BufReader::new(file));
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let reader = decoder.read_info().map_err(|e| unreadable(path, e))?;
+    let pixels = u64::from(reader.info().width) * u64::from(reader.info().height);
+    if pixels > file_bytes.saturating_mul(MOST_PIXELS_PER_BYTE) {
+        return Err(FileError::invalid(path, "header", format!("promises {pixels} pixels in {file_bytes} bytes")));
+    }
+    Ok(reader)
+}
+
+/// Bytes of the decoded image.
+fn buffer_size(path: &Path, reader: &PngReader) -> FileResult<usize> {
+    let (width, height) = (reader.info().width, reader.info().height);
+    let too_large = || FileError::unsupported(path, "header", format!("{width} x {height} pixels do not fit memory"));
+    reader.output_buffer_size().ok_or_else(too_large)
+}
+
 /// Reads a PNG of 8 or 16 bits, grey, RGB or palette, with or without alpha, to premultiplied values.
 ///
 /// # Errors
 /// If the file cannot be opened, is no PNG, or is damaged.
 pub fn read_png(path: &Path) -> FileResult<RgbaImage> {
-    let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
-    let file_bytes = file.metadata().map_err(|e| FileError::io(path, "open", &e))?.len();
-    let invalid = |e: png::DecodingError| match e {
-        png::DecodingError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => {
-            FileError::io(path, "read", &e)
-        }
-        other => FileError::invalid(path, "", other.to_string()).remedy("is it a whole PNG file?"),
-    };
-    let mut decoder = png::Decoder::new(BufReader::new(file));
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(invalid)?;
-    let pixels = u64::from(reader.info().width) * u64::from(reader.info().height);
-    let promised = || format!("promises {pixels} pixels in {file_bytes} bytes");
-    if pixels > file_bytes.saturating_mul(MOST_PIXELS_PER_BYTE) {
-        return Err(FileError::invalid(path, "header", promised()));
-    }
-    let size = reader.output_buffer_size().ok_or_else(|| FileError::unsupported(path, "header", promised()))?;
-    let mut bytes = vec![0; size];
-    let info = reader.next_frame(&mut bytes).map_err(invalid)?;
+    let mut reader = open(path)?;
+    let mut bytes = vec![0; buffer_size(path, &reader)?];
+    let info = reader.next_frame(&mut bytes).map_err(|e| unreadable(path, e))?;
     bytes.truncate(info.buffer_size());
     let samples: Vec<f32> = match info.bit_depth {
         png::BitDepth::Sixteen => {

@@ -5,7 +5,7 @@
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
 //! are those at the start of the next.
 
-use super::{Accumulator, piece_weights};
+use super::{Accumulator, Integrator, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
 
@@ -81,6 +81,21 @@ impl ExactTable {
             let visible = self.intervals[..end].iter().rev().take_while(|i| i.hi > s1).find(|i| !i.clear);
             visible.map_or(1.0, |i| share(i.hi.min(s0)))
         }
+    }
+
+    /// The table as `shaders/lib/optics_exact.wgsl` reads it, over scalars seen through `map`: per interval (lo, hi,
+    /// width, 1 / width or 0), colour and extinction at lo, their rise to hi. Widths are those before rounding: an
+    /// interval too narrow for f32 at its place still has one.
+    pub fn packed(&self, map: ScalarMap) -> Vec<[f32; 4]> {
+        const FAR: f64 = 3e38;
+        let vector = |o: &Optical| [o.color.x, o.color.y, o.color.z, o.tau];
+        let pack = |i: &Interval| {
+            let [lo, hi] = [i.lo, i.hi].map(|s| map.apply(s).clamp(-FAR, FAR) as f32);
+            let width = if i.per_width == 0.0 { 0.0 } else { (i.hi - i.lo) * map.prescale * map.scale };
+            let per_width = if width > 0.0 { 1.0 / width } else { 0.0 };
+            [[lo, hi, width as f32, per_width.min(FAR) as f32], vector(&i.at_lo), vector(&i.rise)]
+        };
+        self.intervals.iter().flat_map(pack).collect()
     }
 
     /// Whether no scalar has extinction.
@@ -171,5 +186,27 @@ impl ExactRay {
     fn move_to(&mut self, intervals: &[Interval], interval: usize, scalar: f64) {
         self.interval = interval;
         self.here = intervals[interval].at(scalar);
+    }
+}
+
+impl Integrator for ExactTable {
+    type Place = ExactRay;
+
+    #[inline(always)]
+    fn enter(&self, scalar: f64) -> ExactRay {
+        ExactRay::enter(self, scalar)
+    }
+
+    #[inline(always)]
+    fn segment(&self, place: &mut ExactRay, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
+        place.segment(self, s0, s1, length, out)
+    }
+
+    fn clear_share(&self, s0: f64, s1: f64) -> f64 {
+        self.clear_share(s0, s1)
+    }
+
+    fn is_clear(&self) -> bool {
+        self.is_clear()
     }
 }

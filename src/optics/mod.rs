@@ -8,13 +8,74 @@
 //!
 //! with premultiplied C composited front to back. Inside a cell the scalar is linear in t, between two nodes of the
 //! [`NodeTable`](crate::node_table::NodeTable) colour and extinction are linear in the scalar: a segment that is split at
-//! the nodes has pieces on which everything is linear in t. [`exact`] integrates those.
+//! the nodes has pieces on which everything is linear in t. [`exact`] integrates those, [`table3d`] looks segments up in a
+//! table of three dimensions. A renderer is written once over [`Integrator`].
 
 pub mod exact;
+mod scalar_map;
+pub mod table3d;
+mod table3d_entries;
 mod weights;
 
 use glam::Vec4;
+pub use scalar_map::ScalarMap;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 pub use weights::{PieceWeights, piece_weights};
+
+/// How segments are integrated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OpticsKind {
+    /// Split at the nodes of the transfer function, [`exact`].
+    #[default]
+    Exact,
+    /// Pre-integrated table, [`table3d`].
+    Table3d,
+}
+
+impl FromStr for OpticsKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "exact" => Ok(Self::Exact),
+            "table3d" => Ok(Self::Table3d),
+            _ => Err(format!("there are no optics '{text}'; choose exact or table3d")),
+        }
+    }
+}
+
+impl fmt::Display for OpticsKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Exact => "exact",
+            Self::Table3d => "table3d",
+        })
+    }
+}
+
+/// A transfer function prepared for the integration of segments of rays.
+pub trait Integrator: Sync {
+    /// What is known of a ray's place in the transfer function from the segment before.
+    type Place: Copy;
+
+    /// The place of a ray that enters the volume, or goes on after a gap, at this scalar.
+    fn enter(&self, scalar: f64) -> Self::Place;
+
+    /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
+    /// `s0` is the scalar at which the ray entered or the `s1` of the segment before. Returns the number of pieces that
+    /// were integrated; 0 if nothing was to be seen.
+    fn segment(&self, place: &mut Self::Place, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64;
+
+    /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
+    /// That of the transfer function itself, however segments are integrated.
+    fn clear_share(&self, s0: f64, s1: f64) -> f64;
+
+    /// Whether no scalar has extinction.
+    fn is_clear(&self) -> bool;
+}
 
 /// Light gathered along a ray from the front: premultiplied colour and opacity, and what still shines through.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +105,13 @@ impl Accumulator {
     pub fn add(&mut self, weights: PieceWeights, near: Vec4, far: Vec4) {
         self.rgba += near * (self.transmittance * weights.near) + far * (self.transmittance * weights.far);
         self.transmittance *= weights.transmittance;
+    }
+
+    /// Composites premultiplied light (red, green, blue, alpha) of opacity `alpha` behind what has been gathered.
+    #[inline]
+    pub fn add_premultiplied(&mut self, light: Vec4, alpha: f32) {
+        self.rgba += light * self.transmittance;
+        self.transmittance *= 1.0 - alpha;
     }
 
     /// The gathered light as a pixel.

@@ -1,25 +1,31 @@
 //! From a request to a frame: decode, order, render.
 //!
 //! [`Pipeline`] plays one field of one store. What did not change since the last request is not done again: the same step
-//! is not decoded twice.
+//! is not decoded twice. A frame shows a step or, between two steps, their linear mixture ([`FrameTime`]).
+
+mod steps;
+mod time;
+
+pub use time::FrameTime;
 
 use crate::camera::{Camera, CameraError};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::{Cancel, Progress};
-use crate::visibility::{CellSet, finite_cells};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
+use steps::StepCache;
 
 /// How a frame is rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,19 +53,37 @@ impl FromStr for RenderMode {
     }
 }
 
-/// All that a frame of a series depends on. Plain data: cheap to clone.
-#[derive(Clone, Debug)]
+/// All that a frame of a series depends on. Plain data: cheap to clone, and what it serialises to tells it from others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameRequest {
-    /// Zero-based step of the store.
-    pub step: usize,
+    /// Zero-based step of the store, or a moment between two.
+    pub time: FrameTime,
     /// Where from.
     pub camera: Camera,
     /// Transfer function over the field's scalars.
+    #[serde(serialize_with = "serialize_table")]
     pub table: Arc<NodeTable>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
     /// Which renderer.
     pub mode: RenderMode,
+    /// How segments are integrated; the reference does it in its own way.
+    pub optics: OpticsKind,
+}
+
+impl FrameRequest {
+    /// A frame with everything else as by default: the fastest accurate mode, exact optics.
+    ///
+    /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
+    pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
+        let (mode, optics) = (RenderMode::default(), OpticsKind::default());
+        Self { time: time.into(), camera, table, size_px, mode, optics }
+    }
+}
+
+/// What the table is, not where.
+fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
+    NodeTable::serialize(table, serializer)
 }
 
 /// Why a request did not become a frame.
@@ -79,21 +103,12 @@ pub enum PipelineError {
     Render(#[from] RenderError),
 }
 
-/// A step, decoded.
-#[derive(Clone, Debug)]
-struct Decoded {
-    step: usize,
-    scalars: Arc<Vec<f32>>,
-    active: Arc<CellSet>,
-}
-
 /// Turns requests into frames, one after the other.
 pub struct Pipeline {
     mesh: Arc<Mesh>,
     times: TimeAxis,
     reader: FieldReader,
-    all_cells: Arc<CellSet>,
-    decoded: Option<Decoded>,
+    steps: StepCache,
     raycast: Raycast,
     reference: Reference,
 }
@@ -114,9 +129,9 @@ impl Pipeline {
         };
         let reader = store.field(&selector)?;
         let mesh = Arc::new(store.mesh()?);
-        let all_cells = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let steps = StepCache::new(mesh.topology.tets.len());
         let times = store.times().clone();
-        Ok(Self { mesh, times, reader, all_cells, decoded: None, raycast: Raycast::new(), reference: Reference::new() })
+        Ok(Self { mesh, times, reader, steps, raycast: Raycast::new(), reference: Reference::new() })
     }
 
     /// The mesh of the series.
@@ -135,26 +150,35 @@ impl Pipeline {
     }
 
     /// Reads steps as a frame would and forgets them: whether the store can give them all. Reports each to `progress`.
+    /// Returns the CRC-32C of each step's scalars in memory, by which their content is told from another.
     ///
     /// # Errors
     /// That of the first step that cannot be read, or `Cancelled`.
-    pub fn check_steps(&self, steps: &[usize], progress: &dyn Progress, cancel: &Cancel) -> Result<(), PipelineError> {
+    pub fn check_steps(
+        &self,
+        steps: &[usize],
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Vec<u32>, PipelineError> {
         let vertices = self.mesh.positions.local.len();
         let read = |buffer: &mut Vec<f32>, &step: &usize| {
             if cancel.is_cancelled() {
-                return Some(PipelineError::Cancelled);
+                return Err(PipelineError::Cancelled);
             }
             progress.advance(1);
-            self.reader.decode_step(step, buffer).err().map(PipelineError::from)
+            self.reader.decode_step(step, buffer)?;
+            Ok(crc32c::crc32c(bytemuck::cast_slice(buffer)))
         };
-        let errors = steps.par_iter().map_init(|| vec![0.0; vertices], read);
-        errors.find_first(Option::is_some).flatten().map_or(Ok(()), Err)
+        // All results before the first error among them: which one that is must not depend on threads.
+        let checked: Vec<Result<u32, PipelineError>> =
+            steps.par_iter().map_init(|| vec![0.0; vertices], read).collect();
+        checked.into_iter().collect()
     }
 
-    /// Renders a frame of exactly the step asked for.
+    /// Renders a frame of exactly the moment asked for.
     ///
     /// # Errors
-    /// If the step cannot be read or there is no view through the camera.
+    /// If a step cannot be read or there is no view through the camera.
     pub fn render(&mut self, request: &FrameRequest) -> Result<&Frame, PipelineError> {
         self.render_unless(request, &Cancel::new())
     }
@@ -172,7 +196,7 @@ impl Pipeline {
         renderer.render_unless(job, cancel)?.ok_or(PipelineError::Cancelled)
     }
 
-    /// The job of a request: decodes the step and finds its active cells, unless that is the step decoded last.
+    /// The job of a request: decodes what it shows and finds its active cells, unless the last request showed the same.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -180,33 +204,18 @@ impl Pipeline {
         let started = Instant::now();
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
         let mut stats = FrameStats::default();
-        let decoded = match self.decoded.take() {
-            Some(decoded) if decoded.step == request.step => decoded,
-            last => self.decode(request.step, last, &mut stats)?,
-        };
+        let decode = |step: usize, out: &mut [f32]| self.reader.decode_step(step, out);
+        let shown = self.steps.show(request.time, &self.mesh, &decode, &mut stats)?;
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        let job = RenderJob {
+        Ok(RenderJob {
             mesh: self.mesh.clone(),
-            scalars: decoded.scalars.clone(),
-            active: decoded.active.clone(),
+            scalars: shown.scalars,
+            active: shown.active,
             view,
             table: request.table.clone(),
+            optics: request.optics,
             early_termination: true,
             stats,
-        };
-        self.decoded = Some(decoded);
-        Ok(job)
-    }
-
-    /// Decodes a step; the buffers of the `last` one are used again, unless somebody still holds them.
-    fn decode(&self, step: usize, last: Option<Decoded>, stats: &mut FrameStats) -> FileResult<Decoded> {
-        let mut scalars = last.map(|d| d.scalars).unwrap_or_default();
-        let values = Arc::make_mut(&mut scalars);
-        values.resize(self.mesh.positions.local.len(), 0.0);
-        let decoded = self.reader.decode_step(step, values)?;
-        (stats.bytes_read, stats.vertices_decoded) = (decoded.bytes_read, decoded.vertices_decoded);
-        let finite = finite_cells(&self.mesh.topology, values);
-        let active = if finite == *self.all_cells { self.all_cells.clone() } else { Arc::new(finite) };
-        Ok(Decoded { step, scalars, active })
+        })
     }
 }

@@ -4,12 +4,14 @@
 //! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU.
 
 pub mod cpu;
+pub mod gpu;
 pub mod reference;
 
 use crate::camera::View;
 use crate::image::{DepthImage, RgbaImage};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
@@ -29,6 +31,8 @@ pub struct RenderJob {
     pub view: View,
     /// Transfer function.
     pub table: Arc<NodeTable>,
+    /// How segments are integrated; the reference does it in its own way.
+    pub optics: OpticsKind,
     /// Whether rays stop when nothing behind can be seen.
     pub early_termination: bool,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
@@ -53,6 +57,33 @@ pub enum RenderError {
         set: usize,
         /// Cells of the mesh.
         cells: usize,
+    },
+    /// There is no GPU to render on.
+    #[error("no GPU: {0}")]
+    NoGpu(String),
+    /// The job is too much for this GPU, or not made for it; a renderer on the CPU can do it.
+    #[error("{adapter} cannot render this: {problem}")]
+    BeyondGpu {
+        /// Name of the adapter.
+        adapter: String,
+        /// What is too much.
+        problem: String,
+    },
+    /// The driver reset the device, or it is gone.
+    #[error("the GPU {adapter} was lost: {reason}")]
+    DeviceLost {
+        /// Name of the adapter.
+        adapter: String,
+        /// What the driver says.
+        reason: String,
+    },
+    /// The device failed.
+    #[error("the GPU {adapter} failed: {problem}")]
+    Gpu {
+        /// Name of the adapter.
+        adapter: String,
+        /// What the driver says.
+        problem: String,
     },
 }
 

@@ -28,6 +28,18 @@ pub struct FrameStats {
     pub rays_stopped_early: u64,
     /// Path pieces skipped because they lay before what was already composited (overlapping cells).
     pub out_of_order: u64,
+    /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
+    pub broken_paths: u64,
+    /// Times that a frame was begun again because its lists of entries were longer than the room for them (GPU).
+    pub entry_retries: u64,
+    /// Bytes sent to the GPU.
+    pub bytes_uploaded: u64,
+    /// Milliseconds of the GPU for the view transform; `None` without a GPU or without timestamps.
+    pub ms_gpu_transform: Option<f64>,
+    /// Milliseconds of the GPU for the entries.
+    pub ms_gpu_entries: Option<f64>,
+    /// Milliseconds of the GPU for the walk.
+    pub ms_gpu_walk: Option<f64>,
     /// Milliseconds spent decoding.
     pub ms_decode: f64,
     /// Milliseconds spent on active cells, view transform and entries.
@@ -47,5 +59,6 @@ impl FrameStats {
         self.rays_hit += part.rays_hit;
         self.rays_stopped_early += part.rays_stopped_early;
         self.out_of_order += part.out_of_order;
+        self.broken_paths += part.broken_paths;
     }
 }

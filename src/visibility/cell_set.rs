@@ -24,6 +24,11 @@ impl CellSet {
         Self { words: vec![0; len.div_ceil(64)], len }
     }
 
+    /// The set as bits: cell c is bit c % 64 of word c / 64; bits beyond the last cell are zero.
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+
     /// Number of cells of the mesh (not of the set).
     pub fn universe(&self) -> usize {
         self.len

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 /// Says on stderr, past the test harness's capture, that a test is skipped for want of `what` (gpu, window, python,
-/// samples), or fails where `TETREEL_REQUIRE` names it.
+/// ffmpeg, samples), or fails where `TETREEL_REQUIRE` names it.
 pub fn skip(what: &str, why: &str) {
     let required = std::env::var("TETREEL_REQUIRE").unwrap_or_default();
     assert!(!required.split(',').any(|r| r.trim() == what), "TETREEL_REQUIRE={required}, but {what} is missing: {why}");

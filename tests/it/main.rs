@@ -3,6 +3,7 @@
 
 mod cli;
 mod common;
+mod exr;
 mod floors;
 mod import;
 mod mesh;

@@ -33,7 +33,8 @@ fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
 
 /// The same request through the fast path and through the judge.
 fn both(pipeline: &mut Pipeline, step: usize, camera: Camera, table: &Arc<NodeTable>) -> (RgbaImage, RgbaImage) {
-    let request = FrameRequest { step, camera, table: table.clone(), size_px: (128, 128), mode: RenderMode::Raycast };
+    let request =
+        FrameRequest { mode: RenderMode::Raycast, ..FrameRequest::new(step, camera, table.clone(), (128, 128)) };
     let fast = pipeline.render(&request).unwrap().color.clone();
     let judge = pipeline.render(&FrameRequest { mode: RenderMode::Reference, ..request }).unwrap().color.clone();
     (fast, judge)

@@ -1,6 +1,7 @@
 //! The `tetreel` command as a user meets it: exit codes, files, what is on stdout and what on stderr.
 
 mod import;
+mod movie;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -192,6 +193,39 @@ fn compare_exits_with_0_1_or_2() {
 }
 
 #[test]
+fn exr_files_keep_what_png_files_round() {
+    let place = Place::with_slab();
+    let make = |rest: &[&str]| place.ok(&render(&[&["--steps", "2", "-o"], rest].concat()));
+    make(&["raw.exr", "--exr", "raw"]);
+    make(&["linear.exr"]);
+    make(&["reference.exr", "--exr", "raw", "--mode", "reference"]);
+    make(&["8.png"]);
+    make(&["16.png", "--bit-depth", "16"]);
+    let max = |a: &str, b: &str| place.json(&["compare", a, b, "--json"])["max"].as_f64().unwrap();
+    assert_eq!(max("raw.exr", "raw.exr"), 0.0);
+    // Linear light rounds colours of at most 1 to f32 twice: in the file and when it is read.
+    let linear = max("raw.exr", "linear.exr");
+    assert!(linear <= 2.1 * 2.0_f64.powi(-24), "{linear}");
+    // A straight colour and an opacity are off by half a step each.
+    for (file, steps) in [("8.png", 255.0), ("16.png", 65535.0)] {
+        let rounded = max("raw.exr", file);
+        assert!(rounded > linear && rounded <= 1.01 / steps, "{file}: {rounded}");
+    }
+    // The bounds of the fast renderer against the reference, which a PNG would hide.
+    let metrics = place.json(&["compare", "raw.exr", "reference.exr", "--json"]);
+    assert!(metrics["max"].as_f64() <= Some(1e-3) && metrics["rmse"].as_f64() <= Some(1e-5), "{metrics}");
+    assert_eq!(keys(&metrics["depth"]), ["compared", "max", "rmse", "unmatched"]);
+    assert!(metrics["depth"]["compared"].as_u64() > Some(0), "{metrics}");
+    assert!(place.ok(&["compare", "raw.exr", "linear.exr"]).contains("depth: max 0"));
+    assert!(place.json(&["compare", "raw.exr", "8.png", "--json"]).get("depth").is_none());
+
+    place.refuses(&render(&["-o", "a.png", "--steps", "0", "--exr", "raw"]), &["--exr", "a.png"]);
+    place.refuses(&render(&["-o", "a.exr", "--steps", "0", "--bit-depth", "8"]), &["--bit-depth", "a.exr"]);
+    place.refuses(&render(&["-o", "a.exr", "--steps", "0", "--background", "white"]), &["--background", "a.exr"]);
+    place.refuses(&render(&["-o", "a.png", "--steps", "0", "--bit-depth", "12"]), &["12", "8 or 16"]);
+}
+
+#[test]
 fn bad_input_gives_one_error_that_names_it_and_changes_nothing() {
     let place = Place::with_slab();
     // Outputs from before, which must survive.
@@ -214,6 +248,7 @@ fn bad_input_gives_one_error_that_names_it_and_changes_nothing() {
         ("--range", "3,1", ["3..1", "--range"]),
         ("--unit-distance", "0", ["unit-distance", "0"]),
         ("--mode", "fast", ["'fast'", "raycast"]),
+        ("--optics", "fast", ["'fast'", "table3d"]),
         ("--background", "pink", ["pink", "#rrggbb"]),
     ] {
         place.refuses(&render(&[&out[..], &[option, value]].concat()), &parts);

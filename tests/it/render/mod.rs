@@ -1,7 +1,11 @@
 //! Renderers against closed forms and against the reference.
 
 mod closed_form;
+mod depth;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod raycast;
+mod table3d;
 
 use glam::DVec3;
 use std::sync::Arc;
@@ -32,6 +36,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         active: Arc::new(active),
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
+        optics: Default::default(),
         early_termination: true,
         stats: Default::default(),
     }
@@ -59,10 +64,20 @@ pub fn difference(a: &RgbaImage, b: &RgbaImage) -> (f64, f64) {
     ((sum / (4 * a.pixels.len()) as f64).sqrt(), max)
 }
 
-/// The project's bound for every fast path against the reference.
+/// The project's bound for every fast path against the reference, on the CPU and, where there is one, on the GPU.
 pub fn assert_agrees(name: &str, job: &RenderJob) {
     let (fast, judge) = (raycast(job), reference(job));
-    let (rmse, max) = difference(&fast, &judge);
-    assert!(rmse <= 1e-5 && max <= 1e-3, "{name}: rmse {rmse:.2e}, max {max:.2e}");
+    assert_within(&format!("{name}: CPU against reference"), &fast, &judge);
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
+    #[cfg(feature = "gpu")]
+    if let Some(frame) = gpu::render(job) {
+        assert_within(&format!("{name}: GPU against CPU"), &frame.color, &fast);
+        assert_eq!(frame.stats.broken_paths, 0, "{name}");
+    }
+}
+
+/// RMSE 1e-5, maximum 1e-3.
+pub fn assert_within(name: &str, a: &RgbaImage, b: &RgbaImage) {
+    let (rmse, max) = difference(a, b);
+    assert!(rmse <= 1e-5 && max <= 1e-3, "{name}: rmse {rmse:.2e}, max {max:.2e}");
 }

@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 /// A face of an active cell without an active cell behind it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EntryFace {
+pub(in crate::render) struct EntryFace {
     /// Counter-clockwise seen from outside the cell.
     pub(super) vertices: [u32; 3],
-    pub(super) cell: u32,
+    pub(in crate::render) cell: u32,
     /// The vertex of the cell (0..4) that is not on the face.
-    pub(super) opposite: u32,
+    pub(in crate::render) opposite: u32,
 }
 
 /// A rectangle of pixels.
@@ -28,7 +28,7 @@ pub(super) struct PixelRect {
 }
 
 /// All entry faces, in the order of their cells.
-pub(super) fn collect(topology: &Topology, active: &CellSet, out: &mut Vec<EntryFace>) {
+pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, out: &mut Vec<EntryFace>) {
     out.clear();
     out.par_extend((0..topology.tets.len() as u32).into_par_iter().with_min_len(16_384).flat_map_iter(|cell| {
         let member = active.contains(cell);
@@ -49,7 +49,7 @@ pub(super) fn face_of(topology: &Topology, cell: u32, opposite: usize) -> EntryF
 /// Active cells that may contain the eye, for rays that start inside the volume. A ray starts in one of them if it is
 /// behind the eye where it enters the cell and not where it leaves it; both are computed as for any other face, so that
 /// entries in front of the eye and starts around it complement each other.
-pub(super) fn cells_at_eye(job: &RenderJob, local_view: &View) -> Vec<u32> {
+pub(in crate::render) fn cells_at_eye(job: &RenderJob, local_view: &View) -> Vec<u32> {
     // View coordinates are rounded by some 2^-53 of the local box's diameter, which is below 4; far more than that is safe,
     // since a cell too many only costs time.
     const TOLERANCE: f64 = 1e-12;

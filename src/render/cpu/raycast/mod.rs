@@ -24,7 +24,8 @@
 //! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
 //! or eight rays of a thread in turn, to hide the latency of the loads; vertices and neighbours of a cell side by side.
 
-mod entries;
+pub(in crate::render) mod entries;
+pub(in crate::render) mod pre_integrated;
 mod simd;
 mod view;
 mod walk;
@@ -33,10 +34,14 @@ use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::exact::ExactTable;
+use crate::optics::table3d::{Table3d, Table3dResolution};
+use crate::optics::{Integrator, OpticsKind};
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 use entries::{EntryFace, TileBins};
+use pre_integrated::PreIntegrated;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use view::ViewVertex;
@@ -60,6 +65,8 @@ pub struct Raycast {
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
+    /// The pre-integrated table of the last job that asked for one.
+    pre_integrated: PreIntegrated,
     /// Use no instructions that not every processor of its kind has.
     portable: bool,
 }
@@ -68,10 +75,25 @@ pub struct Raycast {
 struct ActiveJob {
     job: RenderJob,
     view: View,
-    table: ExactTable,
+    table: Table,
     eye_cells: Vec<u32>,
     next_tile: usize,
     started: Instant,
+}
+
+/// The job's transfer function, prepared.
+enum Table {
+    Exact(ExactTable),
+    Table3d(Arc<Table3d>),
+}
+
+impl Table {
+    fn is_clear(&self) -> bool {
+        match self {
+            Self::Exact(table) => table.is_clear(),
+            Self::Table3d(table) => table.is_clear(),
+        }
+    }
 }
 
 impl Raycast {
@@ -83,6 +105,11 @@ impl Raycast {
     /// The same renderer without instructions that only newer processors have; its images are the same.
     pub fn portable() -> Self {
         Self { portable: true, ..Self::default() }
+    }
+
+    /// A renderer whose pre-integrated tables have this resolution.
+    pub fn with_table3d_resolution(resolution: Table3dResolution) -> Self {
+        Self { pre_integrated: PreIntegrated::of_resolution(resolution), ..Self::default() }
     }
 
     /// Entry faces depend on the mesh and its active cells alone: those of the last job are kept while these are the same.
@@ -103,7 +130,10 @@ impl Renderer for Raycast {
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
-        let table = ExactTable::new(&job.table, job.mesh.positions.scale);
+        let table = match job.optics {
+            OpticsKind::Exact => Table::Exact(ExactTable::new(&job.table, job.mesh.positions.scale)),
+            OpticsKind::Table3d => Table::Table3d(self.pre_integrated.get(&job)),
+        };
         view::transform(&view, &job.mesh.positions.local, &job.scalars, &mut self.vertices);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0;
@@ -129,16 +159,33 @@ impl Renderer for Raycast {
     }
 
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
-        let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
+        let Some(active) = self.active_job.take() else { return Ok(Advance::Done(&self.frame)) };
         let slice_started = Instant::now();
+        let next_tile = match &active.table {
+            Table::Exact(table) => self.render_tiles(&active, table, budget),
+            Table::Table3d(table) => self.render_tiles(&active, &**table, budget),
+        };
+        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
+        if next_tile >= self.bins.tile_count() {
+            return Ok(Advance::Done(&self.frame));
+        }
+        self.active_job = Some(ActiveJob { next_tile, ..active });
+        Ok(Advance::Partial(&self.frame))
+    }
+}
+
+impl Raycast {
+    /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
+    fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
+        let started = Instant::now();
         let tile_count = self.bins.tile_count();
-        let depth_scale = active.job.mesh.positions.scale;
         let scene = Scene {
             mesh: &active.job.mesh,
             active: &active.job.active,
             all_active: active.job.active.count() == active.job.active.universe(),
             view: &active.view,
-            table: &active.table,
+            table,
             vertices: &self.vertices,
             entry_faces: &self.entry_faces,
             eye_cells: &active.eye_cells,
@@ -147,9 +194,10 @@ impl Renderer for Raycast {
         // Threads wait for each other at the end of a batch: small ones only where the budget is small.
         let tiles_per_thread = if budget < Duration::from_millis(20) { 2 } else { 128 };
         let batch = if budget == Duration::MAX { tile_count } else { tiles_per_thread * rayon::current_num_threads() };
-        while active.next_tile < tile_count {
-            let tiles = active.next_tile..(active.next_tile + batch).min(tile_count);
-            active.next_tile = tiles.end;
+        let mut next_tile = active.next_tile;
+        while next_tile < tile_count {
+            let tiles = next_tile..(next_tile + batch).min(tile_count);
+            next_tile = tiles.end;
             let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
             let counts = self.tile_pixels[tiles.start * TILE_PX * TILE_PX..tiles.end * TILE_PX * TILE_PX]
                 .par_chunks_exact_mut(TILE_PX * TILE_PX)
@@ -165,29 +213,27 @@ impl Renderer for Raycast {
                     sum
                 });
             self.frame.stats.add_counts(&counts);
-            for tile in tiles {
-                let rect = self.bins.rect(tile);
-                let pixels = &self.tile_pixels[tile * TILE_PX * TILE_PX..];
-                let width = self.frame.color.width;
-                for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
-                    let at = (rect.y + row) * width + rect.x;
-                    for (i, pixel) in line.iter().enumerate() {
-                        self.frame.color.pixels[at + i] = pixel.rgba;
-                        self.frame.depth.pixels[at + i] = (pixel.depth * depth_scale) as f32;
-                    }
-                }
-            }
-            if slice_started.elapsed() >= budget {
+            copy_tiles(&mut self.frame, &self.bins, &self.tile_pixels, tiles, active.job.mesh.positions.scale);
+            if started.elapsed() >= budget {
                 break;
             }
         }
-        let done = active.next_tile >= tile_count;
-        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
-        if done {
-            self.active_job = None;
-            return Ok(Advance::Done(&self.frame));
+        next_tile
+    }
+}
+
+/// Copies tiles from their own order into the planes of the frame; `depth_scale` is the world length of a local one.
+fn copy_tiles(frame: &mut Frame, bins: &TileBins, tile_pixels: &[TilePixel], tiles: Range<usize>, depth_scale: f64) {
+    let width = frame.color.width;
+    for tile in tiles {
+        let rect = bins.rect(tile);
+        let pixels = &tile_pixels[tile * TILE_PX * TILE_PX..];
+        for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
+            let at = (rect.y + row) * width + rect.x;
+            for (i, pixel) in line.iter().enumerate() {
+                frame.color.pixels[at + i] = pixel.rgba;
+                frame.depth.pixels[at + i] = (pixel.depth * depth_scale) as f32;
+            }
         }
-        Ok(Advance::Partial(&self.frame))
     }
 }

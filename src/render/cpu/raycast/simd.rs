@@ -6,6 +6,7 @@
 
 use super::entries::TileBins;
 use super::walk::{Scene, TilePixel, TileScratch, render_tile_inlined};
+use crate::optics::Integrator;
 use crate::stats::FrameStats;
 
 /// Whether this processor runs the AVX2 version.
@@ -17,9 +18,9 @@ pub(super) fn has_avx2() -> bool {
 }
 
 /// As `render_tile` of the walk; `avx2` as [`has_avx2`] says, or false for the version that runs everywhere.
-pub(super) fn render_tile(
+pub(super) fn render_tile<I: Integrator>(
     avx2: bool,
-    scene: &Scene<'_>,
+    scene: &Scene<'_, I>,
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
@@ -36,8 +37,8 @@ pub(super) fn render_tile(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn render_tile_avx2(
-    scene: &Scene<'_>,
+fn render_tile_avx2<I: Integrator>(
+    scene: &Scene<'_, I>,
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,

@@ -4,18 +4,17 @@ use super::entries::{Crossing, EntryFace, PixelRect, TileBins, crossing, face_of
 use super::view::{Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use crate::camera::View;
 use crate::mesh::Mesh;
-use crate::optics::Accumulator;
-use crate::optics::exact::{ExactRay, ExactTable};
+use crate::optics::{Accumulator, Integrator};
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 
 /// What all tiles of a frame read.
-pub(super) struct Scene<'a> {
+pub(super) struct Scene<'a, I> {
     pub(super) mesh: &'a Mesh,
     pub(super) active: &'a CellSet,
     pub(super) all_active: bool,
     pub(super) view: &'a View,
-    pub(super) table: &'a ExactTable,
+    pub(super) table: &'a I,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) entry_faces: &'a [EntryFace],
     pub(super) eye_cells: &'a [u32],
@@ -50,8 +49,8 @@ struct Start {
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
 #[inline(always)]
-pub(super) fn render_tile_inlined(
-    scene: &Scene<'_>,
+pub(super) fn render_tile_inlined<I: Integrator>(
+    scene: &Scene<'_, I>,
     bins: &TileBins,
     tile: usize,
     scratch: &mut TileScratch,
@@ -74,7 +73,7 @@ pub(super) fn render_tile_inlined(
 }
 
 /// All starts of paths in a tile, by pixel and depth.
-fn find_starts(scene: &Scene<'_>, bins: &TileBins, tile: usize, rect: PixelRect, out: &mut Vec<(u32, Start)>) {
+fn find_starts<I>(scene: &Scene<'_, I>, bins: &TileBins, tile: usize, rect: PixelRect, out: &mut Vec<(u32, Start)>) {
     out.clear();
     for (face, bounds) in bins.faces(tile) {
         let EntryFace { vertices, cell, opposite } = scene.entry_faces[face as usize];
@@ -109,7 +108,7 @@ fn find_starts(scene: &Scene<'_>, bins: &TileBins, tile: usize, rect: PixelRect,
 }
 
 /// The ray's start in a cell that it enters behind (or at) the eye and leaves in front of it.
-fn start_at_eye(scene: &Scene<'_>, ray: &Ray, cell: u32) -> Option<Start> {
+fn start_at_eye<I>(scene: &Scene<'_, I>, ray: &Ray, cell: u32) -> Option<Start> {
     let mut start = None;
     let mut exit = None;
     for opposite in 0..4 {
@@ -125,7 +124,7 @@ fn start_at_eye(scene: &Scene<'_>, ray: &Ray, cell: u32) -> Option<Start> {
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.
-struct Walk<'a> {
+struct Walk<'a, I: Integrator> {
     ray: Ray,
     /// Starts of the paths still to be walked.
     starts: &'a [(u32, Start)],
@@ -140,7 +139,7 @@ struct Walk<'a> {
     /// Depth and scalar where it does.
     last: (f64, f64),
     /// Place in the table, if the last segment was composited up to `last`.
-    exact: Option<ExactRay>,
+    place: Option<I::Place>,
     light: Accumulator,
     /// Depth of the first visible place.
     visible_from: f64,
@@ -158,9 +157,9 @@ struct Walk<'a> {
 /// essay for why the first and the last entry do not occur.
 const REPLACED: [u8; 8] = [3, 2, 0, 0, 1, 2, 1, 3];
 
-impl<'a> Walk<'a> {
+impl<'a, I: Integrator> Walk<'a, I> {
     /// A ray at its first start (there is one).
-    fn new(scene: &Scene<'_>, ray: Ray, starts: &'a [(u32, Start)]) -> Self {
+    fn new(scene: &Scene<'_, I>, ray: Ray, starts: &'a [(u32, Start)]) -> Self {
         let mut walk = Self {
             ray,
             starts,
@@ -171,7 +170,7 @@ impl<'a> Walk<'a> {
             ids: [0; 3],
             edges: [0.0; 3],
             last: (0.0, 0.0),
-            exact: None,
+            place: None,
             light: Accumulator::CLEAR,
             visible_from: f64::INFINITY,
             front: if ray.perspective { scene.view.near.max(0.0) } else { f64::NEG_INFINITY },
@@ -198,7 +197,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Goes to the start of the next path, if there is one.
-    fn next_path(&mut self, scene: &Scene<'_>) -> bool {
+    fn next_path(&mut self, scene: &Scene<'_, I>) -> bool {
         let Some(((_, start), rest)) = self.starts.split_first() else { return false };
         self.starts = rest;
         (self.cell, self.opposite) = (start.cell, start.opposite);
@@ -208,13 +207,13 @@ impl<'a> Walk<'a> {
         let Some(Crossing { corners, edges, depth, scalar }) = crossing else { return false };
         (self.corners, self.edges, self.last) = (corners, edges, (depth, scalar));
         self.reaches = corners.map(|c| c.reach());
-        self.exact = None;
+        self.place = None;
         true
     }
 
     /// Walks through one cell; false at the end of the ray.
     #[inline(always)]
-    fn step(&mut self, scene: &Scene<'_>) -> bool {
+    fn step(&mut self, scene: &Scene<'_, I>) -> bool {
         self.steps += 1;
         let topology = &scene.mesh.topology;
         let tet = &topology.tets[self.cell as usize];
@@ -279,10 +278,10 @@ impl<'a> Walk<'a> {
 
     /// Composites the segment from the last (depth, scalar) place to the next one, or the part of it behind `front`.
     #[inline(always)]
-    fn composite(&mut self, table: &ExactTable, to: (f64, f64)) {
+    fn composite(&mut self, table: &I, to: (f64, f64)) {
         let mut from = self.last;
         if from.0 < self.front {
-            self.exact = None;
+            self.place = None;
             if to.0 <= self.front {
                 self.out_of_order += u32::from(self.composited);
                 return;
@@ -290,10 +289,11 @@ impl<'a> Walk<'a> {
             let share = (self.front - from.0) / (to.0 - from.0);
             from = (self.front, from.1 + share * (to.1 - from.1));
         }
-        let place = self.exact.get_or_insert_with(|| ExactRay::enter(table, from.1));
+        let place = self.place.get_or_insert_with(|| table.enter(from.1));
         let length = (to.0 - from.0) * self.ray.length_per_depth;
-        let pieces = place.segment(table, from.1, to.1, length, &mut self.light) as u32;
-        if self.segments == 0 && pieces > 0 {
+        let pieces = table.segment(place, from.1, to.1, length, &mut self.light) as u32;
+        // A table may show light before the transfer function has any: the ray is then asked again.
+        if self.visible_from == f64::INFINITY && pieces > 0 {
             self.visible_from = first_visible(table, from, to);
         }
         self.segments += pieces;
@@ -301,9 +301,10 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Depth where a segment from one (depth, scalar) place to another, part of which can be seen, becomes visible.
+/// Depth where a segment from one (depth, scalar) place to another becomes visible; infinite if it does not.
 #[cold]
 #[inline(never)]
-fn first_visible(table: &ExactTable, from: (f64, f64), to: (f64, f64)) -> f64 {
-    from.0 + table.clear_share(from.1, to.1) * (to.0 - from.0)
+fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64, f64)) -> f64 {
+    let share = table.clear_share(from.1, to.1);
+    if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
 }

@@ -1,0 +1,77 @@
+//! What the pre-integrated table costs and how wrong it is, by resolution: `cargo bench --bench optics`.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+use tetreel::bench::Machine;
+use tetreel::camera::Camera;
+use tetreel::field::{Component, SeriesSource};
+use tetreel::image::compare;
+use tetreel::mesh::Mesh;
+use tetreel::optics::OpticsKind;
+use tetreel::optics::table3d::{Table3d, Table3dResolution};
+use tetreel::render::cpu::raycast::Raycast;
+use tetreel::render::{RenderJob, Renderer};
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::visibility::CellSet;
+
+const TRANSFER_FUNCTIONS: [(&str, &str); 4] = [
+    ("smooth", "viridis@0:0.05,1:0.5"),
+    ("tents", "viridis@0:0,0.28:0,0.3:0.4,0.32:0,0.58:0,0.6:0.6,0.62:0,1:0"),
+    // Steps at the ends of the nodes' range, and one within.
+    ("slab", "gray@0:0,0.3:0,0.3:0.5,0.6:0.5,0.6:0,1:0"),
+    ("step", "gray@0:0.02,0.5:0.02,0.5:0.5,1:0.5"),
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let jet = generate(&SynthSpec { cells: 100_000, steps: 9, ..SynthSpec::new(SeriesName::Jet) })?;
+    let (mesh, _) = Mesh::build(jet.mesh()?)?;
+    let mut values = Vec::new();
+    jet.read(&jet.fields()[0], Component::Index(0), 8, &mut values)?;
+    let scalars: Vec<f32> = mesh.vertex_source.iter().map(|&v| values[v as usize]).collect();
+    let bounds = mesh.positions.world_bounds();
+    let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
+    let (mesh, scalars) = (Arc::new(mesh), Arc::new(scalars));
+    println!("{:?}, {} threads; jet, 100k cells, 256x256", Machine::detect(), rayon::current_num_threads());
+    println!("table    nodes  scalars lengths      MB  build ms  frame ms (exact)      rmse       max");
+    for (name, text) in TRANSFER_FUNCTIONS {
+        let tf = TransferFunction::parse(text)?;
+        let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, unit_distance)?;
+        let nodes = table.nodes().len();
+        let job = RenderJob {
+            active: Arc::new(CellSet::all(mesh.topology.tets.len())),
+            mesh: mesh.clone(),
+            scalars: scalars.clone(),
+            view: Camera::default_for(bounds)?.view(256, 256)?,
+            table: Arc::new(table),
+            optics: OpticsKind::Exact,
+            early_termination: true,
+            stats: Default::default(),
+        };
+        let mut exact = Raycast::new();
+        exact.render(job.clone())?;
+        let judge = exact.render(job.clone())?.clone();
+        for (scalars, lengths) in [64, 128, 256].into_iter().flat_map(|s| [16, 32, 64].map(|l| (s, l))) {
+            let resolution = Table3dResolution { scalars, lengths };
+            let started = Instant::now();
+            // As the renderer builds it, but for the length, which does not matter for time.
+            drop(Table3d::new(&job.table, Table3d::range_of(&job.table), 0.1, mesh.positions.scale, resolution));
+            let build_ms = started.elapsed().as_secs_f64() * 1e3;
+            let job = RenderJob { optics: OpticsKind::Table3d, ..job.clone() };
+            let mut renderer = Raycast::with_table3d_resolution(resolution);
+            renderer.render(job.clone())?;
+            let frame = renderer.render(job)?;
+            let error = compare(&frame.color, &judge.color, [0.0; 3])?;
+            println!(
+                "{name:8} {nodes:5}  {scalars:7} {lengths:7}  {:6.1}  {build_ms:8.0}  {:8.1} {:7.1}  {:8.1e}  {:8.1e}",
+                resolution.bytes() as f64 / 1e6,
+                frame.stats.ms_frame,
+                judge.stats.ms_frame,
+                error.rmse,
+                error.max
+            );
+        }
+    }
+    Ok(())
+}

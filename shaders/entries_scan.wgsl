@@ -1,0 +1,33 @@
+// Entries, second part: from the number of items of each tile to the place of its first; the sum goes behind the last.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(6) var<storage, read_write> bins: array<u32>;
+
+const THREADS: u32 = 256u;
+var<workgroup> sums: array<u32, THREADS>;
+
+@compute @workgroup_size(256)
+fn entries_scan(@builtin(local_invocation_index) thread: u32) {
+    let tile_count = params.tiles.x * params.tiles.y;
+    let share = (tile_count + THREADS - 1u) / THREADS;
+    let from_tile = min(thread * share, tile_count);
+    let to_tile = min(from_tile + share, tile_count);
+    var sum = 0u;
+    for (var t = from_tile; t < to_tile; t++) {
+        sum += bins[t];
+    }
+    sums[thread] = sum;
+    workgroupBarrier();
+    var place = 0u;
+    for (var i = 0u; i < thread; i++) {
+        place += sums[i];
+    }
+    for (var t = from_tile; t < to_tile; t++) {
+        let count = bins[t];
+        bins[t] = place;
+        place += count;
+    }
+    if thread == THREADS - 1u {
+        bins[tile_count] = place;
+    }
+}

@@ -1,0 +1,70 @@
+// What all stages share: the parameters of a frame and the records of vertices and cells.
+// The Rust twins are in src/render/gpu/layout.rs; a test compares every offset.
+
+struct Params {
+    // Eye in local units, as an unevaluated sum.
+    eye_hi: vec4<f32>,
+    eye_lo: vec4<f32>,
+    // Unit vectors right, up, forward; each as the sum of three parts, the first two of 12 bits.
+    axes: array<vec4<f32>, 9>,
+    // Half the distance of two pixels on the image plane times PLANE_SCALE: x as a sum of two, y as a sum of two.
+    pitch: vec4<f32>,
+    // Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin, as a sum of two.
+    depth_origin: vec2<f32>,
+    // Scalars are seen as (scalar - offset) * scale.
+    scalar_offset: f32,
+    scalar_scale: f32,
+    // Pixels per row, rows.
+    size_px: vec2<u32>,
+    // Tiles per row, rows of tiles.
+    tiles: vec2<u32>,
+    // Depth of the near distance.
+    near: f32,
+    vertex_count: u32,
+    // Entry faces come first among the items, then cells at the eye, each a word and the sides of its faces.
+    face_count: u32,
+    eye_count: u32,
+    item_count: u32,
+    // Pairs of tile and item that there is room for.
+    pair_capacity: u32,
+    // First tile of the slice.
+    first_tile: u32,
+    flags: u32,
+    // Shape of the table; for the exact integrator the number of intervals.
+    table_shape: vec3<u32>,
+    // Zero, which no compiler knows.
+    zero: u32,
+}
+
+// Flags.
+const PERSPECTIVE: u32 = 1u;
+const EARLY_TERMINATION: u32 = 2u;
+const ALL_ACTIVE: u32 = 4u;
+
+// x and y are kept times 2^30, so that products of four of them and their rounding errors neither over- nor underflow.
+const PLANE_SCALE: f32 = 1073741824.0;
+
+// A vertex in view coordinates.
+struct ViewVertex {
+    // x and y times PLANE_SCALE, as sums: x, rest of x, y, rest of y.
+    plane: vec4<f32>,
+    // Depth as a sum of three, the first of 12 bits; scalar.
+    depth: vec4<f32>,
+}
+
+const TILE_PX: u32 = 16u;
+
+// Words of a (tile, item) pair: the item, and its box in the tile.
+const PAIR_WORDS: u32 = 2u;
+// In the second word: the item is a cell at the eye.
+const EYE_CELL: u32 = 0x10000u;
+// From this bit on: on which side of the cell's faces the eye is (outside: bits 0 to 3; strictly inside: bits 4 to 7).
+const SIDES_SHIFT: u32 = 17u;
+
+// No neighbour.
+const NONE: u32 = 0xffffffffu;
+
+// The leading 12 bits of a mantissa: products of two such are exact. Masked, not computed: no compiler can undo it.
+fn leading(x: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u);
+}

@@ -1,0 +1,328 @@
+// Walk: from each entry through the active cells to the exit, compositing a segment per cell. CPU twin:
+// render/cpu/raycast/walk.rs; the essay in render/cpu/raycast/mod.rs says why no ray is lost or doubled.
+//
+// A workgroup is a tile, a thread a pixel. Starts of paths are not stored: each thread looks through the items of its tile
+// for the nearest STARTS that come after the last one taken, and looks again when these are used up. Lists of any length
+// cost time but no memory, and nothing is dropped.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> vertices: array<ViewVertex>;
+@group(0) @binding(2) var<storage, read> records_0: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read> records_1: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> records_2: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> active_cells: array<u32>;
+@group(0) @binding(6) var<storage, read> bins: array<u32>;
+@group(0) @binding(7) var<storage, read> table: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> counters: array<u32>;
+@group(0) @binding(9) var color_plane: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(10) var depth_plane: texture_storage_2d<r32float, write>;
+
+// Counters of a tile, in this order.
+const STEPS: u32 = 0u;
+const SEGMENTS: u32 = 1u;
+const ENTRIES: u32 = 2u;
+const RAYS_HIT: u32 = 3u;
+const STOPPED_EARLY: u32 = 4u;
+const OUT_OF_ORDER: u32 = 5u;
+const BROKEN: u32 = 6u;
+const COUNTERS: u32 = 8u;
+var<workgroup> counts: array<atomic<u32>, COUNTERS>;
+
+// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
+const OPAQUE: f32 = 1.0 / 131072.0;
+// Infinitely far, and before everything.
+const NOWHERE: f32 = 3.0e38;
+
+// The nearest starts of paths, in order: depths, and cell << 2 | opposite vertex of the face.
+struct Starts {
+    depth: vec4<f32>,
+    face: vec4<u32>,
+    count: u32,
+}
+
+fn comes_before(depth_a: f32, face_a: u32, depth_b: f32, face_b: u32) -> bool {
+    return depth_a < depth_b || (depth_a == depth_b && face_a < face_b);
+}
+
+fn insert(starts: ptr<function, Starts>, depth: f32, face: u32) {
+    var d = depth;
+    var f = face;
+    for (var i = 0u; i < 4u; i++) {
+        if comes_before(d, f, (*starts).depth[i], (*starts).face[i]) {
+            let last_depth = (*starts).depth[i];
+            let last_face = (*starts).face[i];
+            (*starts).depth[i] = d;
+            (*starts).face[i] = f;
+            d = last_depth;
+            f = last_face;
+        }
+    }
+    (*starts).count = min((*starts).count + 1u, 4u);
+}
+
+// A start of a path: depth, and cell << 2 | opposite vertex of the face; NONE if there is none.
+struct Start {
+    depth: f32,
+    face: u32,
+}
+
+// Where a path starts in a cell at the eye. On which side of a face the eye is has been decided exactly: a face is in
+// front if the ray enters through it and the eye is outside, or leaves through it and the eye is strictly inside. A cell
+// that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts; one that it enters in
+// front is entered as any other, if the face is open.
+fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
+    var start = Start(0.0, NONE);
+    var enters_in_front = false;
+    var leaves_in_front = false;
+    for (var opposite = 0u; opposite < 4u; opposite++) {
+        let ids = face_vertices(cell, opposite);
+        let entered = crossing(ray, ids);
+        if entered.hit {
+            start = Start(entered.at.x, cell << 2u | opposite);
+            enters_in_front = (sides >> opposite & 1u) != 0u;
+        } else if (sides >> (4u + opposite) & 1u) != 0u && crossing(ray, ids.xzy).hit {
+            leaves_in_front = true;
+        }
+    }
+    if enters_in_front {
+        let behind = cell_neighbour(cell, start.face & 3u);
+        if behind != NONE && is_active(behind >> 2u) {
+            start.face = NONE;
+        }
+    } else if !leaves_in_front {
+        start.face = NONE;
+    }
+    return start;
+}
+
+// The nearest starts behind (depth, face) among the items of a tile. CPU twin: `find_starts`. Returns the number of all.
+fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_face: u32, starts: ptr<function, Starts>) -> u32 {
+    *starts = Starts(vec4(NOWHERE), vec4(NONE), 0u);
+    let pairs_at = params.tiles.x * params.tiles.y + 1u;
+    var first = 0u;
+    if tile > 0u {
+        first = bins[tile - 1u];
+    }
+    let end = min(bins[tile], params.pair_capacity);
+    let perspective = (params.flags & PERSPECTIVE) != 0u;
+    var found = 0u;
+    for (var i = first; i < end; i++) {
+        let bounds = bins[pairs_at + PAIR_WORDS * i + 1u];
+        let inside = local.x >= (bounds & 15u) && local.x <= (bounds >> 4u & 15u)
+            && local.y >= (bounds >> 8u & 15u) && local.y <= (bounds >> 12u & 15u);
+        if inside {
+            let item = bins[pairs_at + PAIR_WORDS * i];
+            var start = Start(0.0, NONE);
+            if (bounds & EYE_CELL) != 0u {
+                start = start_in_eye_cell(ray, item, bounds >> SIDES_SHIFT);
+            } else {
+                let entered = crossing(ray, face_vertices(item >> 2u, item & 3u));
+                if entered.hit && (!perspective || entered.at.x > 0.0) {
+                    start = Start(entered.at.x, item);
+                }
+            }
+            if start.face != NONE && comes_before(after_depth, after_face, start.depth, start.face) {
+                insert(starts, start.depth, start.face);
+                found += 1u;
+            }
+        }
+    }
+    return found;
+}
+
+fn is_active(cell: u32) -> bool {
+    return (params.flags & ALL_ACTIVE) != 0u || (active_cells[cell >> 5u] >> (cell & 31u) & 1u) == 1u;
+}
+
+// A ray on its way: the face through which it enters the present cell, and what it has gathered.
+struct Walk {
+    ray: Ray,
+    cell: u32,
+    opposite: u32,
+    p: vec4<f32>,
+    q: vec4<f32>,
+    r: vec4<f32>,
+    ids: vec3<u32>,
+    edges: vec3<f32>,
+    // Depth and scalar where it does.
+    last: vec2<f32>,
+    // Whether the optics are at `last`.
+    placed: bool,
+    // Depth up to which the ray has been composited, or the near distance; as all depths of a path, from the ray's origin.
+    front: f32,
+    composited: bool,
+    visible_from: f32,
+    steps: u32,
+    out_of_order: u32,
+    stopped_early: bool,
+    broken: bool,
+}
+var<private> path: Walk;
+
+fn begin_path(depth: f32, face: u32) {
+    let front = path.front + path.ray.origin.y + path.ray.origin.x;
+    path.ray = ray_from(path.ray, depth);
+    path.front = (front - path.ray.origin.x) - path.ray.origin.y;
+    path.cell = face >> 2u;
+    path.opposite = face & 3u;
+    path.ids = face_vertices(face >> 2u, face & 3u);
+    let start = crossing(path.ray, path.ids);
+    path.p = start.p;
+    path.q = start.q;
+    path.r = start.r;
+    path.edges = start.edges;
+    path.last = start.at;
+    path.placed = false;
+}
+
+// Composites the segment from the last place to the next, or the part of it behind `front`.
+fn composite(to: vec2<f32>) {
+    var from_ = path.last;
+    if from_.x < path.front {
+        path.placed = false;
+        if to.x <= path.front {
+            path.out_of_order += u32(path.composited);
+            return;
+        }
+        let share = (path.front - from_.x) / (to.x - from_.x);
+        from_ = vec2(path.front, from_.y + share * (to.y - from_.y));
+    }
+    if !path.placed {
+        optics_enter(from_.y);
+        path.placed = true;
+    }
+    let was_visible = optics.visible;
+    optics_segment(from_.y, to.y, (to.x - from_.x) * path.ray.length_per_depth);
+    if optics.visible && !was_visible {
+        let visible_from = from_.x + optics.visible_share * (to.x - from_.x);
+        path.visible_from = visible_from + path.ray.origin.y + path.ray.origin.x;
+    }
+    path.front = to.x;
+    path.composited = true;
+}
+
+// Walks through one cell; false at the end of the path or of the ray.
+fn step_cell() -> bool {
+    path.steps += 1u;
+    let tet = cell_vertices(path.cell);
+    let new_id = tet[path.opposite];
+    let fresh = shear(path.ray, vertices[new_id]);
+    let p = path.p;
+    let q = path.q;
+    let r = path.r;
+    var to = vec3(edge(fresh, p), edge(fresh, q), edge(fresh, r));
+    var positive = to > vec3(0.0);
+    let bound = CAREFUL * reach(fresh) * vec3(reach(p), reach(q), reach(r));
+    if any(abs(to) <= bound) {
+        let ids = path.ids;
+        let a = accurate_edge(fresh, p, new_id, ids.x);
+        let b = accurate_edge(fresh, q, new_id, ids.y);
+        let c = accurate_edge(fresh, r, new_id, ids.z);
+        to = vec3(a.value, b.value, c.value);
+        positive = vec3(a.positive, b.positive, c.positive);
+    }
+    // Which corner the new vertex replaces; the triangle turns so that it comes last.
+    let ids = path.ids;
+    var gone: u32;
+    if positive.x && !positive.y {
+        // Between p and q: r goes.
+        gone = ids.z;
+        path.ids = vec3(ids.x, ids.y, new_id);
+        path.edges = vec3(-to.y, to.x, path.edges.z);
+    } else if positive.y && !positive.z {
+        gone = ids.x;
+        path.p = q;
+        path.q = r;
+        path.ids = vec3(ids.y, ids.z, new_id);
+        path.edges = vec3(-to.z, to.y, path.edges.x);
+    } else if positive.z && !positive.x {
+        gone = ids.y;
+        path.p = r;
+        path.q = p;
+        path.ids = vec3(ids.z, ids.x, new_id);
+        path.edges = vec3(-to.x, to.z, path.edges.y);
+    } else {
+        // All signs alike: impossible where they are exact.
+        path.broken = true;
+        return false;
+    }
+    path.r = fresh;
+    let exit = select(0u, 1u, tet.y == gone) + select(0u, 2u, tet.z == gone) + select(0u, 3u, tet.w == gone);
+    let neighbour = cell_neighbour(path.cell, exit);
+    let here = hit(path.edges, path.p, path.q, path.r);
+    if here.x > path.last.x {
+        composite(here);
+        path.last = here;
+    }
+    if (params.flags & EARLY_TERMINATION) != 0u && optics.transmittance < OPAQUE {
+        path.stopped_early = true;
+        return false;
+    }
+    if neighbour == NONE || !is_active(neighbour >> 2u) {
+        return false;
+    }
+    path.cell = neighbour >> 2u;
+    path.opposite = neighbour & 3u;
+    return true;
+}
+
+// Pixel of a thread in its tile: neighbouring threads work on squares of pixels.
+fn pixel_in_tile(thread: u32) -> vec2<u32> {
+    return vec2(
+        (thread & 1u) | (thread >> 1u & 2u) | (thread >> 2u & 4u) | (thread >> 3u & 8u),
+        (thread >> 1u & 1u) | (thread >> 2u & 2u) | (thread >> 3u & 4u) | (thread >> 4u & 8u),
+    );
+}
+
+fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
+    path = Walk();
+    path.ray = ray_of_pixel(pixel);
+    path.front = params.near;
+    path.visible_from = NOWHERE;
+    optics_clear();
+    var starts: Starts;
+    let entries = find_starts(path.ray, tile, local, -NOWHERE, 0u, &starts);
+    var going = entries > 0u;
+    while going {
+        // Four at a time; `next` moves them up.
+        begin_path(starts.depth.x, starts.face.x);
+        let taken_depth = starts.depth.x;
+        let taken_face = starts.face.x;
+        while step_cell() {}
+        if path.stopped_early {
+            break;
+        }
+        starts.depth = vec4(starts.depth.yzw, NOWHERE);
+        starts.face = vec4(starts.face.yzw, NONE);
+        starts.count -= 1u;
+        if starts.count == 0u && entries > 4u {
+            _ = find_starts(ray_from(path.ray, 0.0), tile, local, taken_depth, taken_face, &starts);
+        }
+        going = starts.count > 0u;
+    }
+    textureStore(color_plane, pixel, optics.light);
+    textureStore(depth_plane, pixel, vec4(path.visible_from, 0.0, 0.0, 0.0));
+    if entries > 0u {
+        atomicAdd(&counts[STEPS], path.steps);
+        atomicAdd(&counts[SEGMENTS], optics.pieces);
+        atomicAdd(&counts[ENTRIES], entries);
+        atomicAdd(&counts[RAYS_HIT], 1u);
+        atomicAdd(&counts[STOPPED_EARLY], u32(path.stopped_early));
+        atomicAdd(&counts[OUT_OF_ORDER], path.out_of_order);
+        atomicAdd(&counts[BROKEN], u32(path.broken));
+    }
+}
+
+@compute @workgroup_size(256)
+fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let tile = params.first_tile + group.x;
+    let local = pixel_in_tile(thread);
+    let pixel = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX + local;
+    if all(pixel < params.size_px) {
+        render_pixel(tile, local, pixel);
+    }
+    workgroupBarrier();
+    if thread < COUNTERS {
+        counters[tile * COUNTERS + thread] = atomicLoad(&counts[thread]);
+    }
+}

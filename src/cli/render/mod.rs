@@ -1,0 +1,288 @@
+//! `tetreel render`: frames of a series to image files or to a movie.
+
+mod plan;
+mod resume;
+mod sink;
+
+use super::progress::Terminal;
+use super::scene::{Scene, SceneArgs};
+use super::{Outcome, source};
+use crate::export::movie::{Ffmpeg, MovieOptions};
+use crate::export::sequence::FramePattern;
+use crate::export::still::{Background, FrameAttributes, OutputFrame, StillFormat, StillOptions};
+use crate::files;
+use crate::image::{ExrColor, PngDepth};
+use crate::pipeline::FrameRequest;
+use crate::render::Frame;
+use crate::stats::FrameStats;
+use crate::task::Progress;
+use anyhow::bail;
+use plan::{Plan, PlannedFrame, TimeArgs};
+use resume::Fingerprints;
+use serde::Serialize;
+use sink::{Sink, Target};
+use std::path::{Path, PathBuf};
+
+/// Render steps of a series to image files or to a movie
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  tetreel render case.zarr -o frames/frame_%04d.png --tf 'inferno@0:0,0.3:0,1:0.4' --steps 0..99:10
+  tetreel render case.zarr -o case.mp4 --duration 10 --interpolate --background white
+  tetreel render case.zarr -o around.webm --steps 40 --turntable 360 --duration 4 --fps 30
+
+Movies need ffmpeg on the path, or named in TETREEL_FFMPEG.")]
+pub(super) struct Args {
+    /// A store, or a source (.pvd, .vtu) to import to the cache first
+    #[arg(value_name = "NAME.zarr")]
+    store: PathBuf,
+    /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9)
+    #[arg(short, long, value_name = "frame_%04d.png|movie.mp4")]
+    output: Target,
+    #[command(flatten)]
+    time: TimeArgs,
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
+    #[arg(long, value_name = "COLOR", default_value = "none")]
+    background: Background,
+    /// Bits per channel of PNG files: 8 or 16 (default: 8)
+    #[arg(long, value_name = "BITS")]
+    bit_depth: Option<PngDepth>,
+    /// Colours of EXR files: linear, or raw for display-referred values as they were accumulated (default: linear)
+    #[arg(long, value_name = "COLORS")]
+    exr: Option<ExrColor>,
+    /// Keep images that are there already if the same request made them, and render the others
+    #[arg(long)]
+    resume: bool,
+    /// Write counts and times of every frame to a JSON file
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+}
+
+impl Args {
+    /// How images are written.
+    fn still_options(&self) -> anyhow::Result<StillOptions> {
+        let file = self.output.path(0);
+        let is = |format| StillFormat::of(&file) == Some(format);
+        if self.exr.is_some() && !is(StillFormat::Exr) {
+            bail!("--exr is for EXR files; {} is none", file.display());
+        }
+        if self.bit_depth.is_some() && !is(StillFormat::Png) {
+            bail!("--bit-depth is for PNG files; {} is none", file.display());
+        }
+        if self.background != Background::Transparent && is(StillFormat::Exr) {
+            bail!("--background is for PNG files and movies; {} has opacity", file.display());
+        }
+        Ok(StillOptions {
+            background: self.background,
+            png_depth: self.bit_depth.unwrap_or_default(),
+            exr_color: self.exr.unwrap_or_default(),
+        })
+    }
+
+    /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
+    fn check(&self) -> anyhow::Result<Option<Ffmpeg>> {
+        let format = match self.output {
+            Target::Movie(_, format) => Some(format),
+            Target::Images(_) => None,
+        };
+        self.time.check(format.is_some())?;
+        self.still_options()?;
+        if self.resume && format.is_some() {
+            bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
+        }
+        self.output.check_place()?;
+        if let Some(path) = &self.stats {
+            files::check_place(path)?;
+        }
+        Ok(format.map(Ffmpeg::find).transpose()?)
+    }
+}
+
+/// How a frame came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Origin {
+    /// Rendered.
+    Rendered,
+    /// The same as the frame before it.
+    Repeated,
+    /// In its file already.
+    Kept,
+}
+
+/// One entry of `--stats`.
+#[derive(Serialize)]
+pub(super) struct FrameRecord {
+    frame: usize,
+    step: usize,
+    /// The step towards which the frame is interpolated, and its weight.
+    toward: Option<(usize, f64)>,
+    time: f64,
+    file: PathBuf,
+    origin: Origin,
+    /// Of rendered frames only.
+    stats: Option<FrameStats>,
+}
+
+pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let ffmpeg = args.check()?;
+    let store = source::open(&args.store, terminal)?;
+    let plan = args.time.plan(store.times())?;
+    if let Target::Images(pattern) = &args.output
+        && plan.frames.len() > 1
+        && !pattern.is_numbered()
+    {
+        bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
+    }
+    let mut scene = Scene::open(&store, &args.scene)?;
+    // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
+    terminal.begin("check", plan.steps.len() as u64, "steps");
+    let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
+    terminal.end();
+    let checksums = checked?;
+    terminal.detail(&format!("camera: {}", scene.camera));
+    let (sink, fingerprints) = match ffmpeg {
+        Some(ffmpeg) => {
+            if args.background == Background::Transparent {
+                terminal.say("the movie is over black; --background COLOR gives it another colour");
+            }
+            let options = movie_options(args, &scene)?;
+            (Sink::movie(&ffmpeg, &args.output.path(0), &options)?, None)
+        }
+        None => {
+            let options = args.still_options()?;
+            let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &plan, &checksums, &options);
+            (Sink::images(options), Some(fingerprints))
+        }
+    };
+    let job = Job { plan: &plan, output: &args.output, fingerprints, resume: args.resume };
+    let records = job.run(&mut scene, sink, terminal)?;
+    if let Some(path) = &args.stats {
+        write_stats(path, &records)?;
+    }
+    terminal.say(&summary(&args.output, &records));
+    Ok(Outcome::Done)
+}
+
+/// What the movie says of itself.
+fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
+    let name = args.store.file_stem().unwrap_or(args.store.as_os_str()).to_string_lossy();
+    let field = scene.pipeline.field();
+    let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
+    let SceneArgs { tf, range, size, .. } = &args.scene;
+    Ok(MovieOptions {
+        size_px: (size.0, size.1),
+        rate: args.time.rate()?,
+        background: args.background,
+        title: format!("{name}: {}{units}", field.name),
+        comment: format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.camera),
+    })
+}
+
+/// The last word of a run.
+fn summary(output: &Target, records: &[FrameRecord]) -> String {
+    let kept = records.iter().filter(|record| record.origin == Origin::Kept).count();
+    let kept = if kept > 0 { format!(" ({kept} of them were there already)") } else { String::new() };
+    let first = output.path(0);
+    match (output, records.len()) {
+        (Target::Movie(..), n) => format!("wrote {}, {n} frames", first.display()),
+        (Target::Images(_), 1) => format!("wrote {}{kept}", first.display()),
+        (Target::Images(_), n) => {
+            format!("wrote {n} frames, {} to {}{kept}", first.display(), output.path(n.saturating_sub(1)).display())
+        }
+    }
+}
+
+/// Renders each step to the next file of the pattern.
+pub(super) fn render_steps(
+    scene: &mut Scene,
+    steps: &[usize],
+    output: &FramePattern,
+    options: StillOptions,
+    terminal: &Terminal,
+) -> anyhow::Result<Vec<FrameRecord>> {
+    let (plan, output) = (Plan::of_steps(steps), Target::Images(output.clone()));
+    let job = Job { plan: &plan, output: &output, fingerprints: None, resume: false };
+    job.run(scene, Sink::images(options), terminal)
+}
+
+/// What is to be rendered, and where to.
+struct Job<'a> {
+    plan: &'a Plan,
+    output: &'a Target,
+    /// Written into images.
+    fingerprints: Option<Fingerprints>,
+    /// Whether images that have the right fingerprint are kept.
+    resume: bool,
+}
+
+impl Job<'_> {
+    /// Renders all frames; what was begun is finished or undone, whatever happens.
+    fn run(&self, scene: &mut Scene, mut sink: Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
+        terminal.begin("render", self.plan.frames.len() as u64, "frames");
+        let rendered = self.render_all(scene, &mut sink, terminal);
+        let written = sink.finish(rendered.is_ok(), terminal);
+        terminal.end();
+        let records = rendered?;
+        written?;
+        Ok(records)
+    }
+
+    fn render_all(&self, scene: &mut Scene, sink: &mut Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
+        let frames = &self.plan.frames;
+        let mut records = Vec::with_capacity(frames.len());
+        // A step that is held while nothing moves is rendered once.
+        let mut held: Option<Frame> = None;
+        for (index, planned) in frames.iter().enumerate() {
+            terminal.check_interrupted()?;
+            let request = request_for(scene, planned)?;
+            let file = self.output.path(index);
+            let mut attributes = scene.attributes(&request, index);
+            let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request)).transpose()?;
+            let (time, toward) = (attributes.time, planned.time.toward());
+            let next_is_same = frames.get(index + 1) == Some(planned);
+            let (origin, stats) = if self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f)) {
+                (Origin::Kept, None)
+            } else {
+                attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
+                if let Some(frame) = &held {
+                    sink.send(finish_frame(frame, attributes), &file, terminal)?;
+                    (Origin::Repeated, None)
+                } else {
+                    let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
+                    sink.send(finish_frame(frame, attributes), &file, terminal)?;
+                    held = next_is_same.then(|| frame.clone());
+                    (Origin::Rendered, Some(frame.stats.clone()))
+                }
+            };
+            if !next_is_same {
+                held = None;
+            }
+            records.push(FrameRecord { frame: index, step: planned.time.step(), toward, time, file, origin, stats });
+            terminal.advance(1);
+        }
+        Ok(records)
+    }
+}
+
+/// The request of a frame: its moment, and the camera turned as far as it is by then.
+fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<FrameRequest> {
+    let mut request = scene.request(planned.time)?;
+    if planned.azimuth_deg != 0.0 {
+        request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
+    }
+    Ok(request)
+}
+
+/// What is written of a rendered frame, to an image as to a movie: the place for all that is drawn over it.
+fn finish_frame(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
+    OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes }
+}
+
+/// Writes the statistics beside their place and moves them there.
+fn write_stats(path: &Path, records: &[impl Serialize]) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(records)?;
+    Ok(files::replace_with(path, text.as_bytes())?)
+}

@@ -1,0 +1,114 @@
+//! The colour bar: where its parts are, and drawing them.
+
+use super::canvas::{Ink, RectPx, fill};
+use super::text::{self, CAPITAL_HEIGHT_EM};
+use super::ticks::{Ticks, power_of_ten, ticks};
+use super::{Label, Sizes};
+use crate::image::RgbaImage;
+use crate::transfer::{ColorMap, MappedRange};
+
+/// Fewest lines of text that a bar is as high as.
+const BAR_LINES_MIN: f32 = 4.0;
+
+/// Largest share of the image's width for the legend.
+const WIDTH_SHARE_MAX: f32 = 0.4;
+
+/// A colour bar that fits: upright, at the right side of the image.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Legend {
+    /// The colours, without the line around them.
+    pub(super) bar: RectPx,
+    /// Field and unit, factor, and numbers.
+    pub(super) labels: Vec<Label>,
+    /// Rows of the tick marks' centres.
+    pub(super) marks: Vec<i64>,
+}
+
+impl Legend {
+    /// Places the legend between rows `top` and `bottom`; `None` if it does not fit.
+    pub(super) fn place(title: &str, range: &MappedRange, sizes: &Sizes, top: f32, bottom: f32) -> Option<Self> {
+        let size_px = sizes.text_px;
+        let found = ticks(range);
+        let widest = found.ticks.iter().map(|t| text::width_px(&t.label, size_px)).fold(0.0, f32::max);
+        let (bar_width, gap) = (size_px.round(), (0.55 * size_px).round());
+        let column_width = bar_width + gap + widest;
+        let width_max = WIDTH_SHARE_MAX * sizes.width_px;
+        if column_width > width_max {
+            return None;
+        }
+        let title = text::shorten(title, size_px, width_max).unwrap_or_default();
+        let factor = factor_text(&found);
+        let width =
+            [&title, &factor].map(|line| text::width_px(line, size_px)).iter().fold(column_width, |a, b| a.max(*b));
+        let left = (sizes.width_px - sizes.margin_px - width).floor();
+        let mut labels = Vec::new();
+        let mut baseline = top + sizes.line_px;
+        for line in [title, factor].into_iter().filter(|line| !line.is_empty()) {
+            labels.push(Label { text: line, x: left as i64, baseline: baseline.round() as i64, size_px });
+            baseline += sizes.line_px;
+        }
+        let has_lines = !labels.is_empty();
+        // Numbers reach half a line above and below the bar.
+        let bar_top = if has_lines { baseline - 0.4 * sizes.line_px } else { top + 0.5 * sizes.line_px };
+        let bar_bottom = bottom - 0.5 * sizes.line_px;
+        if bar_bottom - bar_top < BAR_LINES_MIN * sizes.line_px {
+            return None;
+        }
+        let bar = RectPx {
+            left: left as i64,
+            top: bar_top.round() as i64,
+            right: (left + bar_width) as i64,
+            bottom: bar_bottom.round() as i64,
+        };
+        let mut legend = Self { bar, labels, marks: Vec::new() };
+        legend.place_ticks(&found, range, sizes, bar.right + gap as i64);
+        Some(legend)
+    }
+
+    /// A mark per tick, and a label unless it would touch the one below it.
+    fn place_ticks(&mut self, found: &Ticks, range: &MappedRange, sizes: &Sizes, x: i64) {
+        let height = (self.bar.bottom - self.bar.top) as f64;
+        let mut free_below = f64::INFINITY;
+        for tick in &found.ticks {
+            let from_top = (1.0 - range.position_of(tick.scalar).clamp(0.0, 1.0)) * height;
+            let row = (self.bar.top + from_top.floor() as i64).min(self.bar.bottom - 1);
+            self.marks.push(row);
+            if from_top > free_below {
+                continue;
+            }
+            free_below = from_top - f64::from(sizes.line_px);
+            let baseline = row + (0.5 * CAPITAL_HEIGHT_EM * sizes.text_px).round() as i64;
+            self.labels.push(Label { text: tick.label.clone(), x, baseline, size_px: sizes.text_px });
+        }
+    }
+
+    /// Draws it. The bar has the map's colours as they are, opaque, as ParaView's has: opacity depends on distance in a
+    /// volume, and a bar has no depth.
+    pub(super) fn draw(&self, image: &mut RgbaImage, map: &ColorMap, ink: Ink, sizes: &Sizes) {
+        let line = sizes.stroke_px;
+        let mark = |row: i64| RectPx {
+            left: self.bar.right,
+            top: row - (line - 1) / 2 - (1 - line % 2),
+            right: self.bar.right + line + (0.3 * sizes.text_px).round() as i64,
+            bottom: row + (line - 1) / 2 + 1,
+        };
+        for &row in &self.marks {
+            fill(image, mark(row).grown(sizes.halo_stroke_px()), ink.halo);
+        }
+        fill(image, self.bar.grown(line + sizes.halo_stroke_px()), ink.halo);
+        fill(image, self.bar.grown(line), ink.text);
+        self.marks.iter().for_each(|&row| fill(image, mark(row), ink.text));
+        let height = (self.bar.bottom - self.bar.top) as f64;
+        for row in self.bar.top..self.bar.bottom {
+            let position = 1.0 - ((row - self.bar.top) as f64 + 0.5) / height;
+            let rgb = map.eval(position).map(|c| c as f32);
+            fill(image, RectPx { top: row, bottom: row + 1, ..self.bar }, rgb);
+        }
+        self.labels.iter().for_each(|label| label.draw(image, ink, sizes));
+    }
+}
+
+/// The line that says what all numbers are to be multiplied by; empty if it is one.
+fn factor_text(found: &Ticks) -> String {
+    if found.factor_exponent == 0 { String::new() } else { format!("× {}", power_of_ten(found.factor_exponent)) }
+}

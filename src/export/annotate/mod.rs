@@ -1,0 +1,257 @@
+//! Time, legend and title, drawn onto frames.
+//!
+//! [`Annotations`] says which parts are wanted; an [`Annotator`] knows what they say for one series and draws them over
+//! frame after frame: [`Annotator::draw`] composites onto raw accumulators (premultiplied, display-referred), so whatever
+//! is made of the colour plane afterwards, PNG with or without alpha, a movie or EXR, has the same annotations. Depth stays
+//! as it is.
+//!
+//! Text is 1/36 of the image's height (of three quarters of its width, if that is less) and at least 11 pixels. What does
+//! not fit at that size is left out: the legend first (if fewer than four lines of text are left for the bar, or its
+//! numbers need more than 2/5 of the width), then the title (if it and the time do not fit one above the other, or a few
+//! letters do not fit beside each other), the time last. Texts other than numbers are shortened with an ellipsis.
+
+mod canvas;
+mod legend;
+mod text;
+mod ticks;
+mod time;
+
+use crate::image::RgbaImage;
+use crate::transfer::{ColorMap, MappedRange};
+use canvas::Ink;
+use legend::Legend;
+use std::str::FromStr;
+use time::{PREFIX, TimeFormat};
+
+/// Which annotations are wanted.
+///
+/// As text: `time`, `legend`, `title` or `title=TEXT`, separated by commas. A text may contain commas,
+/// unless one of these words follows.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Annotations {
+    /// The time, bottom left.
+    pub time: bool,
+    /// Colour bar with field and unit, right.
+    pub legend: bool,
+    /// The title, top centre.
+    pub title: Option<Title>,
+}
+
+/// What the title says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Title {
+    /// Field and dataset.
+    FieldAndDataset,
+    /// This.
+    Text(String),
+}
+
+impl FromStr for Annotations {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut parsed = Self::default();
+        for part in text.split(',') {
+            let is_repeated = match part.trim() {
+                "time" => std::mem::replace(&mut parsed.time, true),
+                "legend" => std::mem::replace(&mut parsed.legend, true),
+                "title" => parsed.title.replace(Title::FieldAndDataset).is_some(),
+                word => match (word.strip_prefix("title="), &mut parsed.title) {
+                    (Some(title), before) => before.replace(Title::Text(title.to_owned())).is_some(),
+                    (None, Some(Title::Text(title))) => {
+                        title.push(',');
+                        title.push_str(part);
+                        false
+                    }
+                    _ => {
+                        return Err(format!("'{word}' is no annotation; known are time, legend, title and title=TEXT"));
+                    }
+                },
+            };
+            if is_repeated {
+                return Err(format!("'{}' is asked for twice", part.trim()));
+            }
+        }
+        Ok(parsed)
+    }
+}
+
+/// What annotations say about a series.
+#[derive(Clone, Copy, Debug)]
+pub struct AboutSeries<'a> {
+    /// Name of the dataset.
+    pub dataset: &'a str,
+    /// Name of the field.
+    pub field: &'a str,
+    /// Unit of the field, if known.
+    pub units: Option<&'a str>,
+    /// Times of all steps, increasing.
+    pub times: &'a [f64],
+    /// Unit of times, if known.
+    pub time_units: Option<&'a str>,
+}
+
+/// The colours of a frame: the map as it is, opaque, and the scalars that it covers.
+///
+/// A [`NodeTable`](crate::node_table::NodeTable) would not do: where nothing is seen, it has no colours.
+#[derive(Clone, Copy, Debug)]
+pub struct ColorScale<'a> {
+    /// Colours over 0..=1.
+    pub map: &'a ColorMap,
+    /// The scalars at 0..=1.
+    pub range: MappedRange,
+}
+
+/// Draws the annotations of a series.
+#[derive(Clone, Debug)]
+pub struct Annotator {
+    time: Option<TimeFormat>,
+    /// Title of the bar.
+    legend: Option<String>,
+    title: Option<String>,
+    ink: Ink,
+}
+
+impl Annotator {
+    /// For frames over `background` (display-referred; `None` if they stay transparent).
+    pub fn new(annotations: &Annotations, about: &AboutSeries<'_>, background: Option<[f32; 3]>) -> Self {
+        let field = match about.units.filter(|units| !units.is_empty()) {
+            Some(units) => format!("{} [{units}]", about.field),
+            None => about.field.to_owned(),
+        };
+        let title = annotations.title.as_ref().map(|title| match title {
+            Title::FieldAndDataset => format!("{}, {}", about.field, about.dataset),
+            Title::Text(text) => text.clone(),
+        });
+        Self {
+            time: annotations.time.then(|| TimeFormat::new(about.times, about.time_units)),
+            legend: annotations.legend.then_some(field),
+            title,
+            ink: Ink::over(background),
+        }
+    }
+
+    /// Draws over an image of raw accumulators. Pixels that no letter, line or halo touches keep every bit.
+    pub fn draw(&self, image: &mut RgbaImage, time: f64, colors: &ColorScale<'_>) {
+        let sizes = Sizes::of(image.width, image.height);
+        let layout = self.layout(&sizes, time, colors);
+        if let Some(legend) = &layout.legend {
+            legend.draw(image, colors.map, self.ink, &sizes);
+        }
+        layout.labels.iter().for_each(|label| label.draw(image, self.ink, &sizes));
+    }
+
+    /// Where everything is that fits.
+    fn layout(&self, sizes: &Sizes, time: f64, colors: &ColorScale<'_>) -> Layout {
+        let mut layout = Layout::default();
+        let (mut top, mut bottom) = (sizes.margin_px, sizes.height_px - sizes.margin_px);
+        if let Some(format) = &self.time
+            && bottom - top >= sizes.line_px
+            && let Some(labels) = time_labels(format, sizes, time)
+        {
+            layout.labels.extend(labels);
+            bottom -= sizes.line_px + sizes.margin_px;
+        }
+        let title_px = 1.25 * sizes.text_px;
+        if let Some(title) = &self.title
+            && bottom - top >= 1.25 * sizes.line_px
+            && let Some(text) = text::shorten(title, title_px, sizes.width_px - 2.0 * sizes.margin_px)
+        {
+            let x = (0.5 * (sizes.width_px - text::width_px(&text, title_px))).round() as i64;
+            let baseline = (top + title_px).round() as i64;
+            layout.labels.push(Label { text, x, baseline, size_px: title_px });
+            top += 1.25 * sizes.line_px + sizes.margin_px;
+        }
+        if let Some(title) = &self.legend {
+            // Centred, and no higher than it needs to be.
+            let (top, bottom) = (top.max(0.12 * sizes.height_px), bottom.min(0.88 * sizes.height_px));
+            layout.legend = Legend::place(title, &colors.range, sizes, top, bottom);
+        }
+        layout
+    }
+}
+
+/// The time's prefix, its number at the right end of its place, and what follows; `None` if they are wider than the image.
+fn time_labels(format: &TimeFormat, sizes: &Sizes, time: f64) -> Option<[Label; 3]> {
+    let size_px = sizes.text_px;
+    let number = format.number(time);
+    let number_start = sizes.margin_px + text::width_px(PREFIX, size_px);
+    let number_end = number_start + format.number_width_px(size_px);
+    let end = number_end + text::width_px(format.suffix(), size_px);
+    if end > sizes.width_px - sizes.margin_px {
+        return None;
+    }
+    let baseline = (sizes.height_px - sizes.margin_px - 0.25 * size_px).round() as i64;
+    let label = |text: &str, x: f32| Label { text: text.to_owned(), x: x.round() as i64, baseline, size_px };
+    let number_x = number_end - text::width_px(&number, size_px);
+    Some([label(PREFIX, sizes.margin_px), label(&number, number_x), label(format.suffix(), number_end)])
+}
+
+/// What is drawn on an image, apart from its colours.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Layout {
+    labels: Vec<Label>,
+    legend: Option<Legend>,
+}
+
+/// A line of text and where its pen starts.
+#[derive(Clone, Debug, PartialEq)]
+struct Label {
+    text: String,
+    x: i64,
+    baseline: i64,
+    size_px: f32,
+}
+
+impl Label {
+    fn draw(&self, image: &mut RgbaImage, ink: Ink, sizes: &Sizes) {
+        text::coverage(&self.text, self.size_px).draw(image, (self.x, self.baseline), ink, sizes.halo_px);
+    }
+}
+
+/// Lengths that depend on the size of the image.
+#[derive(Clone, Copy, Debug)]
+struct Sizes {
+    width_px: f32,
+    height_px: f32,
+    /// One em.
+    text_px: f32,
+    /// From baseline to baseline.
+    line_px: f32,
+    /// Free space at the sides of the image.
+    margin_px: f32,
+    /// How far halos reach.
+    halo_px: f32,
+    /// Thickness of lines.
+    stroke_px: i64,
+}
+
+/// Text is this share of the height.
+const TEXT_SHARE: f32 = 1.0 / 36.0;
+
+/// The smallest text that can be read without hinting.
+const TEXT_PX_MIN: f32 = 11.0;
+
+impl Sizes {
+    fn of(width: usize, height: usize) -> Self {
+        let (width_px, height_px) = (width as f32, height as f32);
+        let text_px = (TEXT_SHARE * height_px.min(0.75 * width_px)).max(TEXT_PX_MIN).round();
+        Self {
+            width_px,
+            height_px,
+            text_px,
+            line_px: 1.3 * text_px,
+            margin_px: (0.8 * text_px).round(),
+            halo_px: (text_px / 14.0).max(1.0),
+            stroke_px: ((text_px / 16.0).round() as i64).max(1),
+        }
+    }
+
+    /// Thickness of the halo of lines.
+    fn halo_stroke_px(&self) -> i64 {
+        self.halo_px.round() as i64
+    }
+}
+
+#[cfg(test)]
+mod tests;

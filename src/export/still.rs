@@ -1,0 +1,292 @@
+//! One frame to one image file: what goes into it, and in which format.
+
+use crate::error::{FileError, FileResult};
+use crate::image::{
+    DepthImage, ExrAttributes, ExrColor, ExrValue, PngDepth, RgbaImage, read_exr, read_png_text, write_exr,
+    write_png_with_texts,
+};
+use crate::transfer::{MappedRange, OpacityKind, RangePolicy};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+/// A frame on its way to a file: its planes, and what they show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OutputFrame {
+    /// Raw accumulators.
+    pub color: RgbaImage,
+    /// Distances, as [`Frame::depth`](crate::render::Frame::depth) has them. Of the same size as `color`, or without pixels
+    /// where there is none.
+    pub depth: DepthImage,
+    /// What the planes show.
+    pub attributes: FrameAttributes,
+}
+
+/// What a frame shows, as plain data: written into formats that take it, and the source of annotations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameAttributes {
+    /// Time of the series, in its unit.
+    pub time: f64,
+    /// Zero-based step of the series; the last one at or before `time` where steps are interpolated.
+    pub step: usize,
+    /// Number of the frame among those of the run, from 0.
+    pub frame: usize,
+    /// Field shown, as the user selects it: `T`, `velocity:mag`.
+    pub field: String,
+    /// Unit of the field, if known.
+    pub units: Option<String>,
+    /// Camera as `--camera` takes it.
+    pub camera: String,
+    /// Transfer function as `--tf` takes it.
+    pub transfer_function: String,
+    /// Scalars that the transfer function covers in this frame; `None` if that is not known.
+    pub range: Option<MappedRange>,
+    /// Meaning of the opacities.
+    pub opacity_kind: OpacityKind,
+    /// The length that opacities refer to, world units.
+    pub unit_distance: f64,
+    /// `tetreel VERSION`.
+    pub software: String,
+    /// Whatever else is to be said of this frame, by name.
+    pub extras: BTreeMap<String, String>,
+}
+
+impl FrameAttributes {
+    /// What [`Self::software`] says of this version.
+    pub const SOFTWARE: &str = concat!("tetreel ", env!("CARGO_PKG_VERSION"));
+
+    /// The same as attributes of an EXR: `software`, and `tetreel.NAME` for what is known. Camera, transfer function and
+    /// range are texts as the command line takes them; numbers are doubles; extras are `tetreel.extra.NAME`.
+    pub fn to_exr(&self) -> ExrAttributes {
+        let range = self.range.map_or(String::new(), |range| {
+            let (lo, hi) = (range.lo(), range.hi());
+            if range.is_log() { RangePolicy::LogManual(lo, hi) } else { RangePolicy::Manual(lo, hi) }.to_string()
+        });
+        let opacity_kind = match self.opacity_kind {
+            OpacityKind::Alpha => "alpha",
+            OpacityKind::Extinction => "extinction",
+        };
+        let texts = [
+            ("field", self.field.as_str()),
+            ("units", self.units.as_deref().unwrap_or_default()),
+            ("camera", &self.camera),
+            ("transferFunction", &self.transfer_function),
+            ("range", &range),
+            ("opacityKind", opacity_kind),
+        ];
+        let numbers = [
+            ("time", self.time),
+            ("step", self.step as f64),
+            ("frame", self.frame as f64),
+            ("unitDistance", self.unit_distance),
+        ];
+        let text = |text: &str| ExrValue::Text(text.to_owned());
+        let known = texts.into_iter().filter(|(_, value)| !value.is_empty());
+        let mut attributes: ExrAttributes = known.map(|(name, v)| (format!("tetreel.{name}"), text(v))).collect();
+        attributes.extend(numbers.map(|(name, v)| (format!("tetreel.{name}"), ExrValue::Number(v))));
+        attributes.extend(self.extras.iter().map(|(name, v)| (format!("tetreel.extra.{name}"), text(v))));
+        if !self.software.is_empty() {
+            attributes.insert("software".to_owned(), text(&self.software));
+        }
+        attributes
+    }
+
+    /// Name among [`Self::extras`] of what [`read_fingerprint`] gives back.
+    pub const FINGERPRINT: &str = "fingerprint";
+
+    /// The fingerprint of the request that made the frame, if it has one.
+    pub fn fingerprint(&self) -> Option<&str> {
+        self.extras.get(Self::FINGERPRINT).map(String::as_str)
+    }
+}
+
+/// What lies behind the volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Background {
+    /// Nothing: the image keeps its opacity as straight alpha.
+    #[default]
+    Transparent,
+    /// A display-referred colour, 0..=1 per channel: the image is opaque.
+    Color([f32; 3]),
+}
+
+impl Background {
+    /// The colour, if there is one.
+    pub fn color(self) -> Option<[f32; 3]> {
+        match self {
+            Self::Transparent => None,
+            Self::Color(rgb) => Some(rgb),
+        }
+    }
+}
+
+impl FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" | "transparent" => return Ok(Self::Transparent),
+            "black" => return Ok(Self::Color([0.0; 3])),
+            "white" => return Ok(Self::Color([1.0; 3])),
+            "gray" | "grey" => return Ok(Self::Color([0.5; 3])),
+            _ => {}
+        }
+        let hex = text.strip_prefix('#').filter(|h| h.len() == 6 && h.bytes().all(|b| b.is_ascii_hexdigit()));
+        let packed = hex.and_then(|h| u32::from_str_radix(h, 16).ok());
+        let packed = packed.ok_or("write #rrggbb, black, white, gray or none")?;
+        Ok(Self::Color([16, 8, 0].map(|shift| (packed >> shift & 255) as f32 / 255.0)))
+    }
+}
+
+/// A format of still images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StillFormat {
+    /// PNG: colour in 8 or 16 bits.
+    Png,
+    /// OpenEXR: colour and depth as floats, and [`FrameAttributes`].
+    Exr,
+}
+
+impl StillFormat {
+    /// The format that a file name asks for with its extension, in upper or lower case.
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_ascii_lowercase().to_str()? {
+            "png" => Some(Self::Png),
+            "exr" => Some(Self::Exr),
+            _ => None,
+        }
+    }
+}
+
+/// How stills are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StillOptions {
+    /// What lies behind the volume, PNG only.
+    pub background: Background,
+    /// Bits per channel of a PNG.
+    pub png_depth: PngDepth,
+    /// What the colours of an EXR are.
+    pub exr_color: ExrColor,
+}
+
+/// Writes a frame in the format that the file's name asks for. The file appears whole or not at all.
+///
+/// # Errors
+/// If the name asks for no known format, the frame cannot be stored in it, or the folder does not take the file.
+pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
+    match StillFormat::of(path) {
+        Some(StillFormat::Png) => {
+            let mut texts = Vec::new();
+            if let Some(fingerprint) = frame.attributes.fingerprint() {
+                texts.push((PNG_SOFTWARE, frame.attributes.software.as_str()));
+                texts.push((PNG_FINGERPRINT, fingerprint));
+            }
+            write_png_with_texts(path, &frame.color, options.background.color(), options.png_depth, &texts)
+        }
+        Some(StillFormat::Exr) => {
+            let depth = Some(&frame.depth).filter(|depth| !depth.pixels.is_empty());
+            write_exr(path, &frame.color, depth, options.exr_color, &frame.attributes.to_exr())
+        }
+        None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
+    }
+}
+
+/// The standard's keyword for what made an image.
+const PNG_SOFTWARE: &str = "Software";
+/// Keyword of [`FrameAttributes::FINGERPRINT`].
+const PNG_FINGERPRINT: &str = "tetreel fingerprint";
+/// The same as an attribute of an EXR.
+const EXR_FINGERPRINT: &str = "tetreel.extra.fingerprint";
+
+/// The fingerprint of the request that made an image; `None` if it has none. The file is read to its end.
+///
+/// # Errors
+/// If the file cannot be read, is damaged or cut.
+pub fn read_fingerprint(path: &Path) -> FileResult<Option<String>> {
+    match StillFormat::of(path) {
+        Some(StillFormat::Png) => read_png_text(path, PNG_FINGERPRINT),
+        Some(StillFormat::Exr) => Ok(match read_exr(path)?.attributes.remove(EXR_FINGERPRINT) {
+            Some(ExrValue::Text(fingerprint)) => Some(fingerprint),
+            _ => None,
+        }),
+        None => Ok(None),
+    }
+}
+
+/// What to do about a name without a known extension.
+const REMEDY: &str = "end the name with .png or .exr";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::read_exr;
+
+    #[test]
+    fn backgrounds_are_named_or_hexadecimal() {
+        assert_eq!("#ff8000".parse(), Ok(Background::Color([1.0, 128.0 / 255.0, 0.0])));
+        assert_eq!("none".parse(), Ok(Background::Transparent));
+        assert!("#12345".parse::<Background>().is_err() && "#+12345".parse::<Background>().is_err());
+    }
+
+    /// A frame of 2 x 1 pixels.
+    fn frame() -> OutputFrame {
+        let color = RgbaImage { width: 2, height: 1, pixels: vec![[0.5, 0.25, 0.125, 0.5], [0.0; 4]] };
+        let depth = DepthImage { width: 2, height: 1, pixels: vec![2.5, f32::INFINITY] };
+        let attributes = FrameAttributes {
+            time: 0.1,
+            step: 3,
+            units: Some("K".to_owned()),
+            range: Some(MappedRange::new(1.0, 1000.0, true).unwrap()),
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            extras: BTreeMap::from([("lod".to_owned(), "0.5".to_owned())]),
+            ..Default::default()
+        };
+        OutputFrame { color, depth, attributes }
+    }
+
+    #[test]
+    fn an_exr_has_planes_and_attributes_of_the_frame() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
+        write_still(&path, &frame(), &options).unwrap();
+        let back = read_exr(&path).unwrap();
+        assert_eq!((back.color, back.depth), (frame().color, Some(frame().depth)));
+        let text = |text: &str| Some(ExrValue::Text(text.to_owned()));
+        let get = |name: &str| back.attributes.get(name).cloned();
+        assert_eq!(get("tetreel.time"), Some(ExrValue::Number(0.1)));
+        assert_eq!(get("tetreel.step"), Some(ExrValue::Number(3.0)));
+        assert_eq!(get("tetreel.range"), text("log:1.0,1000.0"));
+        assert_eq!((get("tetreel.units"), get("tetreel.field")), (text("K"), None));
+        assert_eq!((get("tetreel.extra.lod"), get("tetreel.opacityKind")), (text("0.5"), text("alpha")));
+        assert_eq!(get("software"), text(FrameAttributes::SOFTWARE));
+        write_still(&path, &OutputFrame { depth: DepthImage::default(), ..frame() }, &options).unwrap();
+        assert_eq!(read_exr(&path).unwrap().depth, None);
+    }
+
+    #[test]
+    fn a_png_has_as_many_bits_as_asked_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        for (png_depth, bits) in [(PngDepth::Eight, 8), (PngDepth::Sixteen, 16)] {
+            write_still(&path, &frame(), &StillOptions { png_depth, ..Default::default() }).unwrap();
+            // The bit depth of a PNG's header ("IHDR", PNG specification 11.2.2).
+            assert_eq!(std::fs::read(&path).unwrap()[24], bits);
+        }
+    }
+
+    #[test]
+    fn frame_attributes_are_plain_data() {
+        let json = serde_json::to_string(&frame().attributes).unwrap();
+        assert_eq!(serde_json::from_str::<FrameAttributes>(&json).unwrap(), frame().attributes);
+    }
+
+    #[test]
+    fn the_extension_chooses_the_format() {
+        let of = |name: &str| StillFormat::of(Path::new(name));
+        assert_eq!(of("a/b.PNG"), Some(StillFormat::Png));
+        assert_eq!(of("b.c.exr"), Some(StillFormat::Exr));
+        assert_eq!([of("exr"), of(".png"), of("a.jpg"), of("")], [None; 4]);
+    }
+}

@@ -1,0 +1,245 @@
+//! OpenEXR files: colour and depth as 32-bit floats, with attributes.
+//!
+//! Channels R, G, B (premultiplied), A and, where there is depth, Z: world units, infinite where there is nothing. One part
+//! of scan lines, compressed without loss (ZIP, 16 lines a block). The same image makes the same bytes.
+//!
+//! An EXR's colours are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file
+//! holds, and so does the file, so that reading gives accumulators again.
+
+use super::srgb::{linear_from_srgb, srgb_from_linear};
+use super::{DepthImage, RgbaImage};
+use crate::error::{FileError, FileResult};
+use crate::files;
+use ::exr::error::Error as ExrError;
+use ::exr::image::write::WritableImage as _;
+use ::exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{AttributeValue, IntegerBounds, LineOrder, Text};
+use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::Path;
+use std::str::FromStr;
+
+mod read;
+pub use read::read_exr;
+
+/// What the colours of an EXR are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrColor {
+    /// Linear light, premultiplied: what other programs expect. sRGB's curve is undone on straight colours; where alpha is
+    /// 0, on the colour as it is.
+    #[default]
+    Linear,
+    /// The accumulators, bit for bit.
+    Raw,
+}
+
+impl ExrColor {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Raw => "raw",
+        }
+    }
+}
+
+impl FromStr for ExrColor {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = [Self::Linear, Self::Raw].into_iter().find(|c| c.name() == text);
+        known.ok_or_else(|| format!("'{text}' is neither linear nor raw"))
+    }
+}
+
+/// The value of an attribute.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ExrValue {
+    /// A string, UTF-8.
+    Text(String),
+    /// A double.
+    Number(f64),
+}
+
+/// Attributes by name: `software`, or a name with a dot in it (no name of the standard has one), 1 to 255 bytes.
+pub type ExrAttributes = BTreeMap<String, ExrValue>;
+
+/// What [`read_exr`] finds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrImage {
+    /// Accumulators.
+    pub color: RgbaImage,
+    /// Channel Z, if there is one.
+    pub depth: Option<DepthImage>,
+    /// What the file holds; [`ExrColor::Linear`] if it does not say.
+    pub stored: ExrColor,
+    /// All texts and numbers that are no part of the standard, and `software`.
+    pub attributes: ExrAttributes,
+}
+
+/// The attribute that holds the name of an [`ExrColor`].
+const COLOR: &str = "tetreel.color";
+/// The standard's attribute for the writing program.
+const SOFTWARE: &str = "software";
+/// The longest name of an attribute, bytes.
+const LONGEST_NAME: usize = 255;
+/// The largest width and height that the format has room for (OpenEXR keeps twice of it within an i32).
+const LARGEST_SIDE: usize = i32::MAX as usize / 2 - 1;
+
+/// Writes an image, with `depth` of the same size where there is one. The file appears whole or not at all.
+///
+/// # Errors
+/// If the image has no pixels or is too large for the format, a colour is not finite (as stored), a depth is NaN or minus
+/// infinity, depth has another size, an attribute's name is not allowed, or the folder does not take the file.
+pub fn write_exr(
+    path: &Path,
+    color: &RgbaImage,
+    depth: Option<&DepthImage>,
+    stored: ExrColor,
+    attributes: &ExrAttributes,
+) -> FileResult<()> {
+    check(path, color, depth)?;
+    let names = ["R", "G", "B", "A"].into_iter().enumerate();
+    let pixels: Vec<[f32; 4]> = match stored {
+        ExrColor::Raw => color.pixels.clone(),
+        ExrColor::Linear => color.pixels.iter().map(|&p| linear_pixel(p)).collect(),
+    };
+    if let Some(bad) = pixels.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+        let place = format!("pixel ({}, {})", bad % color.width, bad / color.width);
+        return Err(
+            FileError::invalid(path, place, "is too bright for linear floats").remedy("write accumulators (raw)")
+        );
+    }
+    let plane = |i: usize| FlatSamples::F32(pixels.iter().map(|p| p[i]).collect());
+    let mut channels: Vec<_> = names.map(|(i, name)| AnyChannel::new(name, plane(i))).collect();
+    channels.extend(depth.map(|d| AnyChannel::new("Z", FlatSamples::F32(d.pixels.clone()))));
+    drop(pixels);
+
+    let size = Vec2(color.width, color.height);
+    let encoding = Encoding {
+        compression: ::exr::compression::Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let layer_attributes = layer_attributes(path, attributes, stored)?;
+    let layer = Layer::new(size, layer_attributes, encoding, AnyChannels::sort(channels.into()));
+    let image = Image::new(ImageAttributes::new(IntegerBounds::new((0, 0), size)), layer);
+    let mut bytes = Vec::new();
+    // The pool that the parallel writer starts would not heed the number of threads that the user asked for.
+    image.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(|e| file_error(path, e))?;
+    sort_attributes(&mut bytes).ok_or_else(|| FileError::invalid(path, "header", "does not end"))?;
+    files::replace_with(path, &bytes)
+}
+
+/// Whether an image can be stored.
+fn check(path: &Path, color: &RgbaImage, depth: Option<&DepthImage>) -> FileResult<()> {
+    let (width, height) = (color.width, color.height);
+    if color.pixels.is_empty() {
+        return Err(FileError::invalid(path, "", "an image without pixels cannot be written"));
+    }
+    if width.max(height) > LARGEST_SIDE {
+        return Err(FileError::unsupported(
+            path,
+            "",
+            format!("an EXR has at most {LARGEST_SIDE} pixels a row and rows"),
+        ));
+    }
+    if let Some((i, j)) = color.first_not_finite() {
+        return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
+    }
+    let Some(depth) = depth else { return Ok(()) };
+    if (depth.width, depth.height) != (width, height) {
+        let problem = format!("is {} x {}, colour {width} x {height} pixels", depth.width, depth.height);
+        return Err(FileError::invalid(path, "depth", problem));
+    }
+    if let Some(bad) = depth.pixels.iter().position(|d| d.is_nan() || *d == f32::NEG_INFINITY) {
+        let place = format!("depth of pixel ({}, {})", bad % width, bad / width);
+        return Err(FileError::invalid(path, place, "is no distance"));
+    }
+    Ok(())
+}
+
+/// A pixel of linear light from accumulators: straight, linear, premultiplied again.
+fn linear_pixel([r, g, b, a]: [f32; 4]) -> [f32; 4] {
+    let [r, g, b] = on_straight([r, g, b], a, linear_from_srgb);
+    [r, g, b, a]
+}
+
+/// Accumulators from a pixel of linear light: the inverse of [`linear_pixel`].
+fn accumulators([r, g, b, a]: [f32; 4]) -> [f32; 4] {
+    let [r, g, b] = on_straight([r, g, b], a, srgb_from_linear);
+    [r, g, b, a]
+}
+
+/// Applies a curve to a premultiplied colour as if it were straight. Light without opacity has no straight colour: its curve
+/// is that of an opaque pixel, so that it comes back.
+fn on_straight(rgb: [f32; 3], a: f32, curve: impl Fn(f64) -> f64) -> [f32; 3] {
+    let a = if a == 0.0 { 1.0 } else { f64::from(a) };
+    rgb.map(|c| (curve(f64::from(c) / a) * a) as f32)
+}
+
+/// The attributes in the library's terms.
+fn layer_attributes(path: &Path, attributes: &ExrAttributes, stored: ExrColor) -> FileResult<LayerAttributes> {
+    let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+    let mut layer = LayerAttributes::default();
+    for (name, value) in attributes {
+        if name == SOFTWARE {
+            let ExrValue::Text(software) = value else {
+                return Err(FileError::invalid(path, "attribute software", "is no text"));
+            };
+            layer.software_name = Some(text(software));
+            continue;
+        }
+        if name.len() > LONGEST_NAME || name.contains('\0') || !name.contains('.') {
+            let problem = format!("a name needs a dot and has at most {LONGEST_NAME} bytes, none of them zero");
+            return Err(FileError::unsupported(path, format!("attribute {name:?}"), problem));
+        }
+        let value = match value {
+            ExrValue::Text(value) => AttributeValue::Text(text(value)),
+            ExrValue::Number(value) => AttributeValue::F64(*value),
+        };
+        layer.other.insert(text(name), value);
+    }
+    layer.other.insert(text(COLOR), AttributeValue::Text(text(stored.name())));
+    Ok(layer)
+}
+
+/// Where the header of a file with one part begins: behind magic number and version.
+const HEADER_START: usize = 8;
+
+/// Brings the attributes of the header into the order of their names. The library keeps ours in a hash map and writes them
+/// in another order each time. Nothing else moves: the header keeps its length. `None` if the header does not end.
+///
+/// An attribute is its name and its type, both ended by a zero byte, the size of its value (i32, little-endian) and the
+/// value; a zero byte ends the header ("OpenEXR File Layout", openexr.com).
+fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
+    let mut at = HEADER_START;
+    let mut attributes = Vec::new();
+    while *bytes.get(at)? != 0 {
+        let end_of_text = |from: usize| Some(from + bytes.get(from..)?.iter().position(|&b| b == 0)? + 1);
+        let value_size = end_of_text(end_of_text(at)?)?;
+        let size = i32::from_le_bytes(bytes.get(value_size..value_size + 4)?.try_into().ok()?);
+        let end = value_size + 4 + usize::try_from(size).ok()?;
+        // The name ends with the first zero byte: names are compared before anything else.
+        attributes.push(bytes.get(at..end)?.to_vec());
+        at = end;
+    }
+    attributes.sort_unstable();
+    bytes[HEADER_START..at].copy_from_slice(&attributes.concat());
+    Some(())
+}
+
+/// The library's error as one about a file.
+fn file_error(path: &Path, error: ExrError) -> FileError {
+    match error {
+        ExrError::NotSupported(problem) => FileError::unsupported(path, "", problem),
+        ExrError::Invalid(problem) => FileError::invalid(path, "", problem).remedy("is it a whole EXR file?"),
+        ExrError::Io(error) => FileError::io(path, "read or write", &error),
+        ExrError::Aborted => FileError::invalid(path, "", "was given up"),
+    }
+}
+
+#[cfg(test)]
+#[path = "exr_tests.rs"]
+mod tests;

@@ -1,0 +1,68 @@
+//! Scalars as a GPU sees them.
+
+use crate::node_table::NodeTable;
+
+/// (scalar * prescale - offset) * scale: brings the scalars of a table into the range where f32 has most digits, and where none of
+/// them is denormal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScalarMap {
+    /// What scalars have been multiplied by on the CPU, which keeps denormals; a power of two.
+    pub prescale: f64,
+    /// Taken away first; an f32, so that the difference to a scalar near it is exact.
+    pub offset: f64,
+    /// A power of two.
+    pub scale: f64,
+}
+
+/// Scales beyond these would over- or underflow f32 on the way.
+const EXPONENT_MAX: i32 = 100;
+
+impl ScalarMap {
+    /// The map for a table; scalars come multiplied by `prescale`.
+    ///
+    /// An offset is taken only if the nodes are far from zero compared with their distances: otherwise small scalars
+    /// would lose digits.
+    pub fn of_table(table: &NodeTable, prescale: f64) -> Self {
+        let nodes = table.nodes();
+        let (lo, hi) = (nodes[0].scalar * prescale, nodes[nodes.len() - 1].scalar * prescale);
+        let is_far = lo.signum() == hi.signum() && lo.abs().min(hi.abs()) > hi - lo;
+        let offset = if is_far { f64::from((0.5 * lo + 0.5 * hi) as f32) } else { 0.0 };
+        let largest = (lo - offset).abs().max((hi - offset).abs());
+        let exponent = if largest > 0.0 { largest.log2().ceil() as i32 } else { 0 };
+        let scale = 2f64.powi((-exponent).clamp(-EXPONENT_MAX, EXPONENT_MAX));
+        Self { prescale, offset, scale }
+    }
+
+    /// The scalar as seen through the map.
+    pub fn apply(self, scalar: f64) -> f64 {
+        (scalar * self.prescale - self.offset) * self.scale
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node_table::Node;
+
+    fn map(scalars: &[f64]) -> ScalarMap {
+        let node = |&scalar: &f64| Node { scalar, rgb: [0.0; 3], tau: 1.0 };
+        ScalarMap::of_table(&NodeTable::new(scalars.iter().map(node).collect()).unwrap(), 1.0)
+    }
+
+    #[test]
+    fn a_range_far_from_zero_loses_its_offset_and_no_other_does() {
+        assert_eq!(map(&[300.0, 300.5]), ScalarMap { prescale: 1.0, offset: 300.25, scale: 4.0 });
+        assert_eq!(map(&[-1.0, 0.0, 3.0]), ScalarMap { prescale: 1.0, offset: 0.0, scale: 0.25 });
+        assert_eq!(map(&[1e-6, 1e6]).offset, 0.0);
+        assert_eq!(map(&[-7.0, -6.5]).offset, -6.75);
+    }
+
+    #[test]
+    fn mapped_nodes_lie_within_one() {
+        for scalars in [[1e-30, 2e-30], [-1e20, 5e20], [1e7, 1e7 + 64.0], [0.0, 0.0], [5.0, 5.0]] {
+            let map = map(&scalars);
+            assert!(scalars.iter().all(|&s| map.apply(s).abs() <= 1.0), "{scalars:?} {map:?}");
+            assert_eq!(map.scale.log2().fract(), 0.0);
+        }
+    }
+}

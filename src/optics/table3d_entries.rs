@@ -1,0 +1,130 @@
+//! The entries of a pre-integrated table: mean extinction and colour of segments, from exact pieces.
+
+use super::{Accumulator, piece_weights};
+use crate::node_table::Node;
+use glam::Vec4;
+
+/// The largest extinction per unit of length that is told from opaque, 2^120: times a length, and its reciprocal, it stays
+/// a normal f32.
+pub(super) const TAU_MAX: f64 = 1.329_227_995_784_916e36;
+
+/// Below this optical depth a segment looks like one without length: its colour differs by at most half of it.
+const DEPTH_MIN: f64 = 1e-7;
+
+/// (tau r, tau g, tau b, tau) of a node.
+fn entry(n: &Node) -> Vec4 {
+    Vec4::new((n.rgb[0] * n.tau) as f32, (n.rgb[1] * n.tau) as f32, (n.rgb[2] * n.tau) as f32, n.tau as f32)
+}
+
+/// The entries of a constant segment just below and just above a scalar.
+pub(super) struct Limits {
+    pub(super) left: Vec4,
+    pub(super) right: Vec4,
+}
+
+impl Limits {
+    pub(super) fn at(nodes: &[Node], scalar: f64) -> Self {
+        let before = nodes.partition_point(|n| n.scalar < scalar);
+        let after = nodes.partition_point(|n| n.scalar <= scalar);
+        Self { left: entry(&between(nodes, before, scalar)), right: entry(&between(nodes, after, scalar)) }
+    }
+}
+
+/// The table at a scalar in the interval that ends with node `after` (of which there may be none).
+fn between(nodes: &[Node], after: usize, scalar: f64) -> Node {
+    match (after.checked_sub(1).map(|i| &nodes[i]), nodes.get(after)) {
+        (Some(lo), Some(hi)) if hi.scalar > lo.scalar => Node::lerp(lo, hi, scalar),
+        (Some(n), _) | (None, Some(n)) => *n,
+        (None, None) => Node { scalar, rgb: [0.0; 3], tau: 0.0 },
+    }
+}
+
+/// A part of a segment on which the table is linear: its share of the length and the table at its ends.
+struct Piece {
+    share: f64,
+    near: Node,
+    far: Node,
+}
+
+/// The pieces of a segment from `s0` to another `s1`, in order.
+fn pieces(nodes: &[Node], s0: f64, s1: f64, out: &mut Vec<Piece>) {
+    out.clear();
+    let (lo, hi) = (s0.min(s1), s0.max(s1));
+    let mut after = nodes.partition_point(|n| n.scalar <= lo);
+    let mut from = lo;
+    while from < hi {
+        let to = nodes.get(after).map_or(hi, |n| n.scalar.min(hi));
+        if to > from {
+            let (near, far) = (between(nodes, after, from), between(nodes, after, to));
+            out.push(Piece { share: (to - from) / (hi - lo), near, far });
+        }
+        from = to;
+        after += 1;
+    }
+    if s1 < s0 {
+        out.reverse();
+        out.iter_mut().for_each(|p| std::mem::swap(&mut p.near, &mut p.far));
+    }
+}
+
+/// Entries of all `s0` in `scalars` for one `s1`: those of one `s0` side by side, one for each of `lengths`.
+pub(super) fn fill_row(nodes: &[Node], scalars: &[f64], s1: f64, lengths: &[f64], row: &mut [Vec4]) {
+    let mut found = Vec::new();
+    for (&s0, entries) in scalars.iter().zip(row.chunks_exact_mut(lengths.len())) {
+        if s0 == s1 {
+            entries.fill(diagonal(nodes, scalars, s0));
+            continue;
+        }
+        pieces(nodes, s0, s1, &mut found);
+        let short = without_length(&found);
+        for (entry, &length) in entries.iter_mut().zip(lengths) {
+            *entry = of_length(&found, short, length);
+        }
+    }
+}
+
+/// A constant segment: both sides of a step count half, at the ends of the range the inner side.
+fn diagonal(nodes: &[Node], scalars: &[f64], scalar: f64) -> Vec4 {
+    let Limits { left, right } = Limits::at(nodes, scalar);
+    if scalar == scalars[0] {
+        right
+    } else if scalar == scalars[scalars.len() - 1] {
+        left
+    } else {
+        0.5 * (left + right)
+    }
+}
+
+/// The limit for short segments: the means of colour times extinction (products of two linear functions) and extinction.
+fn without_length(pieces: &[Piece]) -> Vec4 {
+    let mut sum = [0.0; 4];
+    for Piece { share, near, far } in pieces {
+        for (c, sum) in sum.iter_mut().take(3).enumerate() {
+            let (a, b) = (near.rgb[c], far.rgb[c]);
+            *sum += share / 6.0 * (a * (2.0 * near.tau + far.tau) + b * (near.tau + 2.0 * far.tau));
+        }
+        sum[3] += share * 0.5 * (near.tau + far.tau);
+    }
+    Vec4::from_array(sum.map(|v| v as f32))
+}
+
+/// The entry of a length, given that without: its mean extinction, times the colour that the pieces show.
+fn of_length(pieces: &[Piece], short: Vec4, length: f64) -> Vec4 {
+    let mean = f64::from(short.w);
+    if mean * length < DEPTH_MIN {
+        return short;
+    }
+    let mut light = Accumulator::CLEAR;
+    let color = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, 1.0);
+    for Piece { share, near, far } in pieces {
+        let depth = |n: &Node| (n.tau * share * length).min(TAU_MAX) as f32;
+        let weights = piece_weights(depth(near), depth(far));
+        light.add(weights, color(near), color(far));
+        if light.is_opaque() {
+            break;
+        }
+    }
+    // Colour channels and opacity are sums of the same weights: of one colour, the quotient is that colour.
+    let [r, g, b, alpha] = light.pixel();
+    if alpha > 0.0 { (Vec4::new(r, g, b, alpha) * (short.w / alpha)).with_w(short.w) } else { short }
+}

@@ -1,0 +1,254 @@
+//! Against closed forms and the exact integrator.
+
+use super::*;
+use crate::optics::exact::ExactRay;
+
+const SMALL: Table3dResolution = Table3dResolution { scalars: 33, lengths: 9 };
+
+fn nodes(of: &[(f64, [f64; 3], f64)]) -> NodeTable {
+    NodeTable::new(of.iter().map(|&(scalar, rgb, tau)| Node { scalar, rgb, tau }).collect()).unwrap()
+}
+
+fn build(table: &NodeTable, length_max: f64) -> Table3d {
+    Table3d::new(table, Table3d::range_of(table), length_max, 1.0, SMALL)
+}
+
+/// The pixel of one segment.
+fn pixel<I: Integrator>(table: &I, s0: f64, s1: f64, length: f64) -> [f32; 4] {
+    let mut light = Accumulator::CLEAR;
+    table.segment(&mut table.enter(s0), s0, s1, length, &mut light);
+    light.pixel()
+}
+
+/// The largest difference of two pixels.
+fn difference(a: [f32; 4], b: [f32; 4]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(x, y)| f64::from((x - y).abs()))
+        .fold(0.0, |m, d| if d.is_nan() { f64::NAN } else { m.max(d) })
+}
+
+fn uneven() -> NodeTable {
+    nodes(&[
+        (-1.0, [0.1, 0.2, 0.9], 0.3),
+        (-0.25, [0.9, 0.1, 0.5], 0.0),
+        (0.3, [0.2, 0.7, 0.1], 5.0),
+        (0.3, [1.0, 0.4, 0.0], 1.0),
+        (1.0, [0.0, 0.0, 1.0], 2.5),
+    ])
+}
+
+#[test]
+fn constant_extinction_and_color_are_exact_at_any_length() {
+    for tau in [0.02, 1.0, 30.0, 1e6] {
+        let table = build(&nodes(&[(2.0, [1.0, 0.5, 0.25], tau), (3.0, [1.0, 0.5, 0.25], tau)]), 0.7);
+        // Inside the range, across its ends and outside; up to ten times the longest length.
+        for (s0, s1) in [(2.1, 2.9), (2.5, 2.5), (2.0, 3.0), (1.0, 4.0), (3.5, 2.2), (5.0, 6.0), (0.0, 0.0)] {
+            for length in [1e-20, 1e-6, 0.013, 0.3, 0.7, 2.0, 7.0] {
+                let alpha = -(-tau * length).exp_m1();
+                // Each factor of the pixel is rounded to f32 (6e-8), the exponent relative to its size: x e^-x < 0.4.
+                for (channel, share) in pixel(&table, s0, s1, length).into_iter().zip([1.0, 0.5, 0.25, 1.0]) {
+                    let error = (f64::from(channel) / (share * alpha) - 1.0).abs();
+                    assert!(error < 1e-6, "tau {tau}, {s0} to {s1}, length {length}: {error:e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn entries_are_what_the_exact_integrator_gives() {
+    let table = uneven();
+    let (exact, looked_up) = (ExactTable::new(&table, 1.0), build(&table, 2.0));
+    let worst = |other: &ExactTable| {
+        let mut worst: f64 = 0.0;
+        for i in 0..SMALL.scalars {
+            for j in 0..SMALL.scalars {
+                let scalar = |i: usize| -1.0 + 2.0 * i as f64 / 32.0;
+                for k in 1..SMALL.lengths {
+                    let length = 2.0 * (k as f64 / 8.0).powi(2);
+                    let (s0, s1) = (scalar(i), scalar(j));
+                    worst = worst.max(difference(pixel(&looked_up, s0, s1, length), pixel(other, s0, s1, length)));
+                }
+            }
+        }
+        worst
+    };
+    // Twice the bound of the exact integrator's weights, 4e-7 a piece, over up to five pieces.
+    assert!(worst(&exact) < 4e-6, "{:e}", worst(&exact));
+    // A node that is off by 1e-3 is noticed.
+    let mut moved = table.nodes().to_vec();
+    moved[4].tau += 1e-2;
+    assert!(worst(&ExactTable::new(&NodeTable::new(moved).unwrap(), 1.0)) > 1e-4);
+}
+
+#[test]
+fn a_linear_ramp_has_the_exact_opacity_between_entries_too() {
+    // The mean of a linear function is linear in both ends, so interpolation is exact, and so is opacity.
+    let table = build(&nodes(&[(0.0, [0.0, 0.5, 1.0], 0.5), (1.0, [1.0, 0.5, 0.0], 4.0)]), 1.0);
+    let exact = ExactTable::new(&nodes(&[(0.0, [0.0, 0.5, 1.0], 0.5), (1.0, [1.0, 0.5, 0.0], 4.0)]), 1.0);
+    for (s0, s1) in [(0.013, 0.977), (0.5, 0.503), (0.9, 0.02), (-0.5, 0.7), (0.3, 1.4)] {
+        for length in [1e-9, 0.01, 0.1, 0.77, 2.3] {
+            let (a, b) = (pixel(&table, s0, s1, length), pixel(&exact, s0, s1, length));
+            // The interval's place is known to 2^-24 of the axis; opacity changes by less than 4 over it.
+            assert!((a[3] - b[3]).abs() < 2e-6, "{s0} {s1} {length}: {a:?} {b:?}");
+            // Extinction times colour is quadratic: over an interval of 1/32 interpolation is off by 3.5 / 32^2 / 4 at
+            // most, and that of lengths by less than as much again.
+            assert!(difference(a, b) < 2e-3 * f64::from(b[3].max(1e-9)) + 2e-6, "{s0} {s1} {length}: {a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn short_segments_keep_relative_accuracy() {
+    let table = uneven();
+    let (table, exact) = (build(&table, 2.0), ExactTable::new(&table, 1.0));
+    // On entries of the scalar axes, so that only the length is interpolated.
+    for (s0, s1) in [(-1.0, -0.5), (0.5, -0.75), (1.0, 0.75)] {
+        for length in [1e-3, 1e-6, 1e-12, 1e-30] {
+            let (a, b) = (pixel(&table, s0, s1, length), pixel(&exact, s0, s1, length));
+            for (x, y) in a.iter().zip(b) {
+                // The mean colour moves by at most m d / 2 within a length.
+                let bound = 2e-6 + 5.0 * length;
+                assert!((f64::from(*x) / f64::from(y) - 1.0).abs() < bound, "{s0} {s1} {length}: {a:?} {b:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn without_extinction_there_is_nothing_to_be_seen() {
+    let table = build(&nodes(&[(0.0, [1.0; 3], 0.0), (1.0, [0.5; 3], 0.0)]), 1.0);
+    assert!(table.is_clear());
+    let mut light = Accumulator::CLEAR;
+    for (s0, s1) in [(0.2, 0.8), (-3.0, 5.0), (0.0, 0.0), (1.0, 1.0)] {
+        assert_eq!(table.segment(&mut (), s0, s1, 0.5, &mut light), 0);
+        assert_eq!(table.clear_share(s0, s1), 1.0);
+    }
+    assert_eq!(light, Accumulator::CLEAR);
+}
+
+#[test]
+fn a_table_with_one_scalar_is_exact() {
+    let one = nodes(&[(0.5, [0.2, 0.4, 0.6], 2.0)]);
+    let step = nodes(&[(0.5, [1.0, 0.0, 0.0], 0.0), (0.5, [0.2, 0.4, 0.6], 2.0)]);
+    for table in [one, step] {
+        let (table, exact) = (build(&table, 1.0), ExactTable::new(&table, 1.0));
+        for (s0, s1) in [(0.0, 1.0), (1.0, 0.0), (0.5, 0.5), (0.5, 0.9), (0.1, 0.5), (0.1, 0.2), (0.5, 0.1)] {
+            for length in [1e-5, 0.4, 3.0] {
+                let (a, b) = (pixel(&table, s0, s1, length), pixel(&exact, s0, s1, length));
+                assert!(difference(a, b) < 1e-6, "{s0} {s1} {length}: {a:?} {b:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_leaves_the_range_is_cut_there() {
+    let table = uneven();
+    let (table, exact) = (build(&table, 1.0), ExactTable::new(&table, 1.0));
+    // Ends of the inner parts lie on entries, so that only lengths are interpolated.
+    for (s0, s1) in [(-2.0, 2.0), (2.0, -2.0), (-1.5, 0.5), (0.5, 1.75), (1.25, 0.0), (-3.0, -1.0), (1.0, 1.5)] {
+        let (a, b) = (pixel(&table, s0, s1, 0.01), pixel(&exact, s0, s1, 0.01));
+        // Mean extinction 5 at most: colour moves by m d / 2 = 0.025 of an opacity of 0.05 at most.
+        assert!(difference(a, b) < 1.3e-3 && (a[3] - b[3]).abs() < 1e-6, "{s0} {s1}: {a:?} {b:?}");
+    }
+}
+
+#[test]
+fn offsets_and_scales_of_the_range_do_not_matter() {
+    let plain = build(&uneven(), 1.0);
+    for (offset, scale) in [(1e7, 1.0), (1e7, 64.0), (0.0, 1e-42), (0.0, 3e38), (-3e5, 1e-3)] {
+        let map = |s: f64| offset + scale * s;
+        let moved = uneven().nodes().iter().map(|n| Node { scalar: map(n.scalar), ..*n }).collect();
+        let moved = build(&NodeTable::new(moved).unwrap(), 1.0);
+        for (s0, s1) in [(-0.9, 0.8), (0.11, 0.12), (0.7, -0.99), (-1.4, 0.2)] {
+            let (a, b) = (pixel(&plain, s0, s1, 0.3), pixel(&moved, map(s0), map(s1), 0.3));
+            // f64 tells 2e-9 apart at 1e7: 2e-6 of a scale of 1e-3, times a change of at most 5 * 0.3 over an interval of
+            // 1/16.
+            let bound = if scale == 1e-3 { 1e-4 } else { 2e-6 };
+            assert!(difference(a, b) < bound, "offset {offset}, scale {scale}: {a:?} {b:?}");
+        }
+    }
+}
+
+/// A number in [0, 1) from a seed and an index.
+fn random(seed: u64, index: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(index.wrapping_mul(0xD1B5_4A32_D192_ED03));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[test]
+fn no_table_and_no_segment_gives_anything_but_a_pixel() {
+    let resolution = Table3dResolution { scalars: 9, lengths: 5 };
+    for seed in 0..60 {
+        let scale = [1.0, 1e-44, 3e38, 1e7, 1e-3][seed as usize % 5];
+        let mut scalars: Vec<f64> = (0..2 + seed % 7).map(|i| scale * (2.0 * random(seed, i) - 1.0)).collect();
+        scalars.sort_by(f64::total_cmp);
+        let taus = [0.0, 1e-300, 1e-40, 1e-3, 1.0, 1e6, 1e30, f64::MAX];
+        let node = |(i, &scalar): (usize, &f64)| {
+            let at = |k: u64| random(seed, 100 + 10 * i as u64 + k);
+            Node { scalar, rgb: [at(0), at(1), at(2)], tau: taus[(at(3) * 8.0) as usize] }
+        };
+        let table = NodeTable::new(scalars.iter().enumerate().map(node).collect()).unwrap();
+        let table = Table3d::new(&table, Table3d::range_of(&table), 0.5, 1.0, resolution);
+        assert!(table.entries().iter().all(|e| e.is_finite()), "seed {seed}");
+        for i in 0..200 {
+            let scalar = |k| f64::from((scale * (3.0 * random(seed, 1000 + 3 * i + k) - 1.5)) as f32);
+            let s0 = if scalar(0).is_finite() { scalar(0) } else { 0.0 };
+            let s1 = if i % 5 == 0 || !scalar(1).is_finite() { s0 } else { scalar(1) };
+            let length = 10.0f64.powf(-40.0 * random(seed, 1002 + 3 * i));
+            let p = pixel(&table, s0, s1, length);
+            assert!(p.iter().all(|v| (0.0..=1.000_001).contains(v)), "seed {seed}, segment {i}: {p:?}");
+            assert!(p[0].max(p[1]).max(p[2]) <= p[3] * 1.000_01 + 1e-37, "seed {seed}, segment {i}: {p:?}");
+        }
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| build(&uneven(), 1.0).entries)
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn visibility_is_that_of_the_transfer_function() {
+    // A tent between two entries: the table leaks to both sides, the place does not.
+    let tent = nodes(&[
+        (-1.0, [1.0; 3], 0.0),
+        (0.1, [1.0; 3], 0.0),
+        (0.11, [1.0; 3], 9.0),
+        (0.12, [1.0; 3], 0.0),
+        (1.0, [1.0; 3], 0.0),
+    ]);
+    let (table, exact) = (build(&tent, 1.0), ExactTable::new(&tent, 1.0));
+    assert!(pixel(&table, 0.09, 0.098, 0.1)[3] > 0.0 && pixel(&exact, 0.09, 0.098, 0.1)[3] == 0.0);
+    for (s0, s1) in [(0.09, 0.098), (0.0, 0.2), (0.5, 0.0), (0.115, 0.3)] {
+        assert_eq!(table.clear_share(s0, s1), ExactTable::clear_share(&exact, s0, s1));
+    }
+    // The trait's exact integrator is the exact integrator.
+    let mut light = Accumulator::CLEAR;
+    ExactRay::enter(&exact, 0.0).segment(&exact, 0.0, 0.2, 0.3, &mut light);
+    assert_eq!(light.pixel(), pixel(&exact, 0.0, 0.2, 0.3));
+}
+
+#[test]
+fn parameters_are_finite_and_place_the_ends_on_the_axis() {
+    for (lo, hi) in [(-1.0, 3.0), (1e7, 1e7 + 1.0), (-3e38, 3e38), (1e-42, 3e-41), (0.0, 0.0), (5.0, 5.0), (0.0, 1.0)] {
+        let table = nodes(&[(lo, [1.0; 3], 1.0), (hi, [0.5; 3], 2.0)]);
+        let map = ScalarMap::of_table(&table, if hi.abs() < 1e-30 { 2f64.powi(100) } else { 1.0 });
+        let p = build(&table, 1.5).params(map);
+        let numbers = [p.scalar_lo, p.scalar_lo_rest, p.scalar_hi, p.scalar_hi_rest];
+        assert!(numbers.iter().all(|v| v.is_finite()), "{lo} {hi}: {p:?}");
+        // The shader's arithmetic for the upper end.
+        let at = ((map.apply(hi) as f32 - p.scalar_lo) - p.scalar_lo_rest) * p.intervals_per_scalar;
+        let expected = if hi > lo { 32.0 } else { 0.0 };
+        // f32 of the end itself: half a unit in 1e7, and 1e-4 of the smallest numbers.
+        assert!((at - expected).abs() <= 0.01, "{lo} {hi}: {at}");
+    }
+}

@@ -1,0 +1,243 @@
+//! A GPU: adapter, device and queue, and what befell them.
+
+use crate::render::RenderError;
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Which limits are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tier {
+    /// The sizes that the adapter has.
+    #[default]
+    Adapter,
+    /// The default limits of WebGPU, whatever the adapter has.
+    WebGpu,
+}
+
+/// Which adapter, and how much of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ContextOptions {
+    /// Part of the adapter's name, any case; the best adapter if empty.
+    pub adapter: String,
+    /// Which limits are asked for.
+    pub tier: Tier,
+    /// Fewer bytes for a storage binding than the device has, to see how buffers are split.
+    pub binding_bytes: Option<u64>,
+    /// No timestamps, even if the adapter has them.
+    pub no_timestamps: bool,
+}
+
+/// What can be said about an adapter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterName {
+    /// As the driver names it.
+    pub name: String,
+    /// API and driver.
+    pub driver: String,
+    /// A GPU, as opposed to software on the CPU.
+    pub is_hardware: bool,
+}
+
+impl fmt::Display for AdapterName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = if self.is_hardware { "" } else { ", software" };
+        write!(f, "{} ({}{kind})", self.name, self.driver)
+    }
+}
+
+/// What went wrong on the device outside of a call.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Fault {
+    Lost(String),
+    Failed(String),
+}
+
+/// An adapter with its device and queue; shared by all that use the GPU.
+#[derive(Debug)]
+pub struct Context {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    name: AdapterName,
+    binding_bytes: u64,
+    /// Nanoseconds of a timestamp's unit, if there are timestamps.
+    timestamp_period_ns: Option<f64>,
+    fault: Arc<Mutex<Option<Fault>>>,
+    created: AtomicU64,
+}
+
+/// The backends that tetreel is built with.
+const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
+
+impl Context {
+    /// The GPU that `options` ask for: hardware before software, discrete before integrated.
+    ///
+    /// # Errors
+    /// `NoGpu` if there is no adapter, none of that name, or it gives no device.
+    pub fn new(options: &ContextOptions) -> Result<Self, RenderError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = BACKENDS;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
+        // Stable: the driver's order among equals.
+        adapters.sort_by_key(|a| preference(a.get_info().device_type));
+        let wanted = options.adapter.to_lowercase();
+        let chosen = adapters.iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted));
+        let Some(adapter) = chosen else { return Err(RenderError::NoGpu(nothing_found(&options.adapter, &adapters))) };
+        Self::of_adapter(adapter, options)
+    }
+
+    fn of_adapter(adapter: &wgpu::Adapter, options: &ContextOptions) -> Result<Self, RenderError> {
+        let name = name_of(&adapter.get_info());
+        let has_timestamps = !options.no_timestamps && adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let features = if has_timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() };
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("tetreel"),
+            required_features: features,
+            required_limits: limits(&adapter.limits(), options.tier),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|e| RenderError::NoGpu(format!("{name} gives no device: {e}")))?;
+        let fault = Arc::new(Mutex::new(None));
+        let keep = |fault: &Arc<Mutex<Option<Fault>>>| {
+            let fault = fault.clone();
+            // The first fault is the cause, the others follow from it; a loss outranks them.
+            move |new: Fault| {
+                let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
+                if fault.is_none() || matches!((&*fault, &new), (Some(Fault::Failed(_)), Fault::Lost(_))) {
+                    *fault = Some(new);
+                }
+            }
+        };
+        let lost = keep(&fault);
+        device.set_device_lost_callback(move |reason, message| {
+            let text = if message.is_empty() { format!("{reason:?}") } else { message };
+            lost(Fault::Lost(text));
+        });
+        let failed = keep(&fault);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed(Fault::Failed(error.to_string()))));
+        let limits = device.limits();
+        let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Ok(Self {
+            name,
+            binding_bytes: options.binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
+            timestamp_period_ns: has_timestamps.then(|| f64::from(queue.get_timestamp_period())),
+            fault,
+            created: AtomicU64::new(0),
+            device,
+            queue,
+        })
+    }
+
+    /// Which adapter this is.
+    pub fn adapter(&self) -> &AdapterName {
+        &self.name
+    }
+
+    /// Bytes that a storage binding can have.
+    pub fn binding_bytes(&self) -> u64 {
+        self.binding_bytes
+    }
+
+    /// Nanoseconds of a timestamp's unit, if there are timestamps.
+    pub fn timestamp_period_ns(&self) -> Option<f64> {
+        self.timestamp_period_ns
+    }
+
+    /// Buffers, textures and bind groups made so far: a steady frame makes none.
+    pub fn resources_created(&self) -> u64 {
+        self.created.load(Ordering::Relaxed)
+    }
+
+    /// Counts resources.
+    pub(super) fn count_created(&self, n: u64) {
+        self.created.fetch_add(n, Ordering::Relaxed);
+    }
+
+    /// Whether device and queue still work.
+    ///
+    /// # Errors
+    /// `DeviceLost` once it is lost, `Gpu` after any other failure.
+    pub fn check(&self) -> Result<(), RenderError> {
+        let adapter = || self.name.name.clone();
+        match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
+            None => Ok(()),
+            Some(Fault::Lost(reason)) => Err(RenderError::DeviceLost { adapter: adapter(), reason: reason.clone() }),
+            Some(Fault::Failed(problem)) => Err(RenderError::Gpu { adapter: adapter(), problem: problem.clone() }),
+        }
+    }
+
+    /// Makes resources; what the device has no memory or no room for becomes an error instead of a fault.
+    ///
+    /// # Errors
+    /// `BeyondGpu` if the device runs out of memory or refuses.
+    pub(super) fn create<T>(&self, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, RenderError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make(&self.device);
+        let refused = pollster::block_on(validation.pop());
+        let exhausted = pollster::block_on(memory.pop());
+        self.check()?;
+        match exhausted.or(refused) {
+            None => Ok(made),
+            Some(error) => Err(self.beyond(format!("it has no room: {error}"))),
+        }
+    }
+
+    /// The error of a job that the device cannot do.
+    pub(super) fn beyond(&self, problem: String) -> RenderError {
+        RenderError::BeyondGpu { adapter: self.name.name.clone(), problem }
+    }
+
+    /// Loses the device, as a reset of the driver would: everything under way fails from here on.
+    pub fn lose(&self) {
+        self.device.destroy();
+    }
+}
+
+/// Adapters in this order.
+fn preference(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn name_of(info: &wgpu::AdapterInfo) -> AdapterName {
+    let driver = format!("{} {} {}", info.backend, info.driver, info.driver_info);
+    AdapterName {
+        name: info.name.clone(),
+        driver: driver.split_whitespace().collect::<Vec<_>>().join(" "),
+        is_hardware: info.device_type != wgpu::DeviceType::Cpu,
+    }
+}
+
+/// The defaults of WebGPU, with the adapter's sizes where they are larger.
+fn limits(adapter: &wgpu::Limits, tier: Tier) -> wgpu::Limits {
+    let defaults = wgpu::Limits::default();
+    if tier == Tier::WebGpu {
+        return defaults;
+    }
+    wgpu::Limits {
+        max_buffer_size: defaults.max_buffer_size.max(adapter.max_buffer_size),
+        max_storage_buffer_binding_size: defaults
+            .max_storage_buffer_binding_size
+            .max(adapter.max_storage_buffer_binding_size),
+        max_texture_dimension_2d: defaults.max_texture_dimension_2d.max(adapter.max_texture_dimension_2d),
+        ..defaults
+    }
+}
+
+fn nothing_found(wanted: &str, adapters: &[wgpu::Adapter]) -> String {
+    let names: Vec<_> = adapters.iter().map(|a| name_of(&a.get_info()).to_string()).collect();
+    match (names.is_empty(), wanted.is_empty()) {
+        (true, _) => "no Vulkan, Metal or Direct3D 12 driver offers an adapter".to_owned(),
+        (false, _) => format!("no adapter's name contains '{wanted}'; there are: {}", names.join(", ")),
+    }
+}

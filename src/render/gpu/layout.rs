@@ -1,0 +1,194 @@
+//! What the CPU and the shaders share, as plain data. `shaders/lib/frame.wgsl` has the same structs; a test compares sizes
+//! and offsets with those of the compiled shader.
+
+use crate::camera::View;
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Width and height of a tile in pixels.
+pub const TILE_PX: usize = 16;
+
+/// Counters of a tile.
+pub const COUNTERS: usize = 8;
+
+/// Floats of a vertex in view coordinates.
+pub const VIEW_VERTEX_BYTES: u64 = 32;
+
+/// Words of a (tile, item) pair.
+pub const PAIR_WORDS: u64 = 2;
+
+/// x and y in view coordinates are kept times this, so that products of four of them neither over- nor underflow f32.
+pub const PLANE_SCALE: f64 = (1u64 << 30) as f64;
+
+/// An eye further away than this (in local units: the mesh lies within [-1, 1]) is out of f32's reach: products of sheared
+/// coordinates would overflow.
+pub const EYE_DISTANCE_MAX: f64 = (1u64 << 20) as f64;
+
+/// Depths below or above this count as infinite.
+pub const FAR: f32 = 3.0e38;
+
+/// Bits of [`Params::flags`].
+pub mod flags {
+    /// Rays meet in the eye.
+    pub const PERSPECTIVE: u32 = 1;
+    /// Rays stop where nothing behind can be seen.
+    pub const EARLY_TERMINATION: u32 = 2;
+    /// No cell is inactive.
+    pub const ALL_ACTIVE: u32 = 4;
+}
+
+/// Parameters of a frame, as all stages see them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Params {
+    /// Eye, local units: sum of the two.
+    pub eye_hi: [f32; 4],
+    /// The rest of the eye.
+    pub eye_lo: [f32; 4],
+    /// Right, up, forward; each the sum of three parts, the first two of 12 bits.
+    pub axes: [[f32; 4]; 9],
+    /// Half the distance of two pixels on the image plane times [`PLANE_SCALE`]: x as a sum of two, y as a sum of two.
+    pub pitch: [f32; 4],
+    /// Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin: sum of the two.
+    pub depth_origin: [f32; 2],
+    /// Scalars are seen as (scalar - offset) * scale.
+    pub scalar_offset: f32,
+    /// See `scalar_offset`.
+    pub scalar_scale: f32,
+    /// Pixels per row, rows.
+    pub size_px: [u32; 2],
+    /// Tiles per row, rows of tiles.
+    pub tiles: [u32; 2],
+    /// Depth of the near distance.
+    pub near: f32,
+    /// Vertices of the mesh.
+    pub vertex_count: u32,
+    /// Entry faces; they come first among the items.
+    pub face_count: u32,
+    /// Cells at the eye.
+    pub eye_count: u32,
+    /// Entry faces and cells at the eye.
+    pub item_count: u32,
+    /// Pairs of tile and item that there is room for.
+    pub pair_capacity: u32,
+    /// First tile of the slice.
+    pub first_tile: u32,
+    /// Bits of [`flags`].
+    pub flags: u32,
+    /// Shape of the table; for the exact integrator the number of intervals.
+    pub table_shape: [u32; 3],
+    /// Zero, which the compilers of shaders do not know: it keeps them from simplifying sums as if they were exact.
+    pub zero: u32,
+}
+
+impl Params {
+    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`]. `view` is in
+    /// local coordinates.
+    pub fn of_view(view: &View) -> Option<Self> {
+        if view.eye.abs().max_element() > EYE_DISTANCE_MAX {
+            return None;
+        }
+        let axis = |v: DVec3| {
+            let parts = v.to_array().map(three_parts);
+            [0, 1, 2].map(|part| [parts[0][part], parts[1][part], parts[2][part], 0.0])
+        };
+        let [right, up, forward] = [view.right, view.up, view.forward].map(axis);
+        let axes = [right, up, forward].concat().try_into().unwrap_or_default();
+        let eye = view.eye.to_array().map(two_parts);
+        let origin = if view.perspective { [0.0; 2] } else { two_parts(-view.forward.dot(view.eye)) };
+        let pitch = |half: f64, pixels: usize| two_parts(half / pixels as f64 * PLANE_SCALE);
+        let (x, y) = (pitch(view.half_width, view.width_px), pitch(view.half_height, view.height_px));
+        let (near, perspective) = if view.perspective {
+            (view.near.clamp(0.0, f64::from(FAR)) as f32, flags::PERSPECTIVE)
+        } else {
+            (-FAR, 0)
+        };
+        Some(Self {
+            eye_hi: [eye[0][0], eye[1][0], eye[2][0], 0.0],
+            eye_lo: [eye[0][1], eye[1][1], eye[2][1], 0.0],
+            axes,
+            pitch: [x[0], x[1], y[0], y[1]],
+            depth_origin: origin,
+            size_px: [view.width_px as u32, view.height_px as u32],
+            tiles: [view.width_px.div_ceil(TILE_PX) as u32, view.height_px.div_ceil(TILE_PX) as u32],
+            near,
+            flags: perspective,
+            ..Self::default()
+        })
+    }
+
+    /// Number of tiles.
+    pub fn tile_count(&self) -> usize {
+        self.tiles[0] as usize * self.tiles[1] as usize
+    }
+}
+
+/// The depth that a sum of two means.
+pub fn depth_of(parts: [f32; 2]) -> f64 {
+    f64::from(parts[0]) + f64::from(parts[1])
+}
+
+/// `x` as a sum of two f32, right to 2^-48 of itself.
+pub fn two_parts(x: f64) -> [f32; 2] {
+    let first = x as f32;
+    [first, (x - f64::from(first)) as f32]
+}
+
+/// The leading 12 bits of the mantissa.
+fn leading(x: f64) -> f32 {
+    f32::from_bits((x as f32).to_bits() & 0xffff_f000)
+}
+
+/// `x` as a sum of three f32, the first two of 12 bits.
+fn three_parts(x: f64) -> [f32; 3] {
+    let first = leading(x);
+    let rest = x - f64::from(first);
+    let second = leading(rest);
+    [first, second, (rest - f64::from(second)) as f32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Projection};
+
+    #[test]
+    fn parts_add_up_to_the_number() {
+        for x in [1.0 / 3.0, -0.7, 1e-9, 123.456, -1.0, 0.0] {
+            let sum: f64 = three_parts(x).iter().map(|&p| f64::from(p)).sum();
+            assert!((sum - x).abs() <= x.abs() * 2f64.powi(-46), "{x}");
+            assert!((depth_of(two_parts(x)) - x).abs() <= x.abs() * 2f64.powi(-48), "{x}");
+            for part in &three_parts(x)[..2] {
+                assert_eq!(part.to_bits() & 0xfff, 0);
+            }
+        }
+    }
+
+    fn view(distance: f64, projection: Projection) -> View {
+        let camera = Camera {
+            position: DVec3::new(distance, 0.0, 0.0),
+            focal_point: DVec3::new(distance - 1.0, 0.0, 0.0),
+            view_up: DVec3::Z,
+            projection,
+            near: 0.0,
+        };
+        camera.view(40, 30).unwrap()
+    }
+
+    #[test]
+    fn depths_are_counted_from_the_eye_or_from_the_middle_of_the_mesh() {
+        let perspective = Projection::Perspective { view_angle: 30.0 };
+        let params = Params::of_view(&view(1000.0, perspective)).unwrap();
+        assert_eq!((params.depth_origin, params.near, params.flags), ([0.0; 2], 0.0, flags::PERSPECTIVE));
+        let params = Params::of_view(&view(-7.0, Projection::Parallel { scale: 1.0 })).unwrap();
+        assert_eq!((params.depth_origin, params.near, params.flags), ([-7.0, 0.0], -FAR, 0));
+        assert_eq!((params.size_px, params.tiles, params.tile_count()), ([40, 30], [3, 2], 6));
+    }
+
+    #[test]
+    fn an_eye_beyond_the_reach_of_f32_is_refused() {
+        let perspective = Projection::Perspective { view_angle: 30.0 };
+        assert!(Params::of_view(&view(1e6, perspective)).is_some());
+        assert!(Params::of_view(&view(1.1e6, perspective)).is_none());
+    }
+}

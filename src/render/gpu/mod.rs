@@ -1,0 +1,15 @@
+//! Renderers on the GPU.
+//!
+//! The stages are those of the CPU path, in WGSL (`shaders/`, one file a stage), over the same buffers. [`layout`] and
+//! [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
+
+pub mod layout;
+pub mod shaders;
+
+#[cfg(test)]
+mod shader_tests;
+
+#[cfg(feature = "gpu")]
+pub mod context;
+#[cfg(feature = "gpu")]
+pub mod raycast;

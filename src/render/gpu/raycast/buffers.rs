@@ -1,0 +1,189 @@
+//! What lies in the GPU's memory, and how it gets there.
+
+use crate::mesh::Mesh;
+use crate::render::RenderError;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::VIEW_VERTEX_BYTES;
+use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
+use std::sync::Arc;
+
+/// Records are made and sent in pieces of this many cells, so that no second copy of a large mesh is held.
+const CELLS_PER_PIECE: usize = 1 << 18;
+
+/// A buffer that grows: it is made anew only when it is too small.
+#[derive(Debug)]
+pub(super) struct GrowingBuffer {
+    label: &'static str,
+    usage: wgpu::BufferUsages,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl GrowingBuffer {
+    /// An empty one, for storage and copies in both directions.
+    pub(super) fn storage(label: &'static str) -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        Self { label, usage, buffer: None }
+    }
+
+    /// An empty one for parameters.
+    pub(super) fn uniform(label: &'static str) -> Self {
+        Self { label, usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST, buffer: None }
+    }
+
+    /// An empty one to be read by the CPU.
+    pub(super) fn readback(label: &'static str) -> Self {
+        Self { label, usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST, buffer: None }
+    }
+
+    /// Room for `bytes`; whether it had to be made for that. What was in it is then gone.
+    pub(super) fn reserve(&mut self, context: &Context, bytes: u64) -> Result<bool, RenderError> {
+        // Bindings must not be empty, sizes are multiples of 16.
+        let bytes = bytes.max(16).next_multiple_of(16);
+        if self.buffer.as_ref().is_some_and(|b| b.size() >= bytes) {
+            return Ok(false);
+        }
+        let limits = context.device.limits();
+        let is_storage = self.usage.contains(wgpu::BufferUsages::STORAGE);
+        let most = if is_storage { context.binding_bytes() } else { limits.max_buffer_size };
+        if bytes > most {
+            return Err(context.beyond(format!("{} takes {bytes} bytes, a buffer has at most {most}", self.label)));
+        }
+        // The old one is freed first: two large ones may not fit.
+        self.buffer = None;
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(self.label),
+            size: bytes,
+            usage: self.usage,
+            mapped_at_creation: false,
+        };
+        self.buffer = Some(context.create(|device| device.create_buffer(&descriptor))?);
+        context.count_created(1);
+        Ok(true)
+    }
+
+    /// The buffer; the caller has reserved it.
+    pub(super) fn get(&self, context: &Context) -> Result<&wgpu::Buffer, RenderError> {
+        self.buffer.as_ref().ok_or_else(|| context.beyond(format!("{} has not been made", self.label)))
+    }
+
+    /// Bytes that there is room for.
+    pub(super) fn bytes(&self) -> u64 {
+        self.buffer.as_ref().map_or(0, wgpu::Buffer::size)
+    }
+
+    /// Sends `data` to `offset` (a multiple of 4).
+    pub(super) fn write(&self, context: &Context, offset: u64, data: &[u8]) -> Result<u64, RenderError> {
+        if !data.is_empty() {
+            context.queue.write_buffer(self.get(context)?, offset, data);
+        }
+        Ok(data.len() as u64)
+    }
+}
+
+/// A mesh in the GPU's memory, with room for what belongs to its vertices.
+#[derive(Debug)]
+pub(super) struct MeshBuffers {
+    pub(super) of: Option<Arc<Mesh>>,
+    pub(super) positions: GrowingBuffer,
+    pub(super) scalars: GrowingBuffer,
+    pub(super) vertices: GrowingBuffer,
+    pub(super) records: [GrowingBuffer; 3],
+}
+
+impl MeshBuffers {
+    pub(super) fn new() -> Self {
+        Self {
+            of: None,
+            positions: GrowingBuffer::storage("positions"),
+            scalars: GrowingBuffer::storage("scalars"),
+            vertices: GrowingBuffer::storage("view vertices"),
+            records: ["cells, first part", "cells, second part", "cells, third part"].map(GrowingBuffer::storage),
+        }
+    }
+
+    /// Brings a mesh to the GPU unless it is there. Returns whether a buffer was made, and the bytes sent.
+    pub(super) fn upload(
+        &mut self,
+        context: &Context,
+        mesh: &Arc<Mesh>,
+        split: RecordSplit,
+    ) -> Result<(bool, u64), RenderError> {
+        if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
+            return Ok((false, 0));
+        }
+        self.of = None;
+        let (vertices, cells) = (mesh.positions.local.len() as u64, mesh.topology.tets.len());
+        let mut made = self.positions.reserve(context, 12 * vertices)?;
+        made |= self.scalars.reserve(context, 4 * vertices)?;
+        made |= self.vertices.reserve(context, VIEW_VERTEX_BYTES * vertices)?;
+        let mut sent = self.positions.write(context, 0, bytemuck::cast_slice(&mesh.positions.local))?;
+        let mut piece = Vec::with_capacity(2 * CELLS_PER_PIECE.min(cells));
+        for (part, buffer) in (0u32..).zip(&mut self.records) {
+            let range = split.cells_of(part, cells);
+            made |= buffer.reserve(context, RECORD_BYTES * range.len() as u64)?;
+            for from in range.clone().step_by(CELLS_PER_PIECE) {
+                let to = (from + CELLS_PER_PIECE).min(range.end);
+                piece.clear();
+                for cell in from..to {
+                    piece.push(mesh.topology.tets[cell]);
+                    piece.push(mesh.topology.neighbours[cell].map(|n| n.0));
+                }
+                let offset = RECORD_BYTES * (from - range.start) as u64;
+                sent += buffer.write(context, offset, bytemuck::cast_slice(&piece))?;
+                // Frees the staging memory of the piece before the next.
+                context.queue.submit([]);
+            }
+        }
+        self.of = Some(mesh.clone());
+        Ok((made, sent))
+    }
+}
+
+/// Scalars below this may be denormal for a GPU.
+const SMALL: f32 = 1.0 / (1u64 << 63) as f32;
+/// Brings the least denormal (2^-149) into the range of normal numbers.
+const PRESCALE: f32 = (1u128 << 100) as f32;
+
+/// Scalars in the GPU's memory.
+#[derive(Debug, Default)]
+pub(super) struct GpuScalars {
+    of: Option<Arc<Vec<f32>>>,
+    prescale: f32,
+    converted: Vec<f32>,
+}
+
+impl GpuScalars {
+    /// The one way by which scalars reach the GPU: into `buffer`, unless they are there. Returns what they have been
+    /// multiplied by, so that none is denormal, and the bytes sent. Values that are not finite become zeros: a shader may
+    /// assume that there are none, and no active cell has one.
+    pub(super) fn scalars_to_gpu(
+        &mut self,
+        context: &Context,
+        scalars: &Arc<Vec<f32>>,
+        buffer: &GrowingBuffer,
+    ) -> Result<(f64, u64), RenderError> {
+        if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, scalars)) {
+            return Ok((f64::from(self.prescale), 0));
+        }
+        self.of = None;
+        let finite = |s: f32| if s.is_finite() { s } else { 0.0 };
+        let (largest, all_finite) = scalars
+            .iter()
+            .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
+        self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
+        let sent = if all_finite && self.prescale == 1.0 {
+            buffer.write(context, 0, bytemuck::cast_slice(scalars))?
+        } else {
+            self.converted.clear();
+            self.converted.extend(scalars.iter().map(|&s| finite(s) * self.prescale));
+            buffer.write(context, 0, bytemuck::cast_slice(&self.converted))?
+        };
+        self.of = Some(scalars.clone());
+        Ok((f64::from(self.prescale), sent))
+    }
+
+    /// What is in the buffer is no longer known.
+    pub(super) fn forget(&mut self) {
+        self.of = None;
+    }
+}

@@ -1,0 +1,331 @@
+//! The ray caster on the GPU: the stages of [`crate::render::cpu::raycast`] in WGSL.
+//!
+//! 1. **view transform**: a thread a vertex.
+//! 2. **entries**: a thread an entry face. Counted per tile, places summed, stored: lists of any length in one buffer. If
+//!    it is too small the frame is begun again with a larger one.
+//! 3. **walk**, with **composite** inside: a workgroup a tile, a thread a pixel.
+//!
+//! Deviations from the CPU path:
+//! 1. f32 throughout. View coordinates are sums of two, sheared coordinates are right to the last bits near the ray, edge
+//!    functions that lose digits are computed again with the rounding errors of their products (`shaders/lib/ray.wgsl`).
+//! 2. Starts of paths are not sorted in a list: a thread looks for the nearest four, and again for the next four.
+//! 3. Scalars and nodes are seen through a [`ScalarMap`](crate::optics::ScalarMap).
+//!
+//! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
+//! differs from the last in camera, step or table only.
+
+mod buffers;
+mod pipelines;
+mod readback;
+mod scene;
+mod target;
+
+use super::context::Context;
+use super::layout::{Params, TILE_PX, depth_of};
+use crate::camera::View;
+use crate::mesh::FACE_VERTICES;
+use crate::render::cpu::raycast::entries::cells_at_eye;
+use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::stats::FrameStats;
+use glam::DVec3;
+use readback::Slot;
+use scene::Scene;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Buffers on their way back: one is read, one is written, one waits.
+const SLOTS: usize = 3;
+/// Slices under way at a time: the GPU has the next when it is done with one.
+const IN_FLIGHT: usize = 2;
+/// Workgroups of a dispatch in one dimension; WebGPU's limit.
+const GROUPS_MAX: u32 = 65_535;
+/// Tiles of the first slice of all, before anything is known of their cost.
+const FIRST_TILES: usize = 32;
+
+/// The GPU ray caster.
+pub struct Raycast {
+    context: Arc<Context>,
+    scene: Scene,
+    slots: [Slot; SLOTS],
+    /// Slots under way, oldest first.
+    in_flight: VecDeque<usize>,
+    frame: Frame,
+    active_job: Option<ActiveJob>,
+    /// Milliseconds of a tile, of the last slice.
+    ms_per_tile: Option<f64>,
+}
+
+/// What a job under way needs beyond the buffers.
+struct ActiveJob {
+    job: RenderJob,
+    params: Params,
+    tile_count: usize,
+    /// First tile that has not been submitted.
+    next_tile: usize,
+    /// Tiles that have come back.
+    tiles_done: usize,
+    started: Instant,
+}
+
+impl Raycast {
+    /// A renderer without a job.
+    pub fn new(context: Arc<Context>) -> Self {
+        Self {
+            context,
+            scene: Scene::new(),
+            slots: std::array::from_fn(|_| Slot::new()),
+            in_flight: VecDeque::with_capacity(SLOTS),
+            frame: Frame::default(),
+            active_job: None,
+            ms_per_tile: None,
+        }
+    }
+
+    /// The GPU that it renders on.
+    pub fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    /// Waits for what is under way and forgets it.
+    fn drain(&mut self) -> Result<(), RenderError> {
+        while let Some(slot) = self.in_flight.pop_front() {
+            if let Some(target) = &self.scene.target {
+                self.slots[slot].collect(&self.context, |_| (), target)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Submits view transform and entries.
+    fn submit_preparation(&mut self) -> Result<(), RenderError> {
+        let Some(active) = &self.active_job else { return Ok(()) };
+        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, .. } = &self.scene
+        else {
+            return Ok(());
+        };
+        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(target.bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
+        let stamps = |begin: Option<u32>, end: Option<u32>| {
+            target.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
+                query_set: &times.queries,
+                beginning_of_pass_write_index: begin,
+                end_of_pass_write_index: end,
+            })
+        };
+        let (vertices, items) = (active.params.vertex_count, active.params.item_count);
+        for (label, timestamp_writes, group, stages) in [
+            (
+                "view transform",
+                stamps(Some(0), Some(1)),
+                &groups.transform,
+                &[(&pipelines.view_transform, vertices.div_ceil(256))][..],
+            ),
+            (
+                "entries",
+                stamps(Some(2), Some(3)),
+                &groups.entries,
+                &[
+                    (&pipelines.entries_count, items.div_ceil(64)),
+                    (&pipelines.entries_scan, 1),
+                    (&pipelines.entries_store, items.div_ceil(64)),
+                ][..],
+            ),
+        ] {
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            pass.set_bind_group(0, group, &[]);
+            for &(pipeline, workgroups) in stages {
+                pass.set_pipeline(pipeline);
+                let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
+                pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
+            }
+        }
+        self.context.queue.submit([encoder.finish()]);
+        self.context.check()
+    }
+
+    /// Submits the walk of the next `count` tiles.
+    fn submit_tiles(&mut self, count: usize) -> Result<(), RenderError> {
+        let Some(active) = &mut self.active_job else { return Ok(()) };
+        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, .. } = &self.scene
+        else {
+            return Ok(());
+        };
+        let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
+        active.params.first_tile = tiles.start as u32;
+        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let timestamp_writes = target.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
+            query_set: &times.queries,
+            beginning_of_pass_write_index: Some(4),
+            end_of_pass_write_index: Some(5),
+        });
+        {
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            pass.set_bind_group(0, &groups.walk, &[]);
+            let walk = pipelines.walk(active.job.optics);
+            pass.set_pipeline(walk.ok_or_else(|| self.context.beyond("the walk has not been prepared".to_owned()))?);
+            pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
+        }
+        let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();
+        let slot = &mut self.slots[free];
+        active.next_tile = tiles.end;
+        slot.record(&self.context, &mut encoder, target, tiles)?;
+        let submission = self.context.queue.submit([encoder.finish()]);
+        slot.submitted(&self.context, submission)?;
+        self.in_flight.push_back(free);
+        self.context.check()
+    }
+
+    /// Waits for the oldest slice and takes its pixels; whether the frame has to begin again with longer lists.
+    fn collect_slice(&mut self) -> Result<bool, RenderError> {
+        let (Some(slot), Some(active), Some(target)) =
+            (self.in_flight.pop_front(), &mut self.active_job, &self.scene.target)
+        else {
+            return Ok(false);
+        };
+        let (context, frame, ms_per_tile) = (&self.context, &mut self.frame, &mut self.ms_per_tile);
+        let capacity = u64::from(active.params.pair_capacity);
+        let origin = depth_of(active.params.depth_origin);
+        let scale = active.job.mesh.positions.scale;
+        let waiting = Instant::now();
+        let short = self.slots[slot].collect(
+            context,
+            |slice| {
+                let needed = slice.pairs_needed();
+                if needed > capacity {
+                    return Some(needed);
+                }
+                slice.copy_pixels(frame, |depth| ((f64::from(depth) + origin) * scale) as f32);
+                frame.stats.add_counts(&slice.counts());
+                let times = slice.milliseconds(context);
+                if let Some([transform, entries, walk]) = times {
+                    frame.stats.ms_gpu_transform = Some(transform);
+                    frame.stats.ms_gpu_entries = Some(entries);
+                    *frame.stats.ms_gpu_walk.get_or_insert(0.0) += walk;
+                }
+                let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |t| t[2]);
+                *ms_per_tile = Some(ms / slice.tiles.len().max(1) as f64);
+                active.tiles_done += slice.tiles.len();
+                None
+            },
+            target,
+        )?;
+        let Some(needed) = short else { return Ok(false) };
+        self.begin_again(needed)?;
+        Ok(true)
+    }
+
+    /// The lists were too short for what was found: room for all, and the frame from its start.
+    fn begin_again(&mut self, pairs_needed: u64) -> Result<(), RenderError> {
+        self.drain()?;
+        let Some(active) = &mut self.active_job else { return Ok(()) };
+        self.scene.grow_lists(&self.context, pairs_needed, &mut active.params)?;
+        (active.next_tile, active.tiles_done) = (0, 0);
+        self.frame.stats.entry_retries += 1;
+        self.submit_preparation()
+    }
+
+    /// Tiles that fit into `budget`, shared by the slices under way.
+    fn slice_tiles(&self, budget: Duration) -> usize {
+        if budget == Duration::MAX {
+            return GROUPS_MAX as usize;
+        }
+        let ms = budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64;
+        let tiles = self.ms_per_tile.map_or(FIRST_TILES as f64, |per_tile| ms / per_tile.max(1e-6));
+        (tiles as usize).clamp(1, GROUPS_MAX as usize)
+    }
+
+    fn work(&mut self, budget: Duration) -> Result<bool, RenderError> {
+        let slice_started = Instant::now();
+        let tiles = self.slice_tiles(budget);
+        loop {
+            let Some(active) = &self.active_job else { return Ok(true) };
+            if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
+                self.submit_tiles(tiles)?;
+                continue;
+            }
+            if self.in_flight.is_empty() {
+                return Ok(true);
+            }
+            self.collect_slice()?;
+            let Some(active) = &self.active_job else { return Ok(true) };
+            let done = active.tiles_done >= active.tile_count;
+            if done || slice_started.elapsed() >= budget {
+                return Ok(done);
+            }
+        }
+    }
+}
+
+/// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly
+/// inside, neither if it is in the face's plane.
+fn sides(job: &RenderJob, local_view: &View, cell: u32) -> u32 {
+    let tet = job.mesh.topology.tets[cell as usize];
+    let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let at = |v: u32| coord(job.mesh.positions.local[v as usize].as_dvec3());
+    let side_of = |i: usize| {
+        let [a, b, c] = FACE_VERTICES[i].map(|v| at(tet[v]));
+        // Positive for a point below a triangle that is seen counter-clockwise from above: inside the cell.
+        let volume = robust::orient3d(a, b, c, coord(local_view.eye));
+        u32::from(volume < 0.0) << i | u32::from(volume > 0.0) << (4 + i)
+    };
+    (0..4).map(side_of).sum()
+}
+
+impl Renderer for Raycast {
+    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
+        job.check()?;
+        self.context.check()?;
+        self.active_job = None;
+        self.drain()?;
+        let started = Instant::now();
+        let view = job.local_view();
+        self.frame.clear(view.width_px, view.height_px);
+        let cells_active = job.active.count();
+        self.frame.stats = FrameStats {
+            cells_active: cells_active as u64,
+            cells_total: job.active.universe() as u64,
+            ..job.stats.clone()
+        };
+        let far = || self.context.beyond("the eye is too far from the mesh for single precision".to_owned());
+        let mut params = Params::of_view(&view).ok_or_else(far)?;
+        if !self.scene.is_clear(&job) && cells_active > 0 {
+            let eye_cells: Vec<_> = cells_at_eye(&job, &view).into_iter().map(|c| [c, sides(&job, &view, c)]).collect();
+            self.scene.update(&self.context, &job, &eye_cells, &mut params)?;
+            self.frame.stats.entry_faces = u64::from(params.face_count);
+            self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
+            let tile_count = view.width_px.div_ceil(TILE_PX) * view.height_px.div_ceil(TILE_PX);
+            self.active_job = Some(ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, started });
+            self.submit_preparation()?;
+        }
+        self.frame.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
+        if self.active_job.is_none() {
+            return Ok(Advance::Done(&self.frame));
+        }
+        let slice_started = Instant::now();
+        let worked = self.work(budget);
+        if worked.is_err() {
+            // Nothing of the job is waited for any more.
+            self.active_job = None;
+            self.in_flight.clear();
+        }
+        let done = worked?;
+        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
+        if let Some(active) = &self.active_job {
+            self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
+        }
+        if done {
+            self.active_job = None;
+            return Ok(Advance::Done(&self.frame));
+        }
+        Ok(Advance::Partial(&self.frame))
+    }
+}

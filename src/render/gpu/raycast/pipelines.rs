@@ -1,0 +1,114 @@
+//! Shaders and bind group layouts: made once for a device and a split of the records.
+
+use crate::optics::OpticsKind;
+use crate::render::RenderError;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::shaders::{RecordSplit, Stage};
+
+/// A compute pipeline for each stage, and the layouts of what they bind.
+pub(super) struct Pipelines {
+    pub(super) split: RecordSplit,
+    pub(super) transform_layout: wgpu::BindGroupLayout,
+    pub(super) entries_layout: wgpu::BindGroupLayout,
+    pub(super) walk_layout: wgpu::BindGroupLayout,
+    pub(super) view_transform: wgpu::ComputePipeline,
+    pub(super) entries_count: wgpu::ComputePipeline,
+    pub(super) entries_scan: wgpu::ComputePipeline,
+    pub(super) entries_store: wgpu::ComputePipeline,
+    /// For the optics that have been asked for so far.
+    walks: Vec<(OpticsKind, wgpu::ComputePipeline)>,
+}
+
+impl Pipelines {
+    /// Compiles the shaders.
+    pub(super) fn new(context: &Context, split: RecordSplit) -> Result<Self, RenderError> {
+        context.create(|device| {
+            let layout = |label, entries: &[wgpu::BindingType]| bind_group_layout(device, label, entries);
+            let transform_layout = layout("transform", &[UNIFORM, READ, READ, WRITE]);
+            let entries_layout = layout("entries", &[UNIFORM, READ, READ, READ, READ, READ, WRITE]);
+            let (color, depth) = (plane(wgpu::TextureFormat::Rgba32Float), plane(wgpu::TextureFormat::R32Float));
+            let walk_layout =
+                layout("walk", &[UNIFORM, READ, READ, READ, READ, READ, READ, READ, WRITE, color, depth, UNIFORM]);
+            let stage = |stage: Stage, layout: &wgpu::BindGroupLayout| pipeline(device, stage, split, layout);
+            Self {
+                split,
+                view_transform: stage(Stage::ViewTransform, &transform_layout),
+                entries_count: stage(Stage::EntriesCount, &entries_layout),
+                entries_scan: stage(Stage::EntriesScan, &entries_layout),
+                entries_store: stage(Stage::EntriesStore, &entries_layout),
+                walks: Vec::new(),
+                transform_layout,
+                entries_layout,
+                walk_layout,
+            }
+        })
+    }
+
+    /// Compiles the walk for `optics` unless that has been done.
+    pub(super) fn prepare_walk(&mut self, context: &Context, optics: OpticsKind) -> Result<(), RenderError> {
+        if self.walk(optics).is_none() {
+            let made = context.create(|device| pipeline(device, Stage::Walk(optics), self.split, &self.walk_layout))?;
+            self.walks.push((optics, made));
+        }
+        Ok(())
+    }
+
+    /// The walk for `optics`, if it has been prepared.
+    pub(super) fn walk(&self, optics: OpticsKind) -> Option<&wgpu::ComputePipeline> {
+        self.walks.iter().find(|(kind, _)| *kind == optics).map(|(_, pipeline)| pipeline)
+    }
+}
+
+const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
+const READ: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
+const WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });
+
+const fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+fn plane(format: wgpu::TextureFormat) -> wgpu::BindingType {
+    wgpu::BindingType::StorageTexture {
+        access: wgpu::StorageTextureAccess::WriteOnly,
+        format,
+        view_dimension: wgpu::TextureViewDimension::D2,
+    }
+}
+
+/// A layout whose bindings are numbered in order.
+fn bind_group_layout(device: &wgpu::Device, label: &str, types: &[wgpu::BindingType]) -> wgpu::BindGroupLayout {
+    let entry = |(binding, &ty): (u32, &wgpu::BindingType)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty,
+        count: None,
+    };
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    stage: Stage,
+    split: RecordSplit,
+    layout: &wgpu::BindGroupLayout,
+) -> wgpu::ComputePipeline {
+    let name = stage.name();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(stage.source(split).into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(name),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some(name),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}

@@ -1,0 +1,214 @@
+//! Finished tiles on their way back: a ring of buffers, so that the GPU works on one slice while another is read.
+
+use super::buffers::GrowingBuffer;
+use super::target::Target;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::{COUNTERS, FAR, TILE_PX};
+use crate::render::{Frame, RenderError};
+use crate::stats::FrameStats;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Bytes of a tile's counters.
+const COUNTER_BYTES: u64 = 4 * COUNTERS as u64;
+/// Timestamps: begin and end of transform, entries, walk.
+pub(super) const TIMESTAMPS: u32 = 6;
+
+/// Where the parts of a slice are in its buffer, in bytes.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    depth: u64,
+    counters: u64,
+    total: u64,
+    timestamps: u64,
+    end: u64,
+}
+
+impl Places {
+    fn of(target: &Target) -> Self {
+        let (width, height) = target.size_px;
+        let depth = color_row_bytes(width) * height as u64;
+        let counters = depth + depth_row_bytes(width) * height as u64;
+        let total = counters + COUNTER_BYTES * target.tile_count() as u64;
+        // Timestamps are 8 bytes, at a multiple of that.
+        let timestamps = (total + 4).next_multiple_of(8);
+        Self { depth, counters, total, timestamps, end: timestamps + 8 * u64::from(TIMESTAMPS) }
+    }
+}
+
+fn row_bytes(width: usize, pixel_bytes: u64) -> u64 {
+    (width as u64 * pixel_bytes).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
+}
+
+fn color_row_bytes(width: usize) -> u64 {
+    row_bytes(width, 16)
+}
+
+fn depth_row_bytes(width: usize) -> u64 {
+    row_bytes(width, 4)
+}
+
+/// A buffer on its way.
+pub(super) struct Slot {
+    buffer: GrowingBuffer,
+    tiles: Range<usize>,
+    submission: Option<wgpu::SubmissionIndex>,
+    /// What became of the mapping, once something has.
+    mapped: Arc<Mutex<Option<bool>>>,
+}
+
+impl Slot {
+    pub(super) fn new() -> Self {
+        Self { buffer: GrowingBuffer::readback("read-back"), tiles: 0..0, submission: None, mapped: Arc::default() }
+    }
+
+    /// Appends the copies of the rows, counters and times of `tiles` to what the slice does.
+    pub(super) fn record(
+        &mut self,
+        context: &Context,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &Target,
+        tiles: Range<usize>,
+    ) -> Result<(), RenderError> {
+        let places = Places::of(target);
+        self.buffer.reserve(context, places.end)?;
+        let buffer = self.buffer.get(context)?;
+        let (width, height) = target.size_px;
+        let rows = target.rows_of(&tiles);
+        for (texture, at, bytes_per_row) in
+            [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))]
+        {
+            let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
+            let source = wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All };
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: at + bytes_per_row * rows.start as u64,
+                bytes_per_row: Some(bytes_per_row as u32),
+                rows_per_image: Some(height as u32),
+            };
+            let size = wgpu::Extent3d { width: width as u32, height: rows.len() as u32, depth_or_array_layers: 1 };
+            encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer, layout }, size);
+        }
+        let (from, bytes) = (COUNTER_BYTES * tiles.start as u64, COUNTER_BYTES * tiles.len() as u64);
+        encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
+        let total_at = 4 * target.tile_count() as u64;
+        encoder.copy_buffer_to_buffer(target.bins.get(context)?, total_at, buffer, places.total, 4);
+        if let Some(times) = &target.times {
+            encoder.resolve_query_set(&times.queries, 0..TIMESTAMPS, &times.resolved, 0);
+            encoder.copy_buffer_to_buffer(&times.resolved, 0, buffer, places.timestamps, 8 * u64::from(TIMESTAMPS));
+        }
+        self.tiles = tiles;
+        Ok(())
+    }
+
+    /// The slice is under way: its buffer is mapped when it is done.
+    pub(super) fn submitted(
+        &mut self,
+        context: &Context,
+        submission: wgpu::SubmissionIndex,
+    ) -> Result<(), RenderError> {
+        *self.mapped.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        let mapped = self.mapped.clone();
+        self.buffer.get(context)?.map_async(wgpu::MapMode::Read, .., move |result| {
+            *mapped.lock().unwrap_or_else(PoisonError::into_inner) = Some(result.is_ok());
+        });
+        self.submission = Some(submission);
+        Ok(())
+    }
+
+    /// Waits for the slice and hands its bytes to `read`.
+    pub(super) fn collect<T>(
+        &mut self,
+        context: &Context,
+        read: impl FnOnce(&SliceData<'_>) -> T,
+        target: &Target,
+    ) -> Result<T, RenderError> {
+        let waited =
+            context.device.poll(wgpu::PollType::Wait { submission_index: self.submission.take(), timeout: None });
+        context.check()?;
+        let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
+        waited.map_err(|e| failed(e.to_string()))?;
+        let mapped = self.mapped.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if mapped != Some(true) {
+            return Err(failed("an image could not be read back".to_owned()));
+        }
+        let buffer = self.buffer.get(context)?;
+        let result = {
+            let bytes = buffer.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
+            let places = Places::of(target);
+            read(&SliceData { bytes: &bytes, places, target, tiles: self.tiles.clone() })
+        };
+        buffer.unmap();
+        Ok(result)
+    }
+}
+
+/// A slice that has come back.
+pub(super) struct SliceData<'a> {
+    bytes: &'a [u8],
+    places: Places,
+    target: &'a Target,
+    pub(super) tiles: Range<usize>,
+}
+
+impl SliceData<'_> {
+    fn word(&self, at: u64) -> u32 {
+        let at = at as usize;
+        u32::from_le_bytes([self.bytes[at], self.bytes[at + 1], self.bytes[at + 2], self.bytes[at + 3]])
+    }
+
+    /// Pairs of tile and item that the frame needs room for.
+    pub(super) fn pairs_needed(&self) -> u64 {
+        u64::from(self.word(self.places.total))
+    }
+
+    /// Sum of the tiles' counters.
+    pub(super) fn counts(&self) -> FrameStats {
+        let mut sum = [0u64; COUNTERS];
+        for tile in self.tiles.clone() {
+            for (i, sum) in sum.iter_mut().enumerate() {
+                let at = self.places.counters + COUNTER_BYTES * tile as u64 + 4 * i as u64;
+                *sum += u64::from(self.word(at));
+            }
+        }
+        // In the order of shaders/walk.wgsl.
+        let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
+        FrameStats {
+            steps,
+            segments,
+            entries,
+            rays_hit,
+            rays_stopped_early,
+            out_of_order,
+            broken_paths,
+            ..FrameStats::default()
+        }
+    }
+
+    /// Milliseconds of transform, entries and walk, if there are timestamps.
+    pub(super) fn milliseconds(&self, context: &Context) -> Option<[f64; 3]> {
+        let period_ns = context.timestamp_period_ns()?;
+        let stamp = |i: u64| {
+            let at = self.places.timestamps + 8 * i;
+            u64::from(self.word(at)) | u64::from(self.word(at + 4)) << 32
+        };
+        Some([0, 2, 4].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
+    }
+
+    /// Copies the pixels of the slice's tiles; `world_depth` makes world depths of the shader's.
+    pub(super) fn copy_pixels(&self, frame: &mut Frame, world_depth: impl Fn(f32) -> f32) {
+        let (width, _) = self.target.size_px;
+        for row in self.target.rows_of(&self.tiles) {
+            let columns = self.target.columns_of(&self.tiles, row / TILE_PX);
+            let at = row * width;
+            let from = (color_row_bytes(width) * row as u64) as usize + 16 * columns.start;
+            let colors = &mut frame.color.pixels[at + columns.start..at + columns.end];
+            bytemuck::cast_slice_mut::<_, u8>(colors).copy_from_slice(&self.bytes[from..from + 16 * columns.len()]);
+            let from = (self.places.depth + depth_row_bytes(width) * row as u64) as usize + 4 * columns.start;
+            let depths = &mut frame.depth.pixels[at + columns.start..at + columns.end];
+            bytemuck::cast_slice_mut::<_, u8>(depths).copy_from_slice(&self.bytes[from..from + 4 * columns.len()]);
+            for depth in depths {
+                *depth = if *depth >= FAR { f32::INFINITY } else { world_depth(*depth) };
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What depends on the size of the image: its planes, its tiles' lists and counters.
+
+use super::buffers::GrowingBuffer;
+use super::readback::TIMESTAMPS;
+use crate::render::RenderError;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::{COUNTERS, PAIR_WORDS, TILE_PX};
+use std::ops::Range;
+
+/// Timestamps of the stages.
+pub(super) struct Times {
+    pub(super) queries: wgpu::QuerySet,
+    pub(super) resolved: wgpu::Buffer,
+}
+
+/// Planes and buffers for an image of one size.
+pub(super) struct Target {
+    /// Width and height.
+    pub(super) size_px: (usize, usize),
+    pub(super) color: wgpu::Texture,
+    pub(super) depth: wgpu::Texture,
+    pub(super) counters: GrowingBuffer,
+    /// Ends of the tiles' lists, their sum, the lists.
+    pub(super) bins: GrowingBuffer,
+    pub(super) times: Option<Times>,
+}
+
+impl Target {
+    pub(super) fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
+        let most = context.device.limits().max_texture_dimension_2d as usize;
+        if size_px.0.max(size_px.1) > most {
+            return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
+        }
+        let texture = |label, format| wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        };
+        let (color, depth, times) = context.create(|device| {
+            let times = context.timestamp_period_ns().map(|_| Times {
+                queries: device.create_query_set(&wgpu::QuerySetDescriptor {
+                    label: Some("stages"),
+                    ty: wgpu::QueryType::Timestamp,
+                    count: TIMESTAMPS,
+                }),
+                resolved: device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("timestamps"),
+                    size: 8 * u64::from(TIMESTAMPS),
+                    usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                    mapped_at_creation: false,
+                }),
+            });
+            let color = device.create_texture(&texture("colour", wgpu::TextureFormat::Rgba32Float));
+            (color, device.create_texture(&texture("depth", wgpu::TextureFormat::R32Float)), times)
+        })?;
+        context.count_created(2);
+        let mut counters = GrowingBuffer::storage("counters");
+        let tiles = size_px.0.div_ceil(TILE_PX) * size_px.1.div_ceil(TILE_PX);
+        counters.reserve(context, 4 * (COUNTERS * tiles) as u64)?;
+        Ok(Self { size_px, color, depth, counters, bins: GrowingBuffer::storage("lists of entries"), times })
+    }
+
+    pub(super) fn columns(&self) -> usize {
+        self.size_px.0.div_ceil(TILE_PX)
+    }
+
+    pub(super) fn tile_count(&self) -> usize {
+        self.columns() * self.size_px.1.div_ceil(TILE_PX)
+    }
+
+    /// Room for `pairs` pairs of tile and item; whether the buffer was made for that.
+    pub(super) fn reserve_pairs(&mut self, context: &Context, pairs: u64) -> Result<bool, RenderError> {
+        self.bins.reserve(context, 4 * (self.tile_count() as u64 + 1 + PAIR_WORDS * pairs))
+    }
+
+    /// Pairs that there is room for.
+    pub(super) fn pair_capacity(&self) -> u32 {
+        let words = (self.bins.bytes() / 4).saturating_sub(self.tile_count() as u64 + 1);
+        u32::try_from(words / PAIR_WORDS).unwrap_or(u32::MAX)
+    }
+
+    /// Rows of pixels that the tiles touch.
+    pub(super) fn rows_of(&self, tiles: &Range<usize>) -> Range<usize> {
+        let columns = self.columns();
+        tiles.start / columns * TILE_PX..(tiles.end.div_ceil(columns) * TILE_PX).min(self.size_px.1)
+    }
+
+    /// Columns of pixels of those of the tiles that are in a row of tiles.
+    pub(super) fn columns_of(&self, tiles: &Range<usize>, tile_row: usize) -> Range<usize> {
+        let columns = self.columns();
+        let row = tile_row * columns..(tile_row + 1) * columns;
+        let (from, to) = (tiles.start.max(row.start) - row.start, tiles.end.min(row.end) - row.start);
+        from * TILE_PX..(to * TILE_PX).min(self.size_px.0)
+    }
+}

@@ -1,0 +1,146 @@
+//! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
+
+use super::layout::{self, Params};
+use super::shaders::{RECORD_PARTS_MAX, RecordSplit, STAGES, Stage};
+use crate::optics::table3d::Table3dParams;
+use std::mem::offset_of;
+
+const SPLITS: [RecordSplit; 2] =
+    [RecordSplit { parts: 1, shift: 22 }, RecordSplit { parts: RECORD_PARTS_MAX, shift: 10 }];
+
+fn parse(source: &str) -> Result<naga::Module, String> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    // The capabilities of a WebGPU device without optional features.
+    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
+        .validate(&module)
+        .map_err(|e| e.emit_to_string(source))?;
+    Ok(module)
+}
+
+fn module(stage: Stage) -> naga::Module {
+    parse(&stage.source(SPLITS[0])).unwrap()
+}
+
+#[test]
+fn every_shader_is_valid_and_has_its_entry_point() {
+    let mut checked = 0;
+    for stage in STAGES {
+        for split in SPLITS {
+            let module = parse(&stage.source(split)).unwrap_or_else(|e| panic!("{stage:?}, {split:?}: {e}"));
+            let names: Vec<_> = module.entry_points.iter().map(|e| e.name.as_str()).collect();
+            assert_eq!(names, [stage.name()]);
+            checked += 1;
+        }
+    }
+    assert_eq!(checked, 2 * STAGES.len());
+    // The check can fail.
+    let broken = STAGES[0].source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
+    assert!(parse(&broken).is_err());
+}
+
+#[test]
+fn every_shader_keeps_within_the_default_limits_of_webgpu() {
+    for stage in STAGES {
+        let module = module(stage);
+        let storage = |g: &&naga::GlobalVariable| matches!(g.space, naga::AddressSpace::Storage { .. });
+        let buffers = module.global_variables.iter().map(|(_, g)| g).filter(storage).count();
+        assert!(buffers <= 8, "{stage:?}: {buffers} storage buffers");
+        let threads: u32 = module.entry_points[0].workgroup_size.iter().product();
+        assert!(threads <= 256, "{stage:?}: {threads} threads");
+    }
+}
+
+/// Name, offset and size of the members of a struct.
+fn members(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+    let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
+    let Some((_, naga::Type { inner: naga::TypeInner::Struct { members, span }, .. })) = found else {
+        panic!("no struct {name}");
+    };
+    (members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect(), *span as usize)
+}
+
+#[test]
+fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(Params, $field))),*] };
+    }
+    let rust = rust_offsets!(
+        eye_hi,
+        eye_lo,
+        axes,
+        pitch,
+        depth_origin,
+        scalar_offset,
+        scalar_scale,
+        size_px,
+        tiles,
+        near,
+        vertex_count,
+        face_count,
+        eye_count,
+        item_count,
+        pair_capacity,
+        first_tile,
+        flags,
+        table_shape,
+        zero,
+    );
+    for stage in STAGES {
+        let (shader, span) = members(&module(stage), "Params");
+        assert_eq!((&shader, span), (&rust, size_of::<Params>()), "{stage:?}");
+    }
+    // The comparison notices a renamed member.
+    let renamed = STAGES[0].source(SPLITS[0]).replacen("item_count: u32,", "item_counts: u32,", 1);
+    assert_ne!(members(&parse(&renamed).unwrap(), "Params").0, rust);
+    let (_, span) = members(&module(STAGES[0]), "ViewVertex");
+    assert_eq!(span as u64, layout::VIEW_VERTEX_BYTES);
+}
+
+#[test]
+fn constants_are_the_same_in_rust_and_in_the_shaders() {
+    let value = |stage: Stage, name: &str| {
+        let module = module(stage);
+        let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
+        match module.global_expressions[constant.init] {
+            naga::Expression::Literal(naga::Literal::U32(v)) => f64::from(v),
+            naga::Expression::Literal(naga::Literal::F32(v)) => f64::from(v),
+            ref other => panic!("{name}: {other:?}"),
+        }
+    };
+    let walk = Stage::Walk(crate::optics::OpticsKind::Exact);
+    for (name, rust) in [
+        ("TILE_PX", layout::TILE_PX as f64),
+        ("PAIR_WORDS", layout::PAIR_WORDS as f64),
+        ("PLANE_SCALE", layout::PLANE_SCALE),
+        ("PERSPECTIVE", f64::from(layout::flags::PERSPECTIVE)),
+        ("EARLY_TERMINATION", f64::from(layout::flags::EARLY_TERMINATION)),
+        ("ALL_ACTIVE", f64::from(layout::flags::ALL_ACTIVE)),
+        ("COUNTERS", layout::COUNTERS as f64),
+        ("NOWHERE", f64::from(layout::FAR)),
+        ("OPAQUE", f64::from(crate::optics::OPAQUE_TRANSMITTANCE)),
+        ("NONE", f64::from(crate::mesh::NONE)),
+    ] {
+        assert_eq!(value(walk, name), rust, "{name}");
+    }
+}
+
+#[test]
+fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(Table3dParams, $field))),*] };
+    }
+    let rust = rust_offsets!(
+        below,
+        above,
+        scalar_lo,
+        scalar_lo_rest,
+        scalar_hi,
+        scalar_hi_rest,
+        intervals_per_scalar,
+        length_max,
+        scalars,
+        lengths,
+    );
+    let shader = members(&module(Stage::Walk(crate::optics::OpticsKind::Table3d)), "Table3dParams");
+    assert_eq!(shader, (rust, size_of::<Table3dParams>()));
+}
