@@ -27,6 +27,7 @@ pub use magnitude::magnitude;
 pub use quality::{ErrorTally, OverSigma, Quality};
 
 use crate::error::FileResult;
+use std::sync::Arc;
 
 /// What decoding a step cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,4 +86,12 @@ pub trait Decoder: Send + Sync {
     /// # Panics
     /// If the length of `out` is not the number of vertices.
     fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats>;
+
+    /// The block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_step`].
+    fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<vq::VqBlock>>> {
+        Ok(None)
+    }
 }

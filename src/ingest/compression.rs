@@ -79,6 +79,14 @@ impl fmt::Display for CompressionReport {
             q.rmse
         )?;
         let s = &q.over_sigma;
-        write!(f, "  RMSE over a vertex's sigma: median {:.3e}, 99 % below {:.3e}, max {:.3e}", s.median, s.p99, s.max)
+        write!(
+            f,
+            "  RMSE over a vertex's sigma: median {:.3e}, 99 % below {:.3e}, max {:.3e}",
+            s.median, s.p99, s.max
+        )?;
+        if self.bytes > self.raw_bytes {
+            write!(f, "\n  larger than the values themselves: take fewer --entries, or --codec raw")?;
+        }
+        Ok(())
     }
 }

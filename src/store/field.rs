@@ -7,7 +7,7 @@ use super::layout::{self, FIELDS, FieldAttributes, Storage};
 use super::mesh::is_current;
 use super::writer::moments_array;
 use crate::codec::raw::{self, RawDecoder};
-use crate::codec::vq::{self, VqDecoder, VqParameters};
+use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
 use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange};
 use crate::codec::{chunk_key, magnitude, read_rows};
 use crate::error::{FileError, FileResult};
@@ -234,6 +234,17 @@ impl FieldReader {
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
+        }
+    }
+
+    /// The compressed block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    ///
+    /// # Errors
+    /// As [`FieldReader::decode_step`].
+    pub fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        match &self.values {
+            Values::Stored(decoder) => decoder.vq_block(step),
+            Values::Magnitude { .. } => Ok(None),
         }
     }
 

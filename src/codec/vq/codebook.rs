@@ -204,8 +204,8 @@ mod tests {
             .collect();
         let mut tiles = Tiles::new(4, count);
         for (v, vector) in vectors.iter().enumerate() {
-            for d in 0..4 {
-                tiles.data[(v / 16 * 4 + d) * 16 + v % 16] = vector[d];
+            for (d, &x) in vector.iter().enumerate() {
+                tiles.data[(v / 16 * 4 + d) * 16 + v % 16] = x;
             }
         }
         tiles

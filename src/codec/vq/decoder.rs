@@ -1,7 +1,7 @@
 //! Blocks from the store, and steps from blocks.
 
-use super::block::{Block, Encoded, Indices, Run};
-use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
+use super::block::{Encoded, Indices, SpecialRun, VqBlock};
+use super::layout::{NAME, VqParameters};
 use super::{GROUPS, STEPS};
 use crate::codec::{DecodeStats, Decoder, Element, ReadRange, chunk_key, read_chunk, read_rows};
 use crate::error::{FileError, FileResult};
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 const KEPT: usize = 3;
 
 /// A block that is loaded, or being loaded by the thread that asked first, and the bytes that were read for it.
-type Slot = Arc<OnceLock<FileResult<(Arc<Block>, u64)>>>;
+type Slot = Arc<OnceLock<FileResult<(Arc<VqBlock>, u64)>>>;
 
 /// Decodes any step. The last blocks that were used are kept; which ones does not change what is decoded.
 pub struct VqDecoder {
@@ -48,8 +48,29 @@ impl VqDecoder {
         blocks.iter().map(|(_, slot)| loaded(slot)).sum()
     }
 
+    /// The block that `step` is in, step `step % 64` of it; read if it is not in memory. For decoders elsewhere: its parts
+    /// are plain slices.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_step`].
+    pub fn resident_block(&self, step: usize) -> FileResult<Arc<VqBlock>> {
+        Ok(self.block_of_step(step)?.0)
+    }
+
+    /// The same, and the bytes read for it now.
+    fn block_of_step(&self, step: usize) -> FileResult<(Arc<VqBlock>, u64)> {
+        if step >= self.steps {
+            let problem = format!("there are {} steps, counted from 0", self.steps);
+            return Err(FileError::invalid(self.source.path(&self.group_key), format!("step {step}"), problem));
+        }
+        self.block(step / STEPS).map_err(|mut error| {
+            error.place = format!("step {step}");
+            error
+        })
+    }
+
     /// The block, and the bytes read for it now.
-    fn block(&self, index: usize) -> FileResult<(Arc<Block>, u64)> {
+    fn block(&self, index: usize) -> FileResult<(Arc<VqBlock>, u64)> {
         let slot = self.slot(index);
         let mut read = 0;
         // Loading uses no thread of the pool: one that waits in it could be given this same work.
@@ -80,7 +101,7 @@ impl VqDecoder {
         slot
     }
 
-    fn load(&self, index: usize) -> FileResult<(Arc<Block>, u64)> {
+    fn load(&self, index: usize) -> FileResult<(Arc<VqBlock>, u64)> {
         let mut bytes = 0;
         let mut load = || -> FileResult<Encoded> {
             let entries = self.parameters.entries as usize;
@@ -99,7 +120,7 @@ impl VqDecoder {
             })
         };
         let parts = load()?;
-        Ok((Arc::new(Block::new(parts, self.parameters.entries as usize)), bytes))
+        Ok((Arc::new(VqBlock::new(parts, self.parameters.entries as usize)), bytes))
     }
 
     fn key(&self, array: &str, index: usize, rank: usize) -> String {
@@ -145,7 +166,7 @@ impl VqDecoder {
         self.row("exponent", index, 2, self.vertices, bytes)
     }
 
-    fn runs(&self, index: usize, bytes: &mut u64) -> FileResult<Vec<Run>> {
+    fn runs(&self, index: usize, bytes: &mut u64) -> FileResult<Vec<SpecialRun>> {
         let specials = self.parameters.specials;
         if specials == 0 {
             return Ok(Vec::new());
@@ -157,13 +178,14 @@ impl VqDecoder {
             return Err(self.damaged("special_start", 0, 1, format!("block {index} has no range of rows")));
         }
         let mut runs = Vec::new();
-        for chunk in range.start / SPECIAL_ROWS..range.end.div_ceil(SPECIAL_ROWS) {
-            let mut rows = vec![[0u32; 4]; SPECIAL_ROWS as usize];
+        let chunk_rows = self.parameters.special_rows();
+        for chunk in range.start / chunk_rows..range.end.div_ceil(chunk_rows) {
+            let mut rows = vec![[0u32; 4]; chunk_rows as usize];
             *bytes += read_chunk(&*self.source, &self.key("special", chunk as usize, 2), rows.as_flattened_mut())?;
-            let first = chunk * SPECIAL_ROWS;
-            let row = |at: u64| (at.saturating_sub(first).min(SPECIAL_ROWS)) as usize;
+            let first = chunk * chunk_rows;
+            let row = |at: u64| (at.saturating_sub(first).min(chunk_rows)) as usize;
             let rows = &rows[row(range.start)..row(range.end)];
-            runs.extend(rows.iter().map(|&[vertex, first, count, bits]| Run { vertex, first, count, bits }));
+            runs.extend(rows.iter().map(|&[vertex, first, count, bits]| SpecialRun { vertex, first, count, bits }));
         }
         let sound = runs.is_sorted() && runs.last().is_none_or(|run| (run.vertex as usize) < self.vertices);
         if sound {
@@ -177,15 +199,12 @@ impl VqDecoder {
 impl Decoder for VqDecoder {
     fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        if step >= self.steps {
-            let problem = format!("there are {} steps, counted from 0", self.steps);
-            return Err(FileError::invalid(self.source.path(&self.group_key), format!("step {step}"), problem));
-        }
-        let (block, bytes_read) = self.block(step / STEPS).map_err(|mut error| {
-            error.place = format!("step {step}");
-            error
-        })?;
+        let (block, bytes_read) = self.block_of_step(step)?;
         block.decode(step % STEPS, step, out);
         Ok(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 })
+    }
+
+    fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        self.resident_block(step).map(Some)
     }
 }

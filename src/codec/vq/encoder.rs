@@ -1,6 +1,6 @@
 //! The codec as a stream: steps in, blocks out.
 
-use super::block::{Block, Encoded, Indices, Run};
+use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::encode::encode_block;
 use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
 use super::{STEPS, VqOptions};
@@ -58,8 +58,8 @@ impl VqEncoder {
     }
 
     /// The block as the decoder sees it, after finite values that overflow there have become runs.
-    fn verified(&self, parts: &mut Encoded, first_step: u32) -> Block {
-        let block = Block::new(parts.clone(), self.options.entries);
+    fn verified(&self, parts: &mut Encoded, first_step: u32) -> VqBlock {
+        let block = VqBlock::new(parts.clone(), self.options.entries);
         // Only blocks with exponents can reach the largest numbers.
         if parts.exponent.is_empty() {
             return block;
@@ -69,7 +69,7 @@ impl VqEncoder {
         for (j, row) in (0u32..).zip(self.values.chunks_exact(self.vertices)) {
             block.decode_finite(j as usize, 0, &mut decoded);
             for (vertex, (x, _)) in (0u32..).zip(row.iter().zip(&decoded)).filter(|(_, (_, y))| !y.is_finite()) {
-                parts.runs.push(Run { vertex, first: first_step + j, count: 1, bits: x.to_bits() });
+                parts.runs.push(SpecialRun { vertex, first: first_step + j, count: 1, bits: x.to_bits() });
             }
         }
         if parts.runs.len() == before {
@@ -77,15 +77,15 @@ impl VqEncoder {
         }
         // A special value that was filled has its run already.
         let special = parts.runs[..before].to_vec();
-        let covered = |run: &Run| {
+        let covered = |run: &SpecialRun| {
             let near = special.partition_point(|s| s.vertex < run.vertex);
             let same = special[near..].iter().take_while(|s| s.vertex == run.vertex);
             same.into_iter().any(|s| (s.first..s.first + s.count).contains(&run.first))
         };
-        let added: Vec<Run> = parts.runs.drain(before..).filter(|run| !covered(run)).collect();
+        let added: Vec<SpecialRun> = parts.runs.drain(before..).filter(|run| !covered(run)).collect();
         parts.runs.extend(added);
         parts.runs.sort_unstable();
-        Block::new(parts.clone(), self.options.entries)
+        VqBlock::new(parts.clone(), self.options.entries)
     }
 }
 
@@ -109,7 +109,7 @@ fn write_parts(parts: &Encoded, block: u64, sink: &mut dyn ChunkSink) -> FileRes
     if parts.exponent.is_empty() { Ok(()) } else { put("exponent", 2, &to_bytes(&parts.exponent)) }
 }
 
-/// Writes `special` in chunks of equal length, whatever the blocks bring. Holds one chunk and a number a block.
+/// Writes `special` in chunks of equal length, whatever the blocks bring; a single chunk is as long as it must be. Holds one chunk and a number a block.
 #[derive(Debug, Default)]
 struct SpecialWriter {
     rows: Vec<[u32; 4]>,
@@ -123,7 +123,7 @@ impl SpecialWriter {
         self.chunks * SPECIAL_ROWS + self.rows.len() as u64
     }
 
-    fn block(&mut self, runs: &[Run], sink: &mut dyn ChunkSink) -> FileResult<()> {
+    fn block(&mut self, runs: &[SpecialRun], sink: &mut dyn ChunkSink) -> FileResult<()> {
         self.starts.push(self.count());
         for run in runs {
             self.rows.push([run.vertex, run.first, run.count, run.bits]);
@@ -135,8 +135,6 @@ impl SpecialWriter {
     }
 
     fn flush(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
-        // Chunks of an array are equally long; behind the last row there are zeros.
-        self.rows.resize(SPECIAL_ROWS as usize, [0; 4]);
         sink.put(&chunk_key(&format!("{NAME}/special"), self.chunks, 2), &to_bytes(self.rows.as_flattened()))?;
         self.chunks += 1;
         self.rows.clear();
@@ -151,6 +149,10 @@ impl SpecialWriter {
         }
         self.starts.push(count);
         if !self.rows.is_empty() {
+            // Chunks of an array are equally long; behind the last row there are zeros.
+            if self.chunks > 0 {
+                self.rows.resize(SPECIAL_ROWS as usize, [0; 4]);
+            }
             self.flush(sink)?;
         }
         sink.put(&chunk_key(&format!("{NAME}/special_start"), 0, 1), &to_bytes(&self.starts))?;

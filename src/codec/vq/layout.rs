@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub const NAME: &str = "vq";
 /// Most entries of a codebook.
 pub const MAX_ENTRIES: usize = 1 << 16;
-/// Rows of a chunk of `special`.
+/// Most rows of a chunk of `special`; fewer only if there are fewer.
 pub(super) const SPECIAL_ROWS: u64 = 16_384;
 
 /// Bytes that the dissertation counts for a field (6.2.2): v c 3 4 + c (s 64 4 + s 8 4), with c blocks of 64 steps (the
@@ -64,6 +64,11 @@ impl VqParameters {
         Ok(read)
     }
 
+    /// Rows of a chunk of `special`.
+    pub(super) fn special_rows(&self) -> u64 {
+        self.specials.min(SPECIAL_ROWS)
+    }
+
     /// The arrays of a field with as many steps and vertices.
     pub fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
         let blocks = steps.div_ceil(STEPS as u64);
@@ -93,7 +98,8 @@ impl VqParameters {
         }
         if self.specials > 0 {
             let axes = vec!["run", "vertex_first_count_bits"];
-            arrays.push(array("special", ElementType::U32, vec![self.specials, 4], Chunking::Rows(SPECIAL_ROWS), axes));
+            let chunking = Chunking::Rows(self.special_rows());
+            arrays.push(array("special", ElementType::U32, vec![self.specials, 4], chunking, axes));
             let axes = vec!["block"];
             arrays.push(array("special_start", ElementType::U64, vec![blocks + 1], Chunking::Whole, axes));
         }

@@ -34,12 +34,14 @@ mod layout;
 mod pca;
 mod prepare;
 mod search;
+mod simd;
 #[cfg(test)]
 mod test_data;
 #[cfg(test)]
 mod tests;
 mod tiles;
 
+pub use block::{Indices, SpecialRun, VqBlock};
 pub use decoder::VqDecoder;
 pub use encoder::VqEncoder;
 pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};

@@ -5,6 +5,7 @@
 //! matrices, accurate to the last bits and short for one of 64 rows.
 
 use super::STEPS;
+use super::simd::widest;
 use super::tiles::LANES;
 use rayon::prelude::*;
 
@@ -45,9 +46,24 @@ impl Basis {
 
     /// Coordinates along the axes of 16 vectors that lie number by number, into one tile.
     pub(super) fn project(&self, vectors: &[[f32; LANES]; STEPS], tile: &mut [f32]) {
-        for (axis, out) in self.axes.iter().zip(tile.chunks_exact_mut(LANES)) {
+        widest(Projection { axes: &self.axes, vectors, tile });
+    }
+}
+
+struct Projection<'a> {
+    axes: &'a [Vector],
+    vectors: &'a [[f32; LANES]; STEPS],
+    tile: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for Projection<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (axis, out) in self.axes.iter().zip(self.tile.chunks_exact_mut(LANES)) {
             let mut sums = [0.0f32; LANES];
-            for (&weight, numbers) in axis.iter().zip(vectors) {
+            for (&weight, numbers) in axis.iter().zip(self.vectors) {
                 for (sum, &number) in sums.iter_mut().zip(numbers) {
                     *sum += weight * number;
                 }

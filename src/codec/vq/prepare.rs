@@ -4,7 +4,7 @@
 //! vectors are in units of the vertex's power of two (the same for all vertices unless each has its own), so that no
 //! square of a difference can overflow or vanish in f32.
 
-use super::block::{Run, power};
+use super::block::{SpecialRun, power};
 use super::tiles::{LANES, Tiles};
 use super::{GROUPS, STEPS, group_of_step};
 use rayon::prelude::*;
@@ -41,17 +41,18 @@ pub(super) enum Unit {
 ///
 /// A gap is filled linearly from the value before to the value after, at the ends by the nearest value, and with 0 where
 /// no value of the vertex is finite. `first_step` is that of the block.
-pub(super) fn take_specials(values: &mut [f32], vertices: usize, first_step: u32) -> Vec<Run> {
+pub(super) fn take_specials(values: &mut [f32], vertices: usize, first_step: u32) -> Vec<SpecialRun> {
     let task = TASK * STEPS;
     if values.par_chunks(task).all(|part| part.iter().all(|x| x.is_finite())) {
         return Vec::new();
     }
     let steps = values.len() / vertices;
+    let mut special = vec![false; vertices];
+    for row in values.chunks_exact(vertices) {
+        special.iter_mut().zip(row).for_each(|(special, x)| *special |= !x.is_finite());
+    }
     let mut runs = Vec::new();
-    for v in 0..vertices {
-        if (0..steps).all(|j| values[j * vertices + v].is_finite()) {
-            continue;
-        }
+    for v in (0..vertices).filter(|&v| special[v]) {
         let series: Vec<f32> = (0..steps).map(|j| values[j * vertices + v]).collect();
         runs_of(&series, v as u32, first_step, &mut runs);
         let filled = fill(&series);
@@ -61,13 +62,13 @@ pub(super) fn take_specials(values: &mut [f32], vertices: usize, first_step: u32
 }
 
 /// The special values of one vertex.
-fn runs_of(series: &[f32], vertex: u32, first_step: u32, runs: &mut Vec<Run>) {
+fn runs_of(series: &[f32], vertex: u32, first_step: u32, runs: &mut Vec<SpecialRun>) {
     let before = runs.len();
     for (j, x) in (0u32..).zip(series).filter(|(_, x)| !x.is_finite()) {
         let (first, bits) = (first_step + j, x.to_bits());
         match runs[before..].last_mut() {
             Some(run) if run.first + run.count == first && run.bits == bits => run.count += 1,
-            _ => runs.push(Run { vertex, first, count: 1, bits }),
+            _ => runs.push(SpecialRun { vertex, first, count: 1, bits }),
         }
     }
 }
@@ -247,7 +248,7 @@ mod tests {
         let runs = take_specials(&mut values, 3, 64);
         let filled: Vec<Vec<f32>> = (0..3).map(|v| (0..5).map(|j| values[3 * j + v]).collect()).collect();
         assert_eq!(filled, [[1.0, 1.0, 2.0, 3.0, 4.0], [2.0; 5], [0.0; 5]]);
-        let run = |vertex, first, count, x: f32| Run { vertex, first, count, bits: x.to_bits() };
+        let run = |vertex, first, count, x: f32| SpecialRun { vertex, first, count, bits: x.to_bits() };
         let expected = [
             [run(0, 64, 1, NAN), run(0, 66, 1, INF), run(0, 67, 1, NAN), run(1, 65, 4, NAN)],
             [run(2, 64, 2, NAN), run(2, 66, 1, -INF), run(2, 67, 2, NAN), run(2, 0, 0, 0.0)],
@@ -307,7 +308,7 @@ mod tests {
 
     #[test]
     fn the_largest_and_the_smallest_numbers_have_finite_differences() {
-        let sign = |i: usize| if i / 2 % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |i: usize| if (i / 2).is_multiple_of(2) { 1.0 } else { -1.0 };
         let values: Vec<f32> = (0..128).map(|i| sign(i) * if i % 2 == 0 { f32::MAX } else { 1e-45 }).collect();
         let prepared = Prepared::new(&values, 2, false);
         assert_eq!(prepared.unit, Unit::Own(vec![126, -126]));

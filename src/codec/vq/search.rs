@@ -9,8 +9,9 @@
 //! Differences from the plain distance, for speed: the product form needs two operations a number instead of three. It
 //! rounds like |x|^2, not like the distance, so that of two entries almost equally far either may be found; what that
 //! costs is a part in 2^20 of |x|^2. Lanes are vectors, not entries: the minimum then needs no search across lanes. Two
-//! entries are scored together, so that each number of x is loaded once for both.
+//! entries are scored together, so that each number of x is loaded once for both. 16 lanes are one register of AVX-512.
 
+use super::simd::widest;
 use super::tiles::{LANES, Tiles};
 use rayon::prelude::*;
 
@@ -52,14 +53,35 @@ pub(super) fn nearest(vectors: &Tiles, entries: &Entries) -> Assignment {
     let task = TASK * LANES;
     let work = out.entry.par_chunks_mut(task).zip(out.distance.par_chunks_mut(task));
     work.zip(vectors.data.par_chunks(TASK * vectors.tile_len())).for_each(|((entry, distance), tiles)| {
+        widest(Task { tiles, dims: vectors.dims, rows: &entries.rows, half: &half, entry, distance });
+    });
+    out
+}
+
+/// Some tiles, and where their results go.
+struct Task<'a> {
+    tiles: &'a [f32],
+    dims: usize,
+    rows: &'a [f32],
+    half: &'a [f32],
+    entry: &'a mut [u16],
+    distance: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for Task<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { tiles, dims, rows, half, entry, distance } = self;
         let lanes = entry.chunks_mut(LANES).zip(distance.chunks_mut(LANES));
-        for (tile, (entry, distance)) in tiles.chunks_exact(vectors.tile_len()).zip(lanes) {
-            let (index, score) = match vectors.dims {
-                4 => scan::<4>(tile, &entries.rows, &half),
-                8 => scan::<8>(tile, &entries.rows, &half),
-                12 => scan::<12>(tile, &entries.rows, &half),
-                16 => scan::<16>(tile, &entries.rows, &half),
-                dims => scan_any(tile, dims, &entries.rows, &half),
+        for (tile, (entry, distance)) in tiles.chunks_exact(dims * LANES).zip(lanes) {
+            let (index, score) = match dims {
+                4 => scan::<4>(tile, rows, half),
+                8 => scan::<8>(tile, rows, half),
+                12 => scan::<12>(tile, rows, half),
+                16 => scan::<16>(tile, rows, half),
+                dims => scan_any(tile, dims, rows, half),
             };
             let mut squares = [0.0f32; LANES];
             for numbers in tile.chunks_exact(LANES) {
@@ -70,8 +92,7 @@ pub(super) fn nearest(vectors: &Tiles, entries: &Entries) -> Assignment {
                 distance[lane] = (2.0 * score[lane] + squares[lane]).max(0.0);
             }
         }
-    });
-    out
+    }
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {
@@ -89,19 +110,21 @@ impl Best {
 
     #[inline(always)]
     fn offer(&mut self, entry: u32, score: &[f32; LANES]) {
-        for lane in 0..LANES {
-            let better = score[lane] < self.score[lane];
-            self.score[lane] = if better { score[lane] } else { self.score[lane] };
-            self.entry[lane] = if better { entry } else { self.entry[lane] };
+        for ((best, found), &score) in self.score.iter_mut().zip(&mut self.entry).zip(score) {
+            let better = score < *best;
+            *best = if better { score } else { *best };
+            *found = if better { entry } else { *found };
         }
     }
 
+    #[inline(always)]
     fn result(&self) -> ([u16; LANES], [f32; LANES]) {
         // There are no more than 2^16 entries.
         (self.entry.map(|entry| entry as u16), self.score)
     }
 }
 
+#[inline(always)]
 fn scan<const D: usize>(tile: &[f32], rows: &[f32], half: &[f32]) -> ([u16; LANES], [f32; LANES]) {
     let mut x = [[0.0f32; LANES]; D];
     x.iter_mut().zip(tile.chunks_exact(LANES)).for_each(|(to, from)| to.copy_from_slice(from));
@@ -130,6 +153,7 @@ fn scan<const D: usize>(tile: &[f32], rows: &[f32], half: &[f32]) -> ([u16; LANE
     best.result()
 }
 
+#[inline(always)]
 fn scan_any(tile: &[f32], dims: usize, rows: &[f32], half: &[f32]) -> ([u16; LANES], [f32; LANES]) {
     let mut best = Best::NONE;
     for (entry, row) in rows.chunks_exact(dims).enumerate() {
@@ -144,6 +168,7 @@ fn scan_any(tile: &[f32], dims: usize, rows: &[f32], half: &[f32]) -> ([u16; LAN
 
 #[cfg(test)]
 mod tests {
+    use super::super::simd::portable;
     use super::super::test_data::Random;
     use super::*;
 
@@ -200,6 +225,22 @@ mod tests {
         let entries = Entries { dims: 4, rows: [[0.0; 4], [0.0; 4], [1.0; 4]].concat() };
         let found = nearest(&tiles, &entries);
         assert_eq!((found.entry, found.distance), (vec![0; 3], vec![0.0; 3]));
+    }
+
+    #[test]
+    fn wide_registers_find_the_same_bits() {
+        for dims in [4, 8, 12, 16, 64] {
+            let tiles = random_tiles(dims, TASK * LANES, 8);
+            let mut random = Random(6);
+            let entries = Entries { dims, rows: (0..dims * 301).map(|_| random.signed()).collect() };
+            let half: Vec<f32> = (0..301).map(|k| 0.5 * dot(entries.row(k), entries.row(k))).collect();
+            let mut plain = Assignment { entry: vec![0; tiles.count], distance: vec![0.0; tiles.count] };
+            let Assignment { entry, distance } = &mut plain;
+            portable(Task { tiles: &tiles.data, dims, rows: &entries.rows, half: &half, entry, distance });
+            let wide = nearest(&tiles, &entries);
+            assert_eq!(wide.entry, plain.entry);
+            assert!(wide.distance.iter().zip(&plain.distance).all(|(a, b)| a.to_bits() == b.to_bits()));
+        }
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! The codec as a whole: against its definition, on special values, on any number of threads, on damaged stores.
 
-use super::block::Block;
 use super::encode::encode_block;
 use super::test_data::Random;
 use super::*;
@@ -126,7 +125,7 @@ fn a_step_is_decoded_as_the_formula_says_for_every_width_of_the_codebook() {
         for own_scales in [false, true] {
             let options = VqOptions { own_scales, ..options(entries) };
             let parts = encode_block(&mut waves(steps, vertices), vertices, 0, &options);
-            let block = Block::new(parts.clone(), entries);
+            let block = VqBlock::new(parts.clone(), entries);
             for j in [0, 7, 8, 63] {
                 let mut out = vec![0.0; vertices];
                 block.decode(j, j, &mut out);
@@ -218,6 +217,20 @@ fn a_single_nan_leaves_the_other_values_as_close_as_they_were() {
 }
 
 #[test]
+fn a_nan_whose_filling_is_what_was_there_changes_no_bit_of_the_others() {
+    let (steps, vertices) = (64, 500);
+    let clean = waves(steps, vertices);
+    // Vertex 103 is constant: the filling between two equal values is that value.
+    let at = 30 * vertices + 103;
+    let mut holed = clean.clone();
+    holed[at] = f32::NAN;
+    let [before, mut after] = [&clean, &holed].map(|values| code(values, vertices, options(64)).all(steps, vertices));
+    assert!(after[at].is_nan());
+    after[at] = before[at];
+    assert_eq!(bits(&before), bits(&after));
+}
+
+#[test]
 fn vertices_and_series_of_special_values_alone_are_kept() {
     let (steps, vertices) = (70, 50);
     let mut values = waves(steps, vertices);
@@ -242,11 +255,89 @@ fn more_special_values_than_a_chunk_has_rows_are_kept() {
     let (steps, vertices) = (128, 700);
     let mut values = waves(steps, vertices);
     // Every other value: no two of them in a run.
-    let hole = |i: usize| (i / vertices + i) % 2 == 0;
+    let hole = |i: usize| (i / vertices + i).is_multiple_of(2);
     values.iter_mut().enumerate().filter(|(i, _)| hole(*i)).for_each(|(_, x)| *x = f32::NAN);
     let coded = code(&values, vertices, options(64));
     assert!(coded.objects.0.keys().filter(|key| key.contains("/special/")).count() > 2);
     assert!(coded.all(steps, vertices).iter().enumerate().all(|(i, x)| x.is_nan() == hole(i)));
+    // And a few cost no more than themselves.
+    let mut values = waves(steps, vertices);
+    values[70 * vertices] = f32::NAN;
+    values[90 * vertices] = f32::NAN;
+    let coded = code(&values, vertices, options(64));
+    assert_eq!(coded.objects.0["f/vq/special/c/0/0"].len(), 2 * 16 + 4);
+    assert!(coded.step(90, vertices)[0].is_nan() && coded.step(89, vertices)[0].is_finite());
+}
+
+#[test]
+fn a_large_offset_costs_the_rounding_of_its_numbers_and_no_more() {
+    let (steps, vertices) = (130, 600);
+    let plain = waves(steps, vertices);
+    let rmse = |offset: f32| {
+        let values: Vec<f32> = plain.iter().map(|x| (x - 2.0) + offset).collect();
+        code(&values, vertices, options(64)).quality.rmse
+    };
+    let zero_mean = rmse(0.0);
+    assert!((rmse(2.0) - zero_mean).abs() < 0.02 * zero_mean, "only roundings may fall otherwise");
+    for offset in [1e3f32, -1e6] {
+        // Values, means and results are each rounded to the spacing of floats there, by half of it at most.
+        let spacing = f64::from(offset.abs()) * f64::from(f32::EPSILON);
+        assert!(rmse(offset) <= zero_mean + 1.5 * spacing, "{offset}");
+    }
+}
+
+#[test]
+fn one_vertex_and_constant_fields_are_kept_for_any_number_of_steps() {
+    for steps in [1, 2, 64, 65, 130] {
+        let one: Vec<f32> = waves(steps, 7).chunks_exact(7).map(|row| row[5]).collect();
+        let decoded = code(&one, 1, options(256)).all(steps, 1);
+        for (x, y) in one.iter().zip(&decoded) {
+            // Mean, two differences and their two sums are rounded, all below 4.
+            assert!((x - y).abs() <= 5.0 * 2.0 * f32::EPSILON, "{steps}: {x} {y}");
+        }
+        let constant = vec![-273.15; steps * 9];
+        let coded = code(&constant, 9, options(256));
+        assert_eq!(bits(&coded.all(steps, 9)), bits(&constant));
+        assert_eq!((coded.quality.snr_db, coded.quality.max_error), (None, 0.0));
+    }
+}
+
+/// A decoder elsewhere, by the documentation of [`VqBlock`]: from its slices alone.
+fn decoded_elsewhere(block: &VqBlock, step: usize) -> Vec<f32> {
+    let (j, n) = (step % STEPS, block.row_len());
+    let index = |v: usize| match block.indices() {
+        Indices::Narrow([a, b]) => [usize::from(a[v]), usize::from(b[v])],
+        Indices::Wide([a, b]) => [usize::from(a[v]), usize::from(b[v])],
+    };
+    let value = |(v, &mean): (usize, &f32)| {
+        let [first, second] = index(v);
+        let scale = block.exponents().get(v).map_or(1.0, |&e| block.powers()[usize::from(e.cast_unsigned())]);
+        mean + scale * (block.cb8()[j / 8 * n + first] + block.cb64()[j * n + second])
+    };
+    let mut out: Vec<f32> = block.means().iter().enumerate().map(value).collect();
+    for s in block.specials().iter().filter(|s| (s.first as usize..(s.first + s.count) as usize).contains(&step)) {
+        out[s.vertex as usize] = f32::from_bits(s.bits);
+    }
+    out
+}
+
+#[test]
+fn the_slices_of_a_resident_block_decode_to_the_same_bits() {
+    let (steps, vertices) = (70, 300);
+    let mut values = waves(steps, vertices);
+    values[2 * vertices + 5] = f32::NAN;
+    values[66 * vertices + 5] = f32::INFINITY;
+    for (entries, own_scales) in [(16, false), (300, false), (300, true), (5000, false)] {
+        let coded = code(&values, vertices, VqOptions { own_scales, ..options(entries) });
+        for step in [0, 2, 63, 64, 66, 69] {
+            let block = coded.decoder.resident_block(step).unwrap();
+            assert_eq!(bits(&decoded_elsewhere(&block, step)), bits(&coded.step(step, vertices)), "{entries} {step}");
+            assert_ne!(bits(&decoded_elsewhere(&block, step ^ 1)), bits(&coded.step(step, vertices)), "another step");
+            assert_eq!([block.cb8().len(), block.cb64().len()], [8 * block.row_len(), 64 * block.row_len()]);
+            assert!(block.row_len().is_power_of_two() && block.row_len() >= entries);
+        }
+        assert!(coded.decoder.resident_block(70).is_err());
+    }
 }
 
 /// Series over 24 orders of magnitude.
