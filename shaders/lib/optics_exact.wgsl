@@ -150,9 +150,16 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
     var s = s0;
     var rest = length;
     loop {
-        // At a node the side that the ray goes to holds; a constant segment takes the upper one.
         let end = select(optics.range.x, optics.range.y, up);
-        let goes_on = select(s1 < end || s <= end, s1 > end || s >= end, up);
+        let next = select(optics.interval - 1u, optics.interval + 1u, up);
+        // At a node the side that the ray goes to holds; a constant segment takes the upper one.
+        if select(s0 <= end, s0 >= end, up) {
+            optics_load(next);
+            optics.here = optics_at(s0);
+            continue;
+        }
+        let goes_on = select(s1 < end, s1 > end, up);
+        let per_scalar = length / abs(s1 - s0);
         var far = optics_at(s1);
         var piece = rest;
         if goes_on {
@@ -160,17 +167,15 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
             let begin = select(optics.range.y, optics.range.x, up);
             let crossed = select(abs(end - s), optics.range.z, s == begin);
             far = optics.at_lo + select(vec4(0.0), optics.rise, up);
-            piece = select(0.0, crossed * (length / abs(s1 - s0)), crossed > 0.0);
+            piece = crossed * per_scalar;
         }
-        if !goes_on || piece > 0.0 {
-            optics_piece(far, piece, 1.0 - rest / length);
-        }
+        optics_piece(far, piece, 1.0 - rest / length);
         if !goes_on {
             break;
         }
         s = end;
-        rest = select(0.0, abs(s1 - s) * (length / abs(s1 - s0)), s1 != s);
-        optics_load(select(optics.interval - 1u, optics.interval + 1u, up));
+        rest = abs(s1 - s) * per_scalar;
+        optics_load(next);
         optics.here = optics.at_lo + select(optics.rise, vec4(0.0), up);
     }
 }

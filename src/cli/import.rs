@@ -2,9 +2,11 @@
 
 use super::progress::Terminal;
 use super::{Outcome, print_result, source};
+use crate::codec::raw;
+use crate::codec::vq::{MAX_ENTRIES, VqOptions};
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
-use crate::ingest::{IngestOptions, StepRange};
+use crate::ingest::{CodecChoice, IngestOptions, StepRange};
 use crate::mesh::{Mesh, RepairReport};
 use serde::Serialize;
 use std::fmt;
@@ -12,7 +14,8 @@ use std::path::PathBuf;
 
 /// Import a series (.pvd, .vtu, .xdmf) into a store
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag")]
+#[command(after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag\n  \
+tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024")]
 pub(super) struct Args {
     /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
     /// (each with other fields)
@@ -27,6 +30,18 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
+    /// How values are stored: raw as they are, vq compressed with loss
+    #[arg(long, default_value = "raw", value_parser = ["raw", "vq"])]
+    codec: String,
+    /// Entries of each codebook of vq: more are larger and closer to the truth [default: 256]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=MAX_ENTRIES as i64))]
+    entries: Option<u32>,
+    /// How vq finds its codebooks: fast, or exact (much slower, a little closer) [default: fast]
+    #[arg(long, value_name = "HOW", value_parser = ["fast", "exact"])]
+    search: Option<String>,
+    /// Let vq err relative to each vertex's own variation, for values over many orders of magnitude
+    #[arg(long)]
+    relative: bool,
     /// Read the mesh and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
@@ -39,6 +54,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let codec = codec(args)?;
     let series = match args.sources.as_slice() {
         [one] => import::open(one)?,
         many => import::open_many(many)?,
@@ -48,15 +64,27 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
-    let options = IngestOptions {
-        fields: args.fields.clone(),
-        steps: args.steps,
-        overwrite: args.overwrite,
-        ..Default::default()
-    };
+    let options = IngestOptions { fields: args.fields.clone(), steps: args.steps, overwrite: args.overwrite, codec };
     let report = source::run_ingest(&*series, output, &options, terminal)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
+}
+
+/// The codec that the options name.
+fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
+    if args.codec == raw::NAME {
+        let unused = args.entries.is_some() || args.search.is_some() || args.relative;
+        anyhow::ensure!(!unused, "--entries, --search and --relative are of --codec vq: say so, or leave them out");
+        return Ok(CodecChoice::Raw);
+    }
+    let mut options = VqOptions { own_scales: args.relative, ..VqOptions::default() };
+    if let Some(entries) = args.entries {
+        options.entries = entries as usize;
+    }
+    if let Some(search) = &args.search {
+        options.search = search.parse().map_err(anyhow::Error::msg)?;
+    }
+    Ok(CodecChoice::Vq(options))
 }
 
 /// What `--dry-run` says.

@@ -16,7 +16,7 @@ const VTU_CELLS_MAX: u64 = 200_000;
 
 /// Generate a series: decay, dipole, jet, tornado or slab
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  tetreel synth jet -o jet.zarr --cells 1000000 --steps 64\n  \
+#[command(after_help = "Example:\n  tetreel synth jet -o jet.zarr --cells 1000000 --steps 64\n  \
                   tetreel synth decay --from spx.vtu --subdivide 2 -o spx2.zarr")]
 pub(super) struct Args {
     /// decay, dipole, jet (turbulent scalar with fronts), tornado (vector) or slab (homogeneous)

@@ -15,6 +15,12 @@ pub trait ReadRange: Send + Sync {
     /// If there is no such object.
     fn size(&self, key: &str) -> FileResult<u64>;
 
+    /// Whether there is an object `key`. A chunk that is missing holds its array's fill value where a codec says so.
+    ///
+    /// # Errors
+    /// If that cannot be found out.
+    fn exists(&self, key: &str) -> FileResult<bool>;
+
     /// Fills `parts` one after the other with the bytes from `offset` on.
     ///
     /// # Errors
@@ -32,12 +38,16 @@ pub enum ElementType {
     F32,
     /// IEEE 754 double precision.
     F64,
+    /// Signed, 8 bits.
+    I8,
     /// Unsigned, 8 bits.
     U8,
     /// Unsigned, 16 bits.
     U16,
     /// Unsigned, 32 bits.
     U32,
+    /// Unsigned, 64 bits.
+    U64,
 }
 
 impl ElementType {
@@ -46,19 +56,21 @@ impl ElementType {
         match self {
             Self::F32 => "float32",
             Self::F64 => "float64",
+            Self::I8 => "int8",
             Self::U8 => "uint8",
             Self::U16 => "uint16",
             Self::U32 => "uint32",
+            Self::U64 => "uint64",
         }
     }
 
     /// Bytes of an element.
     pub fn size(self) -> u64 {
         match self {
-            Self::U8 => 1,
+            Self::I8 | Self::U8 => 1,
             Self::U16 => 2,
             Self::F32 | Self::U32 => 4,
-            Self::F64 => 8,
+            Self::F64 | Self::U64 => 8,
         }
     }
 }
@@ -84,7 +96,7 @@ macro_rules! element {
         }
     )*};
 }
-element!(f32 => F32, f64 => F64, u8 => U8, u16 => U16, u32 => U32);
+element!(f32 => F32, f64 => F64, i8 => I8, u8 => U8, u16 => U16, u32 => U32, u64 => U64);
 
 /// How an array is cut into chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,12 +105,14 @@ pub enum Chunking {
     Whole,
     /// Each index of the first axis (a step, a block) has a chunk of its own.
     PerRow,
+    /// So many indices of the first axis share a chunk; the last one is filled up.
+    Rows(u64),
 }
 
 /// An array of the store: what its metadata says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArraySpec {
-    /// Name within its group.
+    /// Name within the group of the field; `GROUP/NAME` for an array of a group of its own.
     pub name: String,
     /// Number type.
     pub element: ElementType,
@@ -114,8 +128,12 @@ impl ArraySpec {
     /// Length of each axis of a chunk; at least 1, which Zarr asks for even if an axis of the array is empty.
     pub fn chunk_shape(&self) -> Vec<u64> {
         let mut shape: Vec<u64> = self.shape.iter().map(|&n| n.max(1)).collect();
-        if let (Chunking::PerRow, Some(first)) = (self.chunking, shape.first_mut()) {
-            *first = 1;
+        if let Some(first) = shape.first_mut() {
+            match self.chunking {
+                Chunking::Whole => {}
+                Chunking::PerRow => *first = 1,
+                Chunking::Rows(rows) => *first = rows,
+            }
         }
         shape
     }

@@ -10,19 +10,24 @@
 //! |---|---|
 //! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
 //! | bytes of a chunk | [`seal`], [`read_chunk`] |
-//! | values of a step | [`raw`] |
+//! | values of a step | [`raw`], [`vq`] |
+//! | how far they are from the truth | [`ErrorTally`], [`Quality`] |
 
 mod chunk;
 mod magnitude;
+mod quality;
 pub mod raw;
+pub mod vq;
 
 pub use chunk::{
     ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
     to_bytes,
 };
 pub use magnitude::magnitude;
+pub use quality::{ErrorTally, OverSigma, Quality};
 
 use crate::error::FileResult;
+use std::sync::Arc;
 
 /// What decoding a step cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +54,8 @@ pub struct Encoded {
     pub arrays: Vec<ArraySpec>,
     /// Parameters of the codec, for the store's attributes.
     pub parameters: serde_json::Value,
+    /// What decoding gives back wrongly; `None` if it is exact by design.
+    pub errors: Option<ErrorTally>,
 }
 
 /// Encodes the steps of one field in order.
@@ -79,4 +86,12 @@ pub trait Decoder: Send + Sync {
     /// # Panics
     /// If the length of `out` is not the number of vertices.
     fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats>;
+
+    /// The block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_step`].
+    fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<vq::VqBlock>>> {
+        Ok(None)
+    }
 }

@@ -48,7 +48,7 @@ impl Encoder for RawEncoder {
     }
 
     fn finish(self: Box<Self>, _sink: &mut dyn ChunkSink) -> FileResult<Encoded> {
-        Ok(Encoded { arrays: vec![array(self.steps, self.vertices)], parameters: serde_json::json!({}) })
+        Ok(Encoded { arrays: vec![array(self.steps, self.vertices)], parameters: serde_json::json!({}), errors: None })
     }
 }
 
@@ -107,6 +107,10 @@ mod tests {
         fn size(&self, key: &str) -> FileResult<u64> {
             let missing = || FileError::invalid(self.path(key), "", "is missing");
             self.0.get(key).map(|b| b.len() as u64).ok_or_else(missing)
+        }
+
+        fn exists(&self, key: &str) -> FileResult<bool> {
+            Ok(self.0.contains_key(key))
         }
 
         fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()> {

@@ -1,20 +1,24 @@
 //! From a source to a store in one streamed pass.
 //!
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
-//! encoded and written. No more than two steps of the source and one of the mesh are in memory. The result does not
-//! depend on the number of threads.
+//! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
+//! 64 steps of each field) are in memory. The result does not depend on the number of threads.
 
+mod compression;
 mod options;
 mod order;
 mod plan;
 mod report;
 mod stream;
 
+pub use compression::CompressionReport;
 pub use options::{CodecChoice, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
+use crate::codec::Encoder;
 use crate::codec::magnitude;
 use crate::codec::raw::RawEncoder;
+use crate::codec::vq::VqEncoder;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource, TimeAxis};
 use crate::mesh::Mesh;
@@ -76,7 +80,8 @@ pub fn ingest(
     let finish = Instant::now();
     let mut seconds = pass.seconds;
     let values = pass.values_read;
-    let fields = pass.finish()?;
+    let counts = [mesh.vertex_source.len(), mesh.topology.tets.len(), steps.len()].map(|n| n as u64);
+    let fields = pass.finish(counts, options.codec)?;
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;
     seconds.mesh = mesh_seconds;
@@ -235,13 +240,26 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    fn finish(self) -> FileResult<Vec<FieldReport>> {
+    /// `counts` are vertices, cells and steps.
+    fn finish(self, counts: [u64; 3], codec: CodecChoice) -> FileResult<Vec<FieldReport>> {
         let report = |target: Target| {
             let series = target.moments.series();
             let name = target.writer.name().to_owned();
-            let bytes = target.writer.finish(&target.moments)?;
-            let Target { association, .. } = target;
-            Ok(FieldReport { name, association, range: series.range, nonfinite: series.nonfinite, bytes })
+            let written = target.writer.finish(&target.moments)?;
+            let compression = match (codec, written.quality) {
+                (CodecChoice::Vq(options), Some(quality)) => {
+                    Some(CompressionReport::new(options.entries, counts, written.value_bytes, quality))
+                }
+                _ => None,
+            };
+            Ok(FieldReport {
+                name,
+                association: target.association,
+                range: series.range,
+                nonfinite: series.nonfinite,
+                bytes: written.bytes,
+                compression,
+            })
         };
         self.targets.into_iter().flatten().map(report).collect()
     }
@@ -257,8 +275,9 @@ fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &m
             let components: Vec<&FieldWriter> = targets.iter().map(|t| &t.writer).collect();
             writer.begin_magnitude(description, &components)
         } else {
-            let encoder = match codec {
+            let encoder: Box<dyn Encoder> = match codec {
                 CodecChoice::Raw => Box::new(RawEncoder::new(vertices)),
+                CodecChoice::Vq(options) => Box::new(VqEncoder::new(vertices, options)),
             };
             writer.begin_field(description, encoder)
         };

@@ -1,5 +1,6 @@
 //! What to import.
 
+use crate::codec::vq::VqOptions;
 use crate::field::FieldSelector;
 use std::fmt;
 use std::str::FromStr;
@@ -109,6 +110,8 @@ pub enum CodecChoice {
     /// The values as they are.
     #[default]
     Raw,
+    /// Vector quantisation along time, lossy. See [`crate::codec::vq`].
+    Vq(VqOptions),
 }
 
 /// What to import and how.

@@ -1,5 +1,6 @@
 //! What an import did.
 
+use super::compression::CompressionReport;
 use crate::error::FileError;
 use crate::field::Association;
 use crate::mesh::{MeshError, RepairReport};
@@ -66,6 +67,8 @@ pub struct FieldReport {
     pub nonfinite: u64,
     /// Bytes of its chunks.
     pub bytes: u64,
+    /// Sizes and errors, if the values were compressed.
+    pub compression: Option<CompressionReport>,
 }
 
 /// Seconds of each stage. Reading overlaps with the others, so they do not add up to the total.
@@ -105,6 +108,9 @@ impl fmt::Display for IngestReport {
                 write!(f, ", {} values not finite", field.nonfinite)?;
             }
             writeln!(f)?;
+            if let Some(compression) = &field.compression {
+                writeln!(f, "{compression}")?;
+            }
         }
         for note in &self.notes {
             writeln!(f, "note: {note}")?;

@@ -22,7 +22,7 @@ pub(super) struct StoredArray {
 fn builder(spec: &ArraySpec) -> ArrayBuilder {
     let fill: ArrayBuilderFillValue = match spec.element {
         ElementType::F32 | ElementType::F64 => "NaN".into(),
-        ElementType::U8 | ElementType::U16 | ElementType::U32 => 0u8.into(),
+        ElementType::I8 | ElementType::U8 | ElementType::U16 | ElementType::U32 | ElementType::U64 => 0u8.into(),
     };
     let mut builder = ArrayBuilder::new(spec.shape.clone(), spec.chunk_shape(), spec.element.zarr_name(), fill);
     builder.bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())]);

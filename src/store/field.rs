@@ -7,7 +7,9 @@ use super::layout::{self, FIELDS, FieldAttributes, Storage};
 use super::mesh::is_current;
 use super::writer::moments_array;
 use crate::codec::raw::{self, RawDecoder};
-use crate::codec::{Chunking, DecodeStats, Decoder, ElementType, ReadRange, chunk_key, magnitude, read_rows};
+use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
+use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange};
+use crate::codec::{chunk_key, magnitude, read_rows};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use crate::moments::{StepSummary, VertexStatistics};
@@ -28,6 +30,9 @@ pub struct StoredField {
     pub codec: String,
     /// Parameters of the codec.
     pub codec_parameters: serde_json::Value,
+    /// The error that the codec has reached; `None` if the values are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<Quality>,
     /// Names of the fields whose Euclidean norm this one is; empty for a field with values of its own.
     pub magnitude_of: Vec<String>,
     /// Least and greatest finite value of the series; `None` if there is none.
@@ -43,6 +48,44 @@ pub struct StoredField {
     /// Folders of `magnitude_of`.
     #[serde(skip)]
     pub(super) component_folders: Vec<String>,
+    /// How the values are coded.
+    #[serde(skip)]
+    coding: Coding,
+}
+
+/// How the values of a field are coded.
+#[derive(Clone, Debug, PartialEq)]
+enum Coding {
+    Raw,
+    Vq(VqParameters),
+    /// From other fields.
+    Magnitude,
+}
+
+impl Coding {
+    /// What the attributes say.
+    fn of(attributes: &FieldAttributes, path: &Path) -> FileResult<Self> {
+        match attributes.codec.as_str() {
+            raw::NAME => Ok(Self::Raw),
+            vq::NAME => {
+                let parameters = VqParameters::read(&attributes.codec_parameters);
+                parameters.map(Self::Vq).map_err(|problem| FileError::invalid(path, "attributes", problem))
+            }
+            MAGNITUDE_CODEC if !attributes.magnitude_of.is_empty() => Ok(Self::Magnitude),
+            codec => {
+                let error = FileError::unsupported(path, "codec", format!("'{codec}' is not known"));
+                Err(error.remedy("a newer version of tetreel may read it"))
+            }
+        }
+    }
+
+    fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
+        match self {
+            Self::Raw => vec![raw::array(steps, vertices)],
+            Self::Vq(parameters) => parameters.arrays(steps, vertices),
+            Self::Magnitude => Vec::new(),
+        }
+    }
 }
 
 impl StoredField {
@@ -57,17 +100,11 @@ impl StoredField {
     ) -> FileResult<Self> {
         let group = format!("{FIELDS}/{folder}");
         let attributes: FieldAttributes = layout::read_group(root, storage, &group)?;
-        match attributes.codec.as_str() {
-            raw::NAME => {
-                let key = format!("{group}/{}", raw::NAME);
-                StoredArray::open(root, storage, &key, ElementType::F32, Chunking::PerRow, 2)?
-                    .expect_shape(root, &[steps, vertices])?;
-            }
-            MAGNITUDE_CODEC if !attributes.magnitude_of.is_empty() => {}
-            codec => {
-                let error = FileError::unsupported(root.join(&group), "codec", format!("'{codec}' is not known"));
-                return Err(error.remedy("a newer version of tetreel may read it"));
-            }
+        let coding = Coding::of(&attributes, &root.join(&group))?;
+        for array in coding.arrays(steps, vertices) {
+            let key = format!("{group}/{}", array.name);
+            StoredArray::open(root, storage, &key, array.element, array.chunking, array.shape.len())?
+                .expect_shape(root, &array.shape)?;
         }
         let key = format!("{group}/range_per_step");
         let ranges = StoredArray::open(root, storage, &key, ElementType::F32, Chunking::Whole, 2)?
@@ -89,13 +126,28 @@ impl StoredField {
             association: attributes.association,
             codec: attributes.codec,
             codec_parameters: attributes.codec_parameters,
+            quality: attributes.quality,
             magnitude_of: Vec::new(),
             range: series.range,
             range_per_step,
             nonfinite: attributes.nonfinite,
             folder: folder.to_owned(),
             component_folders: attributes.magnitude_of,
+            coding,
         })
+    }
+}
+
+impl StoredField {
+    /// A decoder of the field's own values.
+    fn decoder(&self, steps: usize, vertices: usize, source: &Arc<Folder>) -> Box<dyn Decoder> {
+        let group = format!("{FIELDS}/{}", self.folder);
+        match &self.coding {
+            Coding::Vq(parameters) => {
+                Box::new(VqDecoder::new(source.clone(), &group, parameters.clone(), steps, vertices))
+            }
+            Coding::Raw | Coding::Magnitude => Box::new(RawDecoder::new(source.clone(), &group, steps, vertices)),
+        }
     }
 }
 
@@ -129,21 +181,20 @@ enum Values {
 }
 
 impl FieldReader {
+    /// `components` are the fields whose norm this one is.
     pub(super) fn new(
         info: StoredField,
+        components: &[&StoredField],
         steps: usize,
         vertices: usize,
         root: &Path,
         storage: &Storage,
         source: &Arc<Folder>,
     ) -> Self {
-        let decoder = |folder: &str| -> Box<dyn Decoder> {
-            Box::new(RawDecoder::new(source.clone(), &format!("{FIELDS}/{folder}"), steps, vertices))
-        };
-        let values = if info.component_folders.is_empty() {
-            Values::Stored(decoder(&info.folder))
+        let values = if components.is_empty() {
+            Values::Stored(info.decoder(steps, vertices, source))
         } else {
-            let components = info.component_folders.iter().map(|folder| decoder(folder)).collect();
+            let components = components.iter().map(|field| field.decoder(steps, vertices, source)).collect();
             Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
         };
         Self { info, steps, vertices, values, root: root.to_owned(), storage: storage.clone(), source: source.clone() }
@@ -183,6 +234,17 @@ impl FieldReader {
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
+        }
+    }
+
+    /// The compressed block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    ///
+    /// # Errors
+    /// As [`FieldReader::decode_step`].
+    pub fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        match &self.values {
+            Values::Stored(decoder) => decoder.vq_block(step),
+            Values::Magnitude { .. } => Ok(None),
         }
     }
 

@@ -32,6 +32,11 @@ impl ReadRange for Folder {
         }
     }
 
+    fn exists(&self, key: &str) -> FileResult<bool> {
+        let path = self.path(key);
+        path.try_exists().map_err(|e| FileError::io(path, "open", &e))
+    }
+
     fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()> {
         let path = self.path(key);
         let mut file = File::open(&path).map_err(|e| FileError::io(&path, "open", &e))?;

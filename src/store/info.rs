@@ -103,6 +103,12 @@ impl fmt::Display for StoreInfo {
             if let Some(units) = &field.units {
                 write!(f, " {units}")?;
             }
+            if let Some(quality) = &field.quality {
+                match quality.snr_db {
+                    Some(snr) => write!(f, ", SNR {snr:.1} dB, errors up to {:.3e}", quality.max_error)?,
+                    None => write!(f, ", without error")?,
+                }
+            }
             if field.nonfinite > 0 {
                 write!(f, ", {} values not finite", field.nonfinite)?;
             }

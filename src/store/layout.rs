@@ -1,5 +1,6 @@
 //! Names, versions and attributes of the groups of a store.
 
+use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use serde::de::DeserializeOwned;
@@ -77,6 +78,9 @@ pub(super) struct FieldAttributes {
     /// Folders of the components whose norm this field is; empty for a field with values of its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) magnitude_of: Vec<String>,
+    /// The error that the codec has reached; absent if it is exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) quality: Option<Quality>,
     /// Least and greatest finite value of the series, for other readers (`range_per_step` is exact).
     #[serde(default)]
     pub(super) range: Option<[f32; 2]>,

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
-//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
+//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
@@ -28,7 +28,7 @@ mod writer;
 pub use field::{FieldReader, StoredField};
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub use source_points::SourcePoints;
-pub use writer::{FieldDescription, FieldWriter, StoreWriter};
+pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 
 use crate::codec::{Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
@@ -123,7 +123,17 @@ impl Store {
         // Both lengths have been compared with the sizes of files.
         let vertices = usize::try_from(self.mesh.vertices)
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
-        Ok(FieldReader::new(info.clone(), self.times.len(), vertices, &self.root, &self.storage, &self.source))
+        let component = |folder: &String| self.fields.iter().find(|f| &f.folder == folder);
+        let components: Vec<&StoredField> = info.component_folders.iter().filter_map(component).collect();
+        Ok(FieldReader::new(
+            info.clone(),
+            &components,
+            self.times.len(),
+            vertices,
+            &self.root,
+            &self.storage,
+            &self.source,
+        ))
     }
 
     fn find(&self, selector: &FieldSelector) -> Option<&StoredField> {

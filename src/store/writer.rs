@@ -10,12 +10,13 @@ use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
 use super::source_points::SourcePoints;
 use super::staging::Staging;
-use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, chunk_key, to_bytes};
+use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, Quality, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, TimeAxis};
 use crate::mesh::{Mesh, RepairReport};
-use crate::moments::Moments;
+use crate::moments::{Moments, VertexStatistics};
 use serde_json::Map;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// What a field of a new store is.
@@ -126,6 +127,17 @@ enum Content {
     MagnitudeOf(Vec<String>),
 }
 
+/// What has become of a field.
+#[derive(Clone, Copy, Debug)]
+pub struct WrittenField {
+    /// Bytes of its chunks.
+    pub bytes: u64,
+    /// Of these, bytes of the values as the codec has written them.
+    pub value_bytes: u64,
+    /// The error that the codec has reached; `None` if it is exact.
+    pub quality: Option<Quality>,
+}
+
 /// Writes one field of a new store.
 pub struct FieldWriter {
     root: PathBuf,
@@ -153,20 +165,22 @@ impl FieldWriter {
         }
     }
 
-    /// Writes what is left, and the statistics of all steps. Returns the bytes of the field's chunks.
+    /// Writes what is left, and the statistics of all steps.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn finish(mut self, moments: &Moments) -> FileResult<u64> {
+    pub fn finish(mut self, moments: &Moments) -> FileResult<WrittenField> {
         let group = format!("{FIELDS}/{}", self.folder);
         let (codec, magnitude_of, encoded) = match self.content {
             Content::Encoded(encoder) => (encoder.name(), Vec::new(), encoder.finish(&mut self.sink)?),
             Content::MagnitudeOf(components) => {
-                let nothing = Encoded { arrays: Vec::new(), parameters: serde_json::json!({}) };
+                let nothing = Encoded { arrays: Vec::new(), parameters: serde_json::json!({}), errors: None };
                 (MAGNITUDE_CODEC, components, nothing)
             }
         };
         let series = moments.series();
+        let statistics = moments.vertex_statistics();
+        let quality = encoded.errors.as_ref().map(|errors| errors.quality(&statistics));
         let attributes = FieldAttributes {
             name: self.description.name,
             association: self.description.association,
@@ -174,18 +188,23 @@ impl FieldWriter {
             codec: codec.to_owned(),
             codec_parameters: encoded.parameters,
             magnitude_of,
+            quality,
             range: series.range,
             nonfinite: series.nonfinite,
         };
         layout::write_group(&self.root, &self.storage, &group, &attributes)?;
+        let groups: BTreeSet<&str> = encoded.arrays.iter().filter_map(|a| Some(a.name.split_once('/')?.0)).collect();
+        for name in groups {
+            layout::write_group(&self.root, &self.storage, &format!("{group}/{name}"), &Map::new())?;
+        }
         for array in &encoded.arrays {
             write_metadata(&self.root, &self.storage, &group, array, Map::new())?;
         }
         let mut to = ArrayWriter::new(&self.root, &self.storage, &group);
         let ranges: Vec<[f32; 2]> = moments.steps().iter().map(|s| s.range.unwrap_or([f32::NAN; 2])).collect();
         to.write("range_per_step", &ranges, ["step", "bound"], Map::new())?;
-        let bytes = self.sink.bytes + to.sink.bytes;
-        Ok(bytes + write_moments(&self.root, &self.storage, &group, moments)?)
+        let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &self.storage, &group, &statistics)?;
+        Ok(WrittenField { bytes, value_bytes: self.sink.bytes, quality })
     }
 }
 
@@ -200,8 +219,7 @@ pub(super) fn moments_array(vertices: u64) -> ArraySpec {
     }
 }
 
-fn write_moments(root: &Path, storage: &Storage, group: &str, moments: &Moments) -> FileResult<u64> {
-    let statistics = moments.vertex_statistics();
+fn write_moments(root: &Path, storage: &Storage, group: &str, statistics: &VertexStatistics) -> FileResult<u64> {
     let spec = moments_array(statistics.mean.len() as u64);
     let attributes = Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())]);
     write_metadata(root, storage, group, &spec, attributes)?;

@@ -43,8 +43,11 @@ def check_field(group, steps, vertices):
     mean, variance, count = group["moments"][:]
     assert mean.shape == (vertices,) and (count <= steps).all()
     assert (variance[count > 0] >= 0).all()
-    if "raw" not in group:
-        assert group.attrs["codec"] == "magnitude" and group.attrs["magnitude_of"]
+    if group.attrs["codec"] == "magnitude":
+        assert group.attrs["magnitude_of"]
+        return
+    if group.attrs["codec"] == "vq":
+        check_vq(group, steps, vertices)
         return
     raw = group["raw"]
     assert raw.shape == (steps, vertices) and raw.dtype == np.float32
@@ -53,6 +56,37 @@ def check_field(group, steps, vertices):
         finite = values[np.isfinite(values)]
         expected = [finite.min(), finite.max()] if len(finite) else [np.nan, np.nan]
         np.testing.assert_array_equal(ranges[step], np.array(expected, np.float32))
+
+
+def decode_vq(group, step):
+    """One step of a field with codec vq."""
+    vq, p = group["vq"], group.attrs["codec_parameters"]
+    b, j = divmod(step, p["block"])
+    difference = vq["cb8"][b, p["group"][j]][vq["i8"][b]] + vq["cb64"][b, j][vq["i64"][b]]
+    if p["exponents"]:
+        difference *= np.ldexp(np.float32(1), vq["exponent"][b])
+    values = vq["mean"][b] + difference
+    if p["specials"]:  # NaN and infinities
+        start, end = vq["special_start"][b : b + 2]
+        for vertex, first, count, bits in vq["special"][start:end]:
+            if first <= step < first + count:
+                values.view(np.uint32)[vertex] = bits
+    return values
+
+
+def check_vq(group, steps, vertices):
+    ranges = group["range_per_step"][:]
+    limit = group.attrs["quality"]["max_error"]
+    for step in {0, steps // 2, steps - 1}:
+        values = decode_vq(group, step)
+        assert values.shape == (vertices,) and values.dtype == np.float32
+        finite = values[np.isfinite(values)].astype(np.float64)
+        # Each end of the decoded range is within the error of that of the source.
+        assert len(finite) == 0 or (np.abs([finite.min(), finite.max()] - ranges[step]) <= limit).all()
+
+
+def decode(group, step):
+    return decode_vq(group, step) if group.attrs["codec"] == "vq" else group["raw"][step]
 
 
 def count_arrays(group):
@@ -68,7 +102,7 @@ def main(path, name, step):
     assert (root["time/mesh_index"][:] == 0).all()
     for folder in root["fields"].attrs["folders"]:
         check_field(root["fields"][folder], len(times), vertices)
-    values = field_group(root["fields"], name)["raw"][step]
+    values = decode(field_group(root["fields"], name), step)
     print(f"{name} step {step} crc32 {zlib.crc32(values.astype('<f4').tobytes()):08x}")
     print(f"ok {count_arrays(root)} arrays")
 

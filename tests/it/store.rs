@@ -5,6 +5,7 @@ mod damage;
 mod interop;
 mod replace;
 mod round_trip;
+mod vq;
 
 use glam::DVec3;
 use std::path::Path;

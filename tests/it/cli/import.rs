@@ -49,6 +49,36 @@ fn the_shipped_series_is_imported_with_its_times_and_played() {
 }
 
 #[test]
+fn the_shipped_series_is_compressed_and_looks_the_same() {
+    let place = Place::with_tornado();
+    let field = ["import", "run/tornado.pvd", "--field", "pressure"];
+    place.ok(&[&field[..], &["-o", "raw.zarr"]].concat());
+    let options = ["-o", "vq.zarr", "--codec", "vq", "--entries", "700"];
+    let text = place.ok(&[&field[..], &options].concat());
+    assert!(text.contains("vq, 700 entries: 729 vertices") && text.contains("larger than the values"), "{text}");
+    let info = place.json(&["info", "vq.zarr", "--json"]);
+    let quality = &info["fields"][0]["quality"];
+    let relative = quality["max_error"].as_f64().unwrap() / 782.0;
+    // Nearly an entry for each vertex: what is left is below a thousandth of the range.
+    assert!(relative < 1e-3, "{info}");
+    for (store, image) in [("raw.zarr", "a.exr"), ("vq.zarr", "b.exr")] {
+        place.ok(&["render", store, "-o", image, "--steps", "5", "--size", "80x60", "--exr", "raw"]);
+    }
+    let difference = place.json(&["compare", "a.exr", "b.exr", "--json"]);
+    let largest = difference["max"].as_f64().unwrap();
+    // The default opacity and colours change by no more than some ten times their range over that of the field.
+    assert!(largest < 10.0 * relative && largest > 0.0, "{difference}");
+    place.refuses(&[&field[..], &["-o", "new.zarr", "--entries", "64"]].concat(), &["--entries", "--codec vq"]);
+    place.refuses(&[&field[..], &["-o", "new.zarr", "--dry-run", "--relative"]].concat(), &["--codec vq"]);
+    // A damaged chunk: named, with the step, and nothing is written.
+    let chunk = place.path("vq.zarr/fields/pressure/vq/cb64/c/0/0/0");
+    let mut bytes = std::fs::read(&chunk).unwrap();
+    bytes[100] ^= 1;
+    std::fs::write(&chunk, bytes).unwrap();
+    place.refuses(&["render", "vq.zarr", "-o", "c.png", "--steps", "5"], &["vq/cb64/c/0/0/0", "step 5", "CRC-32C"]);
+}
+
+#[test]
 fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
     type Damage = (&'static str, fn(&Place), &'static [&'static str]);
     let damages: [Damage; 8] = [

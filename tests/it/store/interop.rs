@@ -4,7 +4,8 @@ use super::{import, sample};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
-use tetreel::ingest::IngestOptions;
+use tetreel::codec::vq::VqOptions;
+use tetreel::ingest::{CodecChoice, IngestOptions};
 use tetreel::store::Store;
 
 fn imported(dir: &Path) -> Store {
@@ -47,31 +48,70 @@ fn zarrs_reads_every_array() {
     assert_eq!(values, ours);
 }
 
-#[test]
-fn python_reads_every_array() {
+/// The Python with zarr, or a skip.
+fn python() -> Option<String> {
     let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
     match Command::new(&python)
         .args(["-c", "import zarr; assert int(zarr.__version__.split('.')[0]) >= 3, 'zarr is older than 3'"])
         .output()
     {
-        Ok(output) if output.status.success() => {}
+        Ok(output) if output.status.success() => return Some(python),
         Ok(output) => {
             let error = String::from_utf8_lossy(&output.stderr);
-            return crate::common::skip("python", error.lines().last().unwrap_or("zarr 3 cannot be imported"));
+            crate::common::skip("python", error.lines().last().unwrap_or("zarr 3 cannot be imported"));
         }
-        Err(error) => return crate::common::skip("python", &error.to_string()),
+        Err(error) => crate::common::skip("python", &error.to_string()),
     }
-    let dir = tempfile::tempdir().unwrap();
-    let store = imported(dir.path());
+    None
+}
+
+/// What the script prints for a step of field T, after checking that the step's bits are those decoded here.
+fn python_reads(python: &str, store: &Store, step: usize) -> String {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop/read_store.py");
-    let output = Command::new(&python).arg(script).arg(store.path()).args(["T", "1"]).output().unwrap();
+    let output = Command::new(python).arg(script).arg(store.path()).args(["T", &step.to_string()]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let mut values = vec![0.0f32; 64];
-    store.field(&"T".parse().unwrap()).unwrap().decode_step(1, &mut values).unwrap();
-    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    let mut crc = flate2::Crc::new();
-    crc.update(&bytes);
+    store.field(&"T".parse().unwrap()).unwrap().decode_step(step, &mut values).unwrap();
+    let crc = |values: &[f32]| {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let mut crc = flate2::Crc::new();
+        crc.update(&bytes);
+        format!("T step {step} crc32 {:08x}", crc.sum())
+    };
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains(&format!("T step 1 crc32 {:08x}", crc.sum())), "{text}");
+    assert!(text.contains(&crc(&values)), "{text}");
+    values[3] += 1.0;
+    assert!(!text.contains(&crc(&values)), "another value is noticed");
+    text
+}
+
+#[test]
+fn python_reads_every_array() {
+    let Some(python) = python() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let text = python_reads(&python, &imported(dir.path()), 1);
     assert!(text.contains("mesh 162 cells 64 vertices") && text.contains("ok 37 arrays"), "{text}");
+}
+
+#[test]
+fn python_decodes_the_steps_of_vq() {
+    let Some(python) = python() else { return };
+    for (entries, own_scales) in [(16, false), (300, true)] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut source = sample(70);
+        let smooth = source.value;
+        source.value = Box::new(move |name, component, step, i| match (step, i) {
+            (65..68, 20) => f32::NAN,
+            (3, 9) => f32::INFINITY,
+            _ => smooth(name, component, step, i) + (i as f32 * 0.1 * step as f32).cos(),
+        });
+        let codec = CodecChoice::Vq(VqOptions { entries, own_scales, ..VqOptions::default() });
+        let report =
+            import(&source, &dir.path().join("s.zarr"), &IngestOptions { codec, ..IngestOptions::default() }).unwrap();
+        assert!(report.fields.iter().any(|f| f.nonfinite > 0));
+        let store = Store::open(dir.path().join("s.zarr")).unwrap();
+        for step in [0, 3, 66] {
+            python_reads(&python, &store, step);
+        }
+    }
 }

@@ -7,12 +7,16 @@ use crate::render::gpu::layout::{COUNTERS, FAR, TILE_PX};
 use crate::render::{Frame, RenderError};
 use crate::stats::FrameStats;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
 
 /// Bytes of a tile's counters.
 const COUNTER_BYTES: u64 = 4 * COUNTERS as u64;
 /// Timestamps: begin and end of transform, entries, walk.
 pub(super) const TIMESTAMPS: u32 = 6;
+
+/// The slice is done: how long the thread that was told so may take to say it.
+const CALLBACK_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Where the parts of a slice are in its buffer, in bytes.
 #[derive(Clone, Copy, Debug)]
@@ -53,8 +57,8 @@ pub(super) struct Slot {
     buffer: GrowingBuffer,
     tiles: Range<usize>,
     submission: Option<wgpu::SubmissionIndex>,
-    /// What became of the mapping, once something has.
-    mapped: Arc<Mutex<Option<bool>>>,
+    /// What became of the mapping, once something has. Another thread that waits for the device may be the one to hear of it.
+    mapped: Arc<(Mutex<Option<bool>>, Condvar)>,
 }
 
 impl Slot {
@@ -106,10 +110,12 @@ impl Slot {
         context: &Context,
         submission: wgpu::SubmissionIndex,
     ) -> Result<(), RenderError> {
-        *self.mapped.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        *self.mapped.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let mapped = self.mapped.clone();
         self.buffer.get(context)?.map_async(wgpu::MapMode::Read, .., move |result| {
-            *mapped.lock().unwrap_or_else(PoisonError::into_inner) = Some(result.is_ok());
+            let (state, changed) = &*mapped;
+            *state.lock().unwrap_or_else(PoisonError::into_inner) = Some(result.is_ok());
+            changed.notify_all();
         });
         self.submission = Some(submission);
         Ok(())
@@ -127,7 +133,10 @@ impl Slot {
         context.check()?;
         let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
         waited.map_err(|e| failed(e.to_string()))?;
-        let mapped = self.mapped.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let (state, changed) = &*self.mapped;
+        let state = state.lock().unwrap_or_else(PoisonError::into_inner);
+        let waiting = changed.wait_timeout_while(state, CALLBACK_PATIENCE, |state| state.is_none());
+        let mapped = waiting.unwrap_or_else(PoisonError::into_inner).0.take();
         if mapped != Some(true) {
             return Err(failed("an image could not be read back".to_owned()));
         }

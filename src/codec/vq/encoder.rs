@@ -1,0 +1,186 @@
+//! The codec as a stream: steps in, blocks out.
+
+use super::block::{Encoded, Indices, SpecialRun, VqBlock};
+use super::encode::encode_block;
+use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
+use super::{STEPS, VqOptions};
+use crate::codec::{ChunkSink, Encoder, ErrorTally, chunk_key, to_bytes};
+use crate::error::FileResult;
+
+/// Keeps the steps of one block and writes a block when it is complete. Memory: 256 bytes a vertex for the block, about
+/// as much again while it is coded (twice that by the exact search).
+#[derive(Debug)]
+pub struct VqEncoder {
+    options: VqOptions,
+    vertices: usize,
+    /// Steps of the current block.
+    values: Vec<f32>,
+    blocks: u64,
+    exponents: bool,
+    special: SpecialWriter,
+    tally: ErrorTally,
+}
+
+impl VqEncoder {
+    /// An encoder of a field with `vertices` values a step.
+    ///
+    /// # Panics
+    /// If there is no vertex, or the number of entries is not one of [`VqOptions::entries`].
+    pub fn new(vertices: usize, options: VqOptions) -> Self {
+        assert!(vertices > 0, "no vertex");
+        assert!((2..=super::MAX_ENTRIES).contains(&options.entries), "{} entries", options.entries);
+        Self {
+            options,
+            vertices,
+            values: Vec::new(),
+            blocks: 0,
+            exponents: false,
+            special: SpecialWriter::default(),
+            tally: ErrorTally::new(vertices),
+        }
+    }
+
+    fn write_block(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
+        // Runs count steps in u32, as `special` does.
+        let first_step = (self.blocks * STEPS as u64) as u32;
+        let mut parts = encode_block(&mut self.values, self.vertices, first_step, &self.options);
+        let block = self.verified(&mut parts, first_step);
+        write_parts(&parts, self.blocks, sink)?;
+        self.exponents |= !parts.exponent.is_empty();
+        self.special.block(&parts.runs, sink)?;
+        let decode = |j: usize, first: usize, out: &mut [f32]| {
+            block.decode_part(j, first_step as usize + j, first, out);
+        };
+        self.tally.add(&self.values, decode);
+        self.blocks += 1;
+        self.values.clear();
+        Ok(())
+    }
+
+    /// The block as the decoder sees it, after finite values that overflow there have become runs.
+    fn verified(&self, parts: &mut Encoded, first_step: u32) -> VqBlock {
+        let block = VqBlock::new(parts.clone(), self.options.entries);
+        // Only blocks with exponents can reach the largest numbers.
+        if parts.exponent.is_empty() {
+            return block;
+        }
+        let before = parts.runs.len();
+        let mut decoded = vec![0.0; self.vertices];
+        for (j, row) in (0u32..).zip(self.values.chunks_exact(self.vertices)) {
+            block.decode_finite(j as usize, 0, &mut decoded);
+            for (vertex, (x, _)) in (0u32..).zip(row.iter().zip(&decoded)).filter(|(_, (_, y))| !y.is_finite()) {
+                parts.runs.push(SpecialRun { vertex, first: first_step + j, count: 1, bits: x.to_bits() });
+            }
+        }
+        if parts.runs.len() == before {
+            return block;
+        }
+        // A special value that was filled has its run already.
+        let special = parts.runs[..before].to_vec();
+        let covered = |run: &SpecialRun| {
+            let near = special.partition_point(|s| s.vertex < run.vertex);
+            let same = special[near..].iter().take_while(|s| s.vertex == run.vertex);
+            same.into_iter().any(|s| (s.first..s.first + s.count).contains(&run.first))
+        };
+        let added: Vec<SpecialRun> = parts.runs.drain(before..).filter(|run| !covered(run)).collect();
+        parts.runs.extend(added);
+        parts.runs.sort_unstable();
+        VqBlock::new(parts.clone(), self.options.entries)
+    }
+}
+
+fn write_parts(parts: &Encoded, block: u64, sink: &mut dyn ChunkSink) -> FileResult<()> {
+    let mut put =
+        |name: &str, rank: usize, bytes: &[u8]| sink.put(&chunk_key(&format!("{NAME}/{name}"), block, rank), bytes);
+    put("mean", 2, &to_bytes(&parts.mean))?;
+    match &parts.indices {
+        Indices::Narrow(lists) => {
+            put("i8", 2, &to_bytes(&lists[0]))?;
+            put("i64", 2, &to_bytes(&lists[1]))?;
+        }
+        Indices::Wide(lists) => {
+            put("i8", 2, &to_bytes(&lists[0]))?;
+            put("i64", 2, &to_bytes(&lists[1]))?;
+        }
+    }
+    put("cb8", 3, &to_bytes(&parts.cb8))?;
+    put("cb64", 3, &to_bytes(&parts.cb64))?;
+    // Where a block has none, its chunk is missing: Zarr's fill value is the exponent 0.
+    if parts.exponent.is_empty() { Ok(()) } else { put("exponent", 2, &to_bytes(&parts.exponent)) }
+}
+
+/// Writes `special` in chunks of equal length, whatever the blocks bring; a single chunk is as long as it must be. Holds one chunk and a number a block.
+#[derive(Debug, Default)]
+struct SpecialWriter {
+    rows: Vec<[u32; 4]>,
+    chunks: u64,
+    /// Rows before each block.
+    starts: Vec<u64>,
+}
+
+impl SpecialWriter {
+    fn count(&self) -> u64 {
+        self.chunks * SPECIAL_ROWS + self.rows.len() as u64
+    }
+
+    fn block(&mut self, runs: &[SpecialRun], sink: &mut dyn ChunkSink) -> FileResult<()> {
+        self.starts.push(self.count());
+        for run in runs {
+            self.rows.push([run.vertex, run.first, run.count, run.bits]);
+            if self.rows.len() as u64 == SPECIAL_ROWS {
+                self.flush(sink)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
+        sink.put(&chunk_key(&format!("{NAME}/special"), self.chunks, 2), &to_bytes(self.rows.as_flattened()))?;
+        self.chunks += 1;
+        self.rows.clear();
+        Ok(())
+    }
+
+    /// Writes what is left; returns the number of rows.
+    fn finish(mut self, sink: &mut dyn ChunkSink) -> FileResult<u64> {
+        let count = self.count();
+        if count == 0 {
+            return Ok(0);
+        }
+        self.starts.push(count);
+        if !self.rows.is_empty() {
+            // Chunks of an array are equally long; behind the last row there are zeros.
+            if self.chunks > 0 {
+                self.rows.resize(SPECIAL_ROWS as usize, [0; 4]);
+            }
+            self.flush(sink)?;
+        }
+        sink.put(&chunk_key(&format!("{NAME}/special_start"), 0, 1), &to_bytes(&self.starts))?;
+        Ok(count)
+    }
+}
+
+impl Encoder for VqEncoder {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn push(&mut self, values: &[f32], sink: &mut dyn ChunkSink) -> FileResult<()> {
+        assert_eq!(values.len(), self.vertices, "one value per vertex");
+        self.values.extend_from_slice(values);
+        if self.values.len() == STEPS * self.vertices { self.write_block(sink) } else { Ok(()) }
+    }
+
+    fn finish(mut self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<crate::codec::Encoded> {
+        let last = self.values.len() / self.vertices;
+        let steps = self.blocks * STEPS as u64 + last as u64;
+        if last > 0 {
+            self.write_block(sink)?;
+        }
+        let specials = self.special.finish(sink)?;
+        let parameters = VqParameters::new(&self.options, self.exponents, specials);
+        let arrays = parameters.arrays(steps, self.vertices as u64);
+        let parameters = serde_json::to_value(parameters).unwrap_or_default();
+        Ok(crate::codec::Encoded { arrays, parameters, errors: Some(self.tally) })
+    }
+}

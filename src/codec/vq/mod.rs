@@ -1,0 +1,108 @@
+//! Codec `vq`: vector quantisation along time, after Callahan's dissertation (6.1.1, 6.2.2).
+//!
+//! The values of a vertex in a block of 64 steps are its mean, plus one of the entries of a codebook of 8-vectors (one
+//! number for each group of 8 steps), plus one of the entries of a codebook of 64-vectors:
+//!
+//! ```text
+//! b, j = step / 64, step % 64
+//! value[v] = mean[b][v] + (cb8[b][group[j]][i8[b][v]] + cb64[b][j][i64[b][v]])
+//! ```
+//!
+//! | array | shape | element |
+//! |---|---|---|
+//! | `mean` | blocks, vertices | f32 |
+//! | `i8`, `i64` | blocks, vertices | u8 up to 256 entries, u16 above |
+//! | `cb8` | blocks, 8, entries | f32 |
+//! | `cb64` | blocks, 64, entries | f32 |
+//! | `exponent` (if used) | blocks, vertices | i8: the bracket is multiplied by 2^exponent |
+//! | `special`, `special_start` (if there are any) | runs, 4; blocks + 1 | u32: vertex, first step, number of steps, bits; u64 |
+//!
+//! The last block may be short; rows of `cb64` behind its last step are zero. A vertex that is constant in a block comes
+//! back exactly (entry 0 of both codebooks is -0), NaN and infinities bit for bit: they are stored apart, and the gaps
+//! that they leave are filled along time before anything is trained. Of what is decoded elsewhere, nothing depends on
+//! whether a value was special or had the value of the filling.
+//!
+//! With `own_scales`, differences are trained in units of a power of two of each vertex: the error is then relative to
+//! each vertex's own variation, for data over many orders of magnitude. Values beyond 2^120 force it.
+
+mod block;
+mod codebook;
+mod decoder;
+mod encode;
+mod encoder;
+mod layout;
+mod pca;
+mod prepare;
+mod search;
+mod simd;
+#[cfg(test)]
+mod test_data;
+#[cfg(test)]
+mod tests;
+mod tiles;
+
+pub use block::{Indices, SpecialRun, VqBlock};
+pub use decoder::VqDecoder;
+pub use encoder::VqEncoder;
+pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
+
+use std::str::FromStr;
+
+/// Steps of a block.
+pub const STEPS: usize = 64;
+/// Groups of steps: numbers of a vector of the first codebook.
+pub const GROUPS: usize = 8;
+
+/// The group of step `j` of a block.
+pub fn group_of_step(j: usize) -> usize {
+    j / GROUPS
+}
+
+/// How codebooks are trained and searched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Search {
+    /// Trained on a sample, searched along principal axes.
+    #[default]
+    Fast,
+    /// LBG on all vectors in all 64 dimensions: much slower, a little better.
+    Exact,
+}
+
+impl Search {
+    /// The name on the command line and in the store.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Exact => "exact",
+        }
+    }
+}
+
+impl FromStr for Search {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "fast" => Ok(Self::Fast),
+            "exact" => Ok(Self::Exact),
+            _ => Err(format!("there is no search '{text}'; choose fast or exact")),
+        }
+    }
+}
+
+/// What the encoder is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VqOptions {
+    /// Entries of each codebook, 2 to [`MAX_ENTRIES`].
+    pub entries: usize,
+    /// How they are found.
+    pub search: Search,
+    /// Whether each vertex has a power of two of its own.
+    pub own_scales: bool,
+}
+
+impl Default for VqOptions {
+    fn default() -> Self {
+        Self { entries: 256, search: Search::Fast, own_scales: false }
+    }
+}

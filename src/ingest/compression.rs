@@ -1,0 +1,92 @@
+//! What compressing a field has brought, in the columns of the dissertation's Table 6.1.
+
+use crate::codec::Quality;
+use crate::codec::vq::paper_bytes;
+use serde::Serialize;
+use std::fmt;
+
+/// A row of the table.
+#[derive(Clone, Debug, Serialize)]
+pub struct CompressionReport {
+    /// Name of the codec.
+    pub codec: String,
+    /// Entries of each codebook.
+    pub entries: u64,
+    /// Number of vertices.
+    pub vertices: u64,
+    /// Number of tetrahedra.
+    pub tets: u64,
+    /// Number of steps.
+    pub steps: u64,
+    /// Bytes of the values as f32.
+    pub raw_bytes: u64,
+    /// Compressed bytes by the dissertation's formula (6.2.2).
+    pub paper_bytes: u64,
+    /// Bytes that the codec has written, checksums included.
+    pub bytes: u64,
+    /// `raw_bytes / paper_bytes`.
+    pub paper_ratio: f64,
+    /// `raw_bytes / bytes`.
+    pub ratio: f64,
+    /// Errors, measured with the decoder.
+    #[serde(flatten)]
+    pub quality: Quality,
+}
+
+impl CompressionReport {
+    pub(super) fn new(entries: usize, [vertices, tets, steps]: [u64; 3], bytes: u64, quality: Quality) -> Self {
+        let raw_bytes = vertices * steps * size_of::<f32>() as u64;
+        let paper_bytes = paper_bytes(vertices, steps, entries as u64);
+        let ratio = |bytes: u64| raw_bytes as f64 / bytes.max(1) as f64;
+        Self {
+            codec: crate::codec::vq::NAME.to_owned(),
+            entries: entries as u64,
+            vertices,
+            tets,
+            steps,
+            raw_bytes,
+            paper_bytes,
+            bytes,
+            paper_ratio: ratio(paper_bytes),
+            ratio: ratio(bytes),
+            quality,
+        }
+    }
+}
+
+impl fmt::Display for CompressionReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [raw, paper, real] = [self.raw_bytes, self.paper_bytes, self.bytes].map(|bytes| bytes as f64 / 1e6);
+        let db = |snr: Option<f64>| snr.map_or_else(|| "exact".to_owned(), |snr| format!("{snr:.1} dB"));
+        let q = &self.quality;
+        writeln!(
+            f,
+            "  {}, {} entries: {} vertices, {} tets, {} steps",
+            self.codec, self.entries, self.vertices, self.tets, self.steps
+        )?;
+        writeln!(
+            f,
+            "  size {raw:.2} MB, compressed {real:.2} MB ({:.1}:1), by the paper's formula {paper:.2} MB ({:.1}:1)",
+            self.ratio, self.paper_ratio
+        )?;
+        writeln!(
+            f,
+            "  SNR {} (steps {} to {}), max error {:.3e}, RMSE {:.3e}",
+            db(q.snr_db),
+            db(q.snr_min_db),
+            db(q.snr_max_db),
+            q.max_error,
+            q.rmse
+        )?;
+        let s = &q.over_sigma;
+        write!(
+            f,
+            "  RMSE over a vertex's sigma: median {:.3e}, 99 % below {:.3e}, max {:.3e}",
+            s.median, s.p99, s.max
+        )?;
+        if self.bytes > self.raw_bytes {
+            write!(f, "\n  larger than the values themselves: take fewer --entries, or --codec raw")?;
+        }
+        Ok(())
+    }
+}
