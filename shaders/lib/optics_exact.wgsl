@@ -158,7 +158,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
             optics.here = optics_at(s0);
             continue;
         }
-        let goes_on = select(s1 < end, s1 > end, up);
+        let goes_on = select((s1 < end), (s1 > end), up);
         let per_scalar = length / abs(s1 - s0);
         var far = optics_at(s1);
         var piece = rest;
