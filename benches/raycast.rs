@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scalars: Arc::new(scalars),
         view: Camera::default_for(bounds)?.view(512, 512)?,
         table: Arc::new(table),
+        compressed: None,
         optics: Default::default(),
         early_termination: true,
         stats: Default::default(),

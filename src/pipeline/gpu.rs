@@ -188,6 +188,7 @@ mod tests {
             active: Arc::new(CellSet::all(1)),
             view: camera.view(32, 24).unwrap(),
             table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
+            compressed: None,
             optics: Default::default(),
             early_termination: true,
             stats: Default::default(),

@@ -13,6 +13,7 @@ pub use backend::Backend;
 pub use time::FrameTime;
 
 use crate::camera::{Camera, CameraError};
+use crate::codec::vq;
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
@@ -20,7 +21,7 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::{Context, ContextOptions};
-use crate::render::{Frame, RenderError, RenderJob};
+use crate::render::{CompressedStep, Frame, RenderError, RenderJob};
 use crate::stats::FrameStats;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::{Cancel, Progress};
@@ -235,10 +236,16 @@ impl Pipeline {
         let mut stats = FrameStats::default();
         let decode = |step: usize, out: &mut [f32]| self.reader.decode_step(step, out);
         let shown = self.steps.show(request.time, &self.mesh, &decode, &mut stats)?;
+        // A mixture of two steps is not in any block.
+        let compressed = match request.time.toward() {
+            None => self.reader.vq_block(request.time.step())?,
+            Some(_) => None,
+        };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(RenderJob {
             mesh: self.mesh.clone(),
             scalars: shown.scalars,
+            compressed: compressed.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS }),
             active: shown.active,
             view,
             table: request.table.clone(),

@@ -8,6 +8,7 @@ pub mod gpu;
 pub mod reference;
 
 use crate::camera::View;
+use crate::codec::vq::VqBlock;
 use crate::image::{DepthImage, RgbaImage};
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
@@ -25,6 +26,8 @@ pub struct RenderJob {
     pub mesh: Arc<Mesh>,
     /// One scalar per vertex of the mesh; finite at the vertices of active cells.
     pub scalars: Arc<Vec<f32>>,
+    /// The same scalars as the store has them, for renderers that decode them where they draw.
+    pub compressed: Option<CompressedStep>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
     pub active: Arc<CellSet>,
     /// Camera and image size.
@@ -37,6 +40,15 @@ pub struct RenderJob {
     pub early_termination: bool,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
     pub stats: FrameStats,
+}
+
+/// A step of a series in codec `vq`.
+#[derive(Clone, Debug)]
+pub struct CompressedStep {
+    /// The block that it is in.
+    pub block: Arc<VqBlock>,
+    /// Which step of the block.
+    pub step: usize,
 }
 
 /// Why a job cannot be rendered.

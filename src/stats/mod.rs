@@ -38,6 +38,10 @@ pub struct FrameStats {
     pub entry_retries: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
+    /// Scalars decoded on the GPU.
+    pub vertices_decoded_on_gpu: u64,
+    /// Milliseconds of the GPU for decoding; `None` if it did not, or has no timestamps.
+    pub ms_gpu_decode: Option<f64>,
     /// Milliseconds of the GPU for the view transform; `None` without a GPU or without timestamps.
     pub ms_gpu_transform: Option<f64>,
     /// Milliseconds of the GPU for the entries.

@@ -123,6 +123,28 @@ impl Params {
     }
 }
 
+/// Parameters of the decoder of codec `vq`: places in the block, in words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct VqStep {
+    /// Vertices of the mesh.
+    pub vertex_count: u32,
+    /// Row of the step in the first codebook.
+    pub row_8: u32,
+    /// Row of the step in the second codebook.
+    pub row_64: u32,
+    /// Mean of each vertex.
+    pub means: u32,
+    /// Exponent of each vertex, four a word; `u32::MAX` if all are zero.
+    pub exponents: u32,
+    /// Entry of each vertex in the first codebook.
+    pub first: u32,
+    /// Entry of each vertex in the second codebook.
+    pub second: u32,
+    /// Indices of a word: 2 to this.
+    pub per_word_log2: u32,
+}
+
 /// The depth that a sum of two means.
 pub fn depth_of(parts: [f32; 2]) -> f64 {
     f64::from(parts[0]) + f64::from(parts[1])

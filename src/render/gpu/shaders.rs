@@ -6,6 +6,8 @@ use std::fmt;
 /// A stage of the ray caster: one entry point in one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
+    /// A step from its compressed block.
+    DecodeVq,
     /// Vertices to view coordinates.
     ViewTransform,
     /// Items that meet each tile.
@@ -19,7 +21,8 @@ pub enum Stage {
 }
 
 /// All stages.
-pub const STAGES: [Stage; 6] = [
+pub const STAGES: [Stage; 7] = [
+    Stage::DecodeVq,
     Stage::ViewTransform,
     Stage::EntriesCount,
     Stage::EntriesScan,
@@ -62,6 +65,7 @@ impl Stage {
     /// Name of the entry point and of the file.
     pub fn name(self) -> &'static str {
         match self {
+            Self::DecodeVq => "decode_vq",
             Self::ViewTransform => "view_transform",
             Self::EntriesCount => "entries_count",
             Self::EntriesScan => "entries_scan",
@@ -81,6 +85,7 @@ impl Stage {
         const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
         let constants = Constants(split).to_string();
         let parts: &[&str] = match self {
+            Self::DecodeVq => &[include_str!("../../../shaders/decode_vq.wgsl")],
             Self::ViewTransform => &[FRAME, include_str!("../../../shaders/view_transform.wgsl")],
             Self::EntriesCount => {
                 &[&constants, FRAME, CELLS, BOXES, include_str!("../../../shaders/entries_count.wgsl")]

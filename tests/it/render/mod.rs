@@ -36,6 +36,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         active: Arc::new(active),
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
+        compressed: None,
         optics: Default::default(),
         early_termination: true,
         stats: Default::default(),

@@ -1,10 +1,11 @@
 //! What lies in the GPU's memory, and how it gets there.
 
+use super::decode::BlockDecoder;
 use crate::mesh::Mesh;
-use crate::render::RenderError;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::VIEW_VERTEX_BYTES;
 use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
+use crate::render::{RenderError, RenderJob};
 use std::sync::{Arc, Weak};
 
 /// Records are made and sent in pieces of this many cells, so that no second copy of a large mesh is held.
@@ -145,24 +146,30 @@ const SMALL: f32 = 1.0 / (1u64 << 63) as f32;
 const PRESCALE: f32 = (1u128 << 100) as f32;
 
 /// Scalars in the GPU's memory.
-#[derive(Debug, Default)]
 pub(super) struct GpuScalars {
     /// Those in the buffer. Weak: whoever owns them may decode the next step into them once no job has them.
     of: Weak<Vec<f32>>,
     prescale: f32,
     converted: Vec<f32>,
+    /// Gives the values of compressed steps.
+    pub(super) decoder: BlockDecoder,
 }
 
 impl GpuScalars {
-    /// The one way by which scalars reach the GPU: into `buffer`, unless they are there. Returns what they have been
-    /// multiplied by, so that none is denormal, and the bytes sent. Values that are not finite become zeros: a shader may
-    /// assume that there are none, and no active cell has one.
+    pub(super) fn new() -> Self {
+        Self { of: Weak::new(), prescale: 1.0, converted: Vec::new(), decoder: BlockDecoder::new() }
+    }
+
+    /// The one way by which scalars reach the GPU: into `buffer`, unless they are there; sent, or decoded by the frame if
+    /// they are compressed. Returns what they have been multiplied by, so that none is denormal, and the bytes sent. Values
+    /// that are not finite become finite: a shader may assume that there are no others, and no active cell has one.
     pub(super) fn scalars_to_gpu(
         &mut self,
         context: &Context,
-        scalars: &Arc<Vec<f32>>,
+        job: &RenderJob,
         buffer: &GrowingBuffer,
     ) -> Result<(f64, u64), RenderError> {
+        let scalars = &job.scalars;
         if Weak::as_ptr(&self.of) == Arc::as_ptr(scalars) {
             return Ok((f64::from(self.prescale), 0));
         }
@@ -172,6 +179,14 @@ impl GpuScalars {
             .iter()
             .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
         self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
+        let compressed =
+            job.compressed.as_ref().filter(|c| self.prescale == 1.0 && c.block.means().len() == scalars.len());
+        if let Some(step) = compressed
+            && let Some(sent) = self.decoder.prepare(context, step, buffer)?
+        {
+            self.of = Arc::downgrade(scalars);
+            return Ok((1.0, sent));
+        }
         let sent = if all_finite && self.prescale == 1.0 {
             buffer.write(context, 0, bytemuck::cast_slice(scalars))?
         } else {
@@ -185,6 +200,7 @@ impl GpuScalars {
 
     /// What is in the buffer is no longer known.
     pub(super) fn forget(&mut self) {
+        self.decoder.forget();
         self.of = Weak::new();
     }
 }

@@ -1,5 +1,6 @@
 //! The ray caster on the GPU: the stages of [`crate::render::cpu::raycast`] in WGSL.
 //!
+//! 0. **decode**, if the step is compressed: a thread a vertex.
 //! 1. **view transform**: a thread a vertex.
 //! 2. **entries**: a thread an entry face. Counted per tile, places summed, stored: lists of any length in one buffer. If
 //!    it is too small the frame is begun again with a larger one.
@@ -15,6 +16,7 @@
 //! differs from the last in camera, step or table only.
 
 mod buffers;
+mod decode;
 mod pipelines;
 mod readback;
 mod scene;
@@ -116,6 +118,13 @@ impl Raycast {
                 end_of_pass_write_index: end,
             })
         };
+        let decoder = &self.scene.scalars.decoder;
+        if decoder.pending_vertices() > 0 {
+            self.frame.stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
+            let timestamp_writes = stamps(Some(6), Some(7));
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
+            decoder.record(&mut encoder.begin_compute_pass(&descriptor));
+        }
         let (vertices, items) = (active.params.vertex_count, active.params.item_count);
         for (label, timestamp_writes, group, stages) in [
             (
@@ -140,11 +149,11 @@ impl Raycast {
             pass.set_bind_group(0, group, &[]);
             for &(pipeline, workgroups) in stages {
                 pass.set_pipeline(pipeline);
-                let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
-                pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
+                dispatch(&mut pass, workgroups);
             }
         }
         self.context.queue.submit([encoder.finish()]);
+        self.scene.scalars.decoder.forget();
         self.context.check()
     }
 
@@ -204,7 +213,10 @@ impl Raycast {
                 slice.copy_pixels(frame, |depth| ((f64::from(depth) + origin) * scale) as f32);
                 frame.stats.add_counts(&slice.counts());
                 let times = slice.milliseconds(context);
-                if let Some([transform, entries, walk]) = times {
+                if let Some([transform, entries, walk, decode]) = times {
+                    if frame.stats.vertices_decoded_on_gpu > 0 {
+                        frame.stats.ms_gpu_decode = Some(decode);
+                    }
                     frame.stats.ms_gpu_transform = Some(transform);
                     frame.stats.ms_gpu_entries = Some(entries);
                     *frame.stats.ms_gpu_walk.get_or_insert(0.0) += walk;
@@ -261,6 +273,12 @@ impl Raycast {
             }
         }
     }
+}
+
+/// Starts at least so many workgroups, in rows if there are more than a row may have.
+fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
+    let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
+    pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
 }
 
 /// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly

@@ -59,6 +59,42 @@ impl Pipelines {
     }
 }
 
+/// The decoder of codec `vq`: parameters, block, scalars.
+pub(super) struct Decode {
+    layout: wgpu::BindGroupLayout,
+    pub(super) pipeline: wgpu::ComputePipeline,
+}
+
+impl Decode {
+    /// Compiles the shader.
+    pub(super) fn new(context: &Context) -> Result<Self, RenderError> {
+        context.create(|device| {
+            let layout = bind_group_layout(device, "decode", &[UNIFORM, READ, WRITE]);
+            // The shader has no records.
+            let pipeline = pipeline(device, Stage::DecodeVq, RecordSplit { parts: 1, shift: 0 }, &layout);
+            Self { layout, pipeline }
+        })
+    }
+
+    /// A group of what it binds.
+    pub(super) fn group(&self, context: &Context, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
+        bind_group(context, "decode", &self.layout, resources)
+    }
+}
+
+/// Binds resources in the order of their numbers.
+pub(super) fn bind_group(
+    context: &Context,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[wgpu::BindingResource<'_>],
+) -> wgpu::BindGroup {
+    let numbered = (0..).zip(resources);
+    let entries: Vec<_> = numbered.map(|(binding, r)| wgpu::BindGroupEntry { binding, resource: r.clone() }).collect();
+    context.count_created(1);
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
 const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
 const READ: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
 const WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });

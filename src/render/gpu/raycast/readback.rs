@@ -12,8 +12,8 @@ use std::time::Duration;
 
 /// Bytes of a tile's counters.
 const COUNTER_BYTES: u64 = 4 * COUNTERS as u64;
-/// Timestamps: begin and end of transform, entries, walk.
-pub(super) const TIMESTAMPS: u32 = 6;
+/// Timestamps: begin and end of transform, entries, walk, decoding.
+pub(super) const TIMESTAMPS: u32 = 8;
 
 /// The slice is done: how long the thread that was told so may take to say it.
 const CALLBACK_PATIENCE: Duration = Duration::from_secs(10);
@@ -193,14 +193,14 @@ impl SliceData<'_> {
         }
     }
 
-    /// Milliseconds of transform, entries and walk, if there are timestamps.
-    pub(super) fn milliseconds(&self, context: &Context) -> Option<[f64; 3]> {
+    /// Milliseconds of transform, entries, walk and decoding, if there are timestamps.
+    pub(super) fn milliseconds(&self, context: &Context) -> Option<[f64; 4]> {
         let period_ns = context.timestamp_period_ns()?;
         let stamp = |i: u64| {
             let at = self.places.timestamps + 8 * i;
             u64::from(self.word(at)) | u64::from(self.word(at + 4)) << 32
         };
-        Some([0, 2, 4].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
+        Some([0, 2, 4, 6].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
     }
 
     /// Copies the pixels of the slice's tiles; `world_depth` makes world depths of the shader's.

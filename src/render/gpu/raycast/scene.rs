@@ -1,7 +1,7 @@
 //! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
 
 use super::buffers::{GpuScalars, GrowingBuffer, MeshBuffers};
-use super::pipelines::Pipelines;
+use super::pipelines::{Pipelines, bind_group};
 use super::target::Target;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
@@ -51,7 +51,7 @@ pub(super) struct Groups {
 pub(super) struct Scene {
     pub(super) params: GrowingBuffer,
     pub(super) mesh: MeshBuffers,
-    scalars: GpuScalars,
+    pub(super) scalars: GpuScalars,
     domain: Domain,
     table: Table,
     pub(super) pipelines: Option<Pipelines>,
@@ -67,7 +67,7 @@ impl Scene {
         Self {
             params: GrowingBuffer::uniform("parameters"),
             mesh: MeshBuffers::new(),
-            scalars: GpuScalars::default(),
+            scalars: GpuScalars::new(),
             domain: Domain {
                 of: None,
                 items: storage("entry faces"),
@@ -144,7 +144,7 @@ impl Scene {
         }
         stale |= made;
         self.bytes_sent += sent;
-        let (prescale, sent) = self.scalars.scalars_to_gpu(context, &job.scalars, &self.mesh.scalars)?;
+        let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.mesh.scalars)?;
         self.bytes_sent += sent;
         stale |= self.update_table(context, job, prescale, params)?;
         stale |= self.update_domain(context, job, eye_cells)?;
@@ -269,11 +269,7 @@ impl Scene {
         let records = [get(first)?, get(second)?, get(third)?];
         let bins = get(&target.bins)?;
         let group = |label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]| {
-            let numbered = (0..).zip(resources);
-            let entries: Vec<_> =
-                numbered.map(|(binding, r)| wgpu::BindGroupEntry { binding, resource: r.clone() }).collect();
-            let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
-            context.device.create_bind_group(&descriptor)
+            bind_group(context, label, layout, resources)
         };
         let (positions, scalars) = (get(&self.mesh.positions)?, get(&self.mesh.scalars)?);
         let (items, active) = (get(&self.domain.items)?, get(&self.domain.active)?);
@@ -305,7 +301,6 @@ impl Scene {
             entries: group("entries", &pipelines.entries_layout, &of_entries),
             walk: group("walk", &pipelines.walk_layout, &of_walk),
         });
-        context.count_created(3);
         context.check()
     }
 }

@@ -2,6 +2,7 @@
 //! (`assert_agrees`).
 
 mod behaviour;
+mod decode;
 mod images;
 
 use super::*;

@@ -79,6 +79,7 @@ fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> Re
         scalars: Arc::new(scalars),
         view: camera.view(width, height).unwrap(),
         table: Arc::new(NodeTable::new(nodes).unwrap()),
+        compressed: None,
         optics: Default::default(),
         early_termination: false,
         stats: Default::default(),

@@ -1,0 +1,56 @@
+// Decode: a step of codec `vq` from its compressed block, which stays in the GPU's memory as long as its 64 steps are
+// played. CPU twin: codec/vq/block.rs, `decode_finite`; the formula is in the documentation of `VqBlock`.
+//
+// Values that no codebook can give (NaN, infinities) are not put in: cells that have one are not active, so that nothing
+// reads them.
+
+// Places in `block`, in words.
+struct VqStep {
+    vertex_count: u32,
+    // Rows of the step in the two codebooks.
+    row_8: u32,
+    row_64: u32,
+    means: u32,
+    // NONE if all exponents are zero.
+    exponents: u32,
+    // Entries of the first and of the second codebook.
+    first: u32,
+    second: u32,
+    // Indices of a word: 2 to this, four of 8 bits or two of 16.
+    per_word_log2: u32,
+}
+
+const NONE: u32 = 0xffffffffu;
+
+@group(0) @binding(0) var<uniform> step: VqStep;
+@group(0) @binding(1) var<storage, read> block: array<u32>;
+@group(0) @binding(2) var<storage, read_write> scalars: array<f32>;
+
+fn index_at(list: u32, v: u32) -> u32 {
+    let bits = 32u >> step.per_word_log2;
+    let place = v & ((1u << step.per_word_log2) - 1u);
+    return extractBits(block[list + (v >> step.per_word_log2)], place * bits, bits);
+}
+
+// 2^e for -64 <= e <= 63.
+fn power(e: i32) -> f32 {
+    return bitcast<f32>(u32(e + 127) << 23u);
+}
+
+@compute @workgroup_size(256)
+fn decode_vq(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let v = id.x + id.y * groups.x * 256u;
+    if v >= step.vertex_count {
+        return;
+    }
+    let from_8 = bitcast<f32>(block[step.row_8 + index_at(step.first, v)]);
+    let from_64 = bitcast<f32>(block[step.row_64 + index_at(step.second, v)]);
+    var difference = from_8 + from_64;
+    if step.exponents != NONE {
+        // Exponents have 8 bits: their powers reach into the denormals, which a GPU may not have, in two steps they do not.
+        let exponent = extractBits(i32(block[step.exponents + (v >> 2u)]), (v & 3u) * 8u, 8u);
+        let half = exponent >> 1u;
+        difference = difference * power(half) * power(exponent - half);
+    }
+    scalars[v] = bitcast<f32>(block[step.means + v]) + difference;
+}

@@ -1,0 +1,159 @@
+//! Steps of codec `vq` decoded on the GPU: a block is sent once for its 64 steps, each step is 32 bytes of parameters.
+
+use super::buffers::GrowingBuffer;
+use super::pipelines::Decode;
+use crate::codec::vq::{GROUPS, Indices, group_of_step};
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::VqStep;
+use crate::render::{CompressedStep, RenderError};
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// Blocks of the codec in the GPU's memory.
+pub(super) struct BlockDecoder {
+    /// The step that the next frame decodes, or the last one has decoded.
+    step: Option<CompressedStep>,
+    /// Whether it is still to be decoded.
+    is_pending: bool,
+    block: GrowingBuffer,
+    params: GrowingBuffer,
+    decode: Option<Decode>,
+    /// What it binds, and the buffer of scalars in it.
+    group: Option<(wgpu::BindGroup, wgpu::Buffer)>,
+    places: VqStep,
+}
+
+/// Words of `bytes`.
+fn words(bytes: usize) -> u32 {
+    bytes.div_ceil(4) as u32
+}
+
+impl BlockDecoder {
+    pub(super) fn new() -> Self {
+        Self {
+            step: None,
+            is_pending: false,
+            block: GrowingBuffer::storage("compressed block"),
+            params: GrowingBuffer::uniform("parameters of the step"),
+            decode: None,
+            group: None,
+            places: VqStep::default(),
+        }
+    }
+
+    /// Vertices whose scalars the frame has to decode first: all or none.
+    pub(super) fn pending_vertices(&self) -> u32 {
+        if self.is_pending { self.places.vertex_count } else { 0 }
+    }
+
+    /// There is nothing to decode (any more).
+    pub(super) fn forget(&mut self) {
+        self.is_pending = false;
+    }
+
+    /// Sends what the step needs that is not there; its scalars are to be decoded into `scalars`. Returns the bytes sent, or
+    /// `None` if the block is larger than a binding.
+    pub(super) fn prepare(
+        &mut self,
+        context: &Context,
+        step: &CompressedStep,
+        scalars: &GrowingBuffer,
+    ) -> Result<Option<u64>, RenderError> {
+        self.is_pending = false;
+        let (places, bytes) = places_of(step);
+        if bytes > context.binding_bytes() {
+            return Ok(None);
+        }
+        if self.decode.is_none() {
+            self.decode = Some(Decode::new(context)?);
+        }
+        let is_there = self.step.as_ref().is_some_and(|there| Arc::ptr_eq(&there.block, &step.block));
+        let mut made = self.params.reserve(context, size_of::<VqStep>() as u64)?;
+        let scalars = scalars.get(context)?;
+        made |= self.group.as_ref().is_none_or(|(_, bound)| bound != scalars);
+        let mut sent = 0;
+        if !is_there {
+            self.step = None;
+            made |= self.block.reserve(context, bytes)?;
+            sent += self.send_block(context, step, &places)?;
+        }
+        sent += self.params.write(context, 0, bytes_of(&places))?;
+        if let (true, Some(decode)) = (made, &self.decode) {
+            let buffers = [self.params.get(context)?, self.block.get(context)?, scalars];
+            let group = decode.group(context, &buffers.map(wgpu::Buffer::as_entire_binding));
+            self.group = Some((group, scalars.clone()));
+        }
+        (self.step, self.places, self.is_pending) = (Some(step.clone()), places, true);
+        Ok(Some(sent))
+    }
+
+    fn send_block(&self, context: &Context, step: &CompressedStep, places: &VqStep) -> Result<u64, RenderError> {
+        let block = &step.block;
+        let mut sent = 0;
+        let mut send = |word: u32, bytes: &[u8]| -> Result<(), RenderError> {
+            // Whole words only; the last one is filled up.
+            let whole = bytes.len() / 4 * 4;
+            sent += self.block.write(context, 4 * u64::from(word), &bytes[..whole])?;
+            let mut last = [0; 4];
+            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+            if whole < bytes.len() {
+                sent += self.block.write(context, 4 * u64::from(word) + whole as u64, &last)?;
+            }
+            Ok(())
+        };
+        send(0, bytemuck::cast_slice(block.cb8()))?;
+        send(words(size_of_val(block.cb8())), bytemuck::cast_slice(block.cb64()))?;
+        send(places.means, bytemuck::cast_slice(block.means()))?;
+        match block.indices() {
+            Indices::Narrow([first, second]) => {
+                send(places.first, first)?;
+                send(places.second, second)?;
+            }
+            Indices::Wide([first, second]) => {
+                send(places.first, bytemuck::cast_slice(first))?;
+                send(places.second, bytemuck::cast_slice(second))?;
+            }
+        }
+        if !block.exponents().is_empty() {
+            send(places.exponents, bytemuck::cast_slice(block.exponents()))?;
+        }
+        Ok(sent)
+    }
+
+    /// Appends the decoding to what the frame does.
+    pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
+        if let (Some(decode), Some((group, _))) = (&self.decode, &self.group) {
+            pass.set_bind_group(0, group, &[]);
+            pass.set_pipeline(&decode.pipeline);
+            super::dispatch(pass, self.places.vertex_count.div_ceil(256));
+        }
+    }
+}
+
+/// Where the parts of a step's block lie, in words: codebooks, means, indices, exponents. And their bytes.
+fn places_of(step: &CompressedStep) -> (VqStep, u64) {
+    let block = &step.block;
+    let row = block.row_len() as u32;
+    let (groups, j) = (GROUPS as u32, step.step as u32);
+    let vertices = block.means().len();
+    let means = words(size_of_val(block.cb8())) + words(size_of_val(block.cb64()));
+    let (index_bytes, per_word_log2) = match block.indices() {
+        Indices::Narrow(_) => (1, 2),
+        Indices::Wide(_) => (2, 1),
+    };
+    let first = means + words(4 * vertices);
+    let second = first + words(index_bytes * vertices);
+    let end = second + words(index_bytes * vertices);
+    let exponents = block.exponents().len();
+    let places = VqStep {
+        vertex_count: vertices as u32,
+        row_8: group_of_step(step.step) as u32 * row,
+        row_64: (groups + j) * row,
+        means,
+        exponents: if exponents == 0 { u32::MAX } else { end },
+        first,
+        second,
+        per_word_log2,
+    };
+    (places, 4 * u64::from(end + words(exponents)))
+}
