@@ -8,12 +8,6 @@
 @group(0) @binding(2) var<storage, read> scalars: array<f32>;
 @group(0) @binding(3) var<storage, read_write> vertices: array<ViewVertex>;
 
-// The same number, of which the compiler knows nothing. Without it drivers simplify (a + b) - a to b, which real numbers
-// would allow; Mesa's do.
-fn opaque(x: f32) -> f32 {
-    return bitcast<f32>(bitcast<u32>(x) ^ params.zero);
-}
-
 // A sum of two: value and rest.
 fn two_sum(a: f32, b: f32) -> vec2<f32> {
     let sum = opaque(a + b);
@@ -63,7 +57,7 @@ fn view_transform(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     let rest = from_origin.y + (w.y - params.depth_origin.y);
     let w1 = leading(from_origin.x);
     let w23 = two_sum(from_origin.x - w1, rest);
-    // Far outside the table the scalar itself does not matter, but it must stay finite.
+    // It must stay finite. A cell from within the table to 1e30 times its range is drawn as one that ends there.
     let scalar = clamp((scalars[v] - params.scalar_offset) * params.scalar_scale, -1e30, 1e30);
     vertices[v] = ViewVertex(vec4(x, y), vec4(w1, w23, scalar));
 }

@@ -66,11 +66,27 @@ struct Start {
     face: u32,
 }
 
-// Where a path starts in a cell at the eye. On which side of a face the eye is has been decided exactly: a face is in
-// front if the ray enters through it and the eye is outside, or leaves through it and the eye is strictly inside. A cell
-// that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts; one that it enters in
-// front is entered as any other, if the face is open.
-fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
+// Whether a face is hit in front of the eye: the same for both cells at it, whatever the order of its corners there, since
+// the terms are summed in an order that their ids decide.
+fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
+    let terms = max(face.edges, vec3(0.0)) * vec3(face.p.z, face.q.z, face.r.z);
+    let x = opaque(terms.x);
+    let y = opaque(terms.y);
+    let z = opaque(terms.z);
+    if ids.x > ids.y && ids.x > ids.z {
+        return (y + z) + x > 0.0;
+    }
+    if ids.y > ids.z {
+        return (x + z) + y > 0.0;
+    }
+    return (x + y) + z > 0.0;
+}
+
+// Where a path starts in a cell at the eye. The cells that a ray meets are a chain in this plane, in which a face is in
+// front of the eye or not; which side of an edge next to it the eye is on in truth does not matter, as long as all cells
+// agree. A cell that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts; one that it
+// enters in front is entered as any other, if the face is open.
+fn start_in_eye_cell(ray: Ray, cell: u32) -> Start {
     var start = Start(0.0, NONE);
     var enters_in_front = false;
     var leaves_in_front = false;
@@ -79,9 +95,12 @@ fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
         let entered = crossing(ray, ids);
         if entered.hit {
             start = Start(entered.at.x, cell << 2u | opposite);
-            enters_in_front = (sides >> opposite & 1u) != 0u;
-        } else if (sides >> (4u + opposite) & 1u) != 0u && crossing(ray, ids.xzy).hit {
-            leaves_in_front = true;
+            enters_in_front = is_in_front(entered, ids);
+        } else {
+            let left = crossing(ray, ids.xzy);
+            if left.hit && is_in_front(left, ids.xzy) {
+                leaves_in_front = true;
+            }
         }
     }
     if enters_in_front {
@@ -114,10 +133,10 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_fa
             let item = bins[pairs_at + PAIR_WORDS * i];
             var start = Start(0.0, NONE);
             if (bounds & EYE_CELL) != 0u {
-                start = start_in_eye_cell(ray, item, bounds >> SIDES_SHIFT);
+                start = start_in_eye_cell(ray, item);
             } else {
                 let entered = crossing(ray, face_vertices(item >> 2u, item & 3u));
-                if entered.hit && (!perspective || entered.at.x > 0.0) {
+                if entered.hit && (!perspective || entered.at.x > -params.pivot) {
                     start = Start(entered.at.x, item);
                 }
             }
@@ -160,9 +179,9 @@ struct Walk {
 var<private> path: Walk;
 
 fn begin_path(depth: f32, face: u32) {
-    let front = path.front + path.ray.origin.y + path.ray.origin.x;
+    let before = path.ray.origin;
     path.ray = ray_from(path.ray, depth);
-    path.front = (front - path.ray.origin.x) - path.ray.origin.y;
+    path.front -= origin_behind(path.ray, before);
     path.cell = face >> 2u;
     path.opposite = face & 3u;
     path.ids = face_vertices(face >> 2u, face & 3u);
@@ -195,7 +214,7 @@ fn composite(to: vec2<f32>) {
     optics_segment(from_.y, to.y, (to.x - from_.x) * path.ray.length_per_depth);
     if optics.visible && !was_visible {
         let visible_from = from_.x + optics.visible_share * (to.x - from_.x);
-        path.visible_from = visible_from + path.ray.origin.y + path.ray.origin.x;
+        path.visible_from = visible_from + origin_behind(path.ray, ray_from(path.ray, 0.0).origin);
     }
     path.front = to.x;
     path.composited = true;

@@ -54,14 +54,17 @@ pub fn sibling_folder(target: &Path, purpose: &str) -> FileResult<tempfile::Temp
     builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
 }
 
-/// Checks that the folder exists in which `path` is to be written: before long work, not after it.
+/// Checks that a file can be written at `path`: before long work, not after it.
 ///
 /// # Errors
-/// If it does not.
+/// If its folder does not exist or takes no file, or `path` is a folder.
 pub fn check_place(path: &Path) -> FileResult<()> {
     let parent = parent_of(path);
+    if path.is_dir() {
+        return Err(FileError::invalid(path, "", "is a folder").remedy("choose another name"));
+    }
     if parent.is_dir() {
-        return Ok(());
+        return tempfile::tempfile_in(parent).map(|_| ()).map_err(|e| FileError::io(path, "write", &e));
     }
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }

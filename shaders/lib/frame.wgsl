@@ -18,10 +18,10 @@ struct Params {
     size_px: vec2<u32>,
     // Tiles per row, rows of tiles.
     tiles: vec2<u32>,
-    // Depth of the near distance.
+    // Depth of the near distance, counted from the pivot.
     near: f32,
     vertex_count: u32,
-    // Entry faces come first among the items, then cells at the eye, each a word and the sides of its faces.
+    // Entry faces come first among the items, then the cells at the eye.
     face_count: u32,
     eye_count: u32,
     item_count: u32,
@@ -30,8 +30,11 @@ struct Params {
     // First tile of the slice.
     first_tile: u32,
     flags: u32,
-    // Shape of the table; for the exact integrator the number of intervals.
-    table_shape: vec3<u32>,
+    // Intervals of the table of the exact integrator.
+    interval_count: u32,
+    // Depth from which the depths along rays are counted: that of the middle of the mesh if the eye is far, else 0.
+    pivot: f32,
+    unused: u32,
     // Zero, which no compiler knows.
     zero: u32,
 }
@@ -58,11 +61,15 @@ const TILE_PX: u32 = 16u;
 const PAIR_WORDS: u32 = 2u;
 // In the second word: the item is a cell at the eye.
 const EYE_CELL: u32 = 0x10000u;
-// From this bit on: on which side of the cell's faces the eye is (outside: bits 0 to 3; strictly inside: bits 4 to 7).
-const SIDES_SHIFT: u32 = 17u;
 
 // No neighbour.
 const NONE: u32 = 0xffffffffu;
+
+// The same number, of which the compiler knows nothing. Without it drivers simplify (a + b) - a to b, which real numbers
+// would allow (Mesa's do), or round a product and a sum only once.
+fn opaque(x: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ params.zero);
+}
 
 // The leading 12 bits of a mantissa: products of two such are exact. Masked, not computed: no compiler can undo it.
 fn leading(x: f32) -> f32 {

@@ -43,7 +43,7 @@ fn optics_at(scalar: f32) -> vec4<f32> {
 // The ray is at a place with this scalar, after a gap.
 fn optics_enter(scalar: f32) {
     var low = 0u;
-    var high = params.table_shape.x - 1u;
+    var high = params.interval_count - 1u;
     // The first interval whose end lies beyond the scalar.
     while low < high {
         let middle = (low + high) / 2u;

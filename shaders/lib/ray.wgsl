@@ -21,7 +21,7 @@ fn plane_coordinate(n: f32, pitch: vec2<f32>) -> vec2<f32> {
     let n2 = n - n1;
     let k1 = leading(pitch.x);
     let k2 = pitch.x - k1;
-    let product = n * pitch.x;
+    let product = opaque(n * pitch.x);
     let rest = (((n1 * k1 - product) + n1 * k2 + n2 * k1) + n2 * k2) + n * pitch.y;
     let first = leading(product);
     return vec2(first, (product - first) + rest);
@@ -36,7 +36,7 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
         let p = vec2(x.x + x.y, y.x + y.y) / PLANE_SCALE;
         length_per_depth = sqrt(1.0 + dot(p, p));
     }
-    return Ray(x, y, length_per_depth, vec2(0.0));
+    return ray_from(Ray(x, y, length_per_depth, vec2(0.0)), 0.0);
 }
 
 // A vertex sheared along a ray: x and y times PLANE_SCALE, depth from the ray's origin, scalar.
@@ -83,8 +83,8 @@ struct SignedEdge {
 // and so is the difference of their rests. Zero is decided as on the CPU, for the ray shifted by (d, d^2), d -> 0, and by
 // the ids where two vertices coincide in the plane.
 fn accurate_edge(a: vec4<f32>, b: vec4<f32>, a_id: u32, b_id: u32) -> SignedEdge {
-    let left = a.x * b.y;
-    let right = b.x * a.y;
+    let left = opaque(a.x * b.y);
+    let right = opaque(b.x * a.y);
     let value = (left - right) + (product_rest(a.x, b.y, left) - product_rest(b.x, a.y, right));
     var positive = value > 0.0;
     if value == 0.0 {
@@ -118,10 +118,15 @@ fn hit(edges: vec3<f32>, p: vec4<f32>, q: vec4<f32>, r: vec4<f32>) -> vec2<f32> 
     return p.zw + weights.y * (q.zw - p.zw) + weights.z * (r.zw - p.zw);
 }
 
-// The ray with its depths counted from `depth`.
+// The ray with its depths counted from `depth` behind the pivot.
 fn ray_from(ray: Ray, depth: f32) -> Ray {
-    let first = leading(depth);
-    return Ray(ray.x, ray.y, ray.length_per_depth, vec2(first, depth - first));
+    let first = leading(params.pivot + depth);
+    return Ray(ray.x, ray.y, ray.length_per_depth, vec2(first, (params.pivot - first) + depth));
+}
+
+// Depth of the ray's origin behind that of another: of sums that are close, the difference has few digits.
+fn origin_behind(ray: Ray, other: vec2<f32>) -> f32 {
+    return (ray.origin.x - other.x) + (ray.origin.y - other.y);
 }
 
 // Where the ray passes through a triangle from its front.

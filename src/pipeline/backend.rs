@@ -78,7 +78,7 @@ impl Renderers {
                 self.check(backend)?;
                 #[cfg(feature = "gpu")]
                 if self.gpu.is_wanted(backend)? {
-                    match self.gpu.draw(&job, cancel) {
+                    match self.gpu.draw(&job, backend, cancel) {
                         Ok(is_drawn) => return Ok(if is_drawn { self.gpu.last_frame() } else { None }),
                         Err(error) if backend == Backend::Gpu => return Err(error),
                         // The CPU can do it, and the GPU has noted why it did not.

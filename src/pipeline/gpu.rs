@@ -1,6 +1,7 @@
 //! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
 
 use super::Backend;
+use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::raycast::Raycast;
@@ -18,8 +19,8 @@ pub(in crate::pipeline) struct Gpu {
     /// [`Context::new`], or in tests one that gives devices of no use.
     open: fn(&ContextOptions) -> Result<Context, RenderError>,
     state: State,
-    /// Mesh and size of the last job that was beyond it: the next like it would be too.
-    beyond: Option<(Arc<Mesh>, (usize, usize), RenderError)>,
+    /// Mesh and view of the last job that was beyond it: the next like it would be too.
+    beyond: Option<(Arc<Mesh>, View, RenderError)>,
     /// Why the last frame that should have been rendered here was not.
     problem: Option<RenderError>,
 }
@@ -109,30 +110,36 @@ impl Gpu {
     ///
     /// # Errors
     /// Of the last device, or that the job is beyond the GPU.
-    pub(in crate::pipeline) fn draw(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
-        let drawn = self.draw_again(job, cancel);
+    pub(in crate::pipeline) fn draw(
+        &mut self,
+        job: &RenderJob,
+        backend: Backend,
+        cancel: &Cancel,
+    ) -> Result<bool, RenderError> {
+        let hardware_only = backend == Backend::Auto && self.options.adapter.is_empty();
+        let drawn = self.draw_again(job, hardware_only, cancel);
         self.problem = drawn.as_ref().err().cloned();
         drawn
     }
 
-    fn draw_again(&mut self, job: &RenderJob, cancel: &Cancel) -> Result<bool, RenderError> {
-        let size_px = (job.view.width_px, job.view.height_px);
-        if let Some((mesh, size, error)) = &self.beyond
+    fn draw_again(&mut self, job: &RenderJob, hardware_only: bool, cancel: &Cancel) -> Result<bool, RenderError> {
+        if let Some((mesh, view, error)) = &self.beyond
             && Arc::ptr_eq(mesh, &job.mesh)
-            && *size == size_px
+            && *view == job.view
         {
             return Err(error.clone());
         }
         let mut job = job.clone();
         loop {
-            let error = match self.renderer(false)?.render_unless(job.clone(), cancel) {
+            let error = match self.renderer(hardware_only)?.render_unless(job.clone(), cancel) {
                 Ok(frame) => return Ok(frame.is_some()),
                 Err(error) => error,
             };
             match error {
                 RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
                     self.state = State::NotLookedFor;
-                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderer(false).is_err() {
+                    // Software does not stand in for hardware that has been lost, unless it was asked for.
+                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderer(hardware_only).is_err() {
                         // Without a device to go on with, the loss of this one is what has happened.
                         self.state = State::Absent(error.clone());
                         return Err(error);
@@ -140,7 +147,7 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    self.beyond = Some((job.mesh.clone(), size_px, error.clone()));
+                    self.beyond = Some((job.mesh.clone(), job.view, error.clone()));
                     return Err(error);
                 }
                 RenderError::NoGpu(_) | RenderError::ScalarCount { .. } | RenderError::CellCount { .. } => {

@@ -74,7 +74,7 @@ pub enum RenderError {
     #[error("no GPU: {0}")]
     NoGpu(String),
     /// The job is too much for this GPU, or not made for it; a renderer on the CPU can do it.
-    #[error("{adapter} cannot render this: {problem}")]
+    #[error("{adapter} cannot render this: {problem}; the CPU can (backend cpu)")]
     BeyondGpu {
         /// Name of the adapter.
         adapter: String,

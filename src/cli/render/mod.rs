@@ -34,7 +34,7 @@ Example:
 
 Movies need ffmpeg on the path, or named in TETREEL_FFMPEG.")]
 pub(super) struct Args {
-    /// A store, or a source (.pvd, .vtu) to import to the cache first
+    /// A store, or a source (.pvd, .vtu, .xdmf) to import to the cache first
     #[arg(value_name = "NAME.zarr")]
     store: PathBuf,
     /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9)
@@ -99,8 +99,23 @@ impl Args {
         self.output.check_place()?;
         if let Some(path) = &self.stats {
             files::check_place(path)?;
+            if same_place(path, &self.store, true) {
+                bail!("--stats {} is a part of the series; choose another name", path.display());
+            }
         }
         Ok(format.map(Ffmpeg::find).transpose()?)
+    }
+}
+
+/// Whether two paths name the same file, or, if asked, the first one something in the second.
+fn same_place(path: &Path, other: &Path, or_inside: bool) -> bool {
+    let known = |path: &Path| {
+        let folder = files::parent_of(path).canonicalize().ok()?;
+        Some(folder.join(path.file_name()?))
+    };
+    match (known(path), known(other)) {
+        (Some(path), Some(other)) => path == other || (or_inside && path.starts_with(other)),
+        _ => false,
     }
 }
 
@@ -139,6 +154,11 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         && !pattern.is_numbered()
     {
         bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
+    }
+    if let Some(path) = &args.stats
+        && (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame), false))
+    {
+        bail!("--stats {} is the place of a frame; choose another name", path.display());
     }
     let mut scene = Scene::open(&store, &args.scene)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
@@ -215,11 +235,15 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     let rendered = || records.iter().filter_map(|record| record.stats.as_ref());
     let on_gpu = rendered().filter(|stats| stats.on_gpu).count();
     let gpu = scene.gpu_report();
+    let on_cpu = rendered().count() - on_gpu;
     if let Some(adapter) = gpu.adapter.filter(|_| on_gpu > 0) {
         terminal.detail(&format!("{on_gpu} frames on {adapter}"));
     }
+    if on_cpu > 0 {
+        terminal.detail(&format!("{on_cpu} frames on the CPU"));
+    }
     if let Some(problem) = gpu.problem {
-        terminal.say(&format!("{} frames on the CPU: {problem}", rendered().count() - on_gpu));
+        terminal.say(&format!("{on_cpu} frames on the CPU: {problem}"));
     }
     let restarts: u64 = rendered().map(|stats| stats.gpu_restarts).sum();
     if restarts > 0 {
@@ -288,7 +312,7 @@ impl Job<'_> {
             let request = request_for(scene, planned)?;
             let file = self.output.path(index);
             let mut attributes = scene.attributes(&request, index);
-            let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request)).transpose()?;
+            let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request, &attributes)).transpose()?;
             let (time, toward) = (attributes.time, planned.time.toward());
             let next_is_same = frames.get(index + 1) == Some(planned);
             let (origin, stats) = if self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f)) {

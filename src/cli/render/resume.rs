@@ -1,7 +1,7 @@
 //! `--resume`: which frames are there already.
 //!
 //! Every image has the fingerprint of what made it: a SHA-256 over the version of tetreel, the request (camera, transfer
-//! function as nodes, size, mode, moment), the content of the mesh and of the steps shown, and how it is written. A file with
+//! function as nodes, size, mode, moment), what the file says of itself (time, field, units), the content of the mesh and of the steps shown, and how it is written. A file with
 //! the same fingerprint that can be read to its end is the frame that would be rendered.
 
 use super::plan::{Plan, PlannedFrame};
@@ -34,9 +34,14 @@ impl Fingerprints {
     }
 
     /// The fingerprint of a frame, hexadecimal.
-    pub(super) fn of(&self, frame: &PlannedFrame, request: &FrameRequest) -> anyhow::Result<String> {
+    pub(super) fn of(
+        &self,
+        frame: &PlannedFrame,
+        request: &FrameRequest,
+        attributes: &FrameAttributes,
+    ) -> anyhow::Result<String> {
         let mut hash = self.common.clone();
-        hash.update(serde_json::to_vec(request)?);
+        hash.update(serde_json::to_vec(&(request, attributes))?);
         for step in [Some(frame.time.step()), frame.time.toward().map(|(next, _)| next)].into_iter().flatten() {
             let at = self.steps.binary_search_by_key(&step, |(step, _)| *step);
             hash.update(at.map_or(0, |i| self.steps[i].1).to_le_bytes());

@@ -24,6 +24,10 @@ pub const PLANE_SCALE: f64 = (1u64 << 30) as f64;
 /// coordinates would overflow.
 pub const EYE_DISTANCE_MAX: f64 = (1u64 << 20) as f64;
 
+/// Depths are counted from the middle of the mesh if it is further away than this: at the nearest the mesh then begins
+/// where an f32 has 22 bits behind the point.
+pub const PIVOT_DEPTH_MIN: f64 = 4.0;
+
 /// Depths below or above this count as infinite.
 pub const FAR: f32 = 3.0e38;
 
@@ -59,7 +63,7 @@ pub struct Params {
     pub size_px: [u32; 2],
     /// Tiles per row, rows of tiles.
     pub tiles: [u32; 2],
-    /// Depth of the near distance.
+    /// Depth of the near distance, counted from the pivot.
     pub near: f32,
     /// Vertices of the mesh.
     pub vertex_count: u32,
@@ -75,8 +79,12 @@ pub struct Params {
     pub first_tile: u32,
     /// Bits of [`flags`].
     pub flags: u32,
-    /// Shape of the table; for the exact integrator the number of intervals.
-    pub table_shape: [u32; 3],
+    /// Intervals of the table of the exact integrator.
+    pub interval_count: u32,
+    /// Depth from which the depths along rays are counted: that of the local origin if the eye is far, else 0.
+    pub pivot: f32,
+    /// Nothing.
+    pub unused: u32,
     /// Zero, which the compilers of shaders do not know: it keeps them from simplifying sums as if they were exact.
     pub zero: u32,
 }
@@ -98,8 +106,10 @@ impl Params {
         let origin = if view.perspective { [0.0; 2] } else { two_parts(-view.forward.dot(view.eye)) };
         let pitch = |half: f64, pixels: usize| two_parts(half / pixels as f64 * PLANE_SCALE);
         let (x, y) = (pitch(view.half_width, view.width_px), pitch(view.half_height, view.height_px));
+        let middle = -view.forward.dot(view.eye);
+        let pivot = if view.perspective && middle > PIVOT_DEPTH_MIN { middle as f32 } else { 0.0 };
         let (near, perspective) = if view.perspective {
-            (view.near.clamp(0.0, f64::from(FAR)) as f32, flags::PERSPECTIVE)
+            ((view.near - f64::from(pivot)).clamp(-f64::from(FAR), f64::from(FAR)) as f32, flags::PERSPECTIVE)
         } else {
             (-FAR, 0)
         };
@@ -112,6 +122,7 @@ impl Params {
             size_px: [view.width_px as u32, view.height_px as u32],
             tiles: [view.width_px.div_ceil(TILE_PX) as u32, view.height_px.div_ceil(TILE_PX) as u32],
             near,
+            pivot,
             flags: perspective,
             ..Self::default()
         })
@@ -201,7 +212,8 @@ mod tests {
     fn depths_are_counted_from_the_eye_or_from_the_middle_of_the_mesh() {
         let perspective = Projection::Perspective { view_angle: 30.0 };
         let params = Params::of_view(&view(1000.0, perspective)).unwrap();
-        assert_eq!((params.depth_origin, params.near, params.flags), ([0.0; 2], 0.0, flags::PERSPECTIVE));
+        assert_eq!((params.depth_origin, params.near, params.flags), ([0.0; 2], -1000.0, flags::PERSPECTIVE));
+        assert_eq!((params.pivot, Params::of_view(&view(3.0, perspective)).unwrap().pivot), (1000.0, 0.0));
         let params = Params::of_view(&view(-7.0, Projection::Parallel { scale: 1.0 })).unwrap();
         assert_eq!((params.depth_origin, params.near, params.flags), ([-7.0, 0.0], -FAR, 0));
         assert_eq!((params.size_px, params.tiles, params.tile_count()), ([40, 30], [3, 2], 6));

@@ -82,7 +82,9 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         pair_capacity,
         first_tile,
         flags,
-        table_shape,
+        interval_count,
+        pivot,
+        unused,
         zero,
     );
     for stage in STAGES.into_iter().filter(|stage| *stage != Stage::DecodeVq) {

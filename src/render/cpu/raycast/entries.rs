@@ -48,16 +48,14 @@ pub(super) fn face_of(topology: &Topology, cell: u32, opposite: usize) -> EntryF
 
 /// Active cells that may contain the eye, for rays that start inside the volume. A ray starts in one of them if it is
 /// behind the eye where it enters the cell and not where it leaves it; both are computed as for any other face, so that
-/// entries in front of the eye and starts around it complement each other.
-pub(in crate::render) fn cells_at_eye(job: &RenderJob, local_view: &View) -> Vec<u32> {
-    // View coordinates are rounded by some 2^-53 of the local box's diameter, which is below 4; far more than that is safe,
-    // since a cell too many only costs time.
-    const TOLERANCE: f64 = 1e-12;
+/// entries in front of the eye and starts around it complement each other. `tolerance`, local units, is more than view
+/// coordinates are rounded by: a cell too many only costs time.
+pub(in crate::render) fn cells_at_eye(job: &RenderJob, local_view: &View, tolerance: f64) -> Vec<u32> {
     // The local box lies within [-1, 1]: an eye outside needs no search.
-    if !local_view.perspective || local_view.eye.abs().max_element() > 1.0 + TOLERANCE {
+    if !local_view.perspective || local_view.eye.abs().max_element() > 1.0 + tolerance {
         return Vec::new();
     }
-    job.mesh.cells_near(local_view.eye, TOLERANCE).into_iter().filter(|&c| job.active.contains(c)).collect()
+    job.mesh.cells_near(local_view.eye, tolerance).into_iter().filter(|&c| job.active.contains(c)).collect()
 }
 
 /// A face that a ray passes through from its front.

@@ -51,6 +51,10 @@ use walk::{Scene, TilePixel, TileScratch};
 /// in cache.
 const TILE_PX: usize = 16;
 
+/// Cells so near to the eye, local units, may be the first on a ray: view coordinates are rounded by some 2^-53 of the local
+/// box's diameter, which is below 4.
+const EYE_TOLERANCE: f64 = 1e-12;
+
 /// The CPU ray caster.
 #[derive(Default)]
 pub struct Raycast {
@@ -143,7 +147,7 @@ impl Renderer for Raycast {
         } else {
             self.collect_entry_faces(&job);
             self.bins.fill(&view, &self.vertices, &self.entry_faces);
-            entries::cells_at_eye(&job, &view)
+            entries::cells_at_eye(&job, &view, EYE_TOLERANCE)
         };
         self.frame.stats = FrameStats {
             cells_active: cells_active as u64,

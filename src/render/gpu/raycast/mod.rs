@@ -26,12 +26,9 @@ mod target;
 
 use super::context::Context;
 use super::layout::{Params, TILE_PX, depth_of};
-use crate::camera::View;
-use crate::mesh::FACE_VERTICES;
 use crate::render::cpu::raycast::entries::cells_at_eye;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
-use glam::DVec3;
 use readback::Slot;
 use scene::Scene;
 use std::collections::VecDeque;
@@ -46,6 +43,10 @@ const IN_FLIGHT: usize = 2;
 const GROUPS_MAX: u32 = 65_535;
 /// Tiles of the first slice of all, before anything is known of their cost.
 const FIRST_TILES: usize = 32;
+
+/// Cells so near to the eye, local units, may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
+/// extent, which is 2, and a cell too many only costs time.
+const EYE_TOLERANCE: f64 = 1.0 / (1u64 << 20) as f64;
 
 /// The GPU ray caster.
 pub struct Raycast {
@@ -200,7 +201,7 @@ impl Raycast {
         };
         let (context, frame, ms_per_tile) = (&self.context, &mut self.frame, &mut self.ms_per_tile);
         let capacity = u64::from(active.params.pair_capacity);
-        let origin = depth_of(active.params.depth_origin);
+        let origin = depth_of(active.params.depth_origin) + f64::from(active.params.pivot);
         let scale = active.job.mesh.positions.scale;
         let waiting = Instant::now();
         let short = self.slots[slot].collect(
@@ -281,21 +282,6 @@ fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
     pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
 }
 
-/// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly
-/// inside, neither if it is in the face's plane.
-fn sides(job: &RenderJob, local_view: &View, cell: u32) -> u32 {
-    let tet = job.mesh.topology.tets[cell as usize];
-    let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
-    let at = |v: u32| coord(job.mesh.positions.local[v as usize].as_dvec3());
-    let side_of = |i: usize| {
-        let [a, b, c] = FACE_VERTICES[i].map(|v| at(tet[v]));
-        // Positive for a point below a triangle that is seen counter-clockwise from above: inside the cell.
-        let volume = robust::orient3d(a, b, c, coord(local_view.eye));
-        u32::from(volume < 0.0) << i | u32::from(volume > 0.0) << (4 + i)
-    };
-    (0..4).map(side_of).sum()
-}
-
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
@@ -315,7 +301,7 @@ impl Renderer for Raycast {
         let far = || self.context.beyond("the eye is too far from the mesh for single precision".to_owned());
         let mut params = Params::of_view(&view).ok_or_else(far)?;
         if !self.scene.is_clear(&job) && cells_active > 0 {
-            let eye_cells: Vec<_> = cells_at_eye(&job, &view).into_iter().map(|c| [c, sides(&job, &view, c)]).collect();
+            let eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
             self.scene.update(&self.context, &job, &eye_cells, &mut params)?;
             self.frame.stats.entry_faces = u64::from(params.face_count);
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
@@ -334,8 +320,9 @@ impl Renderer for Raycast {
         let slice_started = Instant::now();
         let worked = self.work(budget);
         if worked.is_err() {
-            // Nothing of the job is waited for any more.
+            // Nothing of the job is wanted any more; what failed has been said.
             self.active_job = None;
+            let _ = self.drain();
             self.in_flight.clear();
         }
         let done = worked?;

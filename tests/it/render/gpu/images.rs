@@ -7,7 +7,7 @@ use tetreel::optics::OpticsKind;
 use tetreel::render::Advance;
 
 /// Renders on both and compares within the project's bound; `None` without a GPU.
-fn compare(name: &str, job: &RenderJob) -> Option<(Frame, Frame)> {
+pub fn compare(name: &str, job: &RenderJob) -> Option<(Frame, Frame)> {
     let gpu = render(job)?;
     let cpu = Raycast::new().render(job.clone()).unwrap().clone();
     assert_within(name, &gpu.color, &cpu.color);

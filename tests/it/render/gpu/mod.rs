@@ -3,6 +3,7 @@
 
 mod behaviour;
 mod decode;
+mod eyes;
 mod images;
 
 use super::*;
