@@ -226,7 +226,7 @@ impl Printed {
     /// The dissertation defines neither column. SNR is taken for that of the worst and the best step, noise being the mean
     /// square of the step's errors and signal the variance of the whole series. Max error is taken in units of the range
     /// of the field, as its renderer maps the range to 0..1: in units of Blunt's density (0 to 4.98, deviation 0.59) the
-    /// printed 41.7 dB are an RMSE of 4.9e-3 in the worst step, and the largest error of 40,000 values is not
+    /// printed 41.7 dB are an RMSE of 4.8e-3 in the worst step, and the largest error of 40,000 values is not
     /// as small as their root mean square: 5e-3. In units of the range it is five times that. The range of SPX is 0..1 either way.
     fn is_reached(&self, field: &FieldReport) -> bool {
         let quality = field.compression.as_ref().unwrap().quality;
