@@ -100,6 +100,13 @@ fn units_are_stored_for_every_component_and_shown() {
         draw("t.zarr", "a.png", &["--annotate", "legend"]) != draw("bare.zarr", "b.png", &["--annotate", "legend"])
     );
     assert!(draw("t.zarr", "c.png", &[]) == draw("bare.zarr", "d.png", &[]));
+    // A frame says its unit, so one without it is not the frame that is asked for.
+    let kept = |store: &str| {
+        let options = ["-o", "e.png", "--steps", "5", "--size", "32x24", "--resume", "--stats", "s.json"];
+        place.ok(&[&["render", store], &options[..]].concat());
+        std::fs::read_to_string(place.path("s.json")).unwrap().contains("\"kept\"")
+    };
+    assert_eq!(["bare.zarr", "bare.zarr", "t.zarr", "t.zarr"].map(kept), [false, true, false, true]);
     let out = ["-o", "new.zarr"];
     for (more, parts) in [
         (&["--units", "speed=m/s"][..], &["tornado.pvd", "'speed'", "the fields are: ", "velocity"][..]),
