@@ -6,7 +6,7 @@ use crate::codec::raw;
 use crate::codec::vq::{MAX_ENTRIES, VqOptions};
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
-use crate::ingest::{CodecChoice, IngestOptions, StepRange};
+use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
 use crate::mesh::{Mesh, RepairReport};
 use serde::Serialize;
 use std::fmt;
@@ -14,8 +14,10 @@ use std::path::PathBuf;
 
 /// Import a series (.pvd, .vtu, .xdmf) into a store
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag\n  \
-tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024")]
+#[command(
+    after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag --units T=K\n  \
+tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024"
+)]
 pub(super) struct Args {
     /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
     /// (each with other fields)
@@ -27,6 +29,10 @@ pub(super) struct Args {
     /// Field to import: NAME, NAME:mag or NAME:0 (again for more; default: all)
     #[arg(long = "field", value_name = "FIELD")]
     fields: Vec<FieldSelector>,
+    /// Unit of a field, shown by info and on legends; that of a vector is also that of its components and magnitude
+    /// (again for more)
+    #[arg(long, value_name = "FIELD=UNIT")]
+    units: Vec<FieldUnits>,
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
@@ -59,12 +65,14 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         [one] => import::open(one)?,
         many => import::open_many(many)?,
     };
+    let (fields, units) = (args.fields.clone(), args.units.clone());
+    let options = IngestOptions { fields, units, steps: args.steps, overwrite: args.overwrite, codec };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
+        check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args)?;
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
-    let options = IngestOptions { fields: args.fields.clone(), steps: args.steps, overwrite: args.overwrite, codec };
     let report = source::run_ingest(&*series, output, &options, terminal)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
@@ -104,10 +112,6 @@ impl Plan {
         let steps = args.steps.select(series.times().len())?.len();
         let wanted = |f: &&FieldInfo| args.fields.is_empty() || args.fields.iter().any(|s| s.name == f.name);
         let fields: Vec<FieldInfo> = series.fields().iter().filter(wanted).cloned().collect();
-        if let Some(missing) = args.fields.iter().find(|s| !fields.iter().any(|f| f.name == s.name)) {
-            let known: Vec<_> = series.fields().iter().map(|f| f.name.as_str()).collect();
-            anyhow::bail!("{}: no field '{}'; there are {}", series.describe(), missing.name, known.join(", "));
-        }
         let numbers: u64 = if args.fields.is_empty() {
             fields.iter().map(|f| f.components as u64).sum()
         } else {

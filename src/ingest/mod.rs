@@ -12,7 +12,7 @@ mod report;
 mod stream;
 
 pub use compression::CompressionReport;
-pub use options::{CodecChoice, IngestOptions, StepRange, StepRangeError};
+pub use options::{CodecChoice, FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::codec::Encoder;
@@ -46,8 +46,7 @@ pub fn ingest(
     let start = Instant::now();
     let steps = select_steps(source, options)?;
     let times = steps.iter().map(|&step| source.times().values[step]).collect();
-    let fields = plan::plan(source.fields(), &options.fields)
-        .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))?;
+    let fields = plan_fields(source, options)?;
     let mut writer = StoreWriter::create(out, options.overwrite)?;
 
     let raw = source.mesh()?;
@@ -103,6 +102,19 @@ pub fn ingest(
         seconds,
         megabytes_per_second: bytes_read as f64 / 1e6 / seconds.total.max(f64::MIN_POSITIVE),
     })
+}
+
+/// Checks the fields and units that `options` names against those that the source has; reads and writes nothing.
+///
+/// # Errors
+/// As [`ingest`] would fail because of them.
+pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<()> {
+    plan_fields(source, options).map(|_| ())
+}
+
+fn plan_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<PlannedField>> {
+    plan::plan(source.fields(), &options.fields, &options.units)
+        .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))
 }
 
 fn check_cancel(cancel: &Cancel) -> Result<(), IngestError> {
@@ -269,8 +281,8 @@ impl<'a> Pass<'a> {
 fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
     let association = field.info.association;
     let mut targets: Vec<Target> = Vec::new();
-    for Output { name, virtual_, .. } in &field.outputs {
-        let description = FieldDescription { name: name.clone(), association, units: None };
+    for Output { name, virtual_, units, .. } in &field.outputs {
+        let description = FieldDescription { name: name.clone(), association, units: units.clone() };
         let writer = if *virtual_ {
             let components: Vec<&FieldWriter> = targets.iter().map(|t| &t.writer).collect();
             writer.begin_magnitude(description, &components)

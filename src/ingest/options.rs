@@ -114,12 +114,37 @@ pub enum CodecChoice {
     Vq(VqOptions),
 }
 
+/// The unit of a field, as the user writes it: `FIELD=UNIT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldUnits {
+    /// Name of the field; that of a vector stands for its components and their magnitude.
+    pub field: String,
+    /// Unit of its values. It is shown, not understood.
+    pub units: String,
+}
+
+impl FromStr for FieldUnits {
+    type Err = String;
+
+    /// The last `=` separates them: names may contain one, units do not.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.rsplit_once('=').map(|(field, units)| (field, units.trim())) {
+            Some((field, units)) if !field.is_empty() && !units.is_empty() => {
+                Ok(Self { field: field.to_owned(), units: units.to_owned() })
+            }
+            _ => Err(format!("'{text}' names no unit; write FIELD=UNIT, e.g. T=K")),
+        }
+    }
+}
+
 /// What to import and how.
 #[derive(Clone, Debug, Default)]
 pub struct IngestOptions {
     /// Fields and components; empty for all fields. A vector without a component becomes one field a component and
     /// their magnitude.
     pub fields: Vec<FieldSelector>,
+    /// Units of fields. Each must be imported.
+    pub units: Vec<FieldUnits>,
     /// Steps.
     pub steps: StepRange,
     /// Codec.
@@ -163,6 +188,16 @@ mod tests {
         let range: StepRange = "0..10".parse().unwrap();
         assert_eq!(range.select(10), Err(StepRangeError::Beyond { range, count: 10 }));
         assert!(StepRange::default().select(0).is_err());
+    }
+
+    #[test]
+    fn a_unit_follows_the_last_equals_sign() {
+        let parsed = |text: &str| text.parse::<FieldUnits>().map(|u| (u.field, u.units));
+        assert_eq!(parsed("velocity=m/s"), Ok(("velocity".to_owned(), "m/s".to_owned())));
+        assert_eq!(parsed("a=b= kg m^-3"), Ok(("a=b".to_owned(), "kg m^-3".to_owned())));
+        for text in ["T", "T=", "T= ", "=K", ""] {
+            assert!(parsed(text).unwrap_err().contains("FIELD=UNIT"), "{text}");
+        }
     }
 
     #[test]

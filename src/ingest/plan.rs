@@ -1,5 +1,6 @@
 //! Which fields of a source are read, and which fields of the store they become.
 
+use super::options::FieldUnits;
 use crate::field::{Association, Component, FieldInfo, FieldSelector};
 use std::collections::BTreeSet;
 
@@ -12,6 +13,8 @@ pub(super) struct Output {
     pub(super) component: Component,
     /// Whether the values are computed at playback from the other outputs of the same field.
     pub(super) virtual_: bool,
+    /// Unit of the values.
+    pub(super) units: Option<String>,
 }
 
 /// A field of the source that is read.
@@ -29,7 +32,11 @@ pub(super) struct PlannedField {
 ///
 /// Fields of one name (a point field and a cell field, say) are told apart: the first keeps the name, a cell field
 /// becomes `NAME (cell)`, and whatever is still ambiguous `NAME (2)`.
-pub(super) fn plan(fields: &[FieldInfo], selectors: &[FieldSelector]) -> Result<Vec<PlannedField>, String> {
+pub(super) fn plan(
+    fields: &[FieldInfo],
+    selectors: &[FieldSelector],
+    units: &[FieldUnits],
+) -> Result<Vec<PlannedField>, String> {
     if fields.is_empty() {
         return Err("there is no field".to_owned());
     }
@@ -45,11 +52,21 @@ pub(super) fn plan(fields: &[FieldInfo], selectors: &[FieldSelector]) -> Result<
         selectors
     };
     for selector in selectors {
-        let (field, component) = resolve(&names, selector).ok_or_else(|| unknown(&names, selector))?;
+        let (field, component) = resolve(&names, selector).ok_or_else(|| unknown(&names, &selector.to_string()))?;
         check(&fields[field], &names[field], component)?;
         wanted[field].push(component);
         if !order.contains(&field) {
             order.push(field);
+        }
+    }
+    let mut unit_of: Vec<Option<&str>> = vec![None; fields.len()];
+    for FieldUnits { field: name, units } in units {
+        let field = names.iter().position(|n| n == name).ok_or_else(|| unknown(&names, name))?;
+        if !order.contains(&field) {
+            return Err(format!("field '{name}' has a unit but is not imported"));
+        }
+        if let Some(before) = unit_of[field].replace(units) {
+            return Err(format!("field '{name}' has two units, '{before}' and '{units}'"));
         }
     }
     let mut taken = BTreeSet::new();
@@ -58,6 +75,7 @@ pub(super) fn plan(fields: &[FieldInfo], selectors: &[FieldSelector]) -> Result<
         let mut outputs = outputs(&names[field], info.components, &wanted[field]);
         for output in &mut outputs {
             output.name = unlike(&mut taken, &output.name);
+            output.units = unit_of[field].map(str::to_owned);
         }
         PlannedField { reads: reads(info.components, &outputs), info, outputs }
     };
@@ -95,8 +113,8 @@ fn resolve(names: &[String], selector: &FieldSelector) -> Option<(usize, Option<
     position(&selector.name).map(|i| (i, selector.component)).or_else(|| position(&full).map(|i| (i, None)))
 }
 
-fn unknown(names: &[String], selector: &FieldSelector) -> String {
-    format!("there is no field '{selector}'; the fields are: {}", names.join(", "))
+fn unknown(names: &[String], name: &str) -> String {
+    format!("there is no field '{name}'; the fields are: {}", names.join(", "))
 }
 
 fn check(info: &FieldInfo, name: &str, component: Option<Component>) -> Result<(), String> {
@@ -114,13 +132,13 @@ fn check(info: &FieldInfo, name: &str, component: Option<Component>) -> Result<(
 fn outputs(name: &str, components: usize, wanted: &[Option<Component>]) -> Vec<Output> {
     let of = |component: Component, virtual_: bool| {
         let name = FieldSelector { name: name.to_owned(), component: Some(component) }.to_string();
-        Output { name, component, virtual_ }
+        Output { name, component, virtual_, units: None }
     };
     if components == 1 {
         // A scalar and its component 0 are the same; its magnitude is another field.
         let value = wanted.iter().any(|w| *w != Some(Component::Magnitude));
         let magnitude = wanted.contains(&Some(Component::Magnitude));
-        let scalar = Output { name: name.to_owned(), component: Component::Index(0), virtual_: false };
+        let scalar = Output { name: name.to_owned(), ..of(Component::Index(0), false) };
         let outputs = [value.then_some(scalar), magnitude.then(|| of(Component::Magnitude, false))];
         return outputs.into_iter().flatten().collect();
     }
@@ -156,7 +174,7 @@ mod tests {
     fn names(fields: &[FieldInfo], selectors: &[&str]) -> Result<Vec<String>, String> {
         let selectors: Vec<FieldSelector> = selectors.iter().map(|s| s.parse().unwrap()).collect();
         let star = |o: &Output| format!("{}{}", o.name, if o.virtual_ { "*" } else { "" });
-        Ok(plan(fields, &selectors)?.iter().flat_map(|f| f.outputs.iter().map(star)).collect())
+        Ok(plan(fields, &selectors, &[])?.iter().flat_map(|f| f.outputs.iter().map(star)).collect())
     }
 
     fn flow() -> Vec<FieldInfo> {
@@ -173,8 +191,8 @@ mod tests {
         assert_eq!(names(&flow(), &["U:1"]).unwrap(), ["U:1"]);
         assert_eq!(names(&flow(), &["U:mag", "T"]).unwrap(), ["U:mag", "T"]);
         let selectors = ["U:2".parse().unwrap(), "U:0".parse().unwrap()];
-        assert_eq!(plan(&flow(), &selectors).unwrap()[0].reads, [0, 2]);
-        assert_eq!(plan(&flow(), &["U:mag".parse().unwrap()]).unwrap()[0].reads, [0, 1, 2]);
+        assert_eq!(plan(&flow(), &selectors, &[]).unwrap()[0].reads, [0, 2]);
+        assert_eq!(plan(&flow(), &["U:mag".parse().unwrap()], &[]).unwrap()[0].reads, [0, 1, 2]);
     }
 
     #[test]
@@ -196,13 +214,30 @@ mod tests {
         ];
         let all = names(&fields, &[]).unwrap();
         assert_eq!(all, ["T", "T (cell)", "T (2)", "U:0", "U:0 (2)", "U:1", "U:mag*"]);
-        assert_eq!(plan(&fields, &["T (cell)".parse().unwrap()]).unwrap()[0].info.association, Association::Cell);
+        let of_cells = plan(&fields, &["T (cell)".parse().unwrap()], &[]).unwrap();
+        assert_eq!(of_cells[0].info.association, Association::Cell);
     }
 
     #[test]
     fn a_name_that_ends_like_a_component_is_found() {
         let fields = [field("species:12", 1, Association::Point)];
         assert_eq!(names(&fields, &["species:12"]).unwrap(), ["species:12"]);
+    }
+
+    #[test]
+    fn a_unit_is_that_of_all_that_a_field_becomes() {
+        let planned = |selectors: &[FieldSelector], units: &[&str]| {
+            let units: Vec<FieldUnits> = units.iter().map(|u| u.parse().unwrap()).collect();
+            let planned = plan(&flow(), selectors, &units)?;
+            Ok::<_, String>(planned.into_iter().flat_map(|f| f.outputs).map(|o| o.units).collect::<Vec<_>>())
+        };
+        let (speed, pressure) = (Some("m/s".to_owned()), Some("Pa".to_owned()));
+        let all = planned(&[], &["U=m/s", "p=Pa"]).unwrap();
+        assert_eq!(all, [None, speed.clone(), speed.clone(), speed.clone(), speed.clone(), pressure]);
+        assert_eq!(planned(&["U:mag".parse().unwrap()], &["U=m/s"]).unwrap(), [speed]);
+        assert!(planned(&[], &["V=m"]).unwrap_err().ends_with("the fields are: T, U, p"));
+        assert!(planned(&["T".parse().unwrap()], &["U=m/s"]).unwrap_err().contains("not imported"));
+        assert!(planned(&[], &["T=K", "T=°C"]).unwrap_err().contains("two units, 'K' and '°C'"));
     }
 
     #[test]

@@ -28,9 +28,16 @@ def check_mesh(mesh):
     assert neighbours.shape == (cells, 4)
     assert mesh["vertex_permutation"].shape == (vertices,)
     assert mesh["cell_permutation"].shape == (cells,)
-    assert mesh["cell_turned"].shape == (cells,) and set(mesh["cell_turned"][:]) == {0, 1}
+    if "cell_turned" in mesh:  # only where the import turned some
+        turned = mesh["cell_turned"][:]
+        assert turned.shape == (cells,) and turned.any() and turned.max() == 1
     # Every tet is positively oriented in world coordinates.
     world = np.array(mesh["points"].attrs["origin"]) + mesh["points"].attrs["scale"] * points.astype(np.float64)
+    if "source_points" in mesh:  # only where the rounded points do not give those of the source back
+        source = mesh["source_points"][:].astype(np.float64)
+        assert source.shape == (vertices, 3)
+        half_ulp = mesh["points"].attrs["scale"] * 2.0**-25 + np.abs(world) * 2.0**-52  # of f32 and of the sum above
+        assert (np.abs(source - world) <= half_ulp).all() and (source != world).any()
     a, b, c, d = (world[tets[:, i]] for i in range(4))
     assert (np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) > 0).all()
     print(f"mesh {cells} cells {vertices} vertices {len(faces)} faces")

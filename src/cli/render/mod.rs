@@ -178,7 +178,8 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         }
         None => {
             let options = args.still_options()?;
-            let written_as = format!("{options:?} {annotator:?}");
+            // Units are in the file, drawn or not.
+            let written_as = format!("{options:?} {annotator:?} {:?}", scene.pipeline.field().units);
             let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &plan, &checksums, &written_as);
             (Sink::images(options), Some(fingerprints))
         }

@@ -79,6 +79,46 @@ fn the_shipped_series_is_compressed_and_looks_the_same() {
 }
 
 #[test]
+fn units_are_stored_for_every_component_and_shown() {
+    let place = Place::with_tornado();
+    let import = ["import", "run/tornado.pvd", "--units", "velocity=m/s"];
+    place.ok(&[&import[..], &["--units", "pressure=Pa", "-o", "t.zarr"]].concat());
+    place.ok(&["import", "run/tornado.pvd", "-o", "bare.zarr"]);
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    let fields = info["fields"].as_array().unwrap();
+    let units: Vec<_> = fields.iter().map(|f| (f["name"].as_str().unwrap(), f["units"].as_str().unwrap())).collect();
+    let expected = [("velocity:0", "m/s"), ("velocity:1", "m/s"), ("velocity:2", "m/s"), ("velocity:mag", "m/s")];
+    assert!(expected.iter().all(|e| units.contains(e)) && units.contains(&("pressure", "Pa")), "{units:?}");
+    assert!(place.ok(&["info", "t.zarr"]).lines().any(|l| l.contains("pressure (raw)") && l.ends_with(" Pa")));
+    // On the legend, and nowhere else.
+    let draw = |store: &str, out: &str, annotate: &[&str]| {
+        let options = ["--field", "velocity", "--steps", "5", "--size", "320x240"];
+        place.ok(&[&["render", store, "-o", out], &options[..], annotate].concat());
+        read_png(&place.path(out)).unwrap()
+    };
+    assert!(
+        draw("t.zarr", "a.png", &["--annotate", "legend"]) != draw("bare.zarr", "b.png", &["--annotate", "legend"])
+    );
+    assert!(draw("t.zarr", "c.png", &[]) == draw("bare.zarr", "d.png", &[]));
+    // A frame says its unit, so one without it is not the frame that is asked for.
+    let kept = |store: &str| {
+        let options = ["-o", "e.png", "--steps", "5", "--size", "32x24", "--resume", "--stats", "s.json"];
+        place.ok(&[&["render", store], &options[..]].concat());
+        std::fs::read_to_string(place.path("s.json")).unwrap().contains("\"kept\"")
+    };
+    assert_eq!(["bare.zarr", "bare.zarr", "t.zarr", "t.zarr"].map(kept), [false, true, false, true]);
+    let out = ["-o", "new.zarr"];
+    for (more, parts) in [
+        (&["--units", "speed=m/s"][..], &["tornado.pvd", "'speed'", "the fields are: ", "velocity"][..]),
+        (&["--field", "pressure"], &["'velocity'", "not imported"]),
+        (&["--units", "pressure"], &["--units", "FIELD=UNIT"]),
+    ] {
+        place.refuses(&[&import[..], more, &out].concat(), parts);
+        place.refuses(&[&import[..], more, &["--dry-run"]].concat(), parts);
+    }
+}
+
+#[test]
 fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
     type Damage = (&'static str, fn(&Place), &'static [&'static str]);
     let damages: [Damage; 8] = [
