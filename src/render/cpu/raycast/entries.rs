@@ -68,6 +68,17 @@ pub(super) struct Crossing {
     pub(super) scalar: f64,
 }
 
+impl Crossing {
+    /// Whether the face is hit in front of the eye; `ids` are those of the corners. The same for both cells at it, whatever
+    /// the order of its corners there: the terms of the weighted depth are summed in the order of the ids. Else a ray whose
+    /// eye is within rounding of a face would start on both sides of it, or on none.
+    pub(super) fn is_in_front(&self, ids: [u32; 3]) -> bool {
+        let mut terms: [(u32, f64); 3] = std::array::from_fn(|i| (ids[i], self.edges[i].max(0.0) * self.corners[i].w));
+        terms.sort_unstable_by_key(|term| term.0);
+        terms[0].1 + terms[1].1 + terms[2].1 > 0.0
+    }
+}
+
 /// Where the ray passes through a triangle whose corners it sees counter-clockwise.
 #[inline]
 pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Option<Crossing> {

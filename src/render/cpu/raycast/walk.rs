@@ -82,7 +82,7 @@ fn find_starts<I>(scene: &Scene<'_, I>, bins: &TileBins, tile: usize, rect: Pixe
             for i in columns.clone() {
                 let ray = Ray::of_pixel(scene.view, i, j);
                 if let Some(c) = crossing(&ray, scene.vertices, vertices)
-                    && (c.depth > 0.0 || !ray.perspective)
+                    && (!ray.perspective || c.is_in_front(vertices))
                 {
                     let pixel = ((j - rect.y) * rect.width + i - rect.x) as u32;
                     out.push((pixel, Start { depth: c.depth, cell, opposite }));
@@ -110,17 +110,18 @@ fn find_starts<I>(scene: &Scene<'_, I>, bins: &TileBins, tile: usize, rect: Pixe
 /// The ray's start in a cell that it enters behind (or at) the eye and leaves in front of it.
 fn start_at_eye<I>(scene: &Scene<'_, I>, ray: &Ray, cell: u32) -> Option<Start> {
     let mut start = None;
-    let mut exit = None;
+    let mut leaves_in_front = false;
     for opposite in 0..4 {
         let face = face_of(&scene.mesh.topology, cell, opposite);
         let [p, q, r] = face.vertices;
         if let Some(c) = crossing(ray, scene.vertices, [p, q, r]) {
-            start = Some(Start { depth: c.depth, cell, opposite: face.opposite });
+            let start_here = Start { depth: c.depth, cell, opposite: face.opposite };
+            start = (!c.is_in_front([p, q, r])).then_some(start_here);
         } else if let Some(c) = crossing(ray, scene.vertices, [p, r, q]) {
-            exit = Some(c.depth);
+            leaves_in_front = c.is_in_front([p, r, q]);
         }
     }
-    start.filter(|s| s.depth <= 0.0 && exit.is_some_and(|depth| depth > 0.0))
+    start.filter(|_| leaves_in_front)
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.
