@@ -22,8 +22,13 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
     let box = vec4<u32>(bounds);
     let tiles = box / TILE_PX;
-    let word = items[item];
-    let kind = select(0u, EYE_CELL, item >= params.face_count);
+    var word = items[item];
+    var kind = 0u;
+    if item >= params.face_count {
+        let at = params.face_count + 2u * (item - params.face_count);
+        word = items[at];
+        kind = EYE_CELL | items[at + 1u] << SIDES_SHIFT;
+    }
     for (var y = tiles.z; y <= tiles.w; y++) {
         for (var x = tiles.x; x <= tiles.y; x++) {
             let place = atomicAdd(&bins[y * params.tiles.x + x], 1u);

@@ -84,10 +84,12 @@ fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
 
 // Where a path starts in a cell at the eye. The cells that a ray meets are a chain in this plane, in which a face is in
 // front of the eye or not; which side of an edge next to it the eye is on in truth does not matter, as long as all cells
-// agree. A cell that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts; one that it
-// enters in front is entered as any other, if the face is open.
-fn start_in_eye_cell(ray: Ray, cell: u32) -> Start {
+// agree. Only of open faces, which have one cell, that has been decided exactly (`sides`): an eye in the boundary sees
+// nothing behind it. A cell that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts;
+// one that it enters in front is entered as any other, if the face is open.
+fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
     var start = Start(0.0, NONE);
+    var enters_open = false;
     var enters_in_front = false;
     var leaves_in_front = false;
     for (var opposite = 0u; opposite < 4u; opposite++) {
@@ -95,23 +97,27 @@ fn start_in_eye_cell(ray: Ray, cell: u32) -> Start {
         let entered = crossing(ray, ids);
         if entered.hit {
             start = Start(entered.at.x, cell << 2u | opposite);
-            enters_in_front = is_in_front(entered, ids);
+            enters_open = is_open(cell, opposite);
+            enters_in_front = select(is_in_front(entered, ids), (sides >> opposite & 1u) != 0u, enters_open);
         } else {
             let left = crossing(ray, ids.xzy);
-            if left.hit && is_in_front(left, ids.xzy) {
-                leaves_in_front = true;
+            if left.hit {
+                let inside = (sides >> (4u + opposite) & 1u) != 0u;
+                leaves_in_front = select(is_in_front(left, ids.xzy), inside, is_open(cell, opposite));
             }
         }
     }
-    if enters_in_front {
-        let behind = cell_neighbour(cell, start.face & 3u);
-        if behind != NONE && is_active(behind >> 2u) {
-            start.face = NONE;
-        }
-    } else if !leaves_in_front {
+    let starts = select(leaves_in_front, enters_open, enters_in_front);
+    if !starts {
         start.face = NONE;
     }
     return start;
+}
+
+// Whether there is no active cell on the other side of a face.
+fn is_open(cell: u32, opposite: u32) -> bool {
+    let neighbour = cell_neighbour(cell, opposite);
+    return neighbour == NONE || !is_active(neighbour >> 2u);
 }
 
 // The nearest starts behind (depth, face) among the items of a tile. CPU twin: `find_starts`. Returns the number of all.
@@ -133,7 +139,7 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_fa
             let item = bins[pairs_at + PAIR_WORDS * i];
             var start = Start(0.0, NONE);
             if (bounds & EYE_CELL) != 0u {
-                start = start_in_eye_cell(ray, item);
+                start = start_in_eye_cell(ray, item, bounds >> SIDES_SHIFT);
             } else {
                 let entered = crossing(ray, face_vertices(item >> 2u, item & 3u));
                 if entered.hit && (!perspective || entered.at.x > -params.pivot) {

@@ -21,7 +21,7 @@ struct Params {
     // Depth of the near distance, counted from the pivot.
     near: f32,
     vertex_count: u32,
-    // Entry faces come first among the items, then the cells at the eye.
+    // Entry faces come first among the items, then cells at the eye, each a word and the sides of its faces.
     face_count: u32,
     eye_count: u32,
     item_count: u32,
@@ -61,6 +61,8 @@ const TILE_PX: u32 = 16u;
 const PAIR_WORDS: u32 = 2u;
 // In the second word: the item is a cell at the eye.
 const EYE_CELL: u32 = 0x10000u;
+// From this bit on: on which side of the cell's faces the eye is (outside: bits 0 to 3; strictly inside: bits 4 to 7).
+const SIDES_SHIFT: u32 = 17u;
 
 // No neighbour.
 const NONE: u32 = 0xffffffffu;

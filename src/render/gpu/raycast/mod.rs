@@ -26,9 +26,12 @@ mod target;
 
 use super::context::Context;
 use super::layout::{Params, TILE_PX, depth_of};
+use crate::camera::View;
+use crate::mesh::FACE_VERTICES;
 use crate::render::cpu::raycast::entries::cells_at_eye;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
+use glam::DVec3;
 use readback::Slot;
 use scene::Scene;
 use std::collections::VecDeque;
@@ -282,6 +285,21 @@ fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
     pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
 }
 
+/// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly
+/// inside, neither if it is in the face's plane.
+fn sides(job: &RenderJob, local_view: &View, cell: u32) -> u32 {
+    let tet = job.mesh.topology.tets[cell as usize];
+    let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let at = |v: u32| coord(job.mesh.positions.local[v as usize].as_dvec3());
+    let side_of = |i: usize| {
+        let [a, b, c] = FACE_VERTICES[i].map(|v| at(tet[v]));
+        // Positive for a point below a triangle that is seen counter-clockwise from above: inside the cell.
+        let volume = robust::orient3d(a, b, c, coord(local_view.eye));
+        u32::from(volume < 0.0) << i | u32::from(volume > 0.0) << (4 + i)
+    };
+    (0..4).map(side_of).sum()
+}
+
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
@@ -302,6 +320,7 @@ impl Renderer for Raycast {
         let mut params = Params::of_view(&view).ok_or_else(far)?;
         if !self.scene.is_clear(&job) && cells_active > 0 {
             let eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
+            let eye_cells: Vec<_> = eye_cells.into_iter().map(|c| [c, sides(&job, &view, c)]).collect();
             self.scene.update(&self.context, &job, &eye_cells, &mut params)?;
             self.frame.stats.entry_faces = u64::from(params.face_count);
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;

@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Where rays enter, and the active cells.
 struct Domain {
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
-    /// Entry faces as cell << 2 | opposite vertex, then the cells at the eye.
+    /// Entry faces as cell << 2 | opposite vertex, then the cells at the eye, each followed by its sides.
     items: GrowingBuffer,
     active: GrowingBuffer,
     faces: Vec<entries::EntryFace>,
@@ -108,7 +108,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        eye_cells: &[u32],
+        eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<(), RenderError> {
         let updated = self.update_parts(context, job, eye_cells, params);
@@ -123,7 +123,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        eye_cells: &[u32],
+        eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<(), RenderError> {
         self.bytes_sent = 0;
@@ -227,7 +227,12 @@ impl Scene {
         Ok(made)
     }
 
-    fn update_domain(&mut self, context: &Context, job: &RenderJob, eye_cells: &[u32]) -> Result<bool, RenderError> {
+    fn update_domain(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        eye_cells: &[[u32; 2]],
+    ) -> Result<bool, RenderError> {
         let domain = &mut self.domain;
         let same = |(mesh, active): &(Arc<Mesh>, Arc<CellSet>)| {
             Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(active, &job.active)
@@ -240,7 +245,7 @@ impl Scene {
             domain.packed.extend(domain.faces.iter().map(|f| f.cell << 2 | f.opposite));
         }
         let faces = domain.packed.len();
-        let mut made = domain.items.reserve(context, 4 * (faces + eye_cells.len()) as u64)?;
+        let mut made = domain.items.reserve(context, 4 * (faces + 2 * eye_cells.len()) as u64)?;
         if made || changed {
             self.bytes_sent += domain.items.write(context, 0, bytemuck::cast_slice(&domain.packed))?;
         }
