@@ -59,6 +59,34 @@ fn backends_and_annotations_that_do_not_exist_are_refused() {
     );
 }
 
+#[test]
+fn statistics_take_the_place_of_nothing() {
+    let place = Place::with_slab();
+    place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "f.png"]), &["f.png", "place of a frame"]);
+    place.refuses(&render(&["-o", "f_%d.png", "--stats", "./f_3.png"]), &["f_3.png", "place of a frame"]);
+    place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "slab.zarr/zarr.json"]), &["part of the series"]);
+    place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "."]), &["is a folder"]);
+}
+
+#[test]
+fn frames_of_other_times_are_rendered_again() {
+    let place = Place::empty();
+    place.ok(&["synth", "slab", "-o", "slabs", "--cells", "500", "--steps", "3"]);
+    let pvd = place.path("slabs/slabs.pvd");
+    let kept = || {
+        place.ok(&["import", "slabs/slabs.pvd", "-o", "slab.zarr", "--overwrite"]);
+        place.ok(&render(&["-o", "f_%d.png", "--resume", "--stats", "s.json", "--annotate", "time"]));
+        std::fs::read_to_string(place.path("s.json")).unwrap().matches("\"kept\"").count()
+    };
+    assert_eq!((kept(), kept()), (0, 3));
+    let text = std::fs::read_to_string(&pvd).unwrap();
+    let last = text.rsplit("timestep=\"").next().unwrap().split('"').next().unwrap();
+    let later = text.replace(&format!("timestep=\"{last}\""), "timestep=\"77.5\"");
+    assert_ne!(later, text);
+    std::fs::write(&pvd, later).unwrap();
+    assert_eq!(kept(), 2, "the last step has another time");
+}
+
 #[cfg(feature = "gpu")]
 #[test]
 fn frames_of_both_backends_are_the_same_picture() {
