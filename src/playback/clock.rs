@@ -441,8 +441,8 @@ impl Clock {
         match self.phase {
             Phase::Resting { progress } | Phase::Waiting { progress, .. } => progress,
             Phase::Running { left } => {
-                let share = |duration: f64| (self.elapsed.secs(left) / duration).max(0.0).min(1.0);
-                self.duration_secs().map_or(0.0, share)
+                let share = |duration: f64| (self.elapsed.secs(left) / duration).clamp(0.0, 1.0);
+                self.duration_secs().filter(|&duration| duration > 0.0).map_or(0.0, share)
             }
         }
     }

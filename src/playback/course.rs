@@ -115,11 +115,14 @@ impl Course {
         if before == self.from { behind } else { before }
     }
 
-    /// The file's time after a share of the way.
+    /// The file's time after a share of the way; that of the step unless it is real time.
     pub fn time(&self, progress: f64, score: &Score<'_>) -> f64 {
         let from = time_of(self.from, score);
-        let along = self.next.filter(|next| !next.jump && progress > 0.0);
-        along.map_or(from, |next| from * (1.0 - progress) + time_of(next.step, score) * progress)
+        let moves = progress > 0.0 && score.settings.mode == Mode::RealTime;
+        let Some(next) = self.next.filter(|next| moves && !next.jump) else { return from };
+        let to = time_of(next.step, score);
+        // Two roundings could lead out of the series.
+        (from * (1.0 - progress) + to * progress).max(from.min(to)).min(from.max(to))
     }
 
     /// What to show after a share of the way.
