@@ -15,6 +15,7 @@
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
+//! | 7 | [`playback`] |
 //! | 8 | [`export`] |
 //! | 9 | [`mod@bench`] |
 //! | 10 | [`cli`] |
@@ -37,6 +38,7 @@ pub mod moments;
 pub mod node_table;
 pub mod optics;
 pub mod pipeline;
+pub mod playback;
 pub mod render;
 pub mod stats;
 pub mod store;
