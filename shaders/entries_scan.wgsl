@@ -6,6 +6,11 @@
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, THREADS>;
 
+// A sum that stops at the largest number: more pairs than there can be room for.
+fn add_up(a: u32, b: u32) -> u32 {
+    return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
+}
+
 @compute @workgroup_size(256)
 fn entries_scan(@builtin(local_invocation_index) thread: u32) {
     let tile_count = params.tiles.x * params.tiles.y;
@@ -14,18 +19,18 @@ fn entries_scan(@builtin(local_invocation_index) thread: u32) {
     let to_tile = min(from_tile + share, tile_count);
     var sum = 0u;
     for (var t = from_tile; t < to_tile; t++) {
-        sum += bins[t];
+        sum = add_up(sum, bins[t]);
     }
     sums[thread] = sum;
     workgroupBarrier();
     var place = 0u;
     for (var i = 0u; i < thread; i++) {
-        place += sums[i];
+        place = add_up(place, sums[i]);
     }
     for (var t = from_tile; t < to_tile; t++) {
         let count = bins[t];
         bins[t] = place;
-        place += count;
+        place = add_up(place, count);
     }
     if thread == THREADS - 1u {
         bins[tile_count] = place;

@@ -13,7 +13,7 @@ use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
-use crate::pipeline::FrameRequest;
+use crate::pipeline::{FrameRequest, PipelineError};
 use crate::render::Frame;
 use crate::stats::FrameStats;
 use crate::task::Progress;
@@ -154,6 +154,11 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         && !pattern.is_numbered()
     {
         bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
+    }
+    if let Target::Images(pattern) = &args.output
+        && let Some(folder) = (0..plan.frames.len()).map(|frame| pattern.path(frame)).find(|path| path.is_dir())
+    {
+        bail!("{} is a folder; choose another name", folder.display());
     }
     if let Some(path) = &args.stats
         && (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame), false))
@@ -296,8 +301,12 @@ impl Job<'_> {
     fn run(&self, scene: &mut Scene, mut sink: Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
         terminal.begin("render", self.plan.frames.len() as u64, "frames");
         let rendered = self.render_all(scene, &mut sink, terminal);
-        let written = sink.finish(rendered.is_ok(), terminal);
+        let lost = rendered.as_ref().err().is_some_and(is_device_failure);
+        let written = sink.finish(rendered.is_ok() || lost, terminal);
         terminal.end();
+        if lost && written.is_ok() {
+            terminal.say(&format!("the frames until then are in {}", self.output.path(0).display()));
+        }
         let records = rendered?;
         written?;
         Ok(records)
@@ -341,6 +350,12 @@ impl Job<'_> {
         }
         Ok(records)
     }
+}
+
+/// Whether a GPU gave up on the way: nothing is wrong with the frames before.
+fn is_device_failure(error: &anyhow::Error) -> bool {
+    use crate::render::RenderError::{DeviceLost, Gpu};
+    matches!(error.downcast_ref(), Some(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
 }
 
 /// The request of a frame: its moment, and the camera turned as far as it is by then.

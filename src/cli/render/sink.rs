@@ -104,12 +104,12 @@ impl Sink {
         }
     }
 
-    /// Waits until all is written. After a failure (`complete` is false) images already rendered are written nevertheless,
-    /// half a movie is not.
-    pub(super) fn finish(self, complete: bool, terminal: &Terminal) -> anyhow::Result<()> {
+    /// Waits until all is written. After a failure images already rendered are written nevertheless, half a movie only if
+    /// `keep` is set.
+    pub(super) fn finish(self, keep: bool, terminal: &Terminal) -> anyhow::Result<()> {
         match self {
             Self::Images(mut writer) => Ok(writer.finish().map(|_| ())?),
-            Self::Movie(writer) if complete => writer.finish(&terminal.cancel).map(|_| ()).map_err(interrupted),
+            Self::Movie(writer) if keep => writer.finish(&terminal.cancel).map(|_| ()).map_err(interrupted),
             Self::Movie(_) => Ok(()),
         }
     }

@@ -90,7 +90,8 @@ pub struct Params {
 }
 
 impl Params {
-    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`]. `view` is in
+    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`], or the view so wide
+    /// that single precision does not hold its coordinates. `view` is in
     /// local coordinates.
     pub fn of_view(view: &View) -> Option<Self> {
         if view.eye.abs().max_element() > EYE_DISTANCE_MAX {
@@ -106,6 +107,11 @@ impl Params {
         let origin = if view.perspective { [0.0; 2] } else { two_parts(-view.forward.dot(view.eye)) };
         let pitch = |half: f64, pixels: usize| two_parts(half / pixels as f64 * PLANE_SCALE);
         let (x, y) = (pitch(view.half_width, view.width_px), pitch(view.half_height, view.height_px));
+        // Squares of coordinates of the whole image are computed.
+        let reach = f64::from(x[0].max(y[0])) * view.width_px.max(view.height_px) as f64;
+        if reach.is_nan() || reach >= 1e18 {
+            return None;
+        }
         let middle = -view.forward.dot(view.eye);
         let pivot = if view.perspective && middle > PIVOT_DEPTH_MIN { middle as f32 } else { 0.0 };
         let (near, perspective) = if view.perspective {
@@ -224,5 +230,7 @@ mod tests {
         let perspective = Projection::Perspective { view_angle: 30.0 };
         assert!(Params::of_view(&view(1e6, perspective)).is_some());
         assert!(Params::of_view(&view(1.1e6, perspective)).is_none());
+        assert!(Params::of_view(&view(3.0, Projection::Parallel { scale: 1e6 })).is_some());
+        assert!(Params::of_view(&view(3.0, Projection::Parallel { scale: 1e30 })).is_none());
     }
 }

@@ -316,7 +316,10 @@ impl Renderer for Raycast {
             on_gpu: true,
             ..job.stats.clone()
         };
-        let far = || self.context.beyond("the eye is too far from the mesh for single precision".to_owned());
+        let far = || {
+            self.context
+                .beyond("the eye is too far from the mesh, or the view too wide, for single precision".to_owned())
+        };
         let mut params = Params::of_view(&view).ok_or_else(far)?;
         if !self.scene.is_clear(&job) && cells_active > 0 {
             let eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
