@@ -1,0 +1,66 @@
+//! A GPU that cannot be kept.
+
+#[path = "../../tests/it/common.rs"]
+mod common;
+
+use super::super::backend::Renderers;
+use super::*;
+use crate::camera::{Camera, Projection};
+use crate::mesh::RawMesh;
+use crate::node_table::{Node, NodeTable};
+use crate::pipeline::RenderMode;
+use crate::visibility::CellSet;
+use glam::DVec3;
+
+fn one_tet() -> RenderJob {
+    let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
+    let camera = Camera {
+        position: DVec3::new(3.0, 2.0, 2.5),
+        focal_point: DVec3::splat(0.25),
+        view_up: DVec3::Z,
+        projection: Projection::Perspective { view_angle: 30.0 },
+        near: 0.0,
+    };
+    let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
+    RenderJob {
+        mesh: Arc::new(mesh),
+        scalars: Arc::new(vec![0.5; 4]),
+        active: Arc::new(CellSet::all(1)),
+        view: camera.view(32, 24).unwrap(),
+        table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
+        compressed: None,
+        optics: Default::default(),
+        early_termination: true,
+        stats: Default::default(),
+    }
+}
+
+/// A device that is lost before it does anything.
+fn open_and_lose(options: &ContextOptions) -> Result<Context, RenderError> {
+    let context = Context::new(options)?;
+    context.lose();
+    Ok(context)
+}
+
+#[test]
+fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu() {
+    let context = match Context::new(&ContextOptions::default()) {
+        Ok(context) => context,
+        Err(why) => return common::skip("gpu", &why.to_string()),
+    };
+    let job = one_tet();
+    let (mut renderers, cancel) = (Renderers::default(), Cancel::new());
+    renderers.gpu.open = open_and_lose;
+    let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu, &cancel).map(|_| ());
+    assert!(matches!(refused, Err(RenderError::DeviceLost { .. })), "{refused:?}");
+
+    renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
+    for _ in 0..2 {
+        let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto, &cancel);
+        let frame = drawn.unwrap().unwrap();
+        assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.1));
+        assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));
+    }
+    assert!(renderers.gpu.context().is_none());
+}
