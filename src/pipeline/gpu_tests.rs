@@ -1,14 +1,12 @@
 //! A GPU that cannot be kept.
 
-#[path = "../../tests/it/common.rs"]
-mod common;
-
 use super::super::backend::Renderers;
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::RawMesh;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::RenderMode;
+use crate::render::gpu::test_common as common;
 use crate::visibility::CellSet;
 use glam::DVec3;
 

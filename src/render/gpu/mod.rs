@@ -13,3 +13,7 @@ mod shader_tests;
 pub mod context;
 #[cfg(feature = "gpu")]
 pub mod raycast;
+/// Skips that cannot be overlooked, as the integration tests have them.
+#[cfg(test)]
+#[path = "../../../tests/it/common.rs"]
+pub(crate) mod test_common;

@@ -1,8 +1,6 @@
 //! Every stage on the GPU against plain f64: what a shader has written is read back and judged by the definition, not by the
 //! CPU's renderer. Each comparison is shown to notice a small change of one side.
 
-#[path = "../../../../../tests/it/common.rs"]
-mod common;
 mod entries;
 mod transform;
 mod walk;
@@ -14,6 +12,7 @@ use crate::mesh::{FACE_VERTICES, Mesh};
 use crate::node_table::{Node, NodeTable};
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::layout::Params;
+use crate::render::gpu::test_common as common;
 use crate::render::{RenderJob, Renderer};
 use crate::visibility::finite_cells;
 use glam::DVec3;
