@@ -119,10 +119,6 @@ fn disagreeing(job: &RenderJob, other: &RenderJob) -> (usize, usize) {
     lit.fold((0, 0), |(wrong, all), (_, (a, b))| (wrong + usize::from(!same(*a, *b)), all + 1))
 }
 
-fn wave(p: DVec3) -> f64 {
-    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
-}
-
 fn scenes() -> Vec<RenderJob> {
     let tents = table(&[
         (-0.55, [0.1, 0.2, 0.9], 0.0),

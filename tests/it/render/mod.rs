@@ -22,6 +22,22 @@ pub fn table(nodes: &[(f64, [f64; 3], f64)]) -> NodeTable {
     NodeTable::new(nodes.iter().map(|&(scalar, rgb, tau)| Node { scalar, rgb, tau }).collect()).unwrap()
 }
 
+/// A smooth field over [-1, 1]^3, within [-1.4, 1.4].
+pub fn wave(p: DVec3) -> f64 {
+    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
+}
+
+/// Something everywhere over the range of [`wave`], with a step.
+pub fn dense() -> NodeTable {
+    table(&[
+        (-1.5, [0.2, 0.2, 1.0], 0.1),
+        (-0.4, [0.1, 0.9, 0.3], 0.4),
+        (0.1, [0.9, 0.9, 0.1], 1.2),
+        (0.1, [0.3, 0.0, 0.8], 0.2),
+        (0.9, [1.0, 0.2, 0.1], 2.0),
+    ])
+}
+
 /// A camera that looks at the origin.
 pub fn camera(position: DVec3, projection: Projection) -> Camera {
     let view_up = if position.x == 0.0 && position.y == 0.0 { DVec3::Y } else { DVec3::Z };

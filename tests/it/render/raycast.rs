@@ -10,26 +10,12 @@ type Shape = Box<dyn Fn(DVec3) -> bool>;
 
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
 
-fn dense() -> NodeTable {
-    table(&[
-        (-1.5, [0.2, 0.2, 1.0], 0.1),
-        (-0.4, [0.1, 0.9, 0.3], 0.4),
-        (0.1, [0.9, 0.9, 0.1], 1.2),
-        (0.1, [0.3, 0.0, 0.8], 0.2),
-        (0.9, [1.0, 0.2, 0.1], 2.0),
-    ])
-}
-
 /// Three narrow tents, everything else transparent.
 fn tents() -> NodeTable {
     let tent = |s: f64, rgb, tau| [(s - 0.05, rgb, 0.0), (s, rgb, tau), (s + 0.05, rgb, 0.0)];
     table(
         &[tent(-0.5, [0.1, 0.2, 0.9], 2.0), tent(0.0, [0.2, 0.9, 0.3], 8.0), tent(0.6, [1.0, 0.4, 0.1], 25.0)].concat(),
     )
-}
-
-fn wave(p: DVec3) -> f64 {
-    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
 }
 
 /// Cameras along axes and diagonals, through vertices and edges, near and far, both projections.

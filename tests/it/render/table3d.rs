@@ -4,10 +4,6 @@ use super::*;
 use crate::meshes::{build, grid, sample};
 use tetreel::optics::OpticsKind;
 
-fn wave(p: DVec3) -> f64 {
-    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
-}
-
 fn scene(nodes: &[(f64, [f64; 3], f64)]) -> RenderJob {
     let mesh = Arc::new(build(grid(6, 0.16, 1, |c| c.length() > 0.4)));
     let camera = camera(DVec3::new(3.0, 2.0, 2.5), Projection::Perspective { view_angle: 30.0 });

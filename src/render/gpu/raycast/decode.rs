@@ -68,17 +68,22 @@ impl BlockDecoder {
             self.decode = Some(Decode::new(context)?);
         }
         let is_there = self.step.as_ref().is_some_and(|there| Arc::ptr_eq(&there.block, &step.block));
-        let mut made = self.params.reserve(context, size_of::<VqStep>() as u64)?;
         let scalars = scalars.get(context)?;
-        made |= self.group.as_ref().is_none_or(|(_, bound)| bound != scalars);
+        // A group with a buffer that is made anew is dropped at once: what fails on the way must not leave it behind.
+        self.group.take_if(|(_, bound)| bound != scalars);
+        if self.params.reserve(context, size_of::<VqStep>() as u64)? {
+            self.group = None;
+        }
         let mut sent = 0;
         if !is_there {
             self.step = None;
-            made |= self.block.reserve(context, bytes)?;
+            if self.block.reserve(context, bytes)? {
+                self.group = None;
+            }
             sent += self.send_block(context, step, &places)?;
         }
         sent += self.params.write(context, 0, bytes_of(&places))?;
-        if let (true, Some(decode)) = (made, &self.decode) {
+        if let (None, Some(decode)) = (&self.group, &self.decode) {
             let buffers = [self.params.get(context)?, self.block.get(context)?, scalars];
             let group = decode.group(context, &buffers.map(wgpu::Buffer::as_entire_binding));
             self.group = Some((group, scalars.clone()));

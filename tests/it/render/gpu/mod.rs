@@ -44,19 +44,4 @@ fn own_context(options: &ContextOptions) -> Option<Arc<Context>> {
     Some(Arc::new(Context::new(options).unwrap()))
 }
 
-fn wave(p: DVec3) -> f64 {
-    (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
-}
-
-/// Something everywhere, with a step.
-fn dense() -> NodeTable {
-    table(&[
-        (-1.5, [0.2, 0.2, 1.0], 0.1),
-        (-0.4, [0.1, 0.9, 0.3], 0.4),
-        (0.1, [0.9, 0.9, 0.1], 1.2),
-        (0.1, [0.3, 0.0, 0.8], 0.2),
-        (0.9, [1.0, 0.2, 0.1], 2.0),
-    ])
-}
-
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
