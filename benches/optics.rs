@@ -47,6 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             table: Arc::new(table),
             optics: OpticsKind::Exact,
             early_termination: true,
+            cancel: Default::default(),
             compressed: None,
             stats: Default::default(),
         };

@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         compressed: None,
         optics: Default::default(),
         early_termination: true,
+        cancel: Default::default(),
         stats: Default::default(),
     };
     let (mut portable, mut newest) = (Raycast::portable(), Raycast::new());

@@ -28,6 +28,7 @@ use super::exact::ExactTable;
 use super::table3d_entries::{Limits, TAU_MAX, fill_row};
 use super::{Accumulator, Integrator, ScalarMap};
 use crate::node_table::{Node, NodeTable};
+use crate::task::Cancel;
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -120,6 +121,18 @@ impl Table3d {
         world_per_length: f64,
         resolution: Table3dResolution,
     ) -> Self {
+        Self::new_unless(table, range, length_max, world_per_length, resolution, &Cancel::new())
+    }
+
+    /// The same, but of no use if `cancel` is raised.
+    pub fn new_unless(
+        table: &NodeTable,
+        range: (f64, f64),
+        length_max: f64,
+        world_per_length: f64,
+        resolution: Table3dResolution,
+        cancel: &Cancel,
+    ) -> Self {
         let (lo, hi) = (range.0.min(range.1), range.0.max(range.1));
         let resolution = Table3dResolution { scalars: resolution.scalars.max(2), lengths: resolution.lengths.max(2) };
         let length_max = if length_max.is_finite() { length_max.max(f64::MIN_POSITIVE) } else { 1.0 };
@@ -136,6 +149,7 @@ impl Table3d {
         entries
             .par_chunks_exact_mut(resolution.scalars * resolution.lengths)
             .zip(&scalars)
+            .take_any_while(|_| !cancel.is_cancelled())
             .for_each(|(row, &s1)| fill_row(&nodes, &scalars, s1, &lengths, row));
         let (below, above) = (Limits::at(&nodes, lo).left, Limits::at(&nodes, hi).right);
         let exact = ExactTable::new(table, world_per_length);

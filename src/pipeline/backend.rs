@@ -5,10 +5,10 @@ use super::RenderMode;
 use super::gpu::Gpu;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Frame, RenderError, RenderJob, Renderer};
-use crate::task::Cancel;
+use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
+use std::time::Duration;
 
 /// Where a frame is rendered. Frames of both backends agree within the bounds of `docs/architecture.md`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,6 +47,13 @@ pub(super) struct Renderers {
 }
 
 impl Renderers {
+    /// Forgets what a renderer that panicked may have left behind; the GPU is looked for again.
+    pub(super) fn begin_afresh(&mut self) {
+        (self.raycast, self.reference) = Default::default();
+        #[cfg(feature = "gpu")]
+        self.gpu.begin_afresh();
+    }
+
     /// Whether there is what the backend needs.
     ///
     /// # Errors
@@ -61,25 +68,54 @@ impl Renderers {
         Ok(())
     }
 
-    /// The frame of a job; `None` if `cancel` was raised.
+    /// The frame of a job; `None` if it was cancelled.
     ///
     /// # Errors
-    /// As [`Renderer::render_unless`], and `NoGpu`.
+    /// As [`Renderer::render_unless_cancelled`], and `NoGpu`.
     pub(super) fn render(
         &mut self,
         job: RenderJob,
         mode: RenderMode,
         backend: Backend,
-        cancel: &Cancel,
     ) -> Result<Option<&Frame>, RenderError> {
+        let Some(renderer) = self.draw(job, mode, backend)? else { return Ok(None) };
+        // Without a job, the last frame.
+        let (Advance::Partial(frame) | Advance::Done(frame)) = renderer.advance(Duration::ZERO)?;
+        Ok(Some(frame))
+    }
+
+    /// The same frame to keep; the next one is rendered to the memory that `replacement` gives.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub(super) fn render_to_keep(
+        &mut self,
+        job: RenderJob,
+        mode: RenderMode,
+        backend: Backend,
+        replacement: impl FnOnce() -> Frame,
+    ) -> Result<Option<Frame>, RenderError> {
+        Ok(self.draw(job, mode, backend)?.map(|renderer| renderer.take_frame(replacement())))
+    }
+
+    /// The renderer that has drawn a job; `None` if it was cancelled.
+    fn draw(
+        &mut self,
+        job: RenderJob,
+        mode: RenderMode,
+        backend: Backend,
+    ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let renderer: &mut dyn Renderer = match mode {
             RenderMode::Reference => &mut self.reference,
             RenderMode::Auto | RenderMode::Raycast => {
                 self.check(backend)?;
                 #[cfg(feature = "gpu")]
                 if self.gpu.is_wanted(backend)? {
-                    match self.gpu.draw(&job, backend, cancel) {
-                        Ok(is_drawn) => return Ok(if is_drawn { self.gpu.last_frame() } else { None }),
+                    match self.gpu.draw(&job, backend) {
+                        Ok(false) => return Ok(None),
+                        Ok(true) => {
+                            return Ok(self.gpu.renderer_in_use().map(|renderer| renderer as &mut dyn Renderer));
+                        }
                         Err(error) if backend == Backend::Gpu => return Err(error),
                         // The CPU can do it, and the GPU has noted why it did not.
                         Err(_) => {}
@@ -88,6 +124,7 @@ impl Renderers {
                 &mut self.raycast
             }
         };
-        renderer.render_unless(job, cancel)
+        let is_drawn = renderer.render_unless_cancelled(job)?.is_some();
+        Ok(is_drawn.then_some(renderer))
     }
 }

@@ -5,10 +5,8 @@ use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::raycast::Raycast;
-use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
-use crate::task::Cancel;
+use crate::render::{RenderError, RenderJob, Renderer};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Times that a frame is begun again on a new device before its failure counts.
 const RESTARTS_MAX: u64 = 2;
@@ -51,6 +49,11 @@ impl Gpu {
     /// Another GPU than the best one; what was begun on the last one is forgotten.
     pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
         *self = Self { options, open: self.open, ..Self::default() };
+    }
+
+    /// Looks for the same GPU again when it is needed.
+    pub(in crate::pipeline) fn begin_afresh(&mut self) {
+        self.choose(self.options.clone());
     }
 
     /// The GPU in use, if one has been needed so far.
@@ -105,24 +108,19 @@ impl Gpu {
         }
     }
 
-    /// Renders a job, unless `cancel` is raised: whether [`Self::last_frame`] is its frame. A device that is lost or fails
+    /// Renders a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
     /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
     ///
     /// # Errors
     /// Of the last device, or that the job is beyond the GPU.
-    pub(in crate::pipeline) fn draw(
-        &mut self,
-        job: &RenderJob,
-        backend: Backend,
-        cancel: &Cancel,
-    ) -> Result<bool, RenderError> {
+    pub(in crate::pipeline) fn draw(&mut self, job: &RenderJob, backend: Backend) -> Result<bool, RenderError> {
         let hardware_only = backend == Backend::Auto && self.options.adapter.is_empty();
-        let drawn = self.draw_again(job, hardware_only, cancel);
+        let drawn = self.draw_again(job, hardware_only);
         self.problem = drawn.as_ref().err().cloned();
         drawn
     }
 
-    fn draw_again(&mut self, job: &RenderJob, hardware_only: bool, cancel: &Cancel) -> Result<bool, RenderError> {
+    fn draw_again(&mut self, job: &RenderJob, hardware_only: bool) -> Result<bool, RenderError> {
         if let Some((mesh, view, error)) = &self.beyond
             && Arc::ptr_eq(mesh, &job.mesh)
             && *view == job.view
@@ -131,7 +129,7 @@ impl Gpu {
         }
         let mut job = job.clone();
         loop {
-            let error = match self.renderer(hardware_only)?.render_unless(job.clone(), cancel) {
+            let error = match self.renderer(hardware_only)?.render_unless_cancelled(job.clone()) {
                 Ok(frame) => return Ok(frame.is_some()),
                 Err(error) => error,
             };
@@ -157,12 +155,11 @@ impl Gpu {
         }
     }
 
-    /// The last frame that was rendered to its end.
-    pub(in crate::pipeline) fn last_frame(&mut self) -> Option<&Frame> {
-        let State::Ready(renderer) = &mut self.state else { return None };
-        match renderer.advance(Duration::ZERO) {
-            Ok(Advance::Done(frame)) => Some(frame),
-            Ok(Advance::Partial(_)) | Err(_) => None,
+    /// The renderer on the device in use.
+    pub(in crate::pipeline) fn renderer_in_use(&mut self) -> Option<&mut Raycast> {
+        match &mut self.state {
+            State::Ready(renderer) => Some(renderer),
+            State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
         }
     }
 }

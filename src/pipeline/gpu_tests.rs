@@ -30,6 +30,7 @@ fn one_tet() -> RenderJob {
         compressed: None,
         optics: Default::default(),
         early_termination: true,
+        cancel: Default::default(),
         stats: Default::default(),
     }
 }
@@ -48,14 +49,14 @@ fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu
         Err(why) => return common::skip("gpu", &why.to_string()),
     };
     let job = one_tet();
-    let (mut renderers, cancel) = (Renderers::default(), Cancel::new());
+    let mut renderers = Renderers::default();
     renderers.gpu.open = open_and_lose;
-    let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu, &cancel).map(|_| ());
+    let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu).map(|_| ());
     assert!(matches!(refused, Err(RenderError::DeviceLost { .. })), "{refused:?}");
 
     renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
     for _ in 0..2 {
-        let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto, &cancel);
+        let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto);
         let frame = drawn.unwrap().unwrap();
         assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.1));
         assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));

@@ -1,123 +1,160 @@
-//! The steps that are in memory: what the last frames showed, and what they were mixed from.
+//! The moments that are in memory: what the last frames showed, and what they were mixed from.
 
+use super::series::Series;
 use super::time::{FrameTime, mix};
 use crate::codec::DecodeStats;
 use crate::error::FileResult;
-use crate::mesh::Mesh;
 use crate::stats::FrameStats;
-use crate::visibility::{CellSet, finite_cells};
+use crate::task::Cancel;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
-/// A step as the store has it.
+/// The scalars of a moment.
 #[derive(Debug)]
-struct DecodedStep {
-    step: usize,
-    scalars: Arc<Vec<f32>>,
-}
-
-/// The scalars of a frame and the cells that have four finite ones.
-#[derive(Clone, Debug)]
-pub(super) struct Shown {
+struct Held {
     time: FrameTime,
-    pub(super) scalars: Arc<Vec<f32>>,
-    pub(super) active: Arc<CellSet>,
+    scalars: Arc<Vec<f32>>,
+    /// When it was last used, counted in uses.
+    used: u64,
 }
 
-/// Steps already decoded. Playing forwards, each step is decoded once, interpolated or not: one step is kept as long as
-/// frames show plain steps, two once a frame lies between two.
-#[derive(Debug)]
-pub(super) struct StepCache {
-    all_cells: Arc<CellSet>,
-    /// Two at most.
-    decoded: Vec<DecodedStep>,
-    shown: Option<Shown>,
-}
+/// Most moments that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next
+/// one from. If more are in use, the memory of those let go comes back when their frames are done.
+const HELD_MAX: usize = 5;
 
 /// Vertices that a thread mixes at once: fewer cost more to hand out than to mix.
 const MIX_CHUNK: usize = 16 * 1024;
 
-impl StepCache {
-    /// An empty cache for a mesh of so many cells.
-    pub(super) fn new(cells: usize) -> Self {
-        Self { all_cells: Arc::new(CellSet::all(cells)), decoded: Vec::new(), shown: None }
-    }
-
-    /// What a frame shows; `decode` fills a buffer with a step, one scalar per vertex of `mesh`.
-    ///
-    /// # Errors
-    /// That of `decode`.
-    pub(super) fn show(
-        &mut self,
-        time: FrameTime,
-        mesh: &Mesh,
-        decode: &dyn Fn(usize, &mut [f32]) -> FileResult<DecodeStats>,
-        stats: &mut FrameStats,
-    ) -> FileResult<Shown> {
-        let last = match self.shown.take() {
-            Some(shown) if shown.time == time => return Ok(self.shown.insert(shown).clone()),
-            last => last,
-        };
-        let last_active = last.as_ref().map(|shown| shown.active.clone());
-        let mut step = |cache: &mut Self, step, keep| cache.step(step, keep, mesh, decode, stats);
-        let scalars = match time.toward() {
-            None => {
-                // Its buffer may be the one that the step is decoded to.
-                drop(last);
-                step(self, time.step(), None)?
-            }
-            Some((next, weight)) => {
-                let mixed_before = last.filter(|shown| shown.time.toward().is_some());
-                let mut mixed = unshared(mixed_before.map(|shown| shown.scalars).unwrap_or_default());
-                let from = step(self, time.step(), Some(next))?;
-                let to = step(self, next, Some(time.step()))?;
-                mix_steps(&from, &to, weight, Arc::make_mut(&mut mixed));
-                mixed
-            }
-        };
-        let finite = finite_cells(&mesh.topology, &scalars);
-        // The same set in the same place as before: renderers then keep what they have made of it.
-        let known = [Some(&self.all_cells), last_active.as_ref()].into_iter().flatten().find(|set| ***set == finite);
-        let active = known.cloned().unwrap_or_else(|| Arc::new(finite));
-        Ok(self.shown.insert(Shown { time, scalars, active }).clone())
-    }
-
-    /// A step, decoded unless it is there; it takes the place of another than `keep`.
-    fn step(
-        &mut self,
-        step: usize,
-        keep: Option<usize>,
-        mesh: &Mesh,
-        decode: &dyn Fn(usize, &mut [f32]) -> FileResult<DecodeStats>,
-        stats: &mut FrameStats,
-    ) -> FileResult<Arc<Vec<f32>>> {
-        if let Some(found) = self.decoded.iter().find(|decoded| decoded.step == step) {
-            return Ok(found.scalars.clone());
-        }
-        let replaced = self.decoded.iter().position(|decoded| Some(decoded.step) != keep);
-        let mut scalars = unshared(replaced.map(|i| self.decoded.swap_remove(i).scalars).unwrap_or_default());
-        let values = Arc::make_mut(&mut scalars);
-        values.resize(mesh.positions.local.len(), 0.0);
-        let cost = decode(step, values)?;
-        stats.bytes_read += cost.bytes_read;
-        stats.vertices_decoded += cost.vertices_decoded;
-        self.decoded.push(DecodedStep { step, scalars: scalars.clone() });
-        Ok(scalars)
-    }
+/// Moments already decoded or mixed, in a pool of buffers. Playing forwards, each step is decoded once, interpolated or
+/// not. A buffer is used again as soon as no frame holds it: there are as many as frames on their way, and one or two more.
+#[derive(Debug, Default)]
+pub(super) struct StepCache {
+    /// What `held` are moments of.
+    of: Weak<Series>,
+    held: Vec<Held>,
+    /// A buffer whose filling failed or was cancelled.
+    spare: Option<Arc<Vec<f32>>>,
+    uses: u64,
 }
 
-/// The buffer if nobody else holds it, else an empty one. A renderer may still know it by a weak reference, to tell whether
-/// it has sent it; `Arc::make_mut` then leaves that behind and moves the values.
-fn unshared(buffer: Arc<Vec<f32>>) -> Arc<Vec<f32>> {
-    if Arc::strong_count(&buffer) == 1 { buffer } else { Arc::default() }
+impl StepCache {
+    /// The scalars of a moment, one per vertex; `None` if `cancel` was raised.
+    ///
+    /// # Errors
+    /// If a step cannot be read.
+    pub(super) fn show(
+        &mut self,
+        series: &Arc<Series>,
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> FileResult<Option<Arc<Vec<f32>>>> {
+        if self.of.as_ptr() != Arc::as_ptr(series) {
+            self.held.clear();
+            self.of = Arc::downgrade(series);
+        }
+        if let Some(found) = self.find(time) {
+            return Ok(Some(found));
+        }
+        let vertices = series.vertices();
+        let Some((next, weight)) = time.toward() else {
+            let mut decoded = DecodeStats::default();
+            let filled = self.fill(time, vertices, |out| {
+                let cost = series.source.decode_step(time.step(), out, cancel)?;
+                decoded = cost.unwrap_or_default();
+                Ok(cost.is_some())
+            });
+            stats.bytes_read += decoded.bytes_read;
+            stats.vertices_decoded += decoded.vertices_decoded;
+            return filled;
+        };
+        // What is held here cannot be what the other one is decoded to.
+        let known = self.find(next.into());
+        let Some(from) = self.show(series, time.step().into(), cancel, stats)? else { return Ok(None) };
+        let to = match known {
+            Some(to) => to,
+            None => match self.show(series, next.into(), cancel, stats)? {
+                Some(to) => to,
+                None => return Ok(None),
+            },
+        };
+        self.fill(time, vertices, |out| {
+            mix_steps(&from, &to, weight, cancel, out);
+            Ok(!cancel.is_cancelled())
+        })
+    }
+
+    /// Buffers that it has, in use or not.
+    #[cfg(test)]
+    pub(super) fn buffers(&self) -> usize {
+        self.held.len() + usize::from(self.spare.is_some())
+    }
+
+    fn find(&mut self, time: FrameTime) -> Option<Arc<Vec<f32>>> {
+        self.uses += 1;
+        let found = self.held.iter_mut().find(|held| held.time == time)?;
+        found.used = self.uses;
+        Some(found.scalars.clone())
+    }
+
+    /// Fills a free buffer with a moment; `fill` says whether it came to its end.
+    fn fill(
+        &mut self,
+        time: FrameTime,
+        vertices: usize,
+        fill: impl FnOnce(&mut [f32]) -> FileResult<bool>,
+    ) -> FileResult<Option<Arc<Vec<f32>>>> {
+        let mut scalars = self.free_buffer();
+        // Nobody else holds it. A renderer may still know it by a weak reference, to tell whether it has sent it: that is left
+        // behind, and the values move.
+        let values = Arc::make_mut(&mut scalars);
+        values.resize(vertices, 0.0);
+        match fill(values) {
+            Ok(true) => {
+                self.uses += 1;
+                self.held.push(Held { time, scalars: scalars.clone(), used: self.uses });
+                Ok(Some(scalars))
+            }
+            Ok(false) => {
+                self.spare = Some(scalars);
+                Ok(None)
+            }
+            Err(error) => {
+                self.spare = Some(scalars);
+                Err(error)
+            }
+        }
+    }
+
+    /// A buffer that no frame holds: that of the moment used longest ago, or a new one.
+    fn free_buffer(&mut self) -> Arc<Vec<f32>> {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let oldest = |held: &[Held], is_free: bool| {
+            let candidates = held.iter().enumerate().filter(|(_, h)| !is_free || Arc::strong_count(&h.scalars) == 1);
+            candidates.min_by_key(|(_, h)| h.used).map(|(at, _)| at)
+        };
+        if let Some(at) = oldest(&self.held, true) {
+            return self.held.swap_remove(at).scalars;
+        }
+        if self.held.len() >= HELD_MAX
+            && let Some(at) = oldest(&self.held, false)
+        {
+            self.held.swap_remove(at);
+        }
+        Arc::default()
+    }
 }
 
 /// `(1 - weight) * from + weight * to` per vertex, in f64. Not finite where one of both is not: a hole in either step is one
-/// in between.
-fn mix_steps(from: &[f32], to: &[f32], weight: f64, out: &mut Vec<f32>) {
-    out.resize(from.len(), 0.0);
+/// in between. Unfinished if `cancel` is raised.
+fn mix_steps(from: &[f32], to: &[f32], weight: f64, cancel: &Cancel, out: &mut [f32]) {
     out.par_chunks_mut(MIX_CHUNK).zip(from.par_chunks(MIX_CHUNK)).zip(to.par_chunks(MIX_CHUNK)).for_each(
         |((out, from), to)| {
+            if cancel.is_cancelled() {
+                return;
+            }
             for ((out, &a), &b) in out.iter_mut().zip(from).zip(to) {
                 *out = mix(f64::from(a), f64::from(b), weight) as f32;
             }
@@ -127,35 +164,20 @@ fn mix_steps(from: &[f32], to: &[f32], weight: f64, out: &mut Vec<f32>) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_series;
     use super::*;
-    use crate::mesh::RawMesh;
-    use glam::DVec3;
-    use std::cell::RefCell;
 
-    fn one_tet() -> Mesh {
-        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap().0
-    }
-
-    /// A cache that is asked for moments; the steps it decoded, in order.
+    /// A cache of a fake series, and the steps that it decoded, in order.
     fn decoded_for(moments: &[FrameTime]) -> Vec<usize> {
-        let mesh = one_tet();
-        let log = RefCell::new(Vec::new());
-        let decode = |step: usize, out: &mut [f32]| {
-            log.borrow_mut().push(step);
-            out.fill(step as f32);
-            Ok(DecodeStats { bytes_read: 1, vertices_decoded: out.len() as u64 })
-        };
-        let mut cache = StepCache::new(mesh.topology.tets.len());
+        let (series, log) = test_series::logged(8);
+        let mut cache = StepCache::default();
         for &time in moments {
             let mut stats = FrameStats::default();
-            let shown = cache.show(time, &mesh, &decode, &mut stats).unwrap();
+            let shown = cache.show(&series, time, &Cancel::new(), &mut stats).unwrap().unwrap();
             let expected = time.mix(time.step() as f64, |next| next as f64) as f32;
-            assert!(shown.scalars.iter().all(|&s| s == expected), "{time:?}");
-            assert!(Arc::ptr_eq(&shown.active, &cache.all_cells));
-            assert!(cache.decoded.len() <= 2);
+            assert!(shown.len() == series.vertices() && shown.iter().all(|&s| s == expected), "{time:?}");
         }
-        log.into_inner()
+        log.decoded()
     }
 
     #[test]
@@ -173,15 +195,37 @@ mod tests {
     }
 
     #[test]
-    fn plain_steps_keep_one_buffer() {
-        let mesh = one_tet();
-        let mut cache = StepCache::new(mesh.topology.tets.len());
-        let decode = |_: usize, _: &mut [f32]| Ok(DecodeStats::default());
-        let mut place = |step: usize| {
-            let shown = cache.show(step.into(), &mesh, &decode, &mut FrameStats::default()).unwrap();
-            shown.scalars.as_ptr()
-        };
-        assert_eq!(place(0), place(1));
+    fn buffers_are_as_many_as_frames_that_hold_them_and_one_more() {
+        let (series, _) = test_series::logged(64);
+        for on_their_way in 0..4 {
+            let mut cache = StepCache::default();
+            let mut frames = std::collections::VecDeque::new();
+            let mut places = std::collections::BTreeSet::new();
+            for step in 0..40 {
+                let shown =
+                    cache.show(&series, step.into(), &Cancel::new(), &mut FrameStats::default()).unwrap().unwrap();
+                places.insert(shown.as_ptr().addr());
+                frames.push_back(shown);
+                if frames.len() > on_their_way {
+                    frames.pop_front();
+                }
+            }
+            assert_eq!(places.len(), on_their_way + 1, "{on_their_way}");
+        }
+    }
+
+    #[test]
+    fn a_buffer_whose_filling_was_cancelled_or_failed_is_used_again_and_never_shown() {
+        let (series, log) = test_series::logged(8);
+        let (mut cache, mut stats) = (StepCache::default(), FrameStats::default());
+        let cancelled = Cancel::new();
+        cancelled.cancel();
+        assert!(cache.show(&series, 1.into(), &cancelled, &mut stats).unwrap().is_none());
+        log.fail_at(2);
+        assert!(cache.show(&series, 2.into(), &Cancel::new(), &mut stats).is_err());
+        assert!(cache.held.is_empty() && cache.spare.is_some());
+        let shown = cache.show(&series, FrameTime::between(0, 1, 0.5), &Cancel::new(), &mut stats).unwrap().unwrap();
+        assert!(shown.iter().all(|&s| s == 0.5) && cache.spare.is_none());
     }
 
     #[test]
@@ -190,8 +234,8 @@ mod tests {
         let value = |i: usize| ((i as f32) * 0.7).sin() * 10f32.powi(i as i32 % 60 - 30);
         let from: Vec<f32> = (0..2 * MIX_CHUNK + 7).map(value).collect();
         let to: Vec<f32> = (0..from.len()).map(|i| value(i + 5)).collect();
-        let mut out = Vec::new();
-        mix_steps(&from, &to, 0.3, &mut out);
+        let mut out = vec![0.0; from.len()];
+        mix_steps(&from, &to, 0.3, &Cancel::new(), &mut out);
         let mut exact = 0;
         for ((&a, &b), &mixed) in from.iter().zip(&to).zip(&out) {
             let by_hand = f64::from(a) + 0.3 * (f64::from(b) - f64::from(a));
@@ -201,15 +245,15 @@ mod tests {
             exact += usize::from(mixed == by_hand as f32);
         }
         // Roundings of an f64 decide a rounding to f32 once in millions.
-        assert!(exact + 2 >= out.len() && from != out, "{exact} of {}", out.len());
+        assert!(exact + 2 >= out.len() && from != *out, "{exact} of {}", out.len());
     }
 
     #[test]
     fn a_hole_in_either_step_is_a_hole_between_them() {
         let (nan, inf) = (f32::NAN, f32::INFINITY);
         let (from, to) = ([1.0, nan, 1.0, inf, inf, 0.5], [3.0, 1.0, -inf, 1.0, -inf, 0.5]);
-        let mut out = Vec::new();
-        mix_steps(&from, &to, 0.25, &mut out);
+        let mut out = [0.0; 6];
+        mix_steps(&from, &to, 0.25, &Cancel::new(), &mut out);
         assert_eq!((out[0], out[5]), (1.5, 0.5));
         assert!(out[1..5].iter().all(|s| !s.is_finite()), "{out:?}");
     }

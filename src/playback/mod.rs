@@ -62,6 +62,7 @@ mod clock;
 mod command;
 mod course;
 mod measure;
+mod player;
 mod screen;
 mod sequence;
 #[cfg(test)]
@@ -69,3 +70,4 @@ mod tests;
 
 pub use clock::{Clock, Due, State};
 pub use command::{Command, CommandError, Direction, Loop, Mode, Settings, StepRange};
+pub use player::{Player, Tick};

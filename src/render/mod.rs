@@ -38,6 +38,9 @@ pub struct RenderJob {
     pub optics: OpticsKind,
     /// Whether rays stop when nothing behind can be seen.
     pub early_termination: bool,
+    /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
+    /// [`Advance::Partial`].
+    pub cancel: Cancel,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
     pub stats: FrameStats,
 }
@@ -176,20 +179,32 @@ pub trait Renderer: Send {
     /// If the parts of the job do not belong together.
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError>;
 
-    /// Works on the job for about `budget` (at least one tile) and shows what there is. Without a job the last frame
-    /// is done.
+    /// Works on the job for about `budget` (at least one tile) and shows what there is; does nothing once the job is
+    /// cancelled. Without a job the last frame is done.
     ///
     /// # Errors
     /// If the device is lost or fails; the job is then dropped.
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError>;
 
-    /// Renders a whole frame unless `cancel` is raised, which is looked at every tenth of a second; `None` if it was.
+    /// Takes the last frame out, so that it can be kept while the next one is rendered to the memory of `replacement`,
+    /// whose pixels count for nothing.
+    fn take_frame(&mut self, replacement: Frame) -> Frame;
+
+    /// The longest that [`Self::advance`] should work at once for a cancelled job to stop in time: a renderer that looks at
+    /// the flag while it works needs no slices.
+    fn slice(&self) -> Duration {
+        Duration::MAX
+    }
+
+    /// Renders a whole frame; `None` if the job was cancelled before it was done.
     ///
     /// # Errors
     /// As [`Self::begin`] and [`Self::advance`].
-    fn render_unless(&mut self, job: RenderJob, cancel: &Cancel) -> Result<Option<&Frame>, RenderError> {
+    fn render_unless_cancelled(&mut self, job: RenderJob) -> Result<Option<&Frame>, RenderError> {
+        let cancel = job.cancel.clone();
+        let slice = self.slice();
         self.begin(job)?;
-        while let Advance::Partial(_) = self.advance(Duration::from_millis(100))? {
+        while let Advance::Partial(_) = self.advance(slice)? {
             if cancel.is_cancelled() {
                 return Ok(None);
             }
@@ -198,7 +213,7 @@ pub trait Renderer: Send {
         Ok(Some(frame))
     }
 
-    /// Renders a whole frame.
+    /// Renders a whole frame of a job that nobody cancels.
     ///
     /// # Errors
     /// As [`Self::begin`] and [`Self::advance`].

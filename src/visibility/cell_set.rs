@@ -1,5 +1,7 @@
 //! A set of cells, one bit each.
 
+use rayon::prelude::*;
+
 /// A set of cells of one mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CellSet {
@@ -22,6 +24,14 @@ impl CellSet {
     /// No cell of a mesh of `len` cells.
     pub fn none(len: usize) -> Self {
         Self { words: vec![0; len.div_ceil(64)], len }
+    }
+
+    /// The cells of a mesh of `len` cells that are members, asked on all threads.
+    pub fn of(len: usize, is_member: impl Fn(usize) -> bool + Sync) -> Self {
+        let word = |at: usize| {
+            (64 * at..len.min(64 * at + 64)).fold(0, |word, cell| word | u64::from(is_member(cell)) << (cell % 64))
+        };
+        Self { words: (0..len.div_ceil(64)).into_par_iter().with_min_len(256).map(word).collect(), len }
     }
 
     /// The set as bits: cell c is bit c % 64 of word c / 64; bits beyond the last cell are zero.

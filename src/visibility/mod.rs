@@ -5,16 +5,27 @@ mod cell_set;
 pub use cell_set::CellSet;
 
 use crate::mesh::Topology;
+use crate::task::Cancel;
+use rayon::prelude::*;
+
+/// Scalars that a thread looks at between two looks at the flag that cancels.
+const SCALARS_AT_ONCE: usize = 64 * 1024;
 
 /// The cells whose four scalars are finite: NaN and infinity are holes in the field (`scalars`: one per vertex).
 pub fn finite_cells(topology: &Topology, scalars: &[f32]) -> CellSet {
-    let cells = topology.tets.len();
-    if scalars.iter().all(|s| s.is_finite()) {
-        return CellSet::all(cells);
-    }
-    let mut set = CellSet::none(cells);
-    for (cell, tet) in (0u32..).zip(&topology.tets) {
-        set.set(cell, tet.iter().all(|&v| scalars[v as usize].is_finite()));
-    }
-    set
+    // Nobody cancels this one.
+    finite_cells_unless(topology, scalars, &Cancel::new()).unwrap_or_else(|| CellSet::none(topology.tets.len()))
+}
+
+/// The same, unless `cancel` is raised before it is done.
+pub fn finite_cells_unless(topology: &Topology, scalars: &[f32], cancel: &Cancel) -> Option<CellSet> {
+    let is_finite = |values: &[f32]| !cancel.is_cancelled() && values.iter().all(|s| s.is_finite());
+    let set = if scalars.par_chunks(SCALARS_AT_ONCE).all(is_finite) {
+        CellSet::all(topology.tets.len())
+    } else {
+        CellSet::of(topology.tets.len(), |cell| {
+            !cancel.is_cancelled() && topology.tets[cell].iter().all(|&v| scalars[v as usize].is_finite())
+        })
+    };
+    (!cancel.is_cancelled()).then_some(set)
 }

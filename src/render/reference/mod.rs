@@ -24,6 +24,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
+/// Cells that are clipped between two looks at the flag that cancels.
+const CELLS_AT_ONCE: usize = 1024;
+
 /// Rows of a band.
 const BAND_ROWS: usize = 8;
 
@@ -80,7 +83,7 @@ impl Renderer for Reference {
         self.frame.stats = crate::stats::FrameStats {
             cells_active: job.active.count() as u64,
             cells_total: job.active.universe() as u64,
-            ms_order: started.elapsed().as_secs_f64() * 1e3,
+            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
         self.active_job = Some(ActiveJob { job, view, cells, next_band: 0, started });
@@ -89,11 +92,12 @@ impl Renderer for Reference {
 
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
         let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
+        let cancel = active.job.cancel.clone();
         let slice_started = Instant::now();
         let width = self.frame.color.width;
         let bands = self.frame.color.height.div_ceil(BAND_ROWS);
         let batch = 2 * rayon::current_num_threads();
-        while active.next_band < bands {
+        while active.next_band < bands && !cancel.is_cancelled() {
             let range = active.next_band..(active.next_band + batch).min(bands);
             active.next_band = range.end;
             let rows_at = range.start * BAND_ROWS;
@@ -110,35 +114,46 @@ impl Renderer for Reference {
                 break;
             }
         }
-        let done = active.next_band >= bands;
+        let done = active.next_band >= bands && !cancel.is_cancelled();
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
+        let ms_before = active.job.stats.ms_decode + active.job.stats.ms_order;
+        self.frame.stats.ms_frame = ms_before + active.started.elapsed().as_secs_f64() * 1e3;
         if done {
             self.active_job = None;
             return Ok(Advance::Done(&self.frame));
         }
         Ok(Advance::Partial(&self.frame))
     }
+
+    fn take_frame(&mut self, replacement: Frame) -> Frame {
+        std::mem::replace(&mut self.frame, replacement)
+    }
 }
 
-/// Renders the rows from `first_row` on; returns the number of segments.
+/// Renders the rows from `first_row` on, unless the job is cancelled; returns the number of segments.
 fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let view = &active.view;
     let width = view.width_px;
     let rows = first_row..first_row + pixels.len() / width;
     let mut segments: Vec<(u32, Segment)> = Vec::new();
-    for cell in &active.cells {
+    for (i, cell) in active.cells.iter().enumerate() {
+        if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
+            return 0;
+        }
         for j in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
-            for i in cell.columns.clone() {
-                let (px, py) = view.ray(i, j);
+            for column in cell.columns.clone() {
+                let (px, py) = view.ray(column, j);
                 if let Some(segment) = cell.clip(view, px, py) {
-                    segments.push((((j - first_row) * width + i) as u32, segment));
+                    segments.push((((j - first_row) * width + column) as u32, segment));
                 }
             }
         }
     }
     segments.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.near.total_cmp(&b.1.near)).then(a.1.far.total_cmp(&b.1.far)));
     for of_pixel in segments.chunk_by(|a, b| a.0 == b.0) {
+        if active.job.cancel.is_cancelled() {
+            return 0;
+        }
         let pixel = of_pixel[0].0 as usize;
         let (px, py) = view.ray(pixel % width, first_row + pixel / width);
         let local_per_depth = view.length_per_depth(px, py);

@@ -55,6 +55,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         compressed: None,
         optics: Default::default(),
         early_termination: true,
+        cancel: Default::default(),
         stats: Default::default(),
     }
 }

@@ -5,6 +5,7 @@ use super::TILE_PX;
 use super::view::{Ray, Sheared, ViewVertex, hit, signed_edge};
 use crate::camera::View;
 use crate::mesh::{FACE_VERTICES, Topology};
+use crate::task::Cancel;
 use crate::visibility::CellSet;
 use rayon::prelude::*;
 
@@ -27,11 +28,11 @@ pub(super) struct PixelRect {
     pub(super) height: usize,
 }
 
-/// All entry faces, in the order of their cells.
-pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, out: &mut Vec<EntryFace>) {
+/// All entry faces, in the order of their cells; some of them if `cancel` is raised.
+pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, cancel: &Cancel, out: &mut Vec<EntryFace>) {
     out.clear();
     out.par_extend((0..topology.tets.len() as u32).into_par_iter().with_min_len(16_384).flat_map_iter(|cell| {
-        let member = active.contains(cell);
+        let member = active.contains(cell) && !cancel.is_cancelled();
         let neighbours = topology.neighbours[cell as usize];
         (0..4).filter_map(move |i| {
             let open = member && neighbours[i].cell().is_none_or(|n| !active.contains(n));

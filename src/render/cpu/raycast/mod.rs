@@ -83,6 +83,8 @@ struct ActiveJob {
     eye_cells: Vec<u32>,
     next_tile: usize,
     started: Instant,
+    /// Milliseconds that the frame took before it came here.
+    ms_before: f64,
 }
 
 /// The job's transfer function, prepared.
@@ -122,8 +124,9 @@ impl Raycast {
             Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(active, &job.active)
         };
         if !self.entry_faces_of.as_ref().is_some_and(same) {
-            entries::collect(&job.mesh.topology, &job.active, &mut self.entry_faces);
-            self.entry_faces_of = Some((job.mesh.clone(), job.active.clone()));
+            entries::collect(&job.mesh.topology, &job.active, &job.cancel, &mut self.entry_faces);
+            let is_complete = !job.cancel.is_cancelled();
+            self.entry_faces_of = is_complete.then(|| (job.mesh.clone(), job.active.clone()));
         }
     }
 }
@@ -138,9 +141,9 @@ impl Renderer for Raycast {
             OpticsKind::Exact => Table::Exact(ExactTable::new(&job.table, job.mesh.positions.scale)),
             OpticsKind::Table3d => Table::Table3d(self.pre_integrated.get(&job)),
         };
-        view::transform(&view, &job.mesh.positions.local, &job.scalars, &mut self.vertices);
+        view::transform(&view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
         let cells_active = job.active.count();
-        let everything_clear = table.is_clear() || cells_active == 0;
+        let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
         let eye_cells = if everything_clear {
             self.bins.clear();
             Vec::new()
@@ -153,37 +156,46 @@ impl Renderer for Raycast {
             cells_active: cells_active as u64,
             cells_total: job.active.universe() as u64,
             entry_faces: if everything_clear { 0 } else { self.entry_faces.len() as u64 },
-            ms_order: started.elapsed().as_secs_f64() * 1e3,
+            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
         self.tile_pixels.resize(self.bins.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
         self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
-        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started });
+        let ms_before = job.stats.ms_decode + job.stats.ms_order;
+        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started, ms_before });
         Ok(())
     }
 
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
         let Some(active) = self.active_job.take() else { return Ok(Advance::Done(&self.frame)) };
+        if active.job.cancel.is_cancelled() {
+            // Perhaps since before its tiles were known.
+            self.active_job = Some(active);
+            return Ok(Advance::Partial(&self.frame));
+        }
         let slice_started = Instant::now();
         let next_tile = match &active.table {
             Table::Exact(table) => self.render_tiles(&active, table, budget),
             Table::Table3d(table) => self.render_tiles(&active, &**table, budget),
         };
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
         if next_tile >= self.bins.tile_count() {
             return Ok(Advance::Done(&self.frame));
         }
         self.active_job = Some(ActiveJob { next_tile, ..active });
         Ok(Advance::Partial(&self.frame))
     }
+
+    fn take_frame(&mut self, replacement: Frame) -> Frame {
+        std::mem::replace(&mut self.frame, replacement)
+    }
 }
 
 impl Raycast {
     /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
     fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
-        let started = Instant::now();
-        let tile_count = self.bins.tile_count();
+        let (started, tile_count) = (Instant::now(), self.bins.tile_count());
         let scene = Scene {
             mesh: &active.job.mesh,
             active: &active.job.active,
@@ -195,34 +207,31 @@ impl Raycast {
             eye_cells: &active.eye_cells,
             early_termination: active.job.early_termination,
         };
-        // Threads wait for each other at the end of a batch: small ones only where the budget is small.
-        let tiles_per_thread = if budget < Duration::from_millis(20) { 2 } else { 128 };
-        let batch = if budget == Duration::MAX { tile_count } else { tiles_per_thread * rayon::current_num_threads() };
-        let mut next_tile = active.next_tile;
-        while next_tile < tile_count {
-            let tiles = next_tile..(next_tile + batch).min(tile_count);
-            next_tile = tiles.end;
-            let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
-            let counts = self.tile_pixels[tiles.start * TILE_PX * TILE_PX..tiles.end * TILE_PX * TILE_PX]
-                .par_chunks_exact_mut(TILE_PX * TILE_PX)
-                .zip(tiles.clone())
-                .map(|(pixels, tile)| {
-                    // A thread of the pool has a scratch of its own: the lock is never waited for.
-                    let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
-                    let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                    simd::render_tile(avx2, &scene, bins, tile, &mut scratch, pixels)
-                })
-                .reduce(FrameStats::default, |mut sum, part| {
-                    sum.add_counts(&part);
-                    sum
-                });
-            self.frame.stats.add_counts(&counts);
-            copy_tiles(&mut self.frame, &self.bins, &self.tile_pixels, tiles, active.job.mesh.positions.scale);
-            if started.elapsed() >= budget {
-                break;
-            }
-        }
-        next_tile
+        let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
+        // Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that
+        // what is done is always a prefix, and no thread waits for others before the end of the slice.
+        let mut handed_out = active.next_tile;
+        let goes_on = || started.elapsed() < budget && !active.job.cancel.is_cancelled();
+        let counts = self.tile_pixels[active.next_tile * TILE_PX * TILE_PX..]
+            .chunks_exact_mut(TILE_PX * TILE_PX)
+            .zip(active.next_tile..tile_count)
+            .take_while(|&(_, tile)| tile == active.next_tile || goes_on())
+            .inspect(|_| handed_out += 1)
+            .par_bridge()
+            .map(|(pixels, tile)| {
+                // A thread of the pool has a scratch of its own: the lock is never waited for.
+                let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
+                let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
+                simd::render_tile(avx2, &scene, bins, tile, &mut scratch, pixels)
+            })
+            .reduce(FrameStats::default, |mut sum, part| {
+                sum.add_counts(&part);
+                sum
+            });
+        self.frame.stats.add_counts(&counts);
+        let tiles = active.next_tile..handed_out;
+        copy_tiles(&mut self.frame, &self.bins, &self.tile_pixels, tiles, active.job.mesh.positions.scale);
+        handed_out
     }
 }
 

@@ -27,7 +27,7 @@ impl PreIntegrated {
         Self { resolution, ..Self::default() }
     }
 
-    /// The table of a job; integrated only if transfer function or mesh have changed.
+    /// The table of a job; integrated only if transfer function or mesh have changed. If the job is cancelled, what there is.
     pub(in crate::render) fn get(&mut self, job: &RenderJob) -> Arc<Table3d> {
         let scale = job.mesh.positions.scale;
         let longest_edge = self.longest_edge(&job.mesh);
@@ -36,8 +36,11 @@ impl PreIntegrated {
             return kept.table.clone();
         }
         let range = Table3d::range_of(&job.table);
-        let table = Arc::new(Table3d::new(&job.table, range, longest_edge, scale, self.resolution));
-        self.table = Some(Kept { of: job.table.clone(), longest_edge, scale, table: table.clone() });
+        let table = Table3d::new_unless(&job.table, range, longest_edge, scale, self.resolution, &job.cancel);
+        let table = Arc::new(table);
+        if !job.cancel.is_cancelled() {
+            self.table = Some(Kept { of: job.table.clone(), longest_edge, scale, table: table.clone() });
+        }
         table
     }
 

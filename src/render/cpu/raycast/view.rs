@@ -1,6 +1,7 @@
 //! View transform, and the planar geometry of a ray.
 
 use crate::camera::View;
+use crate::task::Cancel;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -13,17 +14,22 @@ pub(super) struct ViewVertex {
     pub(super) s: f64,
 }
 
-/// Transforms all vertices into the view.
-pub(super) fn transform(view: &View, local: &[Vec3], scalars: &[f32], out: &mut Vec<ViewVertex>) {
-    local
-        .par_iter()
-        .zip(scalars)
-        .with_min_len(4096)
-        .map(|(&p, &s)| {
+/// Vertices that a thread transforms at once: few enough that a cancelled frame ends soon.
+const TRANSFORM_CHUNK: usize = 4096;
+
+/// Transforms all vertices into the view; some of them if `cancel` is raised.
+pub(super) fn transform(view: &View, local: &[Vec3], scalars: &[f32], cancel: &Cancel, out: &mut Vec<ViewVertex>) {
+    out.resize(local.len(), ViewVertex::default());
+    let chunks = local.par_chunks(TRANSFORM_CHUNK).zip(scalars.par_chunks(TRANSFORM_CHUNK));
+    out.par_chunks_mut(TRANSFORM_CHUNK).zip(chunks).for_each(|(out, (local, scalars))| {
+        if cancel.is_cancelled() {
+            return;
+        }
+        for (out, (&p, &s)) in out.iter_mut().zip(local.iter().zip(scalars)) {
             let d = p.as_dvec3() - view.eye;
-            ViewVertex { x: view.right.dot(d), y: view.up.dot(d), w: view.forward.dot(d), s: f64::from(s) }
-        })
-        .collect_into_vec(out);
+            *out = ViewVertex { x: view.right.dot(d), y: view.up.dot(d), w: view.forward.dot(d), s: f64::from(s) };
+        }
+    });
 }
 
 /// The ray of one pixel.

@@ -44,6 +44,8 @@ const SLOTS: usize = 3;
 const IN_FLIGHT: usize = 2;
 /// Workgroups of a dispatch in one dimension; WebGPU's limit.
 const GROUPS_MAX: u32 = 65_535;
+/// The longest that the GPU is given work at once: what is cancelled ends after it, and other users of the GPU have a turn.
+const SLICE: Duration = Duration::from_millis(15);
 /// Tiles of the first slice of all, before anything is known of their cost.
 const FIRST_TILES: usize = 32;
 
@@ -74,6 +76,8 @@ struct ActiveJob {
     /// Tiles that have come back.
     tiles_done: usize,
     started: Instant,
+    /// Milliseconds that the frame took before it came here.
+    ms_before: f64,
 }
 
 impl Raycast {
@@ -328,16 +332,21 @@ impl Renderer for Raycast {
             self.frame.stats.entry_faces = u64::from(params.face_count);
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
             let tile_count = view.width_px.div_ceil(TILE_PX) * view.height_px.div_ceil(TILE_PX);
-            self.active_job = Some(ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, started });
+            let ms_before = job.stats.ms_decode + job.stats.ms_order;
+            let active = ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, started, ms_before };
+            self.active_job = Some(active);
             self.submit_preparation()?;
         }
-        self.frame.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_order += started.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
 
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
         if self.active_job.is_none() {
             return Ok(Advance::Done(&self.frame));
+        }
+        if self.active_job.as_ref().is_some_and(|active| active.job.cancel.is_cancelled()) {
+            return Ok(Advance::Partial(&self.frame));
         }
         let slice_started = Instant::now();
         let worked = self.work(budget);
@@ -350,12 +359,20 @@ impl Renderer for Raycast {
         let done = worked?;
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
         if let Some(active) = &self.active_job {
-            self.frame.stats.ms_frame = self.frame.stats.ms_decode + active.started.elapsed().as_secs_f64() * 1e3;
+            self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
         }
         if done {
             self.active_job = None;
             return Ok(Advance::Done(&self.frame));
         }
         Ok(Advance::Partial(&self.frame))
+    }
+
+    fn take_frame(&mut self, replacement: Frame) -> Frame {
+        std::mem::replace(&mut self.frame, replacement)
+    }
+
+    fn slice(&self) -> Duration {
+        SLICE
     }
 }

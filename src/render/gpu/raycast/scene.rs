@@ -221,7 +221,8 @@ impl Scene {
             };
             made |= table.buffer.reserve(context, size_of_val(words) as u64)?;
             self.bytes_sent += table.buffer.write(context, 0, bytemuck::cast_slice(words))?;
-            table.sent = Some((map, job.optics));
+            // A table whose integration was cancelled is not one.
+            table.sent = (!job.cancel.is_cancelled()).then_some((map, job.optics));
         }
         params.interval_count = table.interval_count;
         Ok(made)
@@ -240,7 +241,7 @@ impl Scene {
         let changed = !domain.of.as_ref().is_some_and(same);
         if changed {
             domain.of = None;
-            entries::collect(&job.mesh.topology, &job.active, &mut domain.faces);
+            entries::collect(&job.mesh.topology, &job.active, &job.cancel, &mut domain.faces);
             domain.packed.clear();
             domain.packed.extend(domain.faces.iter().map(|f| f.cell << 2 | f.opposite));
         }
@@ -256,7 +257,8 @@ impl Scene {
             // Words of 64 bits as pairs of 32, lower first: the same bits on a little-endian GPU, as all are.
             let halves: Vec<u32> = words.iter().flat_map(|&w| [w as u32, (w >> 32) as u32]).collect();
             self.bytes_sent += domain.active.write(context, 0, bytemuck::cast_slice(&halves))?;
-            domain.of = Some((job.mesh.clone(), job.active.clone()));
+            let is_complete = !job.cancel.is_cancelled();
+            domain.of = is_complete.then(|| (job.mesh.clone(), job.active.clone()));
         }
         Ok(made)
     }

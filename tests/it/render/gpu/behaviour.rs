@@ -331,11 +331,10 @@ fn a_dropped_job_leaves_nothing_for_the_next() {
         }
         assert_same_bits("after a dropped job", renderer.render(second.clone()).unwrap(), &expected);
     }
-    // Raised before: the first look at it drops the job, if it is not done by then.
     let cancel = Cancel::new();
     cancel.cancel();
-    let shown = renderer.render_unless(first.clone(), &cancel).unwrap().is_some();
-    assert_same_bits(&format!("cancelled, shown: {shown}"), renderer.render(second).unwrap(), &expected);
+    assert!(renderer.render_unless_cancelled(RenderJob { cancel, ..first }).unwrap().is_none());
+    assert_same_bits("after a cancelled job", renderer.render(second).unwrap(), &expected);
 }
 
 #[test]

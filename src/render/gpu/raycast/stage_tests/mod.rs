@@ -81,6 +81,7 @@ fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> Re
         compressed: None,
         optics: Default::default(),
         early_termination: false,
+        cancel: Default::default(),
         stats: Default::default(),
     }
 }

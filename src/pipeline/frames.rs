@@ -1,0 +1,192 @@
+//! Frames that are done: their memory goes round, and those of an unchanged view are kept for the next time.
+
+use super::FrameRequest;
+use super::series::Series;
+use crate::render::Frame;
+use crossbeam::queue::ArrayQueue;
+use std::ops::Deref;
+use std::sync::{Arc, Weak};
+
+/// Buffers that wait to be used again.
+const SPARES_MAX: usize = 3;
+
+/// A frame that several may hold. Its memory goes back to the renderer with the last of them.
+#[derive(Clone, Debug)]
+pub struct SharedFrame {
+    /// Always there until it is dropped.
+    frame: Option<Arc<Frame>>,
+    pool: FramePool,
+}
+
+impl Deref for SharedFrame {
+    type Target = Frame;
+
+    fn deref(&self) -> &Frame {
+        static NOTHING: std::sync::LazyLock<Frame> = std::sync::LazyLock::new(Frame::default);
+        self.frame.as_deref().unwrap_or(&NOTHING)
+    }
+}
+
+impl Drop for SharedFrame {
+    fn drop(&mut self) {
+        if let Some(frame) = self.frame.take().and_then(Arc::into_inner) {
+            // If the pool is full, there is one too many.
+            let _ = self.pool.spares.push(frame);
+        }
+    }
+}
+
+/// Memory of frames that nobody holds any more.
+#[derive(Clone, Debug)]
+pub(super) struct FramePool {
+    spares: Arc<ArrayQueue<Frame>>,
+}
+
+impl Default for FramePool {
+    fn default() -> Self {
+        Self { spares: Arc::new(ArrayQueue::new(SPARES_MAX)) }
+    }
+}
+
+impl FramePool {
+    /// Memory for a frame, if there is some; its pixels count for nothing.
+    pub(super) fn spare(&self) -> Frame {
+        self.spares.pop().unwrap_or_default()
+    }
+
+    pub(super) fn share(&self, frame: Frame) -> SharedFrame {
+        SharedFrame { frame: Some(Arc::new(frame)), pool: self.clone() }
+    }
+}
+
+/// Bytes of the planes of a frame of so many pixels.
+fn bytes_of((width, height): (usize, usize)) -> u64 {
+    (size_of::<[f32; 4]>() + size_of::<f32>()) as u64 * width as u64 * height as u64
+}
+
+/// Frames of one view, within a budget of bytes, by the whole request.
+///
+/// When the view changes all go: nobody knows that it comes back. When the budget is used up nothing new is kept. Playing in a
+/// loop that does not fit, the frames that were kept first are there again in every round; if instead the oldest made room, each
+/// would be gone just before its turn.
+#[derive(Debug, Default)]
+pub(super) struct FrameCache {
+    budget_bytes: u64,
+    bytes: u64,
+    /// All of the same view.
+    frames: Vec<(FrameRequest, SharedFrame)>,
+    /// What they are of.
+    series: Weak<Series>,
+}
+
+impl FrameCache {
+    pub(super) fn new(budget_bytes: u64) -> Self {
+        Self { budget_bytes, ..Self::default() }
+    }
+
+    /// The frame of a request if there is one.
+    pub(super) fn get(&mut self, series: &Arc<Series>, request: &FrameRequest) -> Option<SharedFrame> {
+        self.turn_to(series, request);
+        self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
+    }
+
+    /// Keeps a frame that is not there yet, if it fits.
+    pub(super) fn put(&mut self, series: &Arc<Series>, request: &FrameRequest, frame: &SharedFrame) {
+        self.turn_to(series, request);
+        let bytes = bytes_of(request.size_px);
+        if self.bytes.saturating_add(bytes) <= self.budget_bytes {
+            self.bytes += bytes;
+            self.frames.push((request.clone(), frame.clone()));
+        }
+    }
+
+    /// Lets go of what is of another view.
+    fn turn_to(&mut self, series: &Arc<Series>, request: &FrameRequest) {
+        let is_other_view = self.frames.first().is_some_and(|(kept, _)| !kept.same_view(request));
+        if is_other_view || self.series.as_ptr() != Arc::as_ptr(series) {
+            self.frames.clear();
+            (self.bytes, self.series) = (0, Arc::downgrade(series));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_series;
+    use super::*;
+    use crate::camera::Camera;
+    use crate::node_table::{Node, NodeTable};
+    use glam::DVec3;
+
+    fn request(step: usize) -> FrameRequest {
+        let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
+        let node = |scalar| Node { scalar, rgb: [1.0; 3], tau: 1.0 };
+        let table = NodeTable::new(vec![node(0.0), node(1.0)]).unwrap();
+        FrameRequest::new(step, camera, Arc::new(table), (10, 10))
+    }
+
+    #[test]
+    fn memory_of_a_frame_comes_back_with_its_last_holder() {
+        let pool = FramePool::default();
+        let mut frame = Frame::default();
+        frame.color.pixels = vec![[1.0; 4]; 100];
+        let place = frame.color.pixels.as_ptr();
+        let first = pool.share(frame);
+        let second = first.clone();
+        drop(first);
+        assert!(pool.spare().color.pixels.is_empty());
+        assert_eq!(second.color.pixels.len(), 100);
+        drop(second);
+        assert_eq!(pool.spare().color.pixels.as_ptr(), place);
+        for _ in 0..2 * SPARES_MAX {
+            drop(pool.share(Frame::default()));
+        }
+        assert_eq!(pool.spares.len(), SPARES_MAX);
+    }
+
+    #[test]
+    fn a_loop_that_does_not_fit_finds_the_frames_that_were_first_in_every_round() {
+        let pool = FramePool::default();
+        let (series, _) = test_series::logged(5);
+        let mut cache = FrameCache::new(3 * bytes_of((10, 10)));
+        for round in 0..3 {
+            let mut found = Vec::new();
+            for step in 0..5 {
+                match cache.get(&series, &request(step)) {
+                    Some(_) => found.push(step),
+                    None => cache.put(&series, &request(step), &pool.share(Frame::default())),
+                }
+            }
+            assert_eq!(found, if round == 0 { vec![] } else { vec![0, 1, 2] });
+        }
+    }
+
+    #[test]
+    fn another_view_or_another_series_finds_nothing_and_leaves_nothing() {
+        let pool = FramePool::default();
+        let (series, other_series) = (test_series::jet(), test_series::jet());
+        let others: [fn(&mut FrameRequest); 4] = [
+            |r| r.camera.position.x += 1e-9,
+            |r| r.size_px.0 += 1,
+            |r| r.mode = crate::pipeline::RenderMode::Reference,
+            |r| {
+                let mut nodes = r.table.nodes().to_vec();
+                nodes[1].tau = 2.0;
+                r.table = Arc::new(NodeTable::new(nodes).unwrap());
+            },
+        ];
+        for change in others {
+            let mut cache = FrameCache::new(u64::MAX);
+            assert!(cache.get(&series, &request(0)).is_none());
+            cache.put(&series, &request(0), &pool.share(Frame::default()));
+            let same = FrameRequest { table: Arc::new((*request(0).table).clone()), ..request(0) };
+            assert!(cache.get(&series, &same).is_some(), "an equal table elsewhere is the same");
+            let mut other = request(0);
+            change(&mut other);
+            assert!(cache.get(&series, &other).is_none());
+            assert!(cache.get(&series, &request(0)).is_none() && cache.bytes == 0);
+            cache.put(&series, &request(0), &pool.share(Frame::default()));
+            assert!(cache.get(&other_series, &request(0)).is_none());
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! A pipeline whose stages work at the same time.
+//!
+//! ```text
+//! push, replace, seek -> [queue] -> decode -> order -> render -> [deliveries] -> take, wait
+//!                           2 preparations at most  |   1 frame  |  1 frame
+//! ```
+//!
+//! Decode and order have a thread each and a pool of threads of their own; the renderer has one thread and, on the CPU, the
+//! pool that everything else uses. So the next frame is prepared while one is rendered, and never waits for a tile.
+//!
+//! Every frame is that of its request, bit for bit the one that [`Pipeline`] renders: a stage keeps buffers and sets from frame
+//! to frame, but nothing that an image depends on.
+
+use super::frames::{FrameCache, FramePool, SharedFrame};
+use super::prefetch::Prefetcher;
+use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
+use super::series::Series;
+use super::stages::{Shared, decode_all, order_all, render_all};
+use super::{Decode, FrameRequest, Order, Pipeline, PipelineError, Renderers};
+use crossbeam::channel::{Receiver, bounded};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// How a pipeline's threads are set up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PipelinedOptions {
+    /// Threads that render on the CPU, and as many that prepare; `None`: as many as rayon's own pool has, which then renders.
+    pub threads: Option<usize>,
+    /// Bytes for frames of an unchanged view, kept for the next round of a loop; 0 keeps none.
+    pub frame_cache_bytes: u64,
+}
+
+impl Default for PipelinedOptions {
+    fn default() -> Self {
+        Self { threads: None, frame_cache_bytes: 256 << 20 }
+    }
+}
+
+/// What becomes of a request.
+#[derive(Clone, Debug)]
+pub struct Delivery {
+    /// Which one.
+    pub id: FrameId,
+    /// What was asked for.
+    pub request: FrameRequest,
+    /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: of requests that are not wanted any more nothing
+    /// is heard.
+    pub frame: Result<SharedFrame, PipelineError>,
+    /// Whether it was rendered for an earlier request; its counts and times are those of then.
+    pub is_kept: bool,
+}
+
+/// A pipeline whose stages work at the same time. Dropped, it stops within milliseconds, whatever it was doing.
+///
+/// One thread asks and takes; none of its calls waits for a stage, but [`Self::wait`].
+pub struct Pipelined {
+    series: Arc<Series>,
+    shared: Shared,
+    deliveries: Option<Receiver<Delivery>>,
+    threads: Option<Threads>,
+    prefetcher: Prefetcher,
+}
+
+struct Threads {
+    decode: JoinHandle<Decode>,
+    order: JoinHandle<Order>,
+    render: JoinHandle<Renderers>,
+}
+
+fn pool(threads: Option<usize>, name: &'static str) -> io::Result<ThreadPool> {
+    let count = threads.unwrap_or_else(rayon::current_num_threads);
+    let builder = ThreadPoolBuilder::new().num_threads(count).thread_name(move |i| format!("{name} {i}"));
+    builder.build().map_err(io::Error::other)
+}
+
+impl Pipelined {
+    /// Starts the threads of a pipeline. `delivered` is called by one of them whenever there is something to take: to wake up
+    /// an event loop.
+    ///
+    /// # Errors
+    /// If the system gives no threads.
+    pub fn start(
+        pipeline: Pipeline,
+        options: &PipelinedOptions,
+        delivered: impl Fn() + Send + 'static,
+    ) -> io::Result<Self> {
+        let Pipeline { series, decode, order, renderers } = pipeline;
+        let shared = Shared {
+            queue: Arc::new(Queue::default()),
+            kept: Arc::new(Mutex::new(FrameCache::new(options.frame_cache_bytes))),
+            pool: FramePool::default(),
+        };
+        let preparing = Arc::new(pool(options.threads, "prepare")?);
+        let rendering = options.threads.map(|_| pool(options.threads, "render")).transpose()?;
+        let (to_order, from_decode) = bounded(PREPARATIONS);
+        let (to_render, from_order) = bounded(PREPARATIONS);
+        let (to_owner, deliveries) = bounded(1);
+        let prefetcher = Prefetcher::start()?;
+        let threads = Threads {
+            decode: Builder::new().name("decode".to_owned()).spawn({
+                let (shared, preparing) = (shared.clone(), preparing.clone());
+                move || decode_all(decode, &shared, &preparing, &to_order)
+            })?,
+            order: Builder::new()
+                .name("order".to_owned())
+                .spawn(move || order_all(order, &preparing, &from_decode, &to_render))?,
+            render: Builder::new().name("render".to_owned()).spawn({
+                let shared = shared.clone();
+                move || render_all(renderers, &shared, rendering.as_ref(), &from_order, &to_owner, &delivered)
+            })?,
+        };
+        Ok(Self { series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
+    }
+
+    /// What requests are about.
+    pub fn series(&self) -> &Arc<Series> {
+        &self.series
+    }
+
+    /// Requests from now on are about another series; those before stay what they are.
+    pub fn set_series(&mut self, series: Arc<Series>) {
+        self.series = series;
+    }
+
+    /// Asks for a frame after all others that were asked for; `None` if 64 of them have not been begun. Each is delivered
+    /// once, in order.
+    #[must_use]
+    pub fn push(&self, request: FrameRequest) -> Option<FrameId> {
+        self.ask(request, Before::Keep)
+    }
+
+    /// Asks for a frame instead of those that are not being rendered yet. Frames that are being rendered or have been are
+    /// delivered first: on a slow machine there is something new to see now and then.
+    pub fn replace(&self, request: FrameRequest) -> Option<FrameId> {
+        self.ask(request, Before::DropPrepared)
+    }
+
+    /// Asks for a frame instead of all others: no other one is delivered any more, not even one that is there already.
+    pub fn seek(&self, request: FrameRequest) -> Option<FrameId> {
+        self.ask(request, Before::DropAll)
+    }
+
+    fn ask(&self, request: FrameRequest, before: Before) -> Option<FrameId> {
+        self.shared.queue.push(self.series.clone(), request, before)
+    }
+
+    /// Nothing is wanted any more.
+    pub fn clear(&self) {
+        self.shared.queue.clear();
+    }
+
+    /// Frames that were asked for, are still wanted and have not been taken.
+    pub fn wanted(&self) -> usize {
+        self.shared.queue.wanted()
+    }
+
+    /// Whether a frame that was asked for is still on its way.
+    pub fn is_wanted(&self, id: FrameId) -> bool {
+        self.shared.queue.is_wanted(id)
+    }
+
+    /// Frames that are being prepared: two at most, however fast requests come.
+    pub fn preparations(&self) -> Preparations {
+        self.shared.queue.preparations()
+    }
+
+    /// Takes the next frame if it is there.
+    pub fn take(&self) -> Option<Delivery> {
+        let deliveries = self.deliveries.as_ref()?;
+        deliveries.try_iter().find(|delivery| self.shared.queue.take(delivery.id))
+    }
+
+    /// Waits for the next frame, `longest` at most; `None` at once if none is wanted.
+    pub fn wait(&self, longest: Duration) -> Option<Delivery> {
+        let deliveries = self.deliveries.as_ref()?;
+        let started = Instant::now();
+        while self.wanted() > 0 {
+            let left = longest.checked_sub(started.elapsed())?;
+            let delivery = deliveries.recv_timeout(left).ok()?;
+            if self.shared.queue.take(delivery.id) {
+                return Some(delivery);
+            }
+        }
+        None
+    }
+
+    /// Steps that will be shown, in their order: what they are decoded from is read ahead, as far as the budget for it goes.
+    pub fn expect(&self, upcoming: &[usize]) {
+        self.prefetcher.expect(&self.series, upcoming);
+    }
+
+    /// Stops the threads; the pipeline can go on alone or be started again, and has kept its buffers.
+    pub fn stop(mut self) -> Pipeline {
+        let (decode, order, renderers) = self.end();
+        Pipeline { series: self.series.clone(), decode, order, renderers }
+    }
+
+    fn end(&mut self) -> (Decode, Order, Renderers) {
+        self.shared.queue.close();
+        self.prefetcher.stop();
+        // A renderer that waits for somebody to take its frame learns that nobody will.
+        self.deliveries = None;
+        let Some(threads) = self.threads.take() else { return Default::default() };
+        let Threads { decode, order, render } = threads;
+        // Stages catch panics; if one dies of another, a new one is as good.
+        (decode.join().unwrap_or_default(), order.join().unwrap_or_default(), render.join().unwrap_or_default())
+    }
+}
+
+impl Drop for Pipelined {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+#[cfg(test)]
+#[path = "pipelined_tests.rs"]
+mod tests;

@@ -1,0 +1,123 @@
+//! The first two stages of a frame: decode what it shows, order what is to be drawn.
+
+use super::series::Series;
+use super::steps::StepCache;
+use super::{FrameRequest, PipelineError};
+use crate::codec::vq;
+use crate::mesh::Mesh;
+use crate::render::{CompressedStep, RenderJob};
+use crate::stats::FrameStats;
+use crate::task::Cancel;
+use crate::visibility::{CellSet, finite_cells_unless};
+use std::sync::{Arc, Weak};
+use std::time::Instant;
+
+/// What the first stage hands to the second.
+#[derive(Debug)]
+pub(super) struct Decoded {
+    scalars: Arc<Vec<f32>>,
+    compressed: Option<CompressedStep>,
+    stats: FrameStats,
+}
+
+/// The first stage.
+#[derive(Debug, Default)]
+pub(super) struct Decode {
+    steps: StepCache,
+}
+
+impl Decode {
+    /// Buffers of scalars that it has.
+    #[cfg(test)]
+    pub(super) fn buffers(&self) -> usize {
+        self.steps.buffers()
+    }
+
+    /// The scalars of a request.
+    ///
+    /// # Errors
+    /// If a step cannot be read, or `Cancelled`.
+    pub(super) fn run(
+        &mut self,
+        series: &Arc<Series>,
+        request: &FrameRequest,
+        cancel: &Cancel,
+    ) -> Result<Decoded, PipelineError> {
+        let started = Instant::now();
+        let mut stats = FrameStats::default();
+        let scalars = self.steps.show(series, request.time, cancel, &mut stats)?.ok_or(PipelineError::Cancelled)?;
+        // A mixture of two steps is not in any block.
+        let block = match request.time.toward() {
+            None => series.source.vq_block(request.time.step())?,
+            Some(_) => None,
+        };
+        let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
+        stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
+        Ok(Decoded { scalars, compressed, stats })
+    }
+}
+
+/// The second stage.
+#[derive(Debug, Default)]
+pub(super) struct Order {
+    /// All cells of the mesh: renderers know a set by its place, and keep what they have made of it.
+    all: Option<(Weak<Mesh>, Arc<CellSet>)>,
+    /// The last set, and the scalars that it is for. Those are told by their place: while there is a weak reference to it, no
+    /// others get it.
+    last: Option<(Weak<Vec<f32>>, Arc<CellSet>)>,
+}
+
+impl Order {
+    /// The job of a request whose scalars are there: its view and its active cells.
+    ///
+    /// # Errors
+    /// If there is no view through the camera, or `Cancelled`.
+    pub(super) fn run(
+        &mut self,
+        series: &Series,
+        request: &FrameRequest,
+        decoded: Decoded,
+        cancel: &Cancel,
+    ) -> Result<RenderJob, PipelineError> {
+        let started = Instant::now();
+        let view = request.camera.view(request.size_px.0, request.size_px.1)?;
+        let Decoded { scalars, compressed, mut stats } = decoded;
+        let active = self.active_cells(&series.mesh, &scalars, cancel).ok_or(PipelineError::Cancelled)?;
+        stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
+        Ok(RenderJob {
+            mesh: series.mesh.clone(),
+            scalars,
+            compressed,
+            active,
+            view,
+            table: request.table.clone(),
+            optics: request.optics,
+            early_termination: true,
+            cancel: cancel.clone(),
+            stats,
+        })
+    }
+
+    /// The cells with four finite scalars; `None` if cancelled.
+    fn active_cells(&mut self, mesh: &Arc<Mesh>, scalars: &Arc<Vec<f32>>, cancel: &Cancel) -> Option<Arc<CellSet>> {
+        if let Some((of, active)) = &self.last
+            && of.as_ptr() == Arc::as_ptr(scalars)
+        {
+            return Some(active.clone());
+        }
+        let finite = finite_cells_unless(&mesh.topology, scalars, cancel)?;
+        let all = match &self.all {
+            Some((of, all)) if of.as_ptr() == Arc::as_ptr(mesh) => all.clone(),
+            _ => {
+                let all = Arc::new(CellSet::all(mesh.topology.tets.len()));
+                self.all.insert((Arc::downgrade(mesh), all)).1.clone()
+            }
+        };
+        // The same set in the same place as before.
+        let known = [Some(&all), self.last.as_ref().map(|(_, set)| set)];
+        let known = known.into_iter().flatten().find(|set| ***set == finite).cloned();
+        let active = known.unwrap_or_else(|| Arc::new(finite));
+        self.last = Some((Arc::downgrade(scalars), active.clone()));
+        Some(active)
+    }
+}

@@ -1,0 +1,186 @@
+//! Which frames are wanted: requests on their way, newest generation only.
+//!
+//! The one place where the threads of a pipeline and the one who asks meet. A request is first *waiting*, then *preparing*
+//! (decoded, ordered, ready to be rendered), then *rendering*, then *rendered* until its frame is taken. At most
+//! [`PREPARATIONS`] are preparing: memory does not grow however fast requests come.
+
+use super::FrameRequest;
+use super::series::Series;
+use crate::task::Cancel;
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Frames that are prepared at a time: one that is ready when the renderer is, one behind it.
+pub(super) const PREPARATIONS: usize = 2;
+
+/// Requests that may wait.
+pub(super) const WAITING_MAX: usize = 64;
+
+/// Tells the requests of a pipeline apart; later ones are greater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FrameId(u64);
+
+impl FrameId {
+    /// Requests of the same pipeline before it.
+    pub fn number(self) -> u64 {
+        self.0
+    }
+}
+
+/// A request on its way.
+#[derive(Clone, Debug)]
+pub(super) struct Ticket {
+    pub(super) id: FrameId,
+    pub(super) request: FrameRequest,
+    pub(super) series: Arc<Series>,
+    /// Raised when the frame is not wanted any more.
+    pub(super) cancel: Cancel,
+}
+
+/// Frames between their request and their rendering.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preparations {
+    /// At this moment, those included that are cancelled and have not noticed yet.
+    pub now: usize,
+    /// The most at a time so far.
+    pub most: usize,
+}
+
+/// What becomes of the requests before a new one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Before {
+    /// They come first.
+    Keep,
+    /// Those not yet being rendered are not wanted any more.
+    DropPrepared,
+    /// None of them is wanted any more.
+    DropAll,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    next_id: u64,
+    waiting: VecDeque<Ticket>,
+    preparing: Vec<(FrameId, Cancel)>,
+    rendering: Option<(FrameId, Cancel)>,
+    /// Requests whose frames are wanted and have not been taken, oldest first.
+    wanted: VecDeque<FrameId>,
+    is_closed: bool,
+    preparing_max: usize,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    state: Mutex<State>,
+    /// Something waits, a preparation is over, or the queue is closed.
+    changed: Condvar,
+}
+
+impl Queue {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a request at the end; `None` if [`WAITING_MAX`] wait already.
+    pub(super) fn push(&self, series: Arc<Series>, request: FrameRequest, before: Before) -> Option<FrameId> {
+        let mut state = self.state();
+        state.drop_requests(before);
+        if state.waiting.len() >= WAITING_MAX {
+            return None;
+        }
+        let id = FrameId(state.next_id);
+        state.next_id += 1;
+        state.waiting.push_back(Ticket { id, request, series, cancel: Cancel::new() });
+        state.wanted.push_back(id);
+        self.changed.notify_all();
+        Some(id)
+    }
+
+    /// No request is wanted any more.
+    pub(super) fn clear(&self) {
+        self.state().drop_requests(Before::DropAll);
+    }
+
+    /// Frames that are wanted and have not been taken.
+    pub(super) fn wanted(&self) -> usize {
+        self.state().wanted.len()
+    }
+
+    /// Whether a frame is wanted and has not been taken.
+    pub(super) fn is_wanted(&self, id: FrameId) -> bool {
+        self.state().wanted.contains(&id)
+    }
+
+    /// Takes the next request for preparation, once there is one and room for it; `None` once the queue is closed.
+    pub(super) fn next(&self) -> Option<Ticket> {
+        let mut state = self.state();
+        loop {
+            if state.is_closed {
+                return None;
+            }
+            if state.preparing.len() < PREPARATIONS
+                && let Some(ticket) = state.waiting.pop_front()
+            {
+                state.preparing.push((ticket.id, ticket.cancel.clone()));
+                state.preparing_max = state.preparing_max.max(state.preparing.len());
+                return Some(ticket);
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// A preparation is over: its request is being rendered now, or dropped if it was cancelled. Whether the former.
+    pub(super) fn begin_render(&self, ticket: &Ticket) -> bool {
+        let mut state = self.state();
+        state.preparing.retain(|(id, _)| *id != ticket.id);
+        let goes_on = !ticket.cancel.is_cancelled();
+        state.rendering = goes_on.then(|| (ticket.id, ticket.cancel.clone()));
+        self.changed.notify_all();
+        goes_on
+    }
+
+    /// The frame is rendered, or could not be: whether it is still wanted.
+    pub(super) fn end_render(&self, ticket: &Ticket) -> bool {
+        self.state().rendering = None;
+        !ticket.cancel.is_cancelled()
+    }
+
+    /// Whether a frame that comes out is still wanted. It then counts as taken.
+    pub(super) fn take(&self, id: FrameId) -> bool {
+        let mut state = self.state();
+        let at = state.wanted.iter().position(|&wanted| wanted == id);
+        at.and_then(|at| state.wanted.remove(at)).is_some()
+    }
+
+    /// Nothing is wanted any more, ever.
+    pub(super) fn close(&self) {
+        let mut state = self.state();
+        state.drop_requests(Before::DropAll);
+        state.is_closed = true;
+        self.changed.notify_all();
+    }
+
+    pub(super) fn preparations(&self) -> Preparations {
+        let state = self.state();
+        Preparations { now: state.preparing.len(), most: state.preparing_max }
+    }
+}
+
+impl State {
+    fn drop_requests(&mut self, which: Before) {
+        if which == Before::Keep {
+            return;
+        }
+        let dropped = self.waiting.drain(..).map(|ticket| (ticket.id, ticket.cancel));
+        let mut dropped: Vec<(FrameId, Cancel)> = dropped.chain(self.preparing.iter().cloned()).collect();
+        if which == Before::DropAll {
+            dropped.extend(self.rendering.clone());
+            self.wanted.clear();
+        }
+        for (id, cancel) in dropped {
+            cancel.cancel();
+            self.wanted.retain(|&wanted| wanted != id);
+        }
+    }
+}

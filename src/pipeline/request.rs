@@ -1,0 +1,105 @@
+//! What can be asked of a pipeline, and why it may not become a frame.
+
+use super::{Backend, FrameTime};
+use crate::camera::{Camera, CameraError};
+use crate::error::FileError;
+use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
+use crate::render::RenderError;
+use serde::{Deserialize, Serialize, Serializer};
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// How a frame is rendered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RenderMode {
+    /// The fastest that is within the accuracy bounds: the ray caster.
+    #[default]
+    Auto,
+    /// Cell walk, [`crate::render::cpu::raycast`].
+    Raycast,
+    /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
+    Reference,
+}
+
+impl FromStr for RenderMode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "raycast" => Ok(Self::Raycast),
+            "reference" => Ok(Self::Reference),
+            _ => Err(format!("there is no mode '{text}'; choose auto, raycast or reference")),
+        }
+    }
+}
+
+/// All that a frame of a series depends on. Plain data: cheap to clone, and what it serialises to tells it from others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FrameRequest {
+    /// Zero-based step of the store, or a moment between two.
+    pub time: FrameTime,
+    /// Where from.
+    pub camera: Camera,
+    /// Transfer function over the field's scalars.
+    #[serde(serialize_with = "serialize_table")]
+    pub table: Arc<NodeTable>,
+    /// Width and height in pixels.
+    pub size_px: (usize, usize),
+    /// Which renderer.
+    pub mode: RenderMode,
+    /// How segments are integrated; the reference does it in its own way.
+    pub optics: OpticsKind,
+    /// Where it is rendered.
+    pub backend: Backend,
+}
+
+impl FrameRequest {
+    /// A frame with everything else as by default: the fastest accurate mode, exact optics.
+    ///
+    /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
+    pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
+        let (mode, optics, backend) = Default::default();
+        Self { time: time.into(), camera, table, size_px, mode, optics, backend }
+    }
+
+    /// Whether two frames differ in nothing but the moment that they show.
+    pub fn same_view(&self, other: &Self) -> bool {
+        // By address first: tables are long, and mostly the same one.
+        let same_table = Arc::ptr_eq(&self.table, &other.table) || self.table == other.table;
+        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.optics, r.backend);
+        same_table && rest(self) == rest(other)
+    }
+}
+
+/// What the table is, not where.
+fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
+    NodeTable::serialize(table, serializer)
+}
+
+/// Why a request did not become a frame.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The step could not be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// There is no view through the camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Somebody asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+    /// Mesh and field do not belong together, or the GPU failed.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A stage panicked: a fault of this program. The frame is lost, the next one begins afresh.
+    #[error("tetreel failed at this frame while it was to {stage} it: {message}; please report this")]
+    Panicked {
+        /// What was being done: `decode`, `order`, `render`.
+        stage: &'static str,
+        /// What the panic said.
+        message: String,
+    },
+}

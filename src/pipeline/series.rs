@@ -1,0 +1,108 @@
+//! One field of a store, opened for playing.
+
+use crate::codec::DecodeStats;
+use crate::codec::vq::VqBlock;
+use crate::error::{FileError, FileResult};
+use crate::field::{FieldSelector, TimeAxis};
+use crate::mesh::Mesh;
+use crate::store::{FieldReader, Store, StoredField};
+use crate::task::Cancel;
+use std::sync::Arc;
+
+/// Where steps come from. [`FieldReader`], or in tests one that fails.
+pub(super) trait StepSource: Send + Sync {
+    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised.
+    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
+
+    /// The compressed block that a step is in, if it is in one that a GPU can decode.
+    fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
+
+    /// Steps that will be shown, in their order.
+    fn expect(&self, _upcoming: &[usize]) {}
+
+    /// Loads the first of what the expected steps need and is not in memory; whether there was anything to load.
+    fn prefetch(&self, _cancel: &Cancel) -> FileResult<bool> {
+        Ok(false)
+    }
+}
+
+impl StepSource for FieldReader {
+    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
+        if cancel.is_cancelled() {
+            return Ok(None);
+        }
+        FieldReader::decode_step(self, step, out).map(Some)
+    }
+
+    fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        FieldReader::vq_block(self, step)
+    }
+}
+
+/// One field of a store: what frames are made of. Shared by all stages; it does not change.
+pub struct Series {
+    pub(super) mesh: Arc<Mesh>,
+    pub(super) times: TimeAxis,
+    pub(super) field: StoredField,
+    pub(super) source: Box<dyn StepSource>,
+}
+
+impl Series {
+    /// Opens a field; the first one if none is named.
+    ///
+    /// # Errors
+    /// If the store has no such field, or mesh or field are damaged.
+    pub fn open(store: &Store, field: Option<&FieldSelector>) -> FileResult<Self> {
+        Self::with_mesh(store, field, Arc::new(store.mesh()?))
+    }
+
+    /// Another field of the same store, or the same one after the store has grown: the mesh stays.
+    ///
+    /// # Errors
+    /// If the store has no such field, or it is damaged.
+    pub fn reopened(&self, store: &Store, field: Option<&FieldSelector>) -> FileResult<Self> {
+        Self::with_mesh(store, field, self.mesh.clone())
+    }
+
+    fn with_mesh(store: &Store, field: Option<&FieldSelector>, mesh: Arc<Mesh>) -> FileResult<Self> {
+        let first = || {
+            let name = store.fields().first().map(|f| f.name.clone());
+            name.ok_or_else(|| FileError::invalid(store.path(), "fields", "the store has no field"))
+        };
+        let selector = match field {
+            Some(selector) => selector.clone(),
+            None => FieldSelector { name: first()?, component: None },
+        };
+        let reader = store.field(&selector)?;
+        Ok(Self { mesh, times: store.times().clone(), field: reader.info().clone(), source: Box::new(reader) })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// Times of the steps.
+    pub fn times(&self) -> &TimeAxis {
+        &self.times
+    }
+
+    /// The field that is played.
+    pub fn field(&self) -> &StoredField {
+        &self.field
+    }
+
+    /// Number of vertices, and of scalars of a step.
+    pub(super) fn vertices(&self) -> usize {
+        self.mesh.positions.local.len()
+    }
+}
+
+impl std::fmt::Debug for Series {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Series")
+            .field("field", &self.field.name)
+            .field("steps", &self.times.len())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,179 @@
+//! The threads of a pipeline: what each stage does with the requests that come by.
+//!
+//! Requests pass all three stages in the order in which they were asked for, whatever becomes of them: an error is handed on
+//! and comes out where the frame would have. A panic is an error of its frame; its stage begins afresh with the next one.
+
+use super::PipelineError;
+use super::backend::Renderers;
+use super::frames::{FrameCache, FramePool, SharedFrame};
+use super::pipelined::Delivery;
+use super::preparation::{Decode, Decoded, Order};
+use super::queue::{Queue, Ticket};
+use crate::render::RenderJob;
+use crossbeam::channel::{Receiver, Sender};
+use rayon::ThreadPool;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What all stages know.
+#[derive(Clone)]
+pub(super) struct Shared {
+    pub(super) queue: Arc<Queue>,
+    pub(super) kept: Arc<Mutex<FrameCache>>,
+    pub(super) pool: FramePool,
+}
+
+impl Shared {
+    fn kept(&self) -> MutexGuard<'_, FrameCache> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A request, and how far it has come: a `T`, a frame from the cache, or a failure.
+pub(super) type Passed<T> = (Ticket, Result<Content<T>, PipelineError>);
+
+pub(super) enum Content<T> {
+    New(T),
+    Kept(SharedFrame),
+}
+
+/// Runs a stage; a panic becomes an error. The caller must not go on with what the stage has left behind then.
+fn guarded<T>(stage: &'static str, work: impl FnOnce() -> Result<T, PipelineError>) -> Result<T, PipelineError> {
+    catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|panic| Err(PipelineError::Panicked { stage, message: said(&*panic) }))
+}
+
+/// What a panic says.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
+}
+
+fn has_panicked<T>(result: &Result<T, PipelineError>) -> bool {
+    matches!(result, Err(PipelineError::Panicked { .. }))
+}
+
+/// A span of the trace: which stage works on which frame.
+fn span(stage: &'static str, ticket: &Ticket) -> tracing::span::EnteredSpan {
+    let (frame, time) = (ticket.id.number(), ticket.request.time);
+    let toward = time.toward().map_or_else(String::new, |(next, weight)| format!("{next} by {weight}"));
+    match stage {
+        "decode" => tracing::info_span!("decode", frame, step = time.step(), toward).entered(),
+        "order" => tracing::info_span!("order", frame, step = time.step(), toward).entered(),
+        _ => tracing::info_span!("render", frame, step = time.step(), toward).entered(),
+    }
+}
+
+/// The first stage, until the queue is closed.
+pub(super) fn decode_all(
+    mut decode: Decode,
+    shared: &Shared,
+    threads: &ThreadPool,
+    to: &Sender<Passed<Decoded>>,
+) -> Decode {
+    while let Some(ticket) = shared.queue.next() {
+        let span = span("decode", &ticket);
+        let kept = shared.kept().get(&ticket.series, &ticket.request);
+        let decoded = match kept {
+            Some(frame) => Ok(Content::Kept(frame)),
+            None => guarded("decode", || {
+                threads.install(|| decode.run(&ticket.series, &ticket.request, &ticket.cancel)).map(Content::New)
+            }),
+        };
+        if has_panicked(&decoded) {
+            decode = Decode::default();
+        }
+        drop(span);
+        if to.send((ticket, decoded)).is_err() {
+            break;
+        }
+    }
+    decode
+}
+
+/// The second stage, until the first one is through.
+pub(super) fn order_all(
+    mut order: Order,
+    threads: &ThreadPool,
+    from: &Receiver<Passed<Decoded>>,
+    to: &Sender<Passed<RenderJob>>,
+) -> Order {
+    for (ticket, decoded) in from {
+        let span = span("order", &ticket);
+        let ordered = decoded.and_then(|content| match content {
+            Content::Kept(frame) => Ok(Content::Kept(frame)),
+            Content::New(decoded) => guarded("order", || {
+                let run = || order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel);
+                threads.install(run).map(Content::New)
+            }),
+        });
+        if has_panicked(&ordered) {
+            order = Order::default();
+        }
+        drop(span);
+        if to.send((ticket, ordered)).is_err() {
+            break;
+        }
+    }
+    order
+}
+
+/// The last stage, until the second one is through.
+pub(super) fn render_all(
+    mut renderers: Renderers,
+    shared: &Shared,
+    threads: Option<&ThreadPool>,
+    from: &Receiver<Passed<RenderJob>>,
+    to: &Sender<Delivery>,
+    delivered: &dyn Fn(),
+) -> Renderers {
+    for (ticket, ordered) in from {
+        if !shared.queue.begin_render(&ticket) {
+            continue;
+        }
+        let span = span("render", &ticket);
+        let rendered = ordered.and_then(|content| match content {
+            Content::Kept(frame) => Ok((frame, true)),
+            Content::New(job) => guarded("render", || render(&mut renderers, shared, threads, &ticket, job)),
+        });
+        if has_panicked(&rendered) {
+            renderers.begin_afresh();
+        }
+        drop(span);
+        if !shared.queue.end_render(&ticket) {
+            continue;
+        }
+        let (frame, is_kept) = match rendered {
+            Ok((frame, is_kept)) => (Ok(frame), is_kept),
+            Err(error) => (Err(error), false),
+        };
+        if to.send(Delivery { id: ticket.id, request: ticket.request, frame, is_kept }).is_err() {
+            break;
+        }
+        delivered();
+    }
+    renderers
+}
+
+/// The frame of a job, and whether it was there already: the same request may have been under way before this one.
+fn render(
+    renderers: &mut Renderers,
+    shared: &Shared,
+    threads: Option<&ThreadPool>,
+    ticket: &Ticket,
+    job: RenderJob,
+) -> Result<(SharedFrame, bool), PipelineError> {
+    let Ticket { request, series, .. } = ticket;
+    if let Some(frame) = shared.kept().get(series, request) {
+        return Ok((frame, true));
+    }
+    let work = || renderers.render_to_keep(job, request.mode, request.backend, || shared.pool.spare());
+    let rendered = match threads {
+        Some(threads) => threads.install(work),
+        None => work(),
+    };
+    let frame = shared.pool.share(rendered?.ok_or(PipelineError::Cancelled)?);
+    shared.kept().put(series, request, &frame);
+    Ok((frame, false))
+}

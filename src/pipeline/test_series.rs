@@ -1,0 +1,113 @@
+//! A series that is told how to behave.
+
+use super::series::{Series, StepSource};
+use crate::codec::DecodeStats;
+use crate::codec::vq::VqBlock;
+use crate::error::{FileError, FileResult};
+use crate::field::{FieldSelector, TimeAxis};
+use crate::ingest::{IngestOptions, ingest};
+use crate::mesh::Mesh;
+use crate::store::Store;
+use crate::synth::{SeriesName, SynthSpec, generate};
+use crate::task::{Cancel, Silent};
+use std::sync::{Arc, Mutex, OnceLock};
+
+/// What a fake source has done, and what it is to do.
+#[derive(Debug, Default)]
+struct State {
+    decoded: Vec<usize>,
+    fails: Option<usize>,
+    panics: Option<usize>,
+    /// Steps whose decoding waits until it is cancelled.
+    hangs: bool,
+}
+
+/// The other end of a fake source.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Log(Arc<Mutex<State>>);
+
+impl Log {
+    fn with<T>(&self, f: impl FnOnce(&mut State) -> T) -> T {
+        f(&mut self.0.lock().unwrap())
+    }
+
+    /// Steps decoded so far, in order.
+    pub(crate) fn decoded(&self) -> Vec<usize> {
+        self.with(|state| state.decoded.clone())
+    }
+
+    /// Reading this step is an error from now on.
+    pub(crate) fn fail_at(&self, step: usize) {
+        self.with(|state| state.fails = Some(step));
+    }
+
+    /// Decoding this step panics from now on.
+    pub(crate) fn panic_at(&self, step: usize) {
+        self.with(|state| state.panics = Some(step));
+    }
+
+    /// From now on decoding waits until it is cancelled, or until this is called again.
+    pub(crate) fn hang(&self, hangs: bool) {
+        self.with(|state| state.hangs = hangs);
+    }
+}
+
+/// Step s has the value s everywhere.
+struct Fake {
+    log: Log,
+}
+
+impl StepSource for Fake {
+    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
+        while self.log.with(|state| state.hangs) && !cancel.is_cancelled() {
+            std::thread::yield_now();
+        }
+        if cancel.is_cancelled() {
+            return Ok(None);
+        }
+        let (fails, panics) = self.log.with(|state| (state.fails == Some(step), state.panics == Some(step)));
+        assert!(!panics, "step {step} is not meant to be decoded");
+        if fails {
+            return Err(FileError::invalid("fake", format!("step {step}"), "is damaged"));
+        }
+        self.log.with(|state| state.decoded.push(step));
+        out.fill(step as f32);
+        Ok(Some(DecodeStats { bytes_read: 1, vertices_decoded: out.len() as u64 }))
+    }
+
+    fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        Ok(None)
+    }
+}
+
+/// A small generated series as a store has it. One for all tests.
+fn stored() -> &'static Store {
+    static STORE: OnceLock<(tempfile::TempDir, Store)> = OnceLock::new();
+    let (_, store) = STORE.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let series = generate(&SynthSpec { cells: 600, steps: 4, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+        let path = dir.path().join("jet.zarr");
+        ingest(&series, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        (dir, Store::open(path).unwrap())
+    });
+    store
+}
+
+/// The mesh of the small series.
+pub(crate) fn mesh() -> Arc<Mesh> {
+    Arc::new(stored().mesh().unwrap())
+}
+
+/// The small series, with its own values.
+pub(crate) fn jet() -> Arc<Series> {
+    Arc::new(Series::open(stored(), None).unwrap())
+}
+
+/// A series of so many steps on the mesh of the small one, whose step s has the value s everywhere.
+pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
+    let log = Log::default();
+    let name = stored().fields()[0].name.clone();
+    let field = stored().field(&FieldSelector { name, component: None }).unwrap().info().clone();
+    let times = TimeAxis { values: (0..steps).map(|step| step as f64).collect() };
+    (Arc::new(Series { mesh: mesh(), times, field, source: Box::new(Fake { log: log.clone() }) }), log)
+}

@@ -1,0 +1,313 @@
+//! What is shown is what is due, whatever was commanded.
+
+use super::super::{Direction, Loop, Settings};
+use super::*;
+use crate::camera::Camera;
+use crate::field::TimeAxis;
+use crate::node_table::{Node, NodeTable};
+use crate::pipeline::test_series::logged;
+use crate::pipeline::{Pipeline, PipelinedOptions, Series};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+const LONG: Duration = Duration::from_secs(60);
+
+/// A player of a fake series whose step s has the value s, its fake time, and what it has shown.
+struct Theatre {
+    player: Player,
+    now: Duration,
+    /// Fake time that a frame takes which has to be waited for.
+    cost: Duration,
+    base: FrameRequest,
+    shown: Vec<(Duration, FrameTime)>,
+    dropped: u64,
+}
+
+fn base(series: &Series) -> FrameRequest {
+    let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+    let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.2], tau: 5.0 };
+    let table = NodeTable::new(vec![node(0.0), node(10.0)]).unwrap();
+    FrameRequest::new(0, camera, Arc::new(table), (9, 7))
+}
+
+impl Theatre {
+    fn open(times: Vec<f64>, settings: Settings) -> Self {
+        let (series, _) = logged(times.len());
+        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 };
+        let pipelined = Pipelined::start(Pipeline::new(series.clone()), &options, || ()).unwrap();
+        let clock = Clock::with_settings(TimeAxis { values: times }, settings).unwrap();
+        let base = base(&series);
+        let player = Player::new(clock, pipelined);
+        Self { player, now: Duration::ZERO, cost: Duration::ZERO, base, shown: Vec::new(), dropped: 0 }
+    }
+
+    fn uniform(steps: usize, settings: Settings) -> Self {
+        Self::open((0..steps).map(|s| s as f64).collect(), settings)
+    }
+
+    fn apply(&mut self, command: Command) {
+        self.player.apply(command, self.now).unwrap();
+    }
+
+    /// One tick; the frame that it shows, if any, is that of its request.
+    fn tick(&mut self) -> Tick {
+        let base = self.base.clone();
+        let tick = self.player.tick(self.now, &mut |time| FrameRequest { time, ..base.clone() });
+        self.dropped += tick.dropped;
+        if let Some(delivery) = &tick.shown {
+            assert!(delivery.frame.is_ok());
+            self.shown.push((self.now, delivery.request.time));
+        }
+        tick
+    }
+
+    /// Ticks, and lets time pass as the player says, until `end` or until nothing more happens.
+    fn run_until(&mut self, end: Duration) {
+        while self.now < end {
+            let tick = self.tick();
+            if tick.shown.is_some() && tick.wait.is_none_or(|wait| wait.is_zero()) {
+                continue;
+            }
+            // What is due and not there is waited for; that costs time.
+            let is_due = self.player.clock.due(self.now).frame.is_some();
+            if (is_due || tick.wait.is_none()) && self.player.wait(LONG) {
+                self.now += self.cost;
+                continue;
+            }
+            match tick.wait {
+                Some(wait) => self.now += wait,
+                None => return,
+            }
+        }
+    }
+
+    fn steps(&self) -> Vec<usize> {
+        self.shown.iter().map(|(_, time)| time.step()).collect()
+    }
+}
+
+fn every_step(frames_per_second: f64) -> Settings {
+    Settings { frames_per_second, ..Settings::default() }
+}
+
+#[test]
+fn n_steps_are_n_frames_in_order_the_first_included() {
+    for (mode, cost_ms) in [(Mode::EveryStep, 0), (Mode::EveryStep, 700), (Mode::AsFastAsPossible, 0)] {
+        let mut theatre = Theatre::uniform(50, Settings { mode, ..every_step(10.0) });
+        theatre.cost = Duration::from_millis(cost_ms);
+        theatre.apply(Command::Play);
+        theatre.run_until(Duration::from_secs(1000));
+        assert_eq!(theatre.steps(), (0..50).collect::<Vec<_>>(), "{mode:?} {cost_ms}");
+        assert!(theatre.player.clock().state().ended && theatre.dropped == 0);
+    }
+}
+
+#[test]
+fn backwards_strides_ranges_and_ping_pong_are_followed_step_by_step() {
+    let mut theatre = Theatre::uniform(7, Settings { direction: Direction::Backward, ..every_step(10.0) });
+    theatre.apply(Command::Play);
+    theatre.run_until(LONG);
+    assert_eq!(theatre.steps(), [6, 5, 4, 3, 2, 1, 0]);
+    let range = Some(super::super::StepRange { a: 1, b: 5 });
+    let settings = Settings { stride: 2, range, repeat: Loop::PingPong, ..every_step(10.0) };
+    let mut theatre = Theatre::uniform(7, settings);
+    theatre.apply(Command::Play);
+    theatre.run_until(Duration::from_millis(850));
+    assert_eq!(theatre.steps(), [1, 3, 5, 3, 1, 3, 5, 3, 1]);
+}
+
+#[test]
+fn the_rate_is_that_asked_for_within_a_hundredth_over_ten_seconds() {
+    for rate in [1.0, 7.3, 24.0, 60.0, 144.0] {
+        let mut theatre = Theatre::uniform(30, Settings { repeat: Loop::All, ..every_step(rate) });
+        theatre.apply(Command::Play);
+        theatre.run_until(Duration::from_secs(10));
+        let frames = theatre.shown.len() as f64;
+        // The first frame is at 0, the last one at 10 s or up to an interval before.
+        assert!((frames - 1.0 - 10.0 * rate).abs() <= (0.01 * 10.0 * rate).max(1.0), "{rate}: {frames}");
+        let measured = theatre.player.clock().state().frames_per_second.unwrap();
+        assert!((measured / rate - 1.0).abs() < 0.01, "{rate}: {measured}");
+    }
+}
+
+#[test]
+fn real_time_follows_the_files_times_and_drops_what_a_slow_renderer_cannot_show() {
+    let times = vec![0.0, 0.1, 0.2, 1.0, 1.05, 1.1, 4.0];
+    let settings = Settings { mode: Mode::RealTime, time_per_second: Some(1.0), ..Settings::default() };
+    let mut theatre = Theatre::open(times.clone(), settings);
+    theatre.apply(Command::Play);
+    theatre.run_until(LONG);
+    assert_eq!(theatre.steps(), [0, 1, 2, 3, 4, 5, 6]);
+    for ((at, _), time) in theatre.shown.iter().zip(&times) {
+        assert!((at.as_secs_f64() - time).abs() < 1e-3, "{at:?} {time}");
+    }
+    // A renderer that takes 0.9 s a frame.
+    let mut theatre = Theatre::uniform(100, Settings { time_per_second: Some(10.0), ..settings });
+    theatre.cost = Duration::from_millis(900);
+    theatre.apply(Command::Play);
+    theatre.run_until(LONG);
+    let steps = theatre.steps();
+    assert!(steps.is_sorted() && steps.len() < 30 && steps.last() == Some(&99), "{steps:?}");
+    // Never further behind than what it takes to render one frame, and the one that was under way.
+    for &(at, time) in &theatre.shown[1..] {
+        let due = (at.as_secs_f64() - theatre.shown[0].0.as_secs_f64()) * 10.0;
+        assert!(time.step() == 99 || due - time.step() as f64 <= 2.0 * 9.0 + 1.0, "{at:?} {time:?}");
+    }
+}
+
+#[test]
+fn mixtures_follow_the_refreshes_of_the_screen() {
+    let settings =
+        Settings { mode: Mode::RealTime, time_per_second: Some(1.0), interpolate: true, ..Settings::default() };
+    let mut theatre = Theatre::uniform(4, settings);
+    theatre.apply(Command::Play);
+    for _ in 0..200 {
+        theatre.tick();
+        while theatre.player.wait(LONG) {}
+        theatre.now += Duration::from_millis(16);
+    }
+    theatre.tick();
+    assert!(theatre.shown.windows(2).all(|pair| pair[0].1 != pair[1].1));
+    let between = theatre.shown.iter().filter(|(_, time)| time.toward().is_some()).count();
+    assert!(between > 150, "{between}");
+    for &(at, time) in &theatre.shown {
+        let shown = time.mix(time.step() as f64, |next| next as f64);
+        let lag = at.as_secs_f64() - shown;
+        assert!((-1e-9..0.05).contains(&lag) || shown == 3.0, "{at:?} {time:?}");
+    }
+}
+
+#[test]
+fn five_thousand_frames_need_no_more_memory_than_fifty() {
+    let mut theatre = Theatre::uniform(5000, every_step(1000.0));
+    theatre.apply(Command::Play);
+    theatre.run_until(Duration::from_secs(100));
+    assert_eq!(theatre.steps(), (0..5000).collect::<Vec<_>>());
+    assert!(theatre.player.asked.capacity() <= 16 && theatre.player.ready.capacity() <= 16);
+    assert!(theatre.player.pipelined().preparations().most <= 2);
+}
+
+#[test]
+fn a_paused_player_asks_for_nothing_until_something_changes() {
+    let mut theatre = Theatre::uniform(5, every_step(10.0));
+    theatre.run_until(LONG);
+    assert_eq!(theatre.steps(), [0]);
+    for _ in 0..3 {
+        assert!(theatre.tick().shown.is_none());
+        assert_eq!(theatre.player.pipelined().wanted(), 0);
+        theatre.now += Duration::from_secs(1);
+    }
+    theatre.base.size_px = (12, 8);
+    theatre.player.redraw();
+    theatre.run_until(LONG);
+    assert_eq!(theatre.steps(), [0, 0]);
+    assert_eq!(theatre.player.pipelined().wanted(), 0);
+}
+
+#[test]
+fn a_view_that_changes_all_the_time_neither_stops_the_playback_nor_is_left_behind() {
+    let mut theatre = Theatre::uniform(20, every_step(10.0));
+    theatre.cost = Duration::from_millis(80);
+    theatre.apply(Command::Play);
+    let mut widths = 9;
+    for _ in 0..400 {
+        widths += 1;
+        theatre.base.size_px.0 = widths;
+        theatre.player.redraw();
+        theatre.tick();
+        if theatre.player.wait(LONG) {
+            theatre.now += theatre.cost;
+        }
+    }
+    let mut steps = theatre.steps();
+    steps.dedup();
+    assert_eq!(steps, (0..20).collect::<Vec<_>>());
+    let mut last = None;
+    loop {
+        if let Some(shown) = theatre.tick().shown {
+            last = Some(shown.request.size_px.0);
+        }
+        if !theatre.player.wait(LONG) {
+            break;
+        }
+    }
+    assert_eq!(last, Some(widths), "the newest view is seen in the end");
+}
+
+fn command(steps: usize) -> impl Strategy<Value = Command> {
+    prop_oneof![
+        3 => Just(Command::Play),
+        1 => Just(Command::Pause),
+        1 => Just(Command::Stop),
+        1 => Just(Command::Toggle),
+        1 => Just(Command::Reverse),
+        2 => (-3i64..4).prop_map(Command::Step),
+        3 => (0..steps).prop_map(Command::SeekStep),
+        2 => (0.0..steps as f64).prop_map(Command::SeekTime),
+        1 => (0.5f64..200.0).prop_map(Command::Speed),
+        1 => prop_oneof![Just(Loop::Off), Just(Loop::All), Just(Loop::Range), Just(Loop::PingPong)].prop_map(Command::Loop),
+        1 => (1usize..4).prop_map(Command::Stride),
+        1 => prop_oneof![Just(Mode::EveryStep), Just(Mode::RealTime), Just(Mode::AsFastAsPossible)].prop_map(Command::Mode),
+        1 => any::<bool>().prop_map(Command::Interpolate),
+        1 => (0..steps, 0..steps).prop_map(|(a, b)| Command::Range(Some(super::super::StepRange { a, b }))),
+    ]
+}
+
+#[derive(Clone, Debug)]
+enum Act {
+    Command(Command),
+    Redraw,
+    Tick,
+    Wait,
+    Pass(u64),
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    #[test]
+    fn what_is_shown_in_the_end_is_where_the_clock_stands_and_looks_as_it_should(
+        acts in prop::collection::vec(prop_oneof![
+            3 => command(12).prop_map(Act::Command),
+            1 => Just(Act::Redraw),
+            4 => Just(Act::Tick),
+            3 => Just(Act::Wait),
+            3 => (0u64..300).prop_map(Act::Pass),
+        ], 1..60),
+    ) {
+        let mut theatre = Theatre::uniform(12, every_step(20.0));
+        let mut last = None;
+        for act in acts {
+            match act {
+                Act::Command(command) => {
+                    theatre.apply(command);
+                    let mut clock = theatre.player.clock().clone();
+                    let due = clock.due(theatre.now).frame.or(clock.state().frame);
+                    // Never a frame from before: it is the one that is due, or none.
+                    if let Some(delivery) = theatre.tick().shown {
+                        prop_assert_eq!(Some(delivery.request.time), due);
+                        last = Some(delivery.request);
+                    }
+                }
+                Act::Redraw => {
+                    theatre.base.size_px.0 += 1;
+                    theatre.player.redraw();
+                }
+                Act::Tick => last = theatre.tick().shown.map(|d| d.request).or(last),
+                Act::Wait => drop(theatre.player.wait(LONG)),
+                Act::Pass(ms) => theatre.now += Duration::from_millis(ms),
+            }
+            prop_assert!(theatre.player.pipelined().preparations().most <= 2);
+            prop_assert!(theatre.player.ready.len() + theatre.player.asked.len() <= 8);
+        }
+        theatre.apply(Command::Pause);
+        for _ in 0..20 {
+            last = theatre.tick().shown.map(|d| d.request).or(last);
+            theatre.player.wait(LONG);
+        }
+        let last = last.unwrap();
+        prop_assert_eq!(Some(last.time), theatre.player.clock().state().frame);
+        prop_assert_eq!(last.size_px, theatre.base.size_px);
+        prop_assert_eq!(theatre.player.pipelined().wanted(), 0);
+    }
+}
