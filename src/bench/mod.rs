@@ -6,11 +6,13 @@
 mod frames;
 mod machine;
 mod paired;
+mod playback;
 mod report;
 mod statistics;
 
 pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
+pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
 pub use report::{BenchReport, BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
 pub use statistics::{Spread, median, percentile};

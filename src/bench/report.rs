@@ -3,7 +3,7 @@
 //! Figures that were not measured are `null`, and so are those that JSON cannot express: the PSNR of two equal images is
 //! infinite.
 
-use super::{Machine, percentile};
+use super::{Machine, PlaybackRun, percentile};
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,9 @@ pub struct BenchReport {
     pub machine: Machine,
     /// What.
     pub runs: Vec<BenchRun>,
+    /// How playing compares with standing still.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub playback: Vec<PlaybackRun>,
 }
 
 /// One combination of data and settings.
@@ -143,7 +146,7 @@ mod tests {
 
     #[test]
     fn the_json_has_the_documented_keys_and_reads_back() {
-        let report = BenchReport { machine: Machine::detect(), runs: vec![run()] };
+        let report = BenchReport { machine: Machine::detect(), runs: vec![run()], playback: Vec::new() };
         let json = serde_json::to_value(&report).unwrap();
         let sorted = |mut names: Vec<String>| {
             names.sort();

@@ -3,7 +3,10 @@
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
 use super::{Outcome, print_result, source};
-use crate::bench::{BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, run_frames};
+use crate::bench::{
+    BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
+    run_playback,
+};
 use crate::files;
 use crate::task::Progress;
 use std::fmt;
@@ -16,10 +19,11 @@ pub(super) struct Args {
     /// Stores, or sources to import to the cache first
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
-    /// frame: time of frames; accuracy: error against the reference; all: both
+    /// frame: time of frames; accuracy: error against the reference; playback: moving time beside standing still, and
+    /// seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
-    /// Frames measured in each run
+    /// Frames measured in each run; of playback pairs, and seeks
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Write the record to a JSON file
@@ -33,6 +37,7 @@ pub(super) struct Args {
 enum Suite {
     Frame,
     Accuracy,
+    Playback,
     All,
 }
 
@@ -43,7 +48,12 @@ impl Suite {
             Self::Frame => MOTIONS.map(|m| (m, false)).to_vec(),
             Self::Accuracy => vec![(Motion { time: true, camera: true }, true)],
             Self::All => MOTIONS.map(|m| (m, m.time && m.camera)).to_vec(),
+            Self::Playback => Vec::new(),
         }
+    }
+
+    fn has_playback(self) -> bool {
+        matches!(self, Self::Playback | Self::All)
     }
 }
 
@@ -51,7 +61,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.json {
         files::check_place(path)?;
     }
-    let mut runs = Vec::new();
+    let (mut runs, mut playback) = (Vec::new(), Vec::new());
     let mut machine = Machine::detect();
     for path in &args.stores {
         let store = source::open(path, terminal)?;
@@ -70,9 +80,12 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             terminal.end();
             runs.push(measured?);
         }
+        if args.suite.has_playback() {
+            playback.push(run_playback_on(path, &mut scene, args, terminal)?);
+        }
         machine.adapter = scene.gpu_report().adapter.or(machine.adapter);
     }
-    let report = BenchReport { machine, runs };
+    let report = BenchReport { machine, runs, playback };
     if let Some(path) = &args.json {
         let mut text = serde_json::to_vec_pretty(&report)?;
         text.push(b'\n');
@@ -80,6 +93,16 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     }
     print_result(false, &report, &Table(&report))?;
     Ok(Outcome::Done)
+}
+
+/// The playback suite on one series.
+fn run_playback_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<PlaybackRun> {
+    let pairs = args.frames as usize;
+    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0)?, pairs };
+    terminal.begin("bench", 2 * u64::from(args.frames), "pairs and seeks");
+    let measured = run_playback(&|| scene.new_pipeline(), &bench, terminal, &terminal.cancel);
+    terminal.end();
+    Ok(measured?)
 }
 
 fn dataset_name(path: &Path) -> String {
@@ -96,13 +119,34 @@ impl fmt::Display for Table<'_> {
         if let Some(adapter) = &machine.adapter {
             writeln!(f, "{adapter}")?;
         }
-        writeln!(
-            f,
-            "{:16} {:>10} {:12} {:9} {:>7} {:>9} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
-            "dataset", "cells", "moves", "size", "backend", "ms/frame", "p95", "decode", "order", "fps", "rmse", "max"
-        )?;
-        self.0.runs.iter().try_for_each(|run| row(f, run))
+        if !self.0.runs.is_empty() {
+            heading(f)?;
+        }
+        self.0.runs.iter().try_for_each(|run| row(f, run))?;
+        self.0.playback.iter().try_for_each(|run| playback_rows(f, run))
     }
+}
+
+fn heading(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(
+        f,
+        "{:16} {:>10} {:12} {:9} {:>7} {:>9} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
+        "dataset", "cells", "moves", "size", "backend", "ms/frame", "p95", "decode", "order", "fps", "rmse", "max"
+    )
+}
+
+/// Moving over standing still, with both sides, and seeks.
+fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
+    let [width, height] = run.size;
+    writeln!(f, "{}, {} cells, {width}x{height}, {}, codec {}", run.dataset, run.cells, run.backend, run.codec)?;
+    for (name, p) in [("pipelined", &run.pipelined), ("one stage after the other", &run.sequential)] {
+        let (ratio, [lo, hi]) = (p.ratio, p.interval);
+        let times = format!("{:.1} ms for two frames, {:.1} standing still", p.b.median, p.a.median);
+        writeln!(f, "  time moves, {name}: {ratio:.3} (95 % in {lo:.3} to {hi:.3}, {} pairs); {times}", p.pairs)?;
+    }
+    let SeekTimes { ms, ratio } = &run.seek;
+    let quartiles = format!("{:.3} to {:.3}", ratio.q1, ratio.q3);
+    writeln!(f, "  seeks: {:.1} ms, {:.3} of decode + order + render (quartiles {quartiles})", ms.median, ratio.median)
 }
 
 fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {

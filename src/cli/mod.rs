@@ -15,6 +15,7 @@ mod render;
 mod scene;
 mod source;
 mod synth;
+mod trace;
 
 use crate::pipeline::PipelineError;
 use clap::{Parser, Subcommand};

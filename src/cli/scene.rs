@@ -104,6 +104,8 @@ pub(super) struct Scene {
     mode: RenderMode,
     backend: Backend,
     optics: OpticsKind,
+    #[cfg(feature = "gpu")]
+    gpu: ContextOptions,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
 }
@@ -116,7 +118,9 @@ impl Scene {
         }
         let mut pipeline = Pipeline::open(store, args.field.as_ref())?;
         #[cfg(feature = "gpu")]
-        pipeline.choose_gpu(ContextOptions { adapter: args.adapter.clone(), ..Default::default() });
+        let gpu = ContextOptions { adapter: args.adapter.clone(), ..Default::default() };
+        #[cfg(feature = "gpu")]
+        pipeline.choose_gpu(gpu.clone());
         if let Err(problem) = pipeline.check_backend(args.backend) {
             bail!("{problem}; --backend cpu renders without one");
         }
@@ -141,6 +145,8 @@ impl Scene {
             mode: args.mode,
             backend: args.backend,
             optics: args.optics,
+            #[cfg(feature = "gpu")]
+            gpu,
             table: None,
         };
         // What cannot work fails here, before anything is rendered.
@@ -149,6 +155,15 @@ impl Scene {
             scene.camera.view(args.size.0, args.size.1)?;
         }
         Ok(scene)
+    }
+
+    /// Another pipeline of the same series, set up alike.
+    pub(super) fn new_pipeline(&self) -> Pipeline {
+        #[cfg_attr(not(feature = "gpu"), expect(unused_mut))]
+        let mut pipeline = Pipeline::new(self.pipeline.series().clone());
+        #[cfg(feature = "gpu")]
+        pipeline.choose_gpu(self.gpu.clone());
+        pipeline
     }
 
     /// The request for a step, or for a moment between two.
@@ -170,10 +185,9 @@ impl Scene {
         GpuReport::default()
     }
 
-    /// What the colours of the last `request` mean.
-    pub(super) fn color_scale(&self) -> Option<ColorScale<'_>> {
-        let (range, _) = self.table.as_ref()?;
-        Some(ColorScale { map: self.tf.color_map(), range: *range })
+    /// What colours mean over a range.
+    pub(super) fn color_scale(&self, range: MappedRange) -> ColorScale<'_> {
+        ColorScale { map: self.tf.color_map(), range }
     }
 
     /// What the frame of the last `request` shows, as frame number `frame` of the run.

@@ -1,24 +1,25 @@
 //! `tetreel render`: frames of a series to image files or to a movie.
 
+mod job;
 mod plan;
 mod resume;
 mod sink;
 
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs};
+use super::trace::Trace;
 use super::{Outcome, source};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
 use crate::export::sequence::FramePattern;
-use crate::export::still::{Background, FrameAttributes, OutputFrame, StillFormat, StillOptions};
+use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
-use crate::pipeline::{FrameRequest, PipelineError};
-use crate::render::Frame;
 use crate::stats::FrameStats;
 use crate::task::Progress;
 use anyhow::bail;
-use plan::{Plan, PlannedFrame, TimeArgs};
+use job::Job;
+use plan::{Plan, TimeArgs};
 use resume::Fingerprints;
 use serde::Serialize;
 use sink::{Sink, Target};
@@ -62,6 +63,9 @@ pub(super) struct Args {
     /// Write counts and times of every frame to a JSON file
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
+    /// Write when each stage worked on which frame to a JSON file for chrome://tracing or ui.perfetto.dev
+    #[arg(long, value_name = "FILE.json")]
+    trace: Option<PathBuf>,
 }
 
 impl Args {
@@ -85,6 +89,12 @@ impl Args {
         })
     }
 
+    /// Files that are written beside the frames.
+    fn side_files(&self) -> Vec<(&'static str, &Path)> {
+        let files = [("--stats", &self.stats), ("--trace", &self.trace)];
+        files.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?))).collect()
+    }
+
     /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
     fn check(&self) -> anyhow::Result<Option<Ffmpeg>> {
         let format = match self.output {
@@ -97,11 +107,16 @@ impl Args {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
         }
         self.output.check_place()?;
-        if let Some(path) = &self.stats {
+        for (option, path) in self.side_files() {
             files::check_place(path)?;
             if same_place(path, &self.store, true) {
-                bail!("--stats {} is a part of the series; choose another name", path.display());
+                bail!("{option} {} is a part of the series; choose another name", path.display());
             }
+        }
+        if let [(_, stats), (_, trace)] = &self.side_files()[..]
+            && same_place(stats, trace, false)
+        {
+            bail!("--stats and --trace name the same file; choose another name for one of them");
         }
         Ok(format.map(Ffmpeg::find).transpose()?)
     }
@@ -147,6 +162,7 @@ pub(super) struct FrameRecord {
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let ffmpeg = args.check()?;
+    let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
     let plan = args.time.plan(store.times())?;
     if let Target::Images(pattern) = &args.output
@@ -160,10 +176,10 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     {
         bail!("{} is a folder; choose another name", folder.display());
     }
-    if let Some(path) = &args.stats
-        && (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame), false))
-    {
-        bail!("--stats {} is the place of a frame; choose another name", path.display());
+    for (option, path) in args.side_files() {
+        if (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame), false)) {
+            bail!("{option} {} is the place of a frame; choose another name", path.display());
+        }
     }
     let mut scene = Scene::open(&store, &args.scene)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
@@ -195,6 +211,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
+    trace.map(Trace::end).transpose()?;
     terminal.say(&summary(&args.output, &records));
     Ok(Outcome::Done)
 }
@@ -282,94 +299,6 @@ pub(super) fn render_steps(
     let (plan, output) = (Plan::of_steps(steps), Target::Images(output.clone()));
     let job = Job { plan: &plan, output: &output, fingerprints: None, annotator: None, resume: false };
     job.run(scene, Sink::images(options), terminal)
-}
-
-/// What is to be rendered, and where to.
-struct Job<'a> {
-    plan: &'a Plan,
-    output: &'a Target,
-    /// Written into images.
-    fingerprints: Option<Fingerprints>,
-    /// Draws over all frames.
-    annotator: Option<Annotator>,
-    /// Whether images that have the right fingerprint are kept.
-    resume: bool,
-}
-
-impl Job<'_> {
-    /// Renders all frames; what was begun is finished or undone, whatever happens.
-    fn run(&self, scene: &mut Scene, mut sink: Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
-        terminal.begin("render", self.plan.frames.len() as u64, "frames");
-        let rendered = self.render_all(scene, &mut sink, terminal);
-        let lost = rendered.as_ref().err().is_some_and(is_device_failure);
-        let written = sink.finish(rendered.is_ok() || lost, terminal);
-        terminal.end();
-        if lost && written.is_ok() {
-            terminal.say(&format!("the frames until then are in {}", self.output.path(0).display()));
-        }
-        let records = rendered?;
-        written?;
-        Ok(records)
-    }
-
-    fn render_all(&self, scene: &mut Scene, sink: &mut Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
-        let frames = &self.plan.frames;
-        let mut records = Vec::with_capacity(frames.len());
-        // A step that is held while nothing moves is rendered once.
-        let mut held: Option<Frame> = None;
-        for (index, planned) in frames.iter().enumerate() {
-            terminal.check_interrupted()?;
-            let request = request_for(scene, planned)?;
-            let file = self.output.path(index);
-            let mut attributes = scene.attributes(&request, index);
-            let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request, &attributes)).transpose()?;
-            let (time, toward) = (attributes.time, planned.time.toward());
-            let next_is_same = frames.get(index + 1) == Some(planned);
-            let (origin, stats) = if self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f)) {
-                (Origin::Kept, None)
-            } else {
-                attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
-                let (origin, mut output, stats) = if let Some(frame) = &held {
-                    (Origin::Repeated, output_of(frame, attributes), None)
-                } else {
-                    let frame = scene.pipeline.render_unless(&request, &terminal.cancel)?;
-                    held = next_is_same.then(|| frame.clone());
-                    (Origin::Rendered, output_of(frame, attributes), Some(frame.stats.clone()))
-                };
-                if let (Some(annotator), Some(colors)) = (&self.annotator, scene.color_scale()) {
-                    annotator.draw(&mut output.color, time, &colors);
-                }
-                sink.send(output, &file, terminal)?;
-                (origin, stats)
-            };
-            if !next_is_same {
-                held = None;
-            }
-            records.push(FrameRecord { frame: index, step: planned.time.step(), toward, time, file, origin, stats });
-            terminal.advance(1);
-        }
-        Ok(records)
-    }
-}
-
-/// Whether a GPU gave up on the way: nothing is wrong with the frames before.
-fn is_device_failure(error: &anyhow::Error) -> bool {
-    use crate::render::RenderError::{DeviceLost, Gpu};
-    matches!(error.downcast_ref(), Some(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
-}
-
-/// The request of a frame: its moment, and the camera turned as far as it is by then.
-fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<FrameRequest> {
-    let mut request = scene.request(planned.time)?;
-    if planned.azimuth_deg != 0.0 {
-        request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
-    }
-    Ok(request)
-}
-
-/// What is written of a rendered frame, to an image as to a movie.
-fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
-    OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes }
 }
 
 /// Writes the statistics beside their place and moves them there.

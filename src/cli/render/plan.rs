@@ -59,6 +59,12 @@ impl Plan {
         let frame = |&step: &usize| PlannedFrame { time: step.into(), azimuth_deg: 0.0 };
         Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
     }
+
+    /// The steps that `count` frames from frame `first` on show, in their order.
+    pub(super) fn steps_from(&self, first: usize, count: usize) -> Vec<usize> {
+        let moments = self.frames.iter().skip(first).take(count).map(|frame| frame.time);
+        moments.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]).flatten().collect()
+    }
 }
 
 impl TimeArgs {

@@ -1,6 +1,7 @@
 //! `tetreel render`: what is drawn over frames, and where they are rendered.
 
-use super::{Place, render};
+use super::{Place, STEPS, render};
+use serde_json::Value;
 use tetreel::image::{RgbaImage, read_exr, read_png};
 
 /// Pixels that differ.
@@ -104,4 +105,68 @@ fn frames_of_both_backends_are_the_same_picture() {
     let (cpu, gpu) = (run("cpu"), run("gpu"));
     crate::render::assert_within("GPU against CPU", &gpu.color, &cpu.color);
     assert!(cpu.color.pixels.iter().any(|p| p[3] > 0.1));
+}
+
+#[test]
+fn a_trace_shows_that_frames_are_prepared_while_others_are_rendered() {
+    let place = Place::with_slab();
+    place.ok(&["render", "slab.zarr", "-o", "f_%d.png", "--size", "200x200", "--backend", "cpu", "--trace", "t.json"]);
+    let trace: Vec<Value> = serde_json::from_slice(&std::fs::read(place.path("t.json")).unwrap()).unwrap();
+    // Begin and end in microseconds of the spans of a stage, by frame.
+    let spans = |stage: &str| {
+        let of = |phase: &str| {
+            let events = trace.iter().filter(|e| e["name"] == stage && e["ph"] == phase);
+            events.map(|e| e["ts"].as_f64().unwrap()).collect::<Vec<_>>()
+        };
+        of("B").into_iter().zip(of("E")).collect::<Vec<_>>()
+    };
+    let (decode, order, render) = (spans("decode"), spans("order"), spans("render"));
+    assert_eq!([decode.len(), order.len(), render.len()], [STEPS; 3]);
+    for frame in 0..STEPS {
+        assert!(decode[frame].1 <= order[frame].0 && order[frame].1 <= render[frame].0, "a frame passes all stages");
+    }
+    // The renderer does not wait for the next frame to be prepared: that happened before it was done with this one.
+    let overlaps = (1..STEPS).filter(|&n| decode[n].0 < render[n - 1].1).count();
+    assert!(overlaps * 2 > STEPS, "{overlaps} of {}: {decode:?} {render:?}", STEPS - 1);
+    let threads: Vec<&Value> =
+        trace.iter().filter(|e| e["name"] == "thread_name").map(|e| &e["args"]["name"]).collect();
+    assert!(["decode", "order", "render"].iter().all(|name| threads.iter().any(|t| t == name)), "{threads:?}");
+}
+
+#[test]
+fn a_trace_takes_the_place_of_nothing() {
+    let place = Place::with_slab();
+    for (trace, why) in
+        [("f_0.png", "the place of a frame"), ("slab.zarr/zarr.json", "part of the series"), ("no/t.json", "no")]
+    {
+        let run = place.run(&["render", "slab.zarr", "-o", "f_%d.png", "--backend", "cpu", "--trace", trace]);
+        assert!(run.code == Some(2) && run.err.contains(why), "{}", run.err);
+        assert!(!place.path("f_0.png").exists());
+    }
+    let both = ["render", "slab.zarr", "-o", "f_%d.png", "--trace", "x.json", "--stats", "x.json"];
+    assert!(place.run(&both).err.contains("same file"));
+}
+
+#[test]
+fn the_playback_suite_measures_moving_time_and_seeks() {
+    let place = Place::with_slab();
+    let out = place.ok(&[
+        "bench",
+        "slab.zarr",
+        "--suite",
+        "playback",
+        "--frames",
+        "2",
+        "--size",
+        "32x32",
+        "--backend",
+        "cpu",
+        "--json",
+        "b.json",
+    ]);
+    assert!(out.contains("time moves, pipelined") && out.contains("seeks"), "{out}");
+    let report: Value = serde_json::from_slice(&std::fs::read(place.path("b.json")).unwrap()).unwrap();
+    let run = &report["playback"][0];
+    assert_eq!((&run["pipelined"]["pairs"], &run["backend"], &run["codec"]), (&2.into(), &"cpu".into(), &"raw".into()));
+    assert!(run["seek"]["ms"]["median"].as_f64().unwrap() > 0.0);
 }

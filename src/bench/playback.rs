@@ -1,0 +1,226 @@
+//! The playback suite: what it costs that time moves, and how soon a seek is answered.
+
+use super::{Paired, Spread, Timings};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, Series};
+use crate::task::{Cancel, Progress};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Frames that are timed together. The first of them finds nothing prepared: its decoding and ordering overlap nothing.
+const BURST: usize = 2;
+
+/// Rounds before the clock starts: caches, page tables, lazy initialisation.
+const WARM_UP: usize = 2;
+
+/// Longer than any frame: somebody else notices that nothing comes.
+const LONG: Duration = Duration::from_secs(3600);
+
+/// What a run is made of.
+#[derive(Clone, Debug)]
+pub struct PlaybackBench {
+    /// Name of the data set.
+    pub dataset: String,
+    /// The first frame; others differ from it by their step.
+    pub request: FrameRequest,
+    /// Pairs measured; as many seeks.
+    pub pairs: usize,
+}
+
+/// How playing compares with standing still.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlaybackRun {
+    /// Name of the data set.
+    pub dataset: String,
+    /// Cells of its mesh.
+    pub cells: u64,
+    /// Width and height of the image in pixels.
+    pub size: [u32; 2],
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// `raw` or `vq`.
+    pub codec: String,
+    /// Threads in use.
+    pub threads: usize,
+    /// Two frames of successive steps, prepared while others are rendered (B), beside the same view of the first of them,
+    /// rendered twice more (A).
+    pub pipelined: Paired,
+    /// The same with one stage after the other (B).
+    pub sequential: Paired,
+    /// Seeks to steps whose block is in memory, asked for while another frame is rendered.
+    pub seek: SeekTimes,
+}
+
+/// How soon a seek is answered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeekTimes {
+    /// Milliseconds from the request to the frame.
+    pub ms: Spread,
+    /// The same over decode, order and render of that frame.
+    pub ratio: Spread,
+}
+
+/// Why there are no figures.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaybackBenchError {
+    /// A frame could not be rendered.
+    #[error(transparent)]
+    Frame(#[from] PipelineError),
+    /// There are no threads.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] io::Error),
+}
+
+/// The three ways to render two frames.
+struct Ways {
+    request: FrameRequest,
+    steps: usize,
+    still: Pipelined,
+    moving: Pipelined,
+    sequential: Pipeline,
+    on_gpu: bool,
+}
+
+/// Plays and stands still in turn, and seeks; `progress` hears of each pair and of each seek. `open` makes pipelines of one
+/// series that are set up alike.
+///
+/// # Errors
+/// If a step cannot be read, there is no view through the camera, or `cancel` was raised.
+pub fn run_playback(
+    open: &dyn Fn() -> Pipeline,
+    bench: &PlaybackBench,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PlaybackRun, PlaybackBenchError> {
+    let start = || Pipelined::start(open(), &PipelinedOptions { frame_cache_bytes: 0, ..Default::default() }, || ());
+    let sequential = open();
+    let series = sequential.series().clone();
+    let steps = series.times().len();
+    let mut ways =
+        Ways { request: bench.request.clone(), steps, still: start()?, moving: start()?, sequential, on_gpu: false };
+    let (mut pipelined, mut one_by_one) = (Timings::default(), Timings::default());
+    for round in 0..WARM_UP + bench.pairs.max(1) {
+        if cancel.is_cancelled() {
+            return Err(PipelineError::Cancelled.into());
+        }
+        let ms = ways.round(round)?;
+        if round >= WARM_UP {
+            for (timings, b) in [(&mut pipelined, ms[1]), (&mut one_by_one, ms[2])] {
+                timings.a.push(ms[0]);
+                timings.b.push(b);
+            }
+            progress.advance(1);
+        }
+    }
+    let seek = ways.seeks(bench.pairs.max(1), progress, cancel)?;
+    const SEED: u64 = 1;
+    Ok(record(&series, bench, &ways, [Paired::of(&pipelined, SEED), Paired::of(&one_by_one, SEED)], seek))
+}
+
+fn record(
+    series: &Arc<Series>,
+    bench: &PlaybackBench,
+    ways: &Ways,
+    [pipelined, sequential]: [Paired; 2],
+    seek: SeekTimes,
+) -> PlaybackRun {
+    PlaybackRun {
+        dataset: bench.dataset.clone(),
+        cells: series.mesh().topology.tets.len() as u64,
+        size: [bench.request.size_px.0 as u32, bench.request.size_px.1 as u32],
+        backend: if ways.on_gpu { "gpu" } else { "cpu" }.to_owned(),
+        codec: series.field().codec.clone(),
+        threads: rayon::current_num_threads(),
+        pipelined,
+        sequential,
+        seek,
+    }
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+impl Ways {
+    fn request(&self, step: usize) -> FrameRequest {
+        FrameRequest { time: (step % self.steps.max(1)).into(), ..self.request.clone() }
+    }
+
+    /// One time of each way, in milliseconds; which one is first changes from round to round.
+    fn round(&mut self, round: usize) -> Result<[f64; 3], PipelineError> {
+        let first = round * BURST;
+        let mut ms = [0.0; 3];
+        for turn in 0..3 {
+            let way = (round + turn) % 3;
+            ms[way] = match way {
+                0 => {
+                    // Off the clock: the step becomes the present one.
+                    self.burst(&self.still, [first])?;
+                    let started = Instant::now();
+                    self.on_gpu = self.burst(&self.still, [first; BURST])?;
+                    milliseconds(started)
+                }
+                1 => {
+                    let started = Instant::now();
+                    self.burst(&self.moving, first..first + BURST)?;
+                    milliseconds(started)
+                }
+                _ => {
+                    let started = Instant::now();
+                    for step in first..first + BURST {
+                        let request = self.request(step);
+                        std::hint::black_box(self.sequential.render(&request)?);
+                    }
+                    milliseconds(started)
+                }
+            };
+        }
+        Ok(ms)
+    }
+
+    /// Renders some steps; whether on the GPU.
+    fn burst(&self, pipelined: &Pipelined, steps: impl IntoIterator<Item = usize>) -> Result<bool, PipelineError> {
+        for step in steps {
+            // A burst is much shorter than the queue.
+            let _ = pipelined.push(self.request(step));
+        }
+        let mut on_gpu = false;
+        while let Some(delivery) = pipelined.wait(LONG) {
+            on_gpu = std::hint::black_box(delivery.frame?).stats.on_gpu;
+        }
+        Ok(on_gpu)
+    }
+
+    /// Seeks up and down the series while frames are on their way.
+    fn seeks(&self, count: usize, progress: &dyn Progress, cancel: &Cancel) -> Result<SeekTimes, PipelineError> {
+        // All blocks that fit in memory are there then.
+        for step in 0..self.steps {
+            self.moving.expect(&[step]);
+        }
+        let (mut ms, mut ratios) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for seek in 0..count {
+            if cancel.is_cancelled() {
+                return Err(PipelineError::Cancelled);
+            }
+            let target = seek * 7 + 3;
+            let _ = self.moving.push(self.request(target + 1));
+            let _ = self.moving.push(self.request(target + 2));
+            while self.moving.preparations().now > 1 {
+                std::thread::yield_now();
+            }
+            // Somewhere in the middle of a frame.
+            std::thread::sleep(Duration::from_millis(3 + (seek % 10) as u64));
+            let started = Instant::now();
+            let _ = self.moving.seek(self.request(target));
+            if let Some(delivery) = self.moving.wait(LONG) {
+                let took = milliseconds(started);
+                let stats = delivery.frame?.stats.clone();
+                ms.push(took);
+                ratios.push(took / (stats.ms_decode + stats.ms_order + stats.ms_render).max(f64::MIN_POSITIVE));
+            }
+            progress.advance(1);
+        }
+        Ok(SeekTimes { ms: Spread::of(&ms), ratio: Spread::of(&ratios) })
+    }
+}

@@ -1,0 +1,203 @@
+//! Frames of a plan, from the pipeline to their files.
+
+use super::plan::{Plan, PlannedFrame};
+use super::resume::{self, Fingerprints};
+use super::sink::{Sink, Target};
+use super::{FrameRecord, Origin};
+use crate::cli::progress::Terminal;
+use crate::cli::scene::Scene;
+use crate::export::annotate::Annotator;
+use crate::export::still::{FrameAttributes, OutputFrame};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, SharedFrame};
+use crate::render::Frame;
+use crate::stats::FrameStats;
+use crate::task::Progress;
+use crate::transfer::MappedRange;
+use anyhow::{Context, ensure};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What is to be rendered, and where to.
+pub(super) struct Job<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) output: &'a Target,
+    /// Written into images.
+    pub(super) fingerprints: Option<Fingerprints>,
+    /// Draws over all frames.
+    pub(super) annotator: Option<Annotator>,
+    /// Whether images that have the right fingerprint are kept.
+    pub(super) resume: bool,
+}
+
+impl Job<'_> {
+    /// Renders all frames; what was begun is finished or undone, whatever happens.
+    pub(super) fn run(
+        &self,
+        scene: &mut Scene,
+        mut sink: Sink,
+        terminal: &Terminal,
+    ) -> anyhow::Result<Vec<FrameRecord>> {
+        terminal.begin("render", self.plan.frames.len() as u64, "frames");
+        let rendered = self.render_all(scene, &mut sink, terminal);
+        let lost = rendered.as_ref().err().is_some_and(is_device_failure);
+        let written = sink.finish(rendered.is_ok() || lost, terminal);
+        terminal.end();
+        if lost && written.is_ok() {
+            terminal.say(&format!("the frames until then are in {}", self.output.path(0).display()));
+        }
+        let records = rendered?;
+        written?;
+        Ok(records)
+    }
+
+    /// Renders on a pipeline of its own, which the scene has back afterwards.
+    fn render_all(&self, scene: &mut Scene, sink: &mut Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
+        let series = scene.pipeline.series().clone();
+        let pipeline = std::mem::replace(&mut scene.pipeline, Pipeline::new(series));
+        // No frame of a run is asked for twice but those that are repeated here.
+        let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
+        let pipelined = Pipelined::start(pipeline, &options, || ())?;
+        let rendered = self.render_on(&pipelined, scene, sink, terminal);
+        scene.pipeline = pipelined.stop();
+        rendered
+    }
+
+    fn render_on(
+        &self,
+        pipelined: &Pipelined,
+        scene: &mut Scene,
+        sink: &mut Sink,
+        terminal: &Terminal,
+    ) -> anyhow::Result<Vec<FrameRecord>> {
+        let frames = &self.plan.frames;
+        let mut records = Vec::with_capacity(frames.len());
+        let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
+        let mut asked = 0;
+        // A moment that is held while nothing moves is rendered once.
+        let mut held: Option<SharedFrame> = None;
+        while records.len() < frames.len() {
+            terminal.check_interrupted()?;
+            while asked < frames.len() && on_their_way.len() < AHEAD {
+                let previous = on_their_way.back().map(|pending| pending.origin).or(records.last().map(origin_of));
+                on_their_way.push_back(self.ask(asked, previous, pipelined, scene)?);
+                asked += 1;
+            }
+            pipelined.expect(&self.plan.steps_from(records.len(), EXPECTED));
+            let Some(pending) = on_their_way.pop_front() else { break };
+            let stats = match pending.origin {
+                Origin::Kept | Origin::Repeated => None,
+                Origin::Rendered => {
+                    let frame = wait_for(pipelined, terminal)?;
+                    Some(held.insert(frame).stats.clone())
+                }
+            };
+            let record = pending.record(self.plan, stats);
+            if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
+                let mut output = output_of(frame, pending.attributes);
+                if let (Some(annotator), Some(range)) = (&self.annotator, pending.range) {
+                    annotator.draw(&mut output.color, record.time, &scene.color_scale(range));
+                }
+                sink.send(output, &pending.file, terminal)?;
+            }
+            records.push(record);
+            terminal.advance(1);
+        }
+        Ok(records)
+    }
+
+    /// Asks for a frame, unless it is in its file already or the same as the one before it.
+    fn ask(
+        &self,
+        index: usize,
+        previous: Option<Origin>,
+        pipelined: &Pipelined,
+        scene: &mut Scene,
+    ) -> anyhow::Result<Pending> {
+        let planned = &self.plan.frames[index];
+        let request = request_for(scene, planned)?;
+        let file = self.output.path(index);
+        let mut attributes = scene.attributes(&request, index);
+        let range = attributes.range;
+        let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request, &attributes)).transpose()?;
+        let is_done = self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f));
+        attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
+        let is_same = index > 0 && self.plan.frames[index - 1] == *planned;
+        let origin = match previous {
+            _ if is_done => Origin::Kept,
+            Some(Origin::Rendered | Origin::Repeated) if is_same => Origin::Repeated,
+            _ => Origin::Rendered,
+        };
+        if origin == Origin::Rendered {
+            // Few are on their way: there is room for this one.
+            pipelined.push(request).context("more frames were asked for than the pipeline takes")?;
+        }
+        Ok(Pending { index, attributes, range, file, origin })
+    }
+}
+
+/// Frames asked for ahead of the one that is written next: one that is rendered, two that are prepared, one that is done.
+const AHEAD: usize = 4;
+
+/// Frames whose steps are read ahead.
+const EXPECTED: usize = 256;
+
+/// A frame on its way to its file.
+struct Pending {
+    index: usize,
+    attributes: FrameAttributes,
+    /// What its colours are for.
+    range: Option<MappedRange>,
+    file: PathBuf,
+    origin: Origin,
+}
+
+impl Pending {
+    fn record(&self, plan: &Plan, stats: Option<FrameStats>) -> FrameRecord {
+        let moment = plan.frames[self.index].time;
+        FrameRecord {
+            frame: self.index,
+            step: moment.step(),
+            toward: moment.toward(),
+            time: self.attributes.time,
+            file: self.file.clone(),
+            origin: self.origin,
+            stats,
+        }
+    }
+}
+
+fn origin_of(record: &FrameRecord) -> Origin {
+    record.origin
+}
+
+/// The next frame, unless somebody interrupts.
+fn wait_for(pipelined: &Pipelined, terminal: &Terminal) -> anyhow::Result<SharedFrame> {
+    loop {
+        terminal.check_interrupted()?;
+        if let Some(delivery) = pipelined.wait(Duration::from_millis(50)) {
+            return Ok(delivery.frame?);
+        }
+        ensure!(pipelined.wanted() > 0, "the pipeline has stopped; please report this");
+    }
+}
+
+/// Whether a GPU gave up on the way: nothing is wrong with the frames before.
+fn is_device_failure(error: &anyhow::Error) -> bool {
+    use crate::render::RenderError::{DeviceLost, Gpu};
+    matches!(error.downcast_ref(), Some(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
+}
+
+/// The request of a frame: its moment, and the camera turned as far as it is by then.
+fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<FrameRequest> {
+    let mut request = scene.request(planned.time)?;
+    if planned.azimuth_deg != 0.0 {
+        request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
+    }
+    Ok(request)
+}
+
+/// What is written of a rendered frame, to an image as to a movie.
+fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
+    OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes }
+}
