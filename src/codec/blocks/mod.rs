@@ -8,15 +8,22 @@
 //! 2. of those expected, the one whose next use is furthest away.
 //!
 //! The second rule is the optimal one for blocks of one size (Belady, IBM Systems Journal 5, 1966): in a loop over more than
-//! fits it keeps what it can, where the first alone would throw every block away just before it is needed again. One block
-//! stays however large it is, so that a small budget costs time and nothing else. A thread that uses a block holds it by
-//! its [`Arc`]; that it has left the cache then only frees its memory later.
+//! fits it keeps what it can, where the first alone would throw every block away just before it is needed again. A block
+//! larger than the budget stays, alone, until another one is loaded: a small budget costs time and nothing else. The cache
+//! holds at most the budget and a block that has just been loaded. A thread that uses a block holds it by its [`Arc`]; its
+//! memory is then freed only when that thread is done.
 //!
 //! A block that several threads ask for is loaded by the first of them, without a thread of the pool: one that waits in the
 //! pool could be given this same work. The others wait for it. Failures are not kept, since the file may be restored; if the
 //! load is cancelled, one of those waiting begins it again. For one thread, what is resident depends on the calls alone.
 
+#[cfg(test)]
+mod decoder_tests;
 mod residents;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod thread_tests;
 
 use super::Stop;
 use super::stop::{go_on, unless_cancelled};
@@ -243,8 +250,7 @@ impl BlockCache {
                 }
             }
             state.residents.count_miss();
-            let duty = self.begin(&mut state, key, loader.expected_bytes(index));
-            drop(state);
+            let duty = self.begin(state, key, loader.expected_bytes(index));
             return Self::load(duty, loader, cancel);
         }
     }
@@ -278,13 +284,12 @@ impl BlockCache {
         if cancel.is_cancelled() {
             return Ok(false);
         }
-        let mut state = self.lock();
+        let state = self.lock();
         let on_its_way = |key| state.loads.iter().find(|(other, ..)| *other == key).map(|&(_, bytes, _)| bytes);
         let expected = |key: BlockKey| loader_of(key.decoder).map(|loader| loader.expected_bytes(key.index));
         let Some((key, bytes)) = state.residents.next_to_load(on_its_way, expected) else { return Ok(false) };
         let Some(loader) = loader_of(key.decoder) else { return Ok(false) };
-        let duty = self.begin(&mut state, key, bytes);
-        drop(state);
+        let duty = self.begin(state, key, bytes);
         let loaded = unless_cancelled(Self::load(duty, loader, cancel));
         if loaded.is_err() {
             self.lock().residents.pass_over(key);
@@ -298,9 +303,12 @@ impl BlockCache {
         Ok(block)
     }
 
-    fn begin(&self, state: &mut State, key: BlockKey, expected_bytes: u64) -> Duty<'_> {
+    fn begin(&self, mut state: MutexGuard<'_, State>, key: BlockKey, expected_bytes: u64) -> Duty<'_> {
+        let gone = state.residents.make_way();
         let load = Arc::new(Load::default());
         state.loads.push((key, expected_bytes, load.clone()));
+        drop(state);
+        drop::<Option<Resident>>(gone);
         Duty { cache: self, key, load }
     }
 

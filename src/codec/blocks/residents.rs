@@ -117,28 +117,54 @@ impl Residents {
         }
         self.clock += 1;
         let next_use = self.next_use.get(&key).copied().unwrap_or(NEVER);
-        self.blocks.insert(key, Resident { block, bytes, last_use: self.clock, next_use });
-        let statistics = &mut self.statistics;
-        statistics.loads += 1;
-        statistics.bytes_read += bytes_read;
-        statistics.resident_bytes += bytes;
-        statistics.peak_bytes = statistics.peak_bytes.max(statistics.resident_bytes);
-        self.shrink()
+        let resident = Resident { block, bytes, last_use: self.clock, next_use };
+        self.statistics.loads += 1;
+        self.statistics.bytes_read += bytes_read;
+        // A block larger than the budget that another thread has brought meanwhile: one of both.
+        let mut gone = Vec::new();
+        if self.is_over_budget() {
+            if self.blocks.values().any(|other| other.rank() < resident.rank()) {
+                self.statistics.evictions += 1;
+                return vec![resident];
+            }
+            gone.extend(self.make_way());
+        }
+        self.blocks.insert(key, resident);
+        self.statistics.resident_bytes += bytes;
+        self.statistics.peak_bytes = self.statistics.peak_bytes.max(self.statistics.resident_bytes);
+        gone.extend(self.shrink());
+        gone
+    }
+
+    fn is_over_budget(&self) -> bool {
+        self.statistics.resident_bytes > self.budget
     }
 
     /// Lets blocks go until they fit, or one is left.
     fn shrink(&mut self) -> Vec<Resident> {
         let mut gone = Vec::new();
-        while self.blocks.len() > 1
-            && (self.statistics.resident_bytes > self.budget || self.blocks.len() > self.max_blocks)
-        {
+        while self.blocks.len() > 1 && (self.is_over_budget() || self.blocks.len() > self.max_blocks) {
             let last = self.blocks.iter().max_by_key(|(_, resident)| resident.rank()).map(|(key, _)| *key);
-            let Some(resident) = last.and_then(|key| self.blocks.remove(&key)) else { break };
-            self.statistics.resident_bytes -= resident.bytes;
-            self.statistics.evictions += 1;
-            gone.push(resident);
+            gone.extend(last.and_then(|key| self.evict(key)));
         }
         gone
+    }
+
+    /// Lets a block go that is larger than the budget, before another one is loaded: both together would be twice too much.
+    pub(super) fn make_way(&mut self) -> Option<Resident> {
+        if !self.is_over_budget() {
+            return None;
+        }
+        // Over the budget there is but one.
+        let key = self.blocks.keys().next().copied()?;
+        self.evict(key)
+    }
+
+    fn evict(&mut self, key: BlockKey) -> Option<Resident> {
+        let resident = self.blocks.remove(&key)?;
+        self.statistics.resident_bytes -= resident.bytes;
+        self.statistics.evictions += 1;
+        Some(resident)
     }
 
     pub(super) fn forget(&mut self, decoder: DecoderId) -> Vec<Resident> {
