@@ -1,11 +1,16 @@
 //! Chunks: arrays of little-endian elements, each chunk followed by its CRC-32C.
 
+use super::stop::{Stop, go_on, uncancelled};
 use crate::error::{FileError, FileResult};
+use crate::task::Cancel;
 use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// Bytes of the checksum behind a chunk.
 const CHECKSUM_BYTES: u64 = 4;
+
+/// Bytes that are read and checked between two looks at whether to stop: a fraction of a millisecond.
+pub(super) const PIECE_BYTES: usize = 1 << 20;
 
 /// Reads bytes of named objects: files of a folder today, of an object store later.
 pub trait ReadRange: Send + Sync {
@@ -26,6 +31,28 @@ pub trait ReadRange: Send + Sync {
     /// # Errors
     /// If the object cannot be read or ends too early.
     fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()>;
+
+    /// As [`ReadRange::read`], but calls `filled` with each part when it is filled, and stops if that says no. Returns
+    /// whether it never did. To be overridden where opening an object costs something.
+    ///
+    /// # Errors
+    /// As [`ReadRange::read`].
+    fn read_while(
+        &self,
+        key: &str,
+        mut offset: u64,
+        parts: &mut [&mut [u8]],
+        filled: &mut dyn FnMut(&[u8]) -> bool,
+    ) -> FileResult<bool> {
+        for part in parts {
+            self.read(key, offset, &mut [part])?;
+            offset += part.len() as u64;
+            if !filled(part) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
 
     /// What errors call the object.
     fn path(&self, key: &str) -> PathBuf;
@@ -173,14 +200,42 @@ pub fn seal(payload: &[u8]) -> [u8; CHECKSUM_BYTES as usize] {
 /// # Errors
 /// If the chunk is missing, has another length, or does not match its checksum.
 pub fn read_chunk<T: Element>(source: &dyn ReadRange, key: &str, out: &mut [T]) -> FileResult<u64> {
+    uncancelled(|cancel| read_chunk_unless(source, key, out, cancel))
+}
+
+/// As [`read_chunk`], unless `cancel` is raised; looks at it after every piece. `out` is unspecified then.
+///
+/// # Errors
+/// As [`read_chunk`], or `Cancelled`.
+pub fn read_chunk_unless<T: Element>(
+    source: &dyn ReadRange,
+    key: &str,
+    out: &mut [T],
+    cancel: &Cancel,
+) -> Result<u64, Stop> {
+    go_on(cancel)?;
     let payload: &mut [u8] = bytemuck::cast_slice_mut(out);
     let expected = payload.len() as u64 + CHECKSUM_BYTES;
     check_size(source, key, expected)?;
-    let mut checksum = [0; CHECKSUM_BYTES as usize];
-    source.read(key, 0, &mut [payload, &mut checksum])?;
-    if seal(payload) != checksum {
-        return Err(FileError::invalid(source.path(key), "chunk", "is damaged: its CRC-32C does not match")
-            .remedy("restore the file from a copy, or import the series again"));
+    let mut stored = [0; CHECKSUM_BYTES as usize];
+    let mut parts: Vec<&mut [u8]> = payload.chunks_mut(PIECE_BYTES).collect();
+    let pieces = parts.len();
+    parts.push(&mut stored);
+    let (mut computed, mut filled) = (0, 0);
+    let whole = source.read_while(key, 0, &mut parts, &mut |part| {
+        // The last part is the checksum itself.
+        if filled < pieces {
+            computed = crc32c::crc32c_append(computed, part);
+        }
+        filled += 1;
+        !cancel.is_cancelled()
+    })?;
+    if !whole {
+        return Err(Stop::Cancelled);
+    }
+    if computed.to_le_bytes() != stored {
+        let error = FileError::invalid(source.path(key), "chunk", "is damaged: its CRC-32C does not match");
+        return Err(error.remedy("restore the file from a copy, or import the series again").into());
     }
     if cfg!(target_endian = "big") {
         out.iter_mut().for_each(|v| *v = v.reversed());
@@ -193,13 +248,26 @@ pub fn read_chunk<T: Element>(source: &dyn ReadRange, key: &str, out: &mut [T]) 
 /// # Errors
 /// As [`read_chunk`], and if the chunk cannot be addressed on this machine.
 pub fn read_rows<T: Element, const N: usize>(source: &dyn ReadRange, key: &str, count: u64) -> FileResult<Vec<[T; N]>> {
+    uncancelled(|cancel| read_rows_unless(source, key, count, cancel))
+}
+
+/// As [`read_rows`], unless `cancel` is raised.
+///
+/// # Errors
+/// As [`read_rows`], or `Cancelled`.
+pub fn read_rows_unless<T: Element, const N: usize>(
+    source: &dyn ReadRange,
+    key: &str,
+    count: u64,
+    cancel: &Cancel,
+) -> Result<Vec<[T; N]>, Stop> {
     if count == 0 {
         return Ok(Vec::new()); // an empty array has no chunk
     }
     let too_large = || FileError::unsupported(source.path(key), "chunk", format!("has {count} rows: too large"));
     check_chunk_size(source, key, T::TYPE, count.checked_mul(N as u64).ok_or_else(too_large)?)?;
     let mut rows = vec![[T::zeroed(); N]; usize::try_from(count).map_err(|_| too_large())?];
-    read_chunk(source, key, rows.as_flattened_mut())?;
+    read_chunk_unless(source, key, rows.as_flattened_mut(), cancel)?;
     Ok(rows)
 }
 

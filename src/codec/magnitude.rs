@@ -1,5 +1,6 @@
 //! Euclidean norm of a field's tuples.
 
+use crate::task::Cancel;
 use rayon::prelude::*;
 
 /// Values that one task computes.
@@ -14,13 +15,25 @@ const CHUNK: usize = 16_384;
 /// # Panics
 /// If a component is shorter than `out`.
 pub fn magnitude(components: &[&[f32]], out: &mut [f32]) {
+    magnitude_unless(components, out, &Cancel::new());
+}
+
+/// As [`magnitude`], unless `cancel` is raised. Returns whether it was not; if it was, `out` is unspecified.
+///
+/// # Panics
+/// As [`magnitude`].
+pub fn magnitude_unless(components: &[&[f32]], out: &mut [f32], cancel: &Cancel) -> bool {
     out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+        if cancel.is_cancelled() {
+            return;
+        }
         let first = chunk * CHUNK;
         for (i, out) in out.iter_mut().enumerate() {
             let sum: f64 = components.iter().map(|values| f64::from(values[first + i]).powi(2)).sum();
             *out = sum.sqrt() as f32;
         }
     });
+    !cancel.is_cancelled()
 }
 
 #[cfg(test)]
@@ -61,5 +74,16 @@ mod tests {
         let mut out = vec![0.0; x.len()];
         magnitude(&[&x], &mut out);
         assert_eq!(out, x);
+    }
+
+    #[test]
+    fn a_norm_that_nobody_wants_is_not_computed() {
+        let (cancel, x) = (Cancel::new(), vec![2.0; CHUNK + 5]);
+        let mut out = vec![0.0; x.len()];
+        assert!(magnitude_unless(&[&x], &mut out, &cancel) && out == x);
+        cancel.cancel();
+        out.fill(0.0);
+        assert!(!magnitude_unless(&[&x], &mut out, &cancel));
+        assert!(out.iter().all(|&x| x == 0.0));
     }
 }

@@ -4,29 +4,38 @@
 //! [`ChunkSink`] under the names that they have in the store. A [`Decoder`] reads bytes behind [`ReadRange`] (a folder
 //! today, an object store later) and decodes any step without state that another thread could see. Chunks are those of
 //! Zarr arrays, described by [`ArraySpec`]: little-endian elements and then their CRC-32C, which is what the stock codecs
-//! `bytes` and `crc32c` write.
+//! `bytes` and `crc32c` write. What decoders keep in memory lies in a [`BlockCache`], which several of them may share.
 //!
 //! | layer | where |
 //! |---|---|
 //! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
 //! | bytes of a chunk | [`seal`], [`read_chunk`] |
 //! | values of a step | [`raw`], [`vq`] |
+//! | blocks that stay in memory | [`blocks`] |
 //! | how far they are from the truth | [`ErrorTally`], [`Quality`] |
 
+pub mod blocks;
 mod chunk;
 mod magnitude;
 mod quality;
 pub mod raw;
+mod stop;
+#[cfg(test)]
+mod test_objects;
 pub mod vq;
 
+pub use blocks::{BlockCache, CacheStatistics};
 pub use chunk::{
-    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
-    to_bytes,
+    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_chunk_unless,
+    read_rows, read_rows_unless, seal, to_bytes,
 };
-pub use magnitude::magnitude;
+pub use magnitude::{magnitude, magnitude_unless};
 pub use quality::{ErrorTally, OverSigma, Quality};
+pub use stop::Stop;
 
 use crate::error::FileResult;
+use crate::task::Cancel;
+use blocks::BlockLoader;
 use std::sync::Arc;
 
 /// What decoding a step cost.
@@ -78,14 +87,26 @@ pub trait Encoder: Send {
 
 /// Decodes any step of one field, from several threads at once.
 pub trait Decoder: Send + Sync {
-    /// Decodes `step` into `out`, one value per vertex.
+    /// Decodes `step` into `out`, one value per vertex, unless `cancel` is raised: `None` then, within a few milliseconds,
+    /// and `out` is unspecified.
     ///
     /// # Errors
     /// If a chunk is missing, cut or damaged; the error names the file and the step. `out` is unspecified then.
     ///
     /// # Panics
     /// If the length of `out` is not the number of vertices.
-    fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats>;
+    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
+
+    /// The same without a way to stop it.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_step_unless`].
+    ///
+    /// # Panics
+    /// As [`Decoder::decode_step_unless`].
+    fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
+        stop::uncancelled(|cancel| self.decode_step_unless(step, out, cancel)?.ok_or(Stop::Cancelled))
+    }
 
     /// The block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
     ///
@@ -93,5 +114,10 @@ pub trait Decoder: Send + Sync {
     /// As [`Decoder::decode_step`].
     fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<vq::VqBlock>>> {
         Ok(None)
+    }
+
+    /// How the blocks of this decoder are loaded into a [`BlockCache`] before they are needed; `None` if it keeps none.
+    fn blocks(&self) -> Option<&dyn BlockLoader> {
+        None
     }
 }

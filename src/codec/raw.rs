@@ -1,11 +1,18 @@
 //! Codec `raw`: the steps as they are, f32, one chunk a step.
 
+use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedBlock};
+use super::stop::{go_on, unless_cancelled};
 use super::{
-    ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, chunk_key,
-    read_chunk, to_bytes,
+    ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, Stop, chunk_key,
+    read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
+use crate::task::Cancel;
+use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Values that one task copies: below that, threads cost more than they bring.
+const TASK: usize = 32_768;
 
 /// Name of the codec and of its array.
 pub const NAME: &str = "raw";
@@ -52,81 +59,109 @@ impl Encoder for RawEncoder {
     }
 }
 
-/// Reads a step straight into the caller's memory.
+/// Reads a step straight into the caller's memory, or copies it from a cache into which it was loaded ahead.
 pub struct RawDecoder {
     source: Arc<dyn ReadRange>,
     array_key: String,
     steps: usize,
     vertices: usize,
+    id: DecoderId,
+    cache: Option<Arc<BlockCache>>,
 }
 
 impl RawDecoder {
-    /// A decoder of the array `raw` in the group `group_key` of `source`.
+    /// A decoder of the array `raw` in the group `group_key` of `source`, which keeps nothing in memory.
     pub fn new(source: Arc<dyn ReadRange>, group_key: &str, steps: usize, vertices: usize) -> Self {
-        Self { source, array_key: format!("{group_key}/{NAME}"), steps, vertices }
+        let array_key = format!("{group_key}/{NAME}");
+        Self { source, array_key, steps, vertices, id: DecoderId::unique(), cache: None }
+    }
+
+    /// The same, which looks into `cache` first. Decoding puts nothing there: a step that is decoded is in the caller's
+    /// memory already.
+    #[must_use]
+    pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
+        self.cache = Some(cache);
+        self
+    }
+
+    fn decode(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> Result<DecodeStats, Stop> {
+        let vertices_decoded = out.len() as u64;
+        if step >= self.steps {
+            let problem = format!("there are {} steps, counted from 0", self.steps);
+            let path = self.source.path(&self.array_key);
+            return Err(FileError::invalid(path, format!("step {step}"), problem).into());
+        }
+        let key = BlockKey { decoder: self.id, index: step };
+        if let Some(Block::Raw(values)) = self.cache.as_ref().and_then(|cache| cache.find(key, cancel)) {
+            return copy(&values, out, cancel).map(|()| DecodeStats { bytes_read: 0, vertices_decoded });
+        }
+        let read = read_chunk_unless(&*self.source, &chunk_key(&self.array_key, step as u64, 2), out, cancel);
+        let bytes_read = read.map_err(|stop| stop.at(|| format!("step {step}")))?;
+        Ok(DecodeStats { bytes_read, vertices_decoded })
+    }
+}
+
+/// Copies on all threads.
+fn copy(values: &[f32], out: &mut [f32], cancel: &Cancel) -> Result<(), Stop> {
+    if out.len() <= TASK {
+        out.copy_from_slice(values);
+    } else {
+        out.par_chunks_mut(TASK).zip(values.par_chunks(TASK)).for_each(|(out, values)| {
+            if !cancel.is_cancelled() {
+                out.copy_from_slice(values);
+            }
+        });
+    }
+    go_on(cancel)
+}
+
+impl BlockLoader for RawDecoder {
+    fn id(&self) -> DecoderId {
+        self.id
+    }
+
+    fn block_of_step(&self, step: usize) -> Option<usize> {
+        (step < self.steps).then_some(step)
+    }
+
+    fn expected_bytes(&self, _index: usize) -> u64 {
+        (self.vertices as u64).saturating_mul(size_of::<f32>() as u64)
+    }
+
+    fn load(&self, index: usize, cancel: &Cancel) -> Result<LoadedBlock, Stop> {
+        let key = chunk_key(&self.array_key, index as u64, 2);
+        let rows = read_rows_unless::<f32, 1>(&*self.source, &key, self.vertices as u64, cancel);
+        let values = rows.map_err(|stop| stop.at(|| format!("step {index}")))?.into_flattened();
+        let bytes = size_of_val(&values[..]) as u64;
+        // The checksum has been read, too.
+        let bytes_read = bytes + u64::from(u32::BITS / 8);
+        Ok(LoadedBlock { block: Block::Raw(Arc::new(values)), bytes, bytes_read })
     }
 }
 
 impl Decoder for RawDecoder {
-    fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
+    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        if step >= self.steps {
-            let problem = format!("there are {} steps, counted from 0", self.steps);
-            return Err(FileError::invalid(self.source.path(&self.array_key), format!("step {step}"), problem));
+        unless_cancelled(self.decode(step, out, cancel))
+    }
+
+    fn blocks(&self) -> Option<&dyn BlockLoader> {
+        self.cache.is_some().then_some(self)
+    }
+}
+
+impl Drop for RawDecoder {
+    fn drop(&mut self) {
+        if let Some(cache) = &self.cache {
+            cache.forget(self.id);
         }
-        let key = chunk_key(&self.array_key, step as u64, 2);
-        let bytes_read = read_chunk(&*self.source, &key, out).map_err(|mut error| {
-            error.place = format!("step {step}");
-            error
-        })?;
-        Ok(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::seal;
-    use std::collections::BTreeMap;
-    use std::path::PathBuf;
-
-    /// Objects in memory: a sink and a source.
-    #[derive(Clone, Default)]
-    struct Objects(BTreeMap<String, Vec<u8>>);
-
-    impl ChunkSink for Objects {
-        fn put(&mut self, key: &str, payload: &[u8]) -> FileResult<()> {
-            let mut bytes = payload.to_vec();
-            bytes.extend(seal(payload));
-            self.0.insert(format!("f/{key}"), bytes);
-            Ok(())
-        }
-    }
-
-    impl ReadRange for Objects {
-        fn size(&self, key: &str) -> FileResult<u64> {
-            let missing = || FileError::invalid(self.path(key), "", "is missing");
-            self.0.get(key).map(|b| b.len() as u64).ok_or_else(missing)
-        }
-
-        fn exists(&self, key: &str) -> FileResult<bool> {
-            Ok(self.0.contains_key(key))
-        }
-
-        fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()> {
-            let mut rest = &self.0[key][usize::try_from(offset).unwrap()..];
-            for part in parts {
-                let (head, tail) = rest.split_at(part.len());
-                part.copy_from_slice(head);
-                rest = tail;
-            }
-            Ok(())
-        }
-
-        fn path(&self, key: &str) -> PathBuf {
-            PathBuf::from(key)
-        }
-    }
+    use crate::codec::test_objects::Objects;
 
     const STEPS: [[f32; 3]; 2] = [[1.0, -0.0, f32::INFINITY], [f32::MIN_POSITIVE, 1e-45, -3.5]];
 

@@ -6,13 +6,15 @@ use super::folder::Folder;
 use super::layout::{self, FIELDS, FieldAttributes, Storage};
 use super::mesh::is_current;
 use super::writer::moments_array;
+use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::raw::{self, RawDecoder};
 use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
 use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange};
-use crate::codec::{chunk_key, magnitude, read_rows};
+use crate::codec::{chunk_key, magnitude_unless, read_rows};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use crate::moments::{StepSummary, VertexStatistics};
+use crate::task::Cancel;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -139,14 +141,25 @@ impl StoredField {
 }
 
 impl StoredField {
-    /// A decoder of the field's own values.
-    fn decoder(&self, steps: usize, vertices: usize, source: &Arc<Folder>) -> Box<dyn Decoder> {
+    /// A decoder of the field's own values, with its blocks in `cache` if there is one.
+    fn decoder(&self, series: &Series<'_>) -> Box<dyn Decoder> {
         let group = format!("{FIELDS}/{}", self.folder);
+        let (source, cache) = (series.source.clone(), series.cache.clone());
         match &self.coding {
             Coding::Vq(parameters) => {
-                Box::new(VqDecoder::new(source.clone(), &group, parameters.clone(), steps, vertices))
+                let decoder = VqDecoder::new(source, &group, parameters.clone(), series.steps, series.vertices);
+                Box::new(match cache {
+                    Some(cache) => decoder.with_cache(cache),
+                    None => decoder,
+                })
             }
-            Coding::Raw | Coding::Magnitude => Box::new(RawDecoder::new(source.clone(), &group, steps, vertices)),
+            Coding::Raw | Coding::Magnitude => {
+                let decoder = RawDecoder::new(source, &group, series.steps, series.vertices);
+                Box::new(match cache {
+                    Some(cache) => decoder.with_cache(cache),
+                    None => decoder,
+                })
+            }
         }
     }
 }
@@ -160,12 +173,24 @@ fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
     }
 }
 
+/// What all fields of a store have in common, and where a reader keeps blocks.
+pub(super) struct Series<'a> {
+    pub(super) root: &'a Path,
+    pub(super) storage: &'a Storage,
+    pub(super) source: &'a Arc<Folder>,
+    pub(super) steps: usize,
+    pub(super) vertices: usize,
+    pub(super) cache: Option<Arc<BlockCache>>,
+}
+
 /// Decodes any step of a field. Several threads may use one reader at once.
 pub struct FieldReader {
     info: StoredField,
     steps: usize,
     vertices: usize,
     values: Values,
+    /// The cache that the reader was given.
+    cache: Option<Arc<BlockCache>>,
     root: PathBuf,
     storage: Storage,
     source: Arc<Folder>,
@@ -182,22 +207,23 @@ enum Values {
 
 impl FieldReader {
     /// `components` are the fields whose norm this one is.
-    pub(super) fn new(
-        info: StoredField,
-        components: &[&StoredField],
-        steps: usize,
-        vertices: usize,
-        root: &Path,
-        storage: &Storage,
-        source: &Arc<Folder>,
-    ) -> Self {
+    pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
         let values = if components.is_empty() {
-            Values::Stored(info.decoder(steps, vertices, source))
+            Values::Stored(info.decoder(series))
         } else {
-            let components = components.iter().map(|field| field.decoder(steps, vertices, source)).collect();
+            let components = components.iter().map(|field| field.decoder(series)).collect();
             Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
         };
-        Self { info, steps, vertices, values, root: root.to_owned(), storage: storage.clone(), source: source.clone() }
+        Self {
+            info,
+            steps: series.steps,
+            vertices: series.vertices,
+            values,
+            cache: series.cache.clone(),
+            root: series.root.to_owned(),
+            storage: series.storage.clone(),
+            source: series.source.clone(),
+        }
     }
 
     /// What the field is.
@@ -224,17 +250,80 @@ impl FieldReader {
     /// # Panics
     /// If the length of `out` is not [`FieldReader::vertex_count`].
     pub fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
+        match self.decode_step_unless(step, out, &Cancel::new())? {
+            Some(stats) => Ok(stats),
+            None => unreachable!("nobody else has the flag"),
+        }
+    }
+
+    /// As [`FieldReader::decode_step`], unless `cancel` is raised: `None` then, within a few milliseconds, and `out` is
+    /// unspecified.
+    ///
+    /// # Errors
+    /// As [`FieldReader::decode_step`].
+    ///
+    /// # Panics
+    /// As [`FieldReader::decode_step`].
+    pub fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         match &self.values {
-            Values::Stored(decoder) => decoder.decode_step(step, out),
+            Values::Stored(decoder) => decoder.decode_step_unless(step, out, cancel),
             Values::Magnitude { components, pool } => {
                 assert_eq!(out.len(), self.vertices, "one value per vertex");
-                let mut buffer = pool.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-                buffer.resize(components.len() * self.vertices, 0.0);
-                let result = decode_magnitude(components, step, &mut buffer, out);
+                let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
+                // A new one is zero without being written, which would take a while and could not be cancelled.
+                let mut buffer = pooled.unwrap_or_else(|| vec![0.0; components.len() * self.vertices]);
+                let result = decode_magnitude(components, step, &mut buffer, out, cancel);
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
         }
+    }
+
+    /// The decoders of what is stored: one, or those of a magnitude's components.
+    fn decoders(&self) -> &[Box<dyn Decoder>] {
+        match &self.values {
+            Values::Stored(decoder) => std::slice::from_ref(decoder),
+            Values::Magnitude { components, .. } => components,
+        }
+    }
+
+    fn loaders(&self) -> impl Iterator<Item = &dyn BlockLoader> {
+        self.decoders().iter().filter_map(|decoder| decoder.blocks())
+    }
+
+    /// Tells the cache which steps will be shown, the next one first; of repetitions, as in a loop, the first counts. The
+    /// blocks of these steps are then kept, and loaded by [`FieldReader::prefetch`], in this order. Steps that there are not
+    /// are left out. The cache goes by what it was told last, by this reader or another one.
+    ///
+    /// Does nothing without a cache ([`Store::field_with`](super::Store::field_with)).
+    pub fn expect(&self, upcoming: &[usize]) {
+        let Some(cache) = &self.cache else { return };
+        let blocks_of = |step: usize| self.loaders().map(move |loader| loader.block_of_step(step));
+        let is_new = |i: usize| i == 0 || !blocks_of(upcoming[i]).eq(blocks_of(upcoming[i - 1]));
+        cache.expect((0..upcoming.len()).filter(|&i| is_new(i)).flat_map(|i| self.keys(upcoming[i])));
+    }
+
+    /// The blocks of a step, each with its name in the cache.
+    fn keys(&self, step: usize) -> impl Iterator<Item = BlockKey> {
+        self.loaders()
+            .filter_map(move |loader| loader.block_of_step(step).map(|index| BlockKey { decoder: loader.id(), index }))
+    }
+
+    /// Loads the first block that the steps of [`FieldReader::expect`] need, that is not in memory, and that fits in the
+    /// budget beside those that are needed sooner. Returns whether there was one; not if `cancel` was raised before it was
+    /// whole. A block that failed is passed over until steps are expected again.
+    ///
+    /// # Errors
+    /// If the block is missing or damaged; the error names the file and the first step of the block.
+    pub fn prefetch(&self, cancel: &Cancel) -> FileResult<bool> {
+        let Some(cache) = &self.cache else { return Ok(false) };
+        cache.prefetch(|decoder| self.loaders().find(|loader| loader.id() == decoder), cancel)
+    }
+
+    /// Whether `step` can be decoded without reading anything, from what is in the cache that the reader was given.
+    pub fn is_resident(&self, step: usize) -> bool {
+        let Some(cache) = &self.cache else { return false };
+        step < self.steps && self.keys(step).all(|key| cache.is_resident(key))
     }
 
     /// The compressed block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
@@ -275,17 +364,21 @@ fn decode_magnitude(
     step: usize,
     buffer: &mut [f32],
     out: &mut [f32],
-) -> FileResult<DecodeStats> {
+    cancel: &Cancel,
+) -> FileResult<Option<DecodeStats>> {
     let mut bytes_read = 0;
     if out.is_empty() {
-        return Ok(DecodeStats::default());
+        return Ok(Some(DecodeStats::default()));
     }
     for (decoder, values) in components.iter().zip(buffer.chunks_exact_mut(out.len())) {
-        bytes_read += decoder.decode_step(step, values)?.bytes_read;
+        match decoder.decode_step_unless(step, values, cancel)? {
+            Some(stats) => bytes_read += stats.bytes_read,
+            None => return Ok(None),
+        }
     }
     let values: Vec<&[f32]> = buffer.chunks_exact(out.len()).collect();
-    magnitude(&values, out);
-    Ok(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 })
+    let whole = magnitude_unless(&values, out, cancel);
+    Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }))
 }
 
 impl std::fmt::Debug for FieldReader {

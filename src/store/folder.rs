@@ -38,12 +38,28 @@ impl ReadRange for Folder {
     }
 
     fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()> {
+        self.read_while(key, offset, parts, &mut |_| true).map(|_| ())
+    }
+
+    fn read_while(
+        &self,
+        key: &str,
+        offset: u64,
+        parts: &mut [&mut [u8]],
+        filled: &mut dyn FnMut(&[u8]) -> bool,
+    ) -> FileResult<bool> {
         let path = self.path(key);
         let mut file = File::open(&path).map_err(|e| FileError::io(&path, "open", &e))?;
         if offset > 0 {
             file.seek(SeekFrom::Start(offset)).map_err(|e| FileError::io(&path, "read", &e))?;
         }
-        parts.iter_mut().try_for_each(|part| file.read_exact(part)).map_err(|e| FileError::io(&path, "read", &e))
+        for part in parts {
+            file.read_exact(part).map_err(|e| FileError::io(&path, "read", &e))?;
+            if !filled(part) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn path(&self, key: &str) -> PathBuf {

@@ -30,11 +30,12 @@ pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub use source_points::SourcePoints;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 
-use crate::codec::{Chunking, ElementType, ReadRange};
+use crate::codec::{BlockCache, Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
 use crate::field::{Component, FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use array::StoredArray;
+use field::Series;
 use folder::Folder;
 use glam::DVec3;
 use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
@@ -115,6 +116,18 @@ impl Store {
     /// # Errors
     /// If there is no such field; the error lists those there are.
     pub fn field(&self, selector: &FieldSelector) -> FileResult<FieldReader> {
+        self.reader(selector, None)
+    }
+
+    /// As [`Store::field`], with the blocks of the reader in `cache`, which other readers may share.
+    ///
+    /// # Errors
+    /// As [`Store::field`].
+    pub fn field_with(&self, selector: &FieldSelector, cache: Arc<BlockCache>) -> FileResult<FieldReader> {
+        self.reader(selector, Some(cache))
+    }
+
+    fn reader(&self, selector: &FieldSelector, cache: Option<Arc<BlockCache>>) -> FileResult<FieldReader> {
         let info = self.find(selector).ok_or_else(|| {
             let names: Vec<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
             let problem = format!("there is no field '{selector}'; the fields are: {}", names.join(", "));
@@ -125,15 +138,15 @@ impl Store {
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
         let component = |folder: &String| self.fields.iter().find(|f| &f.folder == folder);
         let components: Vec<&StoredField> = info.component_folders.iter().filter_map(component).collect();
-        Ok(FieldReader::new(
-            info.clone(),
-            &components,
-            self.times.len(),
+        let series = Series {
+            root: &self.root,
+            storage: &self.storage,
+            source: &self.source,
+            steps: self.times.len(),
             vertices,
-            &self.root,
-            &self.storage,
-            &self.source,
-        ))
+            cache,
+        };
+        Ok(FieldReader::new(info.clone(), &components, &series))
     }
 
     fn find(&self, selector: &FieldSelector) -> Option<&StoredField> {

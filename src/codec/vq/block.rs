@@ -12,8 +12,11 @@
 //! Xeon (1024 entries: 0.42, 0.69). Tried and not kept: indices loaded eight at a time and shifted apart (0.52; 0.59), sums
 //! in a buffer of 64 numbers (0.43; 0.48).
 
-use super::group_of_step;
 use super::simd::widest;
+use super::{GROUPS, STEPS, group_of_step};
+use crate::codec::Stop;
+use crate::codec::stop::go_on;
+use crate::task::Cancel;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
@@ -104,12 +107,35 @@ pub struct VqBlock {
 
 impl VqBlock {
     /// Takes the parts of a block whose indices are all below `entries`, the number of entries of both codebooks.
-    pub(super) fn new(mut parts: Encoded, entries: usize) -> Self {
-        let padded = [1 << 8, 1 << 10, 1 << 12, 1 << 14].into_iter().find(|&n| n >= entries).unwrap_or(1 << 16);
-        parts.cb8 = pad(&parts.cb8, entries, padded);
-        parts.cb64 = pad(&parts.cb64, entries, padded);
+    pub(super) fn new(parts: Encoded, entries: usize) -> Self {
+        Self::padded(parts, entries, &Cancel::new())
+    }
+
+    /// The same, unless `cancel` is raised: large codebooks take milliseconds to pad.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(super) fn new_unless(parts: Encoded, entries: usize, cancel: &Cancel) -> Result<Self, Stop> {
+        let block = Self::padded(parts, entries, cancel);
+        go_on(cancel)?;
+        Ok(block)
+    }
+
+    /// A block whose codebooks lack rows if `cancel` was raised.
+    fn padded(mut parts: Encoded, entries: usize, cancel: &Cancel) -> Self {
+        let padded = padded_len(entries);
+        parts.cb8 = pad(parts.cb8, entries, padded, cancel);
+        parts.cb64 = pad(parts.cb64, entries, padded, cancel);
         let powers = std::array::from_fn(|bits| power((bits as u8).cast_signed()));
         Self { parts, padded, powers }
+    }
+
+    /// Bytes in memory of a block without special values.
+    pub(super) fn expected_bytes(vertices: usize, entries: usize, exponents: bool) -> u64 {
+        let index = if entries <= 256 { size_of::<u8>() } else { size_of::<u16>() };
+        let per_vertex = size_of::<f32>() + 2 * index + usize::from(exponents);
+        let codebooks = (GROUPS + STEPS) * padded_len(entries) * size_of::<f32>();
+        (vertices as u64).saturating_mul(per_vertex as u64).saturating_add(codebooks as u64)
     }
 
     /// Mean of each vertex over the steps of the block; the value itself of a vertex that is constant.
@@ -160,12 +186,19 @@ impl VqBlock {
         floats * size_of::<f32>() + p.exponent.len() + p.indices.bytes() + size_of_val(&p.runs[..])
     }
 
-    /// Decodes step `j` of the block, which is step `step` of the series, on all threads.
-    pub(super) fn decode(&self, j: usize, step: usize, out: &mut [f32]) {
+    /// Decodes step `j` of the block, which is step `step` of the series, on all threads, unless `cancel` is raised. Returns
+    /// whether it was not.
+    pub(super) fn decode(&self, j: usize, step: usize, out: &mut [f32], cancel: &Cancel) -> bool {
         if out.len() <= TASK {
-            return self.decode_part(j, step, 0, out);
+            self.decode_part(j, step, 0, out);
+        } else {
+            out.par_chunks_mut(TASK).enumerate().for_each(|(i, out)| {
+                if !cancel.is_cancelled() {
+                    self.decode_part(j, step, i * TASK, out);
+                }
+            });
         }
-        out.par_chunks_mut(TASK).enumerate().for_each(|(i, out)| self.decode_part(j, step, i * TASK, out));
+        !cancel.is_cancelled()
     }
 
     /// The same for the vertices from `first` on, on this thread.
@@ -268,10 +301,21 @@ fn differences<const N: usize, I: Copy + Into<usize>>(
     }
 }
 
-/// Rows of `entries` numbers, each filled up to `padded` ones.
-fn pad(codebook: &[f32], entries: usize, padded: usize) -> Vec<f32> {
+/// Numbers of a padded row of a codebook of `entries`.
+fn padded_len(entries: usize) -> usize {
+    [1 << 8, 1 << 10, 1 << 12, 1 << 14].into_iter().find(|&n| n >= entries).unwrap_or(1 << 16)
+}
+
+/// Rows of `entries` numbers, each filled up to `padded` ones; only the first ones once `cancel` is raised.
+fn pad(codebook: Vec<f32>, entries: usize, padded: usize, cancel: &Cancel) -> Vec<f32> {
+    if entries == padded {
+        return codebook;
+    }
     let mut rows = vec![0.0; codebook.len() / entries * padded];
     for (to, from) in rows.chunks_exact_mut(padded).zip(codebook.chunks_exact(entries)) {
+        if cancel.is_cancelled() {
+            break;
+        }
         to[..entries].copy_from_slice(from);
     }
     rows

@@ -3,32 +3,32 @@
 use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::layout::{NAME, VqParameters};
 use super::{GROUPS, STEPS};
-use crate::codec::{DecodeStats, Decoder, Element, ReadRange, chunk_key, read_chunk, read_rows};
+use crate::codec::blocks::{Block, BlockCache, BlockLoader, DecoderId, LoadedBlock};
+use crate::codec::stop::{go_on, uncancelled, unless_cancelled};
+use crate::codec::{DecodeStats, Decoder, Element, ReadRange, Stop, chunk_key, read_chunk_unless, read_rows_unless};
 use crate::error::{FileError, FileResult};
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use crate::task::Cancel;
+use std::sync::Arc;
 
-/// Blocks that are kept at least: that which plays, and one on either side.
+/// Blocks that a cache of one's own keeps at least: that which plays, and one on either side.
 const KEPT: usize = 3;
+/// Numbers that are checked between two looks at whether to stop.
+const CHECKED: usize = 1 << 20;
 
-/// A block that is loaded, or being loaded by the thread that asked first, and the bytes that were read for it.
-type Slot = Arc<OnceLock<FileResult<(Arc<VqBlock>, u64)>>>;
-
-/// Decodes any step. The last blocks that were used are kept; which ones does not change what is decoded.
+/// Decodes any step. Its blocks lie in a cache; which ones does not change what is decoded.
 pub struct VqDecoder {
     source: Arc<dyn ReadRange>,
     group_key: String,
     parameters: VqParameters,
     steps: usize,
     vertices: usize,
-    /// Most blocks that are kept: one more than threads that may each be at another place.
-    kept: usize,
-    /// The block used last is at the end.
-    blocks: Mutex<VecDeque<(usize, Slot)>>,
+    id: DecoderId,
+    cache: Arc<BlockCache>,
 }
 
 impl VqDecoder {
-    /// A decoder of the group `vq` in the group `group_key` of `source`.
+    /// A decoder of the group `vq` in the group `group_key` of `source`. It keeps the last blocks that were used: a few,
+    /// or one more than there are threads that may each be at another place.
     pub fn new(
         source: Arc<dyn ReadRange>,
         group_key: &str,
@@ -37,15 +37,20 @@ impl VqDecoder {
         vertices: usize,
     ) -> Self {
         let group_key = format!("{group_key}/{NAME}");
-        let kept = KEPT.max(rayon::current_num_threads() + 1);
-        Self { source, group_key, parameters, steps, vertices, kept, blocks: Mutex::default() }
+        let cache = Arc::new(BlockCache::of_blocks(KEPT.max(rayon::current_num_threads() + 1)));
+        Self { source, group_key, parameters, steps, vertices, id: DecoderId::unique(), cache }
     }
 
-    /// Bytes in memory of the blocks that are kept.
-    pub fn resident_bytes(&self) -> usize {
-        let blocks = self.blocks.lock().unwrap_or_else(PoisonError::into_inner);
-        let loaded = |slot: &Slot| slot.get().and_then(|r| r.as_ref().ok()).map_or(0, |(block, _)| block.bytes());
-        blocks.iter().map(|(_, slot)| loaded(slot)).sum()
+    /// The same with its blocks in `cache`.
+    #[must_use]
+    pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
+        self.cache = cache;
+        self
+    }
+
+    /// Where its blocks are.
+    pub fn cache(&self) -> &Arc<BlockCache> {
+        &self.cache
     }
 
     /// The block that `step` is in, step `step % 64` of it; read if it is not in memory. For decoders elsewhere: its parts
@@ -54,73 +59,37 @@ impl VqDecoder {
     /// # Errors
     /// As [`Decoder::decode_step`].
     pub fn resident_block(&self, step: usize) -> FileResult<Arc<VqBlock>> {
-        Ok(self.block_of_step(step)?.0)
+        uncancelled(|cancel| Ok(self.block(step, cancel)?.0))
     }
 
     /// The same, and the bytes read for it now.
-    fn block_of_step(&self, step: usize) -> FileResult<(Arc<VqBlock>, u64)> {
-        if step >= self.steps {
+    fn block(&self, step: usize, cancel: &Cancel) -> Result<(Arc<VqBlock>, u64), Stop> {
+        let Some(index) = self.block_of_step(step) else {
             let problem = format!("there are {} steps, counted from 0", self.steps);
-            return Err(FileError::invalid(self.source.path(&self.group_key), format!("step {step}"), problem));
-        }
-        self.block(step / STEPS).map_err(|mut error| {
-            error.place = format!("step {step}");
-            error
-        })
-    }
-
-    /// The block, and the bytes read for it now.
-    fn block(&self, index: usize) -> FileResult<(Arc<VqBlock>, u64)> {
-        let slot = self.slot(index);
-        let mut read = 0;
-        // Loading uses no thread of the pool: one that waits in it could be given this same work.
-        let loaded = slot.get_or_init(|| {
-            let loaded = self.load(index);
-            read = loaded.as_ref().map_or(0, |(_, bytes)| *bytes);
-            loaded
-        });
-        match loaded {
-            Ok((block, _)) => Ok((block.clone(), read)),
-            Err(error) => {
-                // Not kept: the file may be restored.
-                let mut blocks = self.blocks.lock().unwrap_or_else(PoisonError::into_inner);
-                blocks.retain(|(_, other)| !Arc::ptr_eq(other, &slot));
-                Err(error.clone())
-            }
-        }
-    }
-
-    fn slot(&self, index: usize) -> Slot {
-        let mut blocks = self.blocks.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = blocks.iter().position(|(other, _)| *other == index).and_then(|at| blocks.remove(at));
-        let (_, slot) = found.unwrap_or_default();
-        if blocks.len() >= self.kept {
-            blocks.pop_front();
-        }
-        blocks.push_back((index, slot.clone()));
-        slot
-    }
-
-    fn load(&self, index: usize) -> FileResult<(Arc<VqBlock>, u64)> {
-        let mut bytes = 0;
-        let mut load = || -> FileResult<Encoded> {
-            let entries = self.parameters.entries as usize;
-            let indices = if entries <= 256 {
-                Indices::Narrow([self.indices("i8", index, &mut bytes)?, self.indices("i64", index, &mut bytes)?])
-            } else {
-                Indices::Wide([self.indices("i8", index, &mut bytes)?, self.indices("i64", index, &mut bytes)?])
-            };
-            Ok(Encoded {
-                mean: self.row("mean", index, 2, self.vertices, &mut bytes)?,
-                exponent: self.exponents(index, &mut bytes)?,
-                indices,
-                cb8: self.row("cb8", index, 3, GROUPS * entries, &mut bytes)?,
-                cb64: self.row("cb64", index, 3, STEPS * entries, &mut bytes)?,
-                runs: self.runs(index, &mut bytes)?,
-            })
+            let path = self.source.path(&self.group_key);
+            return Err(FileError::invalid(path, format!("step {step}"), problem).into());
         };
-        let parts = load()?;
-        Ok((Arc::new(VqBlock::new(parts, self.parameters.entries as usize)), bytes))
+        match self.cache.get(self, index, cancel).map_err(|stop| stop.at(|| format!("step {step}")))? {
+            (Block::Vq(block), bytes_read) => Ok((block, bytes_read)),
+            (Block::Raw(_), _) => unreachable!("under the key of this decoder are its blocks"),
+        }
+    }
+
+    fn parts(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Encoded, Stop> {
+        let indices = if self.parameters.entries <= 256 {
+            Indices::Narrow([self.indices("i8", index, bytes, cancel)?, self.indices("i64", index, bytes, cancel)?])
+        } else {
+            Indices::Wide([self.indices("i8", index, bytes, cancel)?, self.indices("i64", index, bytes, cancel)?])
+        };
+        let entries = self.parameters.entries as usize;
+        Ok(Encoded {
+            mean: self.row("mean", index, 2, self.vertices, bytes, cancel)?,
+            exponent: self.exponents(index, bytes, cancel)?,
+            indices,
+            cb8: self.row("cb8", index, 3, GROUPS * entries, bytes, cancel)?,
+            cb64: self.row("cb64", index, 3, STEPS * entries, bytes, cancel)?,
+            runs: self.runs(index, bytes, cancel)?,
+        })
     }
 
     fn key(&self, array: &str, index: usize, rank: usize) -> String {
@@ -134,22 +103,30 @@ impl VqDecoder {
         rank: usize,
         count: usize,
         bytes: &mut u64,
-    ) -> FileResult<Vec<T>> {
-        let rows = read_rows::<T, 1>(&*self.source, &self.key(array, index, rank), count as u64)?;
+        cancel: &Cancel,
+    ) -> Result<Vec<T>, Stop> {
+        let rows = read_rows_unless::<T, 1>(&*self.source, &self.key(array, index, rank), count as u64, cancel)?;
         *bytes += (count * size_of::<T>()) as u64;
         Ok(rows.into_flattened())
     }
 
     /// Entries of a codebook, all of which exist.
-    fn indices<T: Element + Into<u64>>(&self, array: &str, index: usize, bytes: &mut u64) -> FileResult<Vec<T>> {
-        let indices = self.row::<T>(array, index, 2, self.vertices, bytes)?;
-        match indices.iter().position(|&i| i.into() >= self.parameters.entries) {
-            None => Ok(indices),
-            Some(v) => {
-                let problem = format!("vertex {v} has an entry that the codebook lacks");
-                Err(self.damaged(array, index, 2, problem))
+    fn indices<T: Element + Into<u64>>(
+        &self,
+        array: &str,
+        index: usize,
+        bytes: &mut u64,
+        cancel: &Cancel,
+    ) -> Result<Vec<T>, Stop> {
+        let indices = self.row::<T>(array, index, 2, self.vertices, bytes, cancel)?;
+        for (i, part) in indices.chunks(CHECKED).enumerate() {
+            go_on(cancel)?;
+            if let Some(v) = part.iter().position(|&entry| entry.into() >= self.parameters.entries) {
+                let problem = format!("vertex {} has an entry that the codebook lacks", i * CHECKED + v);
+                return Err(self.damaged(array, index, 2, problem).into());
             }
         }
+        Ok(indices)
     }
 
     fn damaged(&self, array: &str, index: usize, rank: usize, problem: String) -> FileError {
@@ -158,53 +135,88 @@ impl VqDecoder {
     }
 
     /// Exponents of a block; those of one whose chunk is missing are all 0.
-    fn exponents(&self, index: usize, bytes: &mut u64) -> FileResult<Vec<i8>> {
+    fn exponents(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Vec<i8>, Stop> {
         let key = self.key("exponent", index, 2);
         if !self.parameters.exponents || !self.source.exists(&key)? {
             return Ok(Vec::new());
         }
-        self.row("exponent", index, 2, self.vertices, bytes)
+        self.row("exponent", index, 2, self.vertices, bytes, cancel)
     }
 
-    fn runs(&self, index: usize, bytes: &mut u64) -> FileResult<Vec<SpecialRun>> {
+    fn runs(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Vec<SpecialRun>, Stop> {
         let specials = self.parameters.specials;
         if specials == 0 {
             return Ok(Vec::new());
         }
         let blocks = self.steps.div_ceil(STEPS);
-        let starts: Vec<u64> = self.row("special_start", 0, 1, blocks + 1, bytes)?;
+        let starts: Vec<u64> = self.row("special_start", 0, 1, blocks + 1, bytes, cancel)?;
         let range = starts[index]..starts[index + 1];
         if range.start > range.end || range.end > specials {
-            return Err(self.damaged("special_start", 0, 1, format!("block {index} has no range of rows")));
+            return Err(self.damaged("special_start", 0, 1, format!("block {index} has no range of rows")).into());
         }
-        let mut runs = Vec::new();
+        let mut runs: Vec<SpecialRun> = Vec::new();
         let chunk_rows = self.parameters.special_rows();
         for chunk in range.start / chunk_rows..range.end.div_ceil(chunk_rows) {
             let mut rows = vec![[0u32; 4]; chunk_rows as usize];
-            *bytes += read_chunk(&*self.source, &self.key("special", chunk as usize, 2), rows.as_flattened_mut())?;
+            let key = self.key("special", chunk as usize, 2);
+            *bytes += read_chunk_unless(&*self.source, &key, rows.as_flattened_mut(), cancel)?;
             let first = chunk * chunk_rows;
             let row = |at: u64| (at.saturating_sub(first).min(chunk_rows)) as usize;
             let rows = &rows[row(range.start)..row(range.end)];
+            // Sorted up to here: what is checked again is one run.
+            let known = runs.len().saturating_sub(1);
             runs.extend(rows.iter().map(|&[vertex, first, count, bits]| SpecialRun { vertex, first, count, bits }));
+            if !runs[known..].is_sorted() || runs.last().is_some_and(|run| run.vertex as usize >= self.vertices) {
+                return Err(self.damaged("special", 0, 2, format!("rows of block {index} are not in order")).into());
+            }
         }
-        let sound = runs.is_sorted() && runs.last().is_none_or(|run| (run.vertex as usize) < self.vertices);
-        if sound {
-            Ok(runs)
-        } else {
-            Err(self.damaged("special", 0, 2, format!("rows of block {index} are not in order")))
-        }
+        Ok(runs)
+    }
+}
+
+impl BlockLoader for VqDecoder {
+    fn id(&self) -> DecoderId {
+        self.id
+    }
+
+    fn block_of_step(&self, step: usize) -> Option<usize> {
+        (step < self.steps).then_some(step / STEPS)
+    }
+
+    /// Without special values, which only the block tells.
+    fn expected_bytes(&self, index: usize) -> u64 {
+        let _ = index; // they are alike
+        VqBlock::expected_bytes(self.vertices, self.parameters.entries as usize, self.parameters.exponents)
+    }
+
+    fn load(&self, index: usize, cancel: &Cancel) -> Result<LoadedBlock, Stop> {
+        let mut bytes_read = 0;
+        let parts = self.parts(index, &mut bytes_read, cancel);
+        let parts = parts.map_err(|stop| stop.at(|| format!("step {}", index * STEPS)))?;
+        let block = VqBlock::new_unless(parts, self.parameters.entries as usize, cancel)?;
+        Ok(LoadedBlock { bytes: block.bytes() as u64, block: Block::Vq(Arc::new(block)), bytes_read })
     }
 }
 
 impl Decoder for VqDecoder {
-    fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
+    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        let (block, bytes_read) = self.block_of_step(step)?;
-        block.decode(step % STEPS, step, out);
-        Ok(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 })
+        let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
+        let whole = block.decode(step % STEPS, step, out, cancel);
+        Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }))
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
         self.resident_block(step).map(Some)
+    }
+
+    fn blocks(&self) -> Option<&dyn BlockLoader> {
+        Some(self)
+    }
+}
+
+impl Drop for VqDecoder {
+    fn drop(&mut self) {
+        self.cache.forget(self.id);
     }
 }
