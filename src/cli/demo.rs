@@ -59,6 +59,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         backend: Default::default(),
         #[cfg(feature = "gpu")]
         adapter: String::new(),
+        block_memory: Default::default(),
         optics: Default::default(),
     };
     let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;

@@ -1,12 +1,13 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use crate::camera::Camera;
+use crate::codec::BlockCache;
 use crate::export::annotate::ColorScale;
 use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series};
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
@@ -49,9 +50,42 @@ pub(super) struct SceneArgs {
     #[cfg(feature = "gpu")]
     #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     pub(super) adapter: String,
+    /// Memory for steps that are read ahead or kept, as they are in the store: a number of bytes, or of K, M or G
+    #[arg(long, value_name = "SIZE", default_value = DEFAULT_BLOCK_MEMORY)]
+    pub(super) block_memory: ByteCount,
     /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
+}
+
+/// [`Series::BLOCK_BYTES`] as a user writes it.
+const DEFAULT_BLOCK_MEMORY: &str = "256M";
+
+/// A number of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ByteCount(pub(super) u64);
+
+impl Default for ByteCount {
+    fn default() -> Self {
+        Self(Series::BLOCK_BYTES)
+    }
+}
+
+impl FromStr for ByteCount {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = text.trim_end_matches(['K', 'k', 'M', 'm', 'G', 'g']);
+        let shift = match text[number.len()..].to_ascii_uppercase().as_str() {
+            "" => Some(0),
+            "K" => Some(10),
+            "M" => Some(20),
+            "G" => Some(30),
+            _ => None,
+        };
+        let bytes = shift.and_then(|shift| number.parse::<u64>().ok()?.checked_mul(1 << shift));
+        bytes.map(Self).ok_or_else(|| "write a number of bytes, or of K, M or G, as in 256M".to_owned())
+    }
 }
 
 /// Width and height in pixels.
@@ -116,7 +150,8 @@ impl Scene {
         if args.mode == RenderMode::Reference && args.backend == Backend::Gpu {
             bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
         }
-        let mut pipeline = Pipeline::open(store, args.field.as_ref())?;
+        let blocks = Arc::new(BlockCache::new(args.block_memory.0));
+        let mut pipeline = Pipeline::new(Arc::new(Series::open_with(store, args.field.as_ref(), blocks)?));
         #[cfg(feature = "gpu")]
         let gpu = ContextOptions { adapter: args.adapter.clone(), ..Default::default() };
         #[cfg(feature = "gpu")]
@@ -232,5 +267,21 @@ impl Scene {
         let table = Arc::new(build_node_table(&self.tf, &range, self.kind, self.unit_distance)?);
         self.table = Some((range, table.clone()));
         Ok(table)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_of_memory_have_units() {
+        let bytes = |text: &str| text.parse::<ByteCount>().map(|b| b.0).ok();
+        assert_eq!(
+            [bytes("0"), bytes("3k"), bytes("64M"), bytes("2G")],
+            [Some(0), Some(3072), Some(64 << 20), Some(2 << 30)]
+        );
+        assert_eq!(DEFAULT_BLOCK_MEMORY.parse(), Ok(ByteCount::default()));
+        assert_eq!([bytes(""), bytes("M"), bytes("1KK"), bytes("-1"), bytes("1e3"), bytes("99999999999G")], [None; 6]);
     }
 }

@@ -1,7 +1,7 @@
 //! One field of a store, opened for playing.
 
-use crate::codec::DecodeStats;
 use crate::codec::vq::VqBlock;
+use crate::codec::{BlockCache, DecodeStats};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
@@ -24,18 +24,32 @@ pub(super) trait StepSource: Send + Sync {
     fn prefetch(&self, _cancel: &Cancel) -> FileResult<bool> {
         Ok(false)
     }
+
+    /// Whether a step can be decoded without reading anything.
+    fn is_resident(&self, _step: usize) -> bool {
+        false
+    }
 }
 
 impl StepSource for FieldReader {
     fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        if cancel.is_cancelled() {
-            return Ok(None);
-        }
-        FieldReader::decode_step(self, step, out).map(Some)
+        self.decode_step_unless(step, out, cancel)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
         FieldReader::vq_block(self, step)
+    }
+
+    fn expect(&self, upcoming: &[usize]) {
+        FieldReader::expect(self, upcoming);
+    }
+
+    fn prefetch(&self, cancel: &Cancel) -> FileResult<bool> {
+        FieldReader::prefetch(self, cancel)
+    }
+
+    fn is_resident(&self, step: usize) -> bool {
+        FieldReader::is_resident(self, step)
     }
 }
 
@@ -45,26 +59,43 @@ pub struct Series {
     pub(super) times: TimeAxis,
     pub(super) field: StoredField,
     pub(super) source: Box<dyn StepSource>,
+    pub(super) blocks: Arc<BlockCache>,
 }
 
 impl Series {
-    /// Opens a field; the first one if none is named.
+    /// Bytes for blocks of steps, unless another budget is given.
+    pub const BLOCK_BYTES: u64 = 256 << 20;
+
+    /// Opens a field; the first one if none is named. [`Self::BLOCK_BYTES`] of its blocks are kept in memory.
     ///
     /// # Errors
     /// If the store has no such field, or mesh or field are damaged.
     pub fn open(store: &Store, field: Option<&FieldSelector>) -> FileResult<Self> {
-        Self::with_mesh(store, field, Arc::new(store.mesh()?))
+        Self::open_with(store, field, Arc::new(BlockCache::new(Self::BLOCK_BYTES)))
     }
 
-    /// Another field of the same store, or the same one after the store has grown: the mesh stays.
+    /// The same with another budget for blocks.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(store: &Store, field: Option<&FieldSelector>, blocks: Arc<BlockCache>) -> FileResult<Self> {
+        Self::with_mesh(store, field, blocks, Arc::new(store.mesh()?))
+    }
+
+    /// Another field of the same store, or the same one after the store has grown: the mesh stays, and so does the budget.
     ///
     /// # Errors
     /// If the store has no such field, or it is damaged.
     pub fn reopened(&self, store: &Store, field: Option<&FieldSelector>) -> FileResult<Self> {
-        Self::with_mesh(store, field, self.mesh.clone())
+        Self::with_mesh(store, field, self.blocks.clone(), self.mesh.clone())
     }
 
-    fn with_mesh(store: &Store, field: Option<&FieldSelector>, mesh: Arc<Mesh>) -> FileResult<Self> {
+    fn with_mesh(
+        store: &Store,
+        field: Option<&FieldSelector>,
+        blocks: Arc<BlockCache>,
+        mesh: Arc<Mesh>,
+    ) -> FileResult<Self> {
         let first = || {
             let name = store.fields().first().map(|f| f.name.clone());
             name.ok_or_else(|| FileError::invalid(store.path(), "fields", "the store has no field"))
@@ -73,8 +104,18 @@ impl Series {
             Some(selector) => selector.clone(),
             None => FieldSelector { name: first()?, component: None },
         };
-        let reader = store.field(&selector)?;
-        Ok(Self { mesh, times: store.times().clone(), field: reader.info().clone(), source: Box::new(reader) })
+        let reader = store.field_with(&selector, blocks.clone())?;
+        Ok(Self { mesh, times: store.times().clone(), field: reader.info().clone(), source: Box::new(reader), blocks })
+    }
+
+    /// The blocks of steps that are in memory.
+    pub fn blocks(&self) -> &Arc<BlockCache> {
+        &self.blocks
+    }
+
+    /// Whether a step can be decoded without reading anything: what a player shows as buffered.
+    pub fn is_resident(&self, step: usize) -> bool {
+        self.source.is_resident(step)
     }
 
     /// The mesh.

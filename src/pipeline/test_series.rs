@@ -1,8 +1,8 @@
 //! A series that is told how to behave.
 
 use super::series::{Series, StepSource};
-use crate::codec::DecodeStats;
 use crate::codec::vq::VqBlock;
+use crate::codec::{BlockCache, DecodeStats};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::ingest::{IngestOptions, ingest};
@@ -109,5 +109,6 @@ pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
     let name = stored().fields()[0].name.clone();
     let field = stored().field(&FieldSelector { name, component: None }).unwrap().info().clone();
     let times = TimeAxis { values: (0..steps).map(|step| step as f64).collect() };
-    (Arc::new(Series { mesh: mesh(), times, field, source: Box::new(Fake { log: log.clone() }) }), log)
+    let (source, blocks) = (Box::new(Fake { log: log.clone() }), Arc::new(BlockCache::new(0)));
+    (Arc::new(Series { mesh: mesh(), times, field, source, blocks }), log)
 }
