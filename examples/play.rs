@@ -1,10 +1,12 @@
 //! Plays a series as fast as it goes and prints every frame's time: `cargo run --release --example play [STORE.zarr]`.
-//! Without a store it generates a small series first.
+//! Without a store it generates a small series first. The next frame is prepared while one is rendered.
 
+use std::time::{Duration, Instant};
 use std::{env::args, error::Error, sync::Arc};
 use tetreel::camera::Camera;
 use tetreel::ingest::{IngestOptions, ingest};
-use tetreel::pipeline::{FrameRequest, Pipeline};
+use tetreel::pipeline::{FrameRequest, Pipeline, Pipelined, PipelinedOptions};
+use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -21,16 +23,32 @@ fn main() -> Result<(), Box<dyn Error>> {
             Store::open(&generated)?
         }
     };
-    let mut pipeline = Pipeline::open(&store, None)?;
+    let pipeline = Pipeline::open(&store, None)?;
     let (lo, hi) = pipeline.mesh().positions.world_bounds();
     let [min, max] = pipeline.field().range.ok_or("the field has no finite value")?.map(f64::from);
     let range = RangePolicy::Series.resolve((min, max), (min, max))?;
     let tf = TransferFunction::parse("viridis@0:0,1:0.3")?;
     let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (hi - lo).length())?);
     let camera = Camera::default_for((lo, hi))?;
-    for (step, time) in pipeline.times().values.clone().into_iter().enumerate() {
-        let frame = pipeline.render(&FrameRequest::new(step, camera, table.clone(), (320, 240)))?;
-        println!("step {step:3}  time {time:8.4}  {:7.2} ms", frame.stats.ms_frame);
+
+    let times = pipeline.times().clone();
+    let pipelined = Pipelined::start(pipeline, &PipelinedOptions::default(), || ())?;
+    let mut player = Player::new(Clock::new(times.clone()), pipelined);
+    let started = Instant::now();
+    player.apply(Command::Mode(Mode::AsFastAsPossible), started.elapsed())?;
+    player.apply(Command::Play, started.elapsed())?;
+    while !player.clock().state().ended {
+        let request = &mut |time| FrameRequest::new(time, camera, table.clone(), (320, 240));
+        if let Some(delivery) = player.tick(started.elapsed(), request).shown {
+            let (time, frame) = (delivery.request.time.time(&times), delivery.frame?);
+            println!(
+                "time {time:8.4}  {:7.2} ms  at {:7.1} ms",
+                frame.stats.ms_frame,
+                started.elapsed().as_secs_f64() * 1e3
+            );
+        } else {
+            player.wait(Duration::from_millis(100));
+        }
     }
     Ok(())
 }

@@ -59,6 +59,8 @@ pub struct SeekTimes {
     pub ms: Spread,
     /// The same over decode, order and render of that frame.
     pub ratio: Spread,
+    /// The same minus decode, order and render: above all the time until the frame that was being rendered has stopped.
+    pub beyond_ms: Spread,
 }
 
 /// Why there are no figures.
@@ -198,7 +200,7 @@ impl Ways {
         for step in 0..self.steps {
             self.moving.expect(&[step]);
         }
-        let (mut ms, mut ratios) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let [mut ms, mut ratios, mut beyond] = [const { Vec::new() }; 3];
         for seek in 0..count {
             if cancel.is_cancelled() {
                 return Err(PipelineError::Cancelled);
@@ -216,11 +218,13 @@ impl Ways {
             if let Some(delivery) = self.moving.wait(LONG) {
                 let took = milliseconds(started);
                 let stats = delivery.frame?.stats.clone();
+                let worked = stats.ms_decode + stats.ms_order + stats.ms_render;
                 ms.push(took);
-                ratios.push(took / (stats.ms_decode + stats.ms_order + stats.ms_render).max(f64::MIN_POSITIVE));
+                ratios.push(took / worked.max(f64::MIN_POSITIVE));
+                beyond.push(took - worked);
             }
             progress.advance(1);
         }
-        Ok(SeekTimes { ms: Spread::of(&ms), ratio: Spread::of(&ratios) })
+        Ok(SeekTimes { ms: Spread::of(&ms), ratio: Spread::of(&ratios), beyond_ms: Spread::of(&beyond) })
     }
 }
