@@ -20,8 +20,8 @@ pub mod raw;
 pub mod vq;
 
 pub use chunk::{
-    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_rows, seal,
-    to_bytes,
+    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, parse_chunk_key, read_chunk,
+    read_rows, seal, to_bytes,
 };
 pub use magnitude::magnitude;
 pub use quality::{ErrorTally, OverSigma, Quality};
@@ -56,6 +56,8 @@ pub struct Encoded {
     pub parameters: serde_json::Value,
     /// What decoding gives back wrongly; `None` if it is exact by design.
     pub errors: Option<ErrorTally>,
+    /// Of these, what does not change if steps are added later; `None` if there is nothing.
+    pub settled_errors: Option<ErrorTally>,
 }
 
 /// Encodes the steps of one field in order.
@@ -74,6 +76,10 @@ pub trait Encoder: Send {
     /// # Errors
     /// If the sink fails.
     fn finish(self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<Encoded>;
+
+    /// Whether the chunk `key` is final at this moment: it is there and not written again, however many steps follow. Of an
+    /// encoder that goes on with what another one left, the chunks that it does not replace.
+    fn is_settled(&self, key: &str) -> bool;
 }
 
 /// Decodes any step of one field, from several threads at once.

@@ -1,6 +1,7 @@
 //! Ingest and store: what goes in comes out, and nothing else happens to the disk.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, which may")]
 
+mod append;
 mod damage;
 mod interop;
 mod replace;
