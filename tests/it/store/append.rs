@@ -143,13 +143,11 @@ fn a_vq_store_that_grew_is_the_one_of_one_import() {
     for (ends, relative) in
         [(&[70, 100][..], true), (&[64, 65], false), (&[1, 2, 3], false), (&[128, 192], true), (&[30, 64, 130], false)]
     {
-        {
-            let dir = tempfile::tempdir().unwrap();
-            let codec = vq(16, relative);
-            let whole = import_all(&part(0..ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec);
-            let grown = grown(ends, &dir.path().join("grown.zarr"), codec);
-            assert_same(&grown, &whole, ends.len() - 1, ends[0]);
-        }
+        let dir = tempfile::tempdir().unwrap();
+        let codec = vq(16, relative);
+        let whole = import_all(&part(0..ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec);
+        let grown = grown(ends, &dir.path().join("grown.zarr"), codec);
+        assert_same(&grown, &whole, ends.len() - 1, ends[0]);
     }
 }
 
