@@ -218,7 +218,7 @@ mod tests {
         let (steps, vertices) = whole.parts();
         let mut resumed = ErrorTally::from_parts(&steps, vertices.to_vec()).unwrap();
         assert_eq!(resumed.parts(), whole.parts());
-        [&mut whole, &mut resumed].map(|tally| add(tally, &values[6..]));
+        [&mut whole, &mut resumed].into_iter().for_each(|tally| add(tally, &values[6..]));
         assert_eq!(resumed.parts(), whole.parts());
         assert_eq!(whole.parts().0.len(), 4);
         for bad in [[-1.0, 1.0, 1.0], [1.0, 0.5, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, f64::NAN]] {

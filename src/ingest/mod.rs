@@ -2,7 +2,8 @@
 //!
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
-//! 64 steps of each field) are in memory. The result does not depend on the number of threads.
+//! 64 steps of each field) are in memory. The result does not depend on the number of threads. [`append()`] adds the new steps of
+//! a source that has grown.
 
 mod append;
 mod compression;

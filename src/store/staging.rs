@@ -79,6 +79,11 @@ impl Staging {
             let path = self.dir.path().to_owned();
             return self.dir.close().map_err(|e| FileError::io(path, "remove the replaced store", &e));
         }
+        self.replace_in_two_moves()
+    }
+
+    /// For systems where two folders cannot change places: there is no store for a moment.
+    fn replace_in_two_moves(self) -> FileResult<()> {
         let aside = files::sibling_folder(&self.target, "old")?;
         let old = aside.path().join("store");
         rename(&self.target, &old)?;
@@ -173,4 +178,45 @@ fn sync_folder(path: &Path) -> FileResult<()> {
 #[cfg(not(unix))]
 fn sync_folder(_path: &Path) -> FileResult<()> {
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with a store `s.zarr` of a file that says `old`, and a staged one of the same file and one that says `new`.
+    fn staged(dir: &Path) -> Staging {
+        let target = dir.join("s.zarr");
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join("zarr.json"), r#"{"attributes": {"tetreel_store": "1.0"}}"#).unwrap();
+        fs::write(target.join("kept"), "old").unwrap();
+        fs::write(target.join("changed"), "old").unwrap();
+        let mut staging = Staging::begin(&target, true).unwrap();
+        staging.keep(|key| key != "changed").unwrap();
+        fs::write(staging.path().join("changed"), "new").unwrap();
+        staging
+    }
+
+    #[test]
+    fn a_store_is_replaced_with_or_without_an_exchange_and_nothing_else_is_left() {
+        for way in [Staging::commit, Staging::replace_in_two_moves] {
+            let dir = tempfile::tempdir().unwrap();
+            let staging = staged(dir.path());
+            assert_eq!(fs::read(dir.path().join("s.zarr/changed")).unwrap(), b"old");
+            way(staging).unwrap();
+            for (file, text) in [("kept", "old"), ("changed", "new")] {
+                assert_eq!(fs::read_to_string(dir.path().join("s.zarr").join(file)).unwrap(), text);
+            }
+            assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        }
+    }
+
+    #[test]
+    fn what_is_not_committed_leaves_the_old_store() {
+        let dir = tempfile::tempdir().unwrap();
+        drop(staged(dir.path()));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        assert_eq!(fs::read(dir.path().join("s.zarr/kept")).unwrap(), b"old");
+        assert_eq!(fs::read(dir.path().join("s.zarr/changed")).unwrap(), b"old");
+    }
 }

@@ -3,6 +3,7 @@
 
 mod append;
 mod damage;
+mod growing;
 mod interop;
 mod replace;
 mod round_trip;

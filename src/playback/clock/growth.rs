@@ -13,7 +13,7 @@ impl Clock {
     /// In [`Mode::RealTime`] without a speed of its own the whole series still lasts as long as before, so that it goes faster;
     /// the share of the interval that has passed is kept, as after a change of the speed.
     ///
-    /// [`Command::Play`]: super::Command::Play
+    /// [`Command::Play`]: crate::playback::Command::Play
     ///
     /// # Errors
     /// If the series has fewer steps than before or another time at one of them; the clock is then as it was.

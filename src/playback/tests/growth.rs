@@ -87,7 +87,7 @@ fn ping_pong_turns_at_the_new_end_unless_it_is_on_its_way_back() {
 #[test]
 fn backwards_it_goes_on_backwards_and_the_next_round_begins_at_the_new_end() {
     let mut player = Player::with(3, &[Command::Direction(Direction::Backward), Command::Loop(Loop::All)]);
-    [Command::Stop, PLAY].map(|command| player.apply(command));
+    [Command::Stop, PLAY].into_iter().for_each(|command| player.apply(command));
     player.show(2);
     player.extend(5);
     player.show(6);
@@ -131,7 +131,7 @@ fn the_share_of_the_interval_is_kept_and_a_speed_that_was_asked_for_too() {
 #[test]
 fn a_mixture_of_two_steps_does_not_jump() {
     let mut player = Player::with(5, &[Command::Mode(Mode::RealTime), Command::Speed(1.0), Command::Interpolate(true)]);
-    [Command::SeekTime(2.25), PLAY].map(|command| player.apply(command));
+    [Command::SeekTime(2.25), PLAY].into_iter().for_each(|command| player.apply(command));
     player.refresh();
     let before = player.state();
     player.extend(6);

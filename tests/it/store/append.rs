@@ -4,7 +4,6 @@ use super::{Formulas, contents, field, import, list, sample};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 use tetreel::codec::vq::{Search, VqOptions};
 use tetreel::field::{Association, FieldSelector};
@@ -17,7 +16,7 @@ use tetreel::task::{Cancel, Silent};
 const ALL: usize = 400;
 
 /// Steps of one endless series, with their times: vectors, cell data, holes, a vertex that stands still, an infinity.
-fn part(steps: Range<usize>) -> Formulas {
+pub fn part(steps: Range<usize>) -> Formulas {
     let first = steps.start;
     let mut whole = sample(ALL);
     whole.fields.truncate(3);
@@ -28,7 +27,7 @@ fn part(steps: Range<usize>) -> Formulas {
     }
 }
 
-fn value(name: &str, component: usize, step: usize, i: usize) -> f32 {
+pub fn value(name: &str, component: usize, step: usize, i: usize) -> f32 {
     match (name, step, i) {
         (_, 66..70, 20) | ("T", _, 33) => f32::NAN,
         ("p", 2, 7) => f32::NEG_INFINITY,
@@ -37,16 +36,16 @@ fn value(name: &str, component: usize, step: usize, i: usize) -> f32 {
     }
 }
 
-fn vq(entries: usize, own_scales: bool) -> Option<CodecChoice> {
+pub fn vq(entries: usize, own_scales: bool) -> Option<CodecChoice> {
     Some(CodecChoice::Vq(VqOptions { entries, search: Search::Fast, own_scales }))
 }
 
-fn import_all(source: &Formulas, out: &Path, codec: Option<CodecChoice>) -> Store {
+pub fn import_all(source: &Formulas, out: &Path, codec: Option<CodecChoice>) -> Store {
     import(source, out, &IngestOptions { codec: codec.unwrap_or_default(), ..Default::default() }).unwrap();
     Store::open(out).unwrap()
 }
 
-fn add(source: &Formulas, out: &Path, options: &AppendOptions) -> Result<AppendReport, IngestError> {
+pub fn add(source: &Formulas, out: &Path, options: &AppendOptions) -> Result<AppendReport, IngestError> {
     let cancel = source.cancel_at.as_ref().map_or_else(Cancel::new, |(_, cancel)| cancel.clone());
     append(source, out, options, &Silent, &cancel)
 }
@@ -107,11 +106,11 @@ fn assert_same(grown: &Store, whole: &Store, interruptions: usize, first: usize)
     }
 }
 
-fn reader(store: &Store, name: &str) -> FieldReader {
+pub fn reader(store: &Store, name: &str) -> FieldReader {
     store.field(&FieldSelector { name: name.to_owned(), component: None }).unwrap()
 }
 
-fn decode(reader: &FieldReader, step: usize) -> Vec<u32> {
+pub fn decode(reader: &FieldReader, step: usize) -> Vec<u32> {
     let mut out = vec![0.0; reader.vertex_count()];
     reader.decode_step(step, &mut out).unwrap();
     out.iter().map(|x| x.to_bits()).collect()
@@ -378,124 +377,6 @@ fn a_vq_store_of_an_older_version_is_refused_and_a_raw_one_goes_on() {
     let out = old("raw.zarr", 4, None);
     add(&part(0..6), &out, &AppendOptions::default()).unwrap();
     assert_eq!(Store::open(&out).unwrap().times().len(), 6);
-}
-
-#[test]
-fn readers_that_were_open_go_on_with_the_steps_that_they_had() {
-    for codec in [None, vq(16, false)] {
-        let dir = tempfile::tempdir().unwrap();
-        let out = dir.path().join("s.zarr");
-        let old = import_all(&part(0..70), &out, codec);
-        let names: Vec<String> = old.fields().iter().map(|f| f.name.clone()).collect();
-        let expected: Vec<Vec<u32>> = names.iter().flat_map(|n| [3, 68].map(|s| decode(&reader(&old, n), s))).collect();
-        // Opened, but nothing read yet.
-        let readers: Vec<FieldReader> = names.iter().map(|name| reader(&old, name)).collect();
-        add(&part(0..100), &out, &AppendOptions::default()).unwrap();
-        let found: Vec<Vec<u32>> = readers.iter().flat_map(|r| [3, 68].map(|s| decode(r, s))).collect();
-        assert!(found == expected);
-        assert!(readers[0].decode_step(70, &mut vec![0.0; 64]).is_err());
-        let again = old.field(&"T".parse().unwrap());
-        match codec {
-            None => assert!(decode(&again.unwrap(), 68) == expected[1]),
-            // Block 1 is another one now, and which steps it has this store cannot know.
-            Some(_) => assert!(again.unwrap_err().to_string().contains("has changed since it was opened")),
-        }
-        if codec.is_some() {
-            let new = old.refreshed().unwrap().unwrap();
-            assert!(decode(&reader(&new, "T"), 68) != expected[1], "the block was coded again");
-        }
-    }
-}
-
-#[test]
-fn a_reader_decodes_while_the_store_grows() {
-    const END: usize = 20;
-    let part = |steps: Range<usize>| Formulas { fields: vec![field("T", 1, Association::Point)], ..part(steps) };
-    for codec in [None, vq(16, false)] {
-        let dir = tempfile::tempdir().unwrap();
-        let out = dir.path().join("s.zarr");
-        let mut store = import_all(&part(0..5), &out, codec);
-        let done = AtomicBool::new(false);
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                for end in 6..=END {
-                    add(&part(0..end), &out, &AppendOptions::default()).unwrap();
-                }
-                done.store(true, Ordering::SeqCst);
-            });
-            let mut seen = vec![store.times().len()];
-            loop {
-                let last = done.load(Ordering::SeqCst);
-                if let Some(new) = store.refreshed().unwrap() {
-                    store = new;
-                    seen.push(store.times().len());
-                }
-                // Of the state that was opened; if it has gone on, the next look has it.
-                match store.field(&"T".parse().unwrap()) {
-                    Ok(reader) => assert_eq!(decode(&reader, store.times().len() - 1).len(), 64),
-                    Err(error) => assert!(error.to_string().contains("has changed"), "{error}"),
-                }
-                if last {
-                    break;
-                }
-            }
-            assert!(seen.is_sorted() && seen.ends_with(&[END]) && seen.len() > 2, "{seen:?}");
-        });
-    }
-}
-
-#[test]
-fn a_store_says_whether_it_has_grown_and_refuses_to_be_another_series() {
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("s.zarr");
-    let old = import_all(&part(0..5), &out, None);
-    assert!(old.refreshed().unwrap().is_none());
-    add(&part(0..7), &out, &AppendOptions::default()).unwrap();
-    let new = old.refreshed().unwrap().unwrap();
-    assert_eq!((old.times().len(), new.times().len()), (5, 7));
-    assert!(new.refreshed().unwrap().is_none());
-    let replaced = |change: &dyn Fn(&mut Formulas)| {
-        let mut source = part(0..7);
-        change(&mut source);
-        import(&source, &out, &IngestOptions { overwrite: true, ..Default::default() }).unwrap();
-        new.refreshed().map(|store| store.is_some()).map_err(|e| e.to_string())
-    };
-    assert_eq!(replaced(&|_| ()), Ok(true), "another import of the same series");
-    let others: [(&dyn Fn(&mut Formulas), &str); 4] = [
-        (&|s| s.mesh.points[40].z += 0.01, "another mesh"),
-        (&|s| s.times.values.truncate(6), "fewer steps"),
-        (&|s| s.times.values[3] += 0.01, "other times"),
-        (&|s| s.fields.truncate(2), "other fields"),
-    ];
-    for (change, text) in others {
-        let error = replaced(change).unwrap_err();
-        assert!(error.contains(text) && error.contains("open it again"), "{error}");
-    }
-    std::fs::remove_dir_all(&out).unwrap();
-    assert!(new.refreshed().unwrap_err().to_string().contains("does not exist"));
-}
-
-#[test]
-fn of_two_that_append_at_once_one_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("s.zarr");
-    import_all(&part(0..3), &out, None);
-    let mut source = part(0..6);
-    let (inner, once) = (out.clone(), AtomicBool::new(false));
-    source.value = Box::new(move |name, component, step, i| {
-        if step == 5 && !once.swap(true, Ordering::SeqCst) {
-            add(&part(0..4), &inner, &AppendOptions::default()).unwrap();
-        }
-        value(name, component, step, i)
-    });
-    let error = ingest_append(&source, &out).unwrap_err().to_string();
-    assert!(error.contains("changed by somebody else"), "{error}");
-    assert_eq!(Store::open(&out).unwrap().times().len(), 4);
-    assert_eq!(list(dir.path()), ["s.zarr"]);
-}
-
-fn ingest_append(source: &Formulas, out: &Path) -> Result<AppendReport, IngestError> {
-    append(source, out, &AppendOptions::default(), &Silent, &Cancel::new())
 }
 
 #[cfg(unix)]
