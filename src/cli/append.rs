@@ -50,7 +50,7 @@ impl Job<'_> {
     /// Adds what is new whenever there is something, until Ctrl-C.
     pub(super) fn follow(&self, pause: Duration, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let mut seen = None;
-        let mut complaint = String::new();
+        let mut complained_of: Option<PathBuf> = None;
         let source = self.sources.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
         terminal.say(&format!("following {source}; Ctrl-C ends it"));
         loop {
@@ -58,16 +58,17 @@ impl Job<'_> {
             if now.is_none() || now != seen {
                 match self.look(terminal) {
                     Ok(done) => {
-                        complaint.clear();
+                        complained_of = None;
                         if !matches!(&done, Done::Appended(report) if report.plan.steps_added == 0) {
                             self.print(&done)?;
                         }
                     }
                     Err(error) if error.may_be_half_written() => {
-                        let text = error.to_string();
-                        if text != complaint {
-                            terminal.say(&format!("not yet: {text}"));
-                            complaint = text;
+                        // Once for a file: at the next look another byte of it may be the last one.
+                        let path = error.path().map(Path::to_owned);
+                        if complained_of != path {
+                            terminal.say(&format!("not yet: {error}"));
+                            complained_of = path;
                         }
                     }
                     Err(error) => return Err(source::ended(error)),

@@ -6,7 +6,7 @@ use crate::field::Association;
 use crate::mesh::{MeshError, RepairReport};
 use serde::Serialize;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why an import did not happen. In all cases nothing is left behind, and what existed is untouched.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +35,14 @@ impl IngestError {
     /// what is read (a mesh that changes, another kind of file) is another matter.
     pub fn may_be_half_written(&self) -> bool {
         matches!(self, Self::Source(error) if error.kind != FileErrorKind::Unsupported)
+    }
+
+    /// The file concerned, if there is one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::File(error) | Self::Source(error) => Some(&error.path),
+            Self::Mesh { .. } | Self::Cancelled => None,
+        }
     }
 }
 
