@@ -1,9 +1,11 @@
 //! `tetreel import`: a foreign series into a store.
 
+use super::append::Job;
 use super::progress::Terminal;
 use super::{Outcome, print_result, source};
 use crate::codec::raw;
 use crate::codec::vq::{MAX_ENTRIES, VqOptions};
+use crate::error::FileResult;
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
 use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
@@ -11,12 +13,18 @@ use crate::mesh::{Mesh, RepairReport};
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// Shortest and longest pause between two looks at a source that is followed, in seconds.
+const FOLLOW_MIN: f64 = 0.01;
+const FOLLOW_MAX: f64 = 86_400.0;
 
 /// Import a series (.pvd, .vtu, .xdmf) into a store
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag --units T=K\n  \
-tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024"
+tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024\n  \
+tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"
 )]
 pub(super) struct Args {
     /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
@@ -36,9 +44,9 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
-    /// How values are stored: raw as they are, vq compressed with loss
-    #[arg(long, default_value = "raw", value_parser = ["raw", "vq"])]
-    codec: String,
+    /// How values are stored: raw as they are, vq compressed with loss [default: raw, or that of the store with --append]
+    #[arg(long, value_parser = ["raw", "vq"])]
+    codec: Option<String>,
     /// Entries of each codebook of vq: more are larger and closer to the truth [default: 256]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=MAX_ENTRIES as i64))]
     entries: Option<u32>,
@@ -54,6 +62,13 @@ pub(super) struct Args {
     /// Replace a store that exists
     #[arg(long)]
     overwrite: bool,
+    /// Add the steps after the last one of the store, whose mesh, fields and codec stay; without a store, write one
+    #[arg(long, conflicts_with = "overwrite", requires = "output")]
+    append: bool,
+    /// Look again every so many seconds, until Ctrl-C, and add what has come [default: 2]
+    #[arg(long, requires = "append", conflicts_with = "dry_run", value_name = "SECONDS", num_args = 0..=1)]
+    #[arg(default_missing_value = "2", value_parser = seconds)]
+    follow: Option<f64>,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -61,10 +76,28 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let codec = codec(args)?;
-    let series = match args.sources.as_slice() {
-        [one] => import::open(one)?,
-        many => import::open_many(many)?,
-    };
+    if let (true, Some(output)) = (args.append, &args.output) {
+        let job = Job {
+            sources: &args.sources,
+            output,
+            fields: &args.fields,
+            units: &args.units,
+            steps: args.steps,
+            codec: args.codec.as_ref().map(|_| codec),
+            json: args.json,
+        };
+        return match (args.follow, args.dry_run && output.symlink_metadata().is_ok()) {
+            (Some(seconds), _) => job.follow(Duration::from_secs_f64(seconds), terminal),
+            (None, true) => job.plan(),
+            (None, false) if args.dry_run => import(args, codec, terminal),
+            (None, false) => job.once(terminal),
+        };
+    }
+    import(args, codec, terminal)
+}
+
+fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let series = open(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let options = IngestOptions { fields, units, steps: args.steps, overwrite: args.overwrite, codec };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
@@ -78,9 +111,22 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The codec that the options name.
+/// Opens what is named.
+pub(super) fn open(sources: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
+    match sources {
+        [one] => import::open(one),
+        many => import::open_many(many),
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| (FOLLOW_MIN..=FOLLOW_MAX).contains(s));
+    seconds.ok_or_else(|| format!("'{text}' is no number of seconds from {FOLLOW_MIN} to {FOLLOW_MAX}"))
+}
+
+/// The codec that the options name; raw if they name none.
 fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
-    if args.codec == raw::NAME {
+    if args.codec.as_deref().unwrap_or(raw::NAME) == raw::NAME {
         let unused = args.entries.is_some() || args.search.is_some() || args.relative;
         anyhow::ensure!(!unused, "--entries, --search and --relative are of --codec vq: say so, or leave them out");
         return Ok(CodecChoice::Raw);

@@ -3,6 +3,7 @@
 //! [`Cli`] is the one table from which help, man pages and completions come. Exit codes: 0 done, 1 done but a check
 //! failed, 2 bad usage or input, 130 interrupted.
 
+mod append;
 mod bench;
 mod compare;
 mod demo;

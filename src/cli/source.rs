@@ -47,10 +47,15 @@ pub(super) fn run_ingest(
     if result.is_err() {
         terminal.end();
     }
-    result.map_err(|error| match error {
+    result.map_err(ended)
+}
+
+/// How a run ends with this error.
+pub(super) fn ended(error: IngestError) -> anyhow::Error {
+    match error {
         IngestError::Cancelled => Interrupted.into(),
         other => other.into(),
-    })
+    }
 }
 
 fn cache_dir() -> anyhow::Result<PathBuf> {

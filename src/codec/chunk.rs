@@ -180,6 +180,18 @@ pub fn chunk_key(array: &str, row: u64, rank: usize) -> String {
     key
 }
 
+/// The array and the row of a key that [`chunk_key`] has made; `None` if it is another name.
+///
+/// ```
+/// assert_eq!(tetreel::codec::parse_chunk_key("vq/mean/c/12/0"), Some(("vq/mean", 12)));
+/// assert_eq!(tetreel::codec::parse_chunk_key("raw/zarr.json"), None);
+/// ```
+pub fn parse_chunk_key(key: &str) -> Option<(&str, u64)> {
+    let (array, index) = key.split_once("/c/")?;
+    let row = index.split('/').next()?.parse().ok()?;
+    Some((array, row))
+}
+
 /// The bytes of elements in the store's order (little-endian).
 pub fn to_bytes<T: Element>(values: &[T]) -> Cow<'_, [u8]> {
     if cfg!(target_endian = "little") {

@@ -26,8 +26,8 @@ pub mod vq;
 
 pub use blocks::{BlockCache, CacheStatistics};
 pub use chunk::{
-    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_chunk, read_chunk_unless,
-    read_rows, read_rows_unless, seal, to_bytes,
+    ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, parse_chunk_key, read_chunk,
+    read_chunk_unless, read_rows, read_rows_unless, seal, to_bytes,
 };
 pub use magnitude::{magnitude, magnitude_unless};
 pub use quality::{ErrorTally, OverSigma, Quality};
@@ -65,6 +65,8 @@ pub struct Encoded {
     pub parameters: serde_json::Value,
     /// What decoding gives back wrongly; `None` if it is exact by design.
     pub errors: Option<ErrorTally>,
+    /// Of these, what does not change if steps are added later; `None` if there is nothing.
+    pub settled_errors: Option<ErrorTally>,
 }
 
 /// Encodes the steps of one field in order.
@@ -83,6 +85,10 @@ pub trait Encoder: Send {
     /// # Errors
     /// If the sink fails.
     fn finish(self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<Encoded>;
+
+    /// Whether the chunk `key` is final at this moment: it is there and not written again, however many steps follow. Of an
+    /// encoder that goes on with what another one left, the chunks that it does not replace.
+    fn is_settled(&self, key: &str) -> bool;
 }
 
 /// Decodes any step of one field, from several threads at once.

@@ -32,6 +32,24 @@ impl ErrorTally {
         Self { steps: Vec::new(), vertices: vec![0.0; vertices] }
     }
 
+    /// The sums as numbers: for each step that of the squares, the number of values and the largest error; for each vertex
+    /// that of the squares.
+    pub fn parts(&self) -> (Vec<[f64; 3]>, &[f64]) {
+        (self.steps.iter().map(|s| [s.squares, s.count as f64, s.largest]).collect(), &self.vertices)
+    }
+
+    /// The sums that [`ErrorTally::parts`] gave, bit for bit; `None` if these are none.
+    pub fn from_parts(steps: &[[f64; 3]], vertices: Vec<f64>) -> Option<Self> {
+        let sound = |x: f64| x.is_finite() && x >= 0.0;
+        let step = |&[squares, count, largest]: &[f64; 3]| {
+            let whole = count <= vertices.len() as f64 && count.fract() == 0.0;
+            let sound = sound(squares) && sound(count) && whole && sound(largest);
+            sound.then_some(StepError { squares, count: count as u64, largest })
+        };
+        let steps = steps.iter().map(step).collect::<Option<Vec<_>>>()?;
+        vertices.iter().all(|&x| sound(x)).then_some(Self { steps, vertices })
+    }
+
     /// Takes the next `values.len() / vertices` steps. `decode(step, first, out)` fills `out` with the decoded values of
     /// the vertices from `first` on; what it leaves non-finite does not count.
     pub(super) fn add(&mut self, values: &[f32], decode: impl Fn(usize, usize, &mut [f32]) + Sync) {
@@ -189,6 +207,24 @@ mod tests {
         let found = quality(&values, &[1.0, f32::NAN, 4.0, f32::INFINITY], 2);
         assert_eq!((found.max_error, found.rmse, found.snr_max_db), (1.0, 0.5f64.sqrt(), None));
         assert_eq!(found.snr_db, Some(10.0 * (1.0f64 / 0.5).log10()));
+    }
+
+    #[test]
+    fn sums_go_on_from_their_numbers_as_if_nothing_had_been() {
+        let values: Vec<f32> = (0..12).map(|i| (i as f32).sin()).collect();
+        let add = |tally: &mut ErrorTally, steps: &[f32]| tally.add(steps, |_, _, out| out.fill(0.1));
+        let mut whole = ErrorTally::new(3);
+        add(&mut whole, &values[..6]);
+        let (steps, vertices) = whole.parts();
+        let mut resumed = ErrorTally::from_parts(&steps, vertices.to_vec()).unwrap();
+        assert_eq!(resumed.parts(), whole.parts());
+        [&mut whole, &mut resumed].into_iter().for_each(|tally| add(tally, &values[6..]));
+        assert_eq!(resumed.parts(), whole.parts());
+        assert_eq!(whole.parts().0.len(), 4);
+        for bad in [[-1.0, 1.0, 1.0], [1.0, 0.5, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, f64::NAN]] {
+            assert!(ErrorTally::from_parts(&[bad], vec![0.0; 3]).is_none(), "{bad:?}");
+        }
+        assert!(ErrorTally::from_parts(&[], vec![f64::INFINITY]).is_none());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedB
 use super::stop::{go_on, unless_cancelled};
 use super::{
     ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, Stop, chunk_key,
-    read_chunk_unless, read_rows_unless, to_bytes,
+    parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
@@ -38,7 +38,12 @@ pub struct RawEncoder {
 impl RawEncoder {
     /// An encoder of a field with `vertices` values a step.
     pub fn new(vertices: usize) -> Self {
-        Self { steps: 0, vertices: vertices as u64 }
+        Self::resume(vertices, 0)
+    }
+
+    /// An encoder that goes on behind so many steps.
+    pub fn resume(vertices: usize, steps: u64) -> Self {
+        Self { steps, vertices: vertices as u64 }
     }
 }
 
@@ -55,7 +60,12 @@ impl Encoder for RawEncoder {
     }
 
     fn finish(self: Box<Self>, _sink: &mut dyn ChunkSink) -> FileResult<Encoded> {
-        Ok(Encoded { arrays: vec![array(self.steps, self.vertices)], parameters: serde_json::json!({}), errors: None })
+        let arrays = vec![array(self.steps, self.vertices)];
+        Ok(Encoded { arrays, parameters: serde_json::json!({}), errors: None, settled_errors: None })
+    }
+
+    fn is_settled(&self, key: &str) -> bool {
+        parse_chunk_key(key).is_some_and(|(array, step)| array == NAME && step < self.steps)
     }
 }
 

@@ -2,34 +2,38 @@
 //!
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
-//! 64 steps of each field) are in memory. The result does not depend on the number of threads.
+//! 64 steps of each field) are in memory. The result does not depend on the number of threads. [`append()`] adds the new steps of
+//! a source that has grown.
 
+mod append;
 mod compression;
 mod options;
 mod order;
+mod pass;
 mod plan;
 mod report;
+mod same_mesh;
 mod stream;
 
+pub use append::{AppendOptions, AppendPlan, AppendReport, AppendedField, append, plan_append};
 pub use compression::CompressionReport;
 pub use options::{CodecChoice, FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::codec::Encoder;
-use crate::codec::magnitude;
 use crate::codec::raw::RawEncoder;
 use crate::codec::vq::VqEncoder;
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, SeriesSource, TimeAxis};
+use crate::field::{SeriesSource, TimeAxis};
 use crate::mesh::Mesh;
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
-use order::VertexOrder;
+use pass::{Pass, Target};
 use plan::{Output, PlannedField};
 use std::path::Path;
-use std::time::{Duration, Instant};
-use stream::{Job, Stream, with_stream};
+use std::time::Instant;
+use stream::{Job, with_stream};
 
 /// Imports a series into a new store at `out`.
 ///
@@ -44,12 +48,12 @@ pub fn ingest(
     cancel: &Cancel,
 ) -> Result<IngestReport, IngestError> {
     let start = Instant::now();
-    let steps = select_steps(source, options)?;
+    let steps = select_steps(source, options.steps)?;
     let times = steps.iter().map(|&step| source.times().values[step]).collect();
     let fields = plan_fields(source, options)?;
     let mut writer = StoreWriter::create(out, options.overwrite)?;
 
-    let raw = source.mesh()?;
+    let raw = source.mesh().map_err(IngestError::Source)?;
     let counts = [raw.points.len(), raw.tets.len()];
     let points = SourcePoints::of(&raw.points);
     check_cancel(cancel)?;
@@ -61,13 +65,15 @@ pub fn ingest(
     writer.write_times(&TimeAxis { values: times })?;
     let mesh_seconds = start.elapsed().as_secs_f64();
 
-    let mut pass = Pass::new(source, &mesh, counts, &fields, options, &mut writer);
+    let vertices = mesh.vertex_source.len();
+    let targets = fields.iter().map(|f| targets(f, vertices, options.codec, &mut writer)).collect();
+    let mut pass = Pass::new(source, &mesh, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     progress.begin("import", steps.len() as u64, "steps");
     let result = with_stream(&job, |stream| {
-        for &step in &steps {
+        for (at, &step) in steps.iter().enumerate() {
             check_cancel(cancel)?;
-            pass.take_step(step, stream)?;
+            pass.take_step(step, at, stream)?;
             progress.advance(1);
         }
         Ok(stream.read_time)
@@ -80,7 +86,7 @@ pub fn ingest(
     let mut seconds = pass.seconds;
     let values = pass.values_read;
     let counts = [mesh.vertex_source.len(), mesh.topology.tets.len(), steps.len()].map(|n| n as u64);
-    let fields = pass.finish(counts, options.codec)?;
+    let fields = reports(pass.targets, counts, options.codec)?;
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;
     seconds.mesh = mesh_seconds;
@@ -122,7 +128,7 @@ fn check_cancel(cancel: &Cancel) -> Result<(), IngestError> {
 }
 
 /// The steps asked for, of a time axis that is one.
-fn select_steps(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<usize>> {
+fn select_steps(source: &dyn SeriesSource, range: StepRange) -> FileResult<Vec<usize>> {
     let times = &source.times().values;
     let invalid = |problem: String| FileError::invalid(source.describe(), "time", problem);
     if times.is_empty() {
@@ -135,146 +141,7 @@ fn select_steps(source: &dyn SeriesSource, options: &IngestOptions) -> FileResul
         let [a, b] = [times[step], times[step + 1]];
         return Err(invalid(format!("times do not increase: step {step} is at {a}, step {} at {b}", step + 1)));
     }
-    options.steps.select(times.len()).map_err(|e| invalid(e.to_string()))
-}
-
-/// A field of the new store: where its values go.
-struct Target {
-    writer: FieldWriter,
-    moments: Moments,
-    association: Association,
-}
-
-/// The work on the steps: everything between reading and the finished fields.
-struct Pass<'a> {
-    source: &'a dyn SeriesSource,
-    /// Points and cells of the source.
-    counts: [usize; 2],
-    fields: &'a [PlannedField],
-    order: VertexOrder<'a>,
-    /// For each field one target an output.
-    targets: Vec<Vec<Target>>,
-    /// Components of the current field in vertex order, as many as the field with most needs.
-    components: Vec<Vec<f32>>,
-    magnitude: Vec<f32>,
-    seconds: StageSeconds,
-    values_read: u64,
-}
-
-impl<'a> Pass<'a> {
-    fn new(
-        source: &'a dyn SeriesSource,
-        mesh: &'a Mesh,
-        counts: [usize; 2],
-        fields: &'a [PlannedField],
-        options: &IngestOptions,
-        writer: &mut StoreWriter,
-    ) -> Self {
-        let vertices = mesh.vertex_source.len();
-        let with_cells = fields.iter().any(|f| f.info.association == Association::Cell);
-        let most = fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
-        Self {
-            source,
-            counts,
-            fields,
-            order: VertexOrder::new(mesh, with_cells),
-            targets: fields.iter().map(|f| targets(f, vertices, options.codec, writer)).collect(),
-            components: vec![vec![0.0; vertices]; most],
-            magnitude: vec![0.0; vertices],
-            seconds: StageSeconds::default(),
-            values_read: 0,
-        }
-    }
-
-    fn take_step(&mut self, step: usize, stream: &mut Stream) -> Result<(), IngestError> {
-        for index in 0..self.fields.len() {
-            let field = &self.fields[index];
-            for (slot, component) in field.reads.iter().enumerate() {
-                let took = stream.next(|values| self.take_component(field, *component, step, slot, values))??;
-                self.seconds.order += took.as_secs_f64();
-            }
-            self.emit(index)?;
-        }
-        Ok(())
-    }
-
-    /// Brings the values of one component into the order of the mesh.
-    fn take_component(
-        &mut self,
-        field: &PlannedField,
-        component: usize,
-        step: usize,
-        slot: usize,
-        values: &[f32],
-    ) -> FileResult<Duration> {
-        let start = Instant::now();
-        let (expected, what) = match field.info.association {
-            Association::Point => (self.counts[0], "points"),
-            Association::Cell => (self.counts[1], "cells"),
-        };
-        if values.len() != expected {
-            let place = format!("field '{}', component {component}, step {step}", field.info.name);
-            let problem = format!("has {} values, but the mesh has {expected} {what}", values.len());
-            return Err(FileError::invalid(self.source.describe(), place, problem));
-        }
-        self.values_read += values.len() as u64;
-        let out = &mut self.components[slot];
-        match field.info.association {
-            Association::Point => self.order.gather_points(values, out),
-            Association::Cell => self.order.average_cells(values, out),
-        }
-        Ok(start.elapsed())
-    }
-
-    /// Reduces and encodes the outputs of a field whose components are complete.
-    fn emit(&mut self, index: usize) -> FileResult<()> {
-        let field = &self.fields[index];
-        for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
-            let start = Instant::now();
-            let values = match output.component {
-                // Every component of an output is read, so the search finds it.
-                Component::Index(i) => &self.components[field.reads.partition_point(|&read| read < i)],
-                Component::Magnitude => {
-                    let components: Vec<&[f32]> =
-                        self.components[..field.reads.len()].iter().map(Vec::as_slice).collect();
-                    magnitude(&components, &mut self.magnitude);
-                    &self.magnitude
-                }
-            };
-            let ordered = Instant::now();
-            target.moments.add_step(values);
-            let reduced = Instant::now();
-            target.writer.push(values)?;
-            self.seconds.order += (ordered - start).as_secs_f64();
-            self.seconds.moments += (reduced - ordered).as_secs_f64();
-            self.seconds.encode += reduced.elapsed().as_secs_f64();
-        }
-        Ok(())
-    }
-
-    /// `counts` are vertices, cells and steps.
-    fn finish(self, counts: [u64; 3], codec: CodecChoice) -> FileResult<Vec<FieldReport>> {
-        let report = |target: Target| {
-            let series = target.moments.series();
-            let name = target.writer.name().to_owned();
-            let written = target.writer.finish(&target.moments)?;
-            let compression = match (codec, written.quality) {
-                (CodecChoice::Vq(options), Some(quality)) => {
-                    Some(CompressionReport::new(options.entries, counts, written.value_bytes, quality))
-                }
-                _ => None,
-            };
-            Ok(FieldReport {
-                name,
-                association: target.association,
-                range: series.range,
-                nonfinite: series.nonfinite,
-                bytes: written.bytes,
-                compression,
-            })
-        };
-        self.targets.into_iter().flatten().map(report).collect()
-    }
+    range.select(times.len()).map_err(|e| invalid(e.to_string()))
 }
 
 /// Begins the fields of the store that a field of the source becomes.
@@ -293,7 +160,31 @@ fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &m
             };
             writer.begin_field(description, encoder)
         };
-        targets.push(Target { writer, moments: Moments::new(vertices), association });
+        targets.push(Target { writer, moments: Moments::new(vertices), association, first_step: 0 });
     }
     targets
+}
+
+/// Finishes the fields. `counts` are vertices, cells and steps.
+fn reports(targets: Vec<Vec<Target>>, counts: [u64; 3], codec: CodecChoice) -> FileResult<Vec<FieldReport>> {
+    let report = |target: Target| {
+        let series = target.moments.series();
+        let name = target.writer.name().to_owned();
+        let written = target.writer.finish(&target.moments)?;
+        let compression = match (codec, written.quality) {
+            (CodecChoice::Vq(options), Some(quality)) => {
+                Some(CompressionReport::new(options.entries, counts, written.value_bytes, quality))
+            }
+            _ => None,
+        };
+        Ok(FieldReport {
+            name,
+            association: target.association,
+            range: series.range,
+            nonfinite: series.nonfinite,
+            bytes: written.bytes,
+            compression,
+        })
+    };
+    targets.into_iter().flatten().map(report).collect()
 }

@@ -114,6 +114,18 @@ pub enum CodecChoice {
     Vq(VqOptions),
 }
 
+impl fmt::Display for CodecChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Raw => f.write_str("raw"),
+            Self::Vq(VqOptions { entries, search, own_scales }) => {
+                let relative = if *own_scales { ", relative" } else { "" };
+                write!(f, "vq with {entries} entries, {} search{relative}", search.as_str())
+            }
+        }
+    }
+}
+
 /// The unit of a field, as the user writes it: `FIELD=UNIT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldUnits {

@@ -1,19 +1,22 @@
 //! What an import did.
 
 use super::compression::CompressionReport;
-use crate::error::FileError;
+use crate::error::{FileError, FileErrorKind};
 use crate::field::Association;
 use crate::mesh::{MeshError, RepairReport};
 use serde::Serialize;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why an import did not happen. In all cases nothing is left behind, and what existed is untouched.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
-    /// A file could not be read or written, or the source lacks what was asked for.
+    /// A file could not be written, or the source lacks what was asked for or does not fit the store.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The source could not be read. If it is being written at the moment, it may be whole later.
+    #[error(transparent)]
+    Source(FileError),
     /// The points and cells of the source make no mesh.
     #[error("{source_name}: {error}")]
     Mesh {
@@ -25,6 +28,22 @@ pub enum IngestError {
     /// Somebody asked to stop.
     #[error("cancelled; nothing was written")]
     Cancelled,
+}
+
+impl IngestError {
+    /// Whether this may be because the source is half written: damaged, cut or missing files. A source that is whole and not
+    /// what is read (a mesh that changes, another kind of file) is another matter.
+    pub fn may_be_half_written(&self) -> bool {
+        matches!(self, Self::Source(error) if error.kind != FileErrorKind::Unsupported)
+    }
+
+    /// The file concerned, if there is one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::File(error) | Self::Source(error) => Some(&error.path),
+            Self::Mesh { .. } | Self::Cancelled => None,
+        }
+    }
 }
 
 /// What an import did.

@@ -78,7 +78,8 @@ impl Stream {
     /// Hands the next values to `work` and gives their memory back.
     pub(super) fn next<T>(&mut self, work: impl FnOnce(&[f32]) -> T) -> Result<T, IngestError> {
         // The reader closes the channel early only when it is cancelled.
-        let Read { values, took } = self.reads.recv().map_err(|_| IngestError::Cancelled)??;
+        let read = self.reads.recv().map_err(|_| IngestError::Cancelled)?;
+        let Read { values, took } = read.map_err(IngestError::Source)?;
         self.read_time += took;
         let result = work(&values);
         // After its last read the reader takes no more buffers.

@@ -88,12 +88,38 @@ pub struct Moments {
     steps: Vec<StepSummary>,
     /// Summaries of the chunks of the current step, kept for their memory.
     parts: Vec<StepSummary>,
+    /// Non-finite values of steps whose summaries do not say how many they have.
+    nonfinite_before: u64,
 }
 
 impl Moments {
     /// No step of a field with `vertex_count` values a step.
     pub fn new(vertex_count: usize) -> Self {
-        Self { vertices: vec![Accumulator::default(); vertex_count], steps: Vec::new(), parts: Vec::new() }
+        let vertices = vec![Accumulator::default(); vertex_count];
+        Self { vertices, steps: Vec::new(), parts: Vec::new(), nonfinite_before: 0 }
+    }
+
+    /// Goes on from the statistics of the steps so far: those of the vertices, the range of each step, and the number of
+    /// non-finite values of all of them. `None` if these are no statistics.
+    ///
+    /// Means, ranges and counts continue bit for bit as if there had been no interruption. The variance does not: the sum of
+    /// squared deviations is the product of a rounded quotient. With u = 2^-53 that product is within 2 u of the sum that was
+    /// (relatively, to first order); each step added to either sum rounds by at most u of it, and both only grow (every term is
+    /// at least 0), so that nothing is amplified; the last quotient rounds either. After r interruptions and k steps since the
+    /// first, variances differ by at most a share of 2 u (r + k + 1) from those of one pass. A variance of 0 stays 0.
+    pub fn resume(statistics: &VertexStatistics, ranges: &[Option<[f32; 2]>], nonfinite: u64) -> Option<Self> {
+        let VertexStatistics { mean, variance, finite_count } = statistics;
+        let vertex = |((&mean, &variance), &count): ((&f64, &f64), &f64)| {
+            if count == 0.0 {
+                return Some(Accumulator::default());
+            }
+            let whole = (1.0..=ranges.len() as f64).contains(&count) && count.fract() == 0.0;
+            let sound = whole && mean.is_finite() && variance.is_finite() && variance >= 0.0;
+            sound.then_some(Accumulator { mean, m2: variance * count, count: count as u32 })
+        };
+        let vertices = mean.iter().zip(variance).zip(finite_count).map(vertex).collect::<Option<Vec<_>>>()?;
+        let steps = ranges.iter().map(|&range| StepSummary { range, nonfinite: 0 }).collect();
+        Some(Self { vertices, steps, parts: Vec::new(), nonfinite_before: nonfinite })
     }
 
     /// Takes the next step, one value per vertex. The result is the same for any number of threads.
@@ -112,14 +138,15 @@ impl Moments {
         summary
     }
 
-    /// Range and non-finite count of each step so far.
+    /// Range and non-finite count of each step so far; the count is 0 for those before [`Moments::resume`].
     pub fn steps(&self) -> &[StepSummary] {
         &self.steps
     }
 
     /// Range and non-finite count over all steps so far.
     pub fn series(&self) -> StepSummary {
-        self.steps.iter().fold(StepSummary::EMPTY, |all, &step| all.merge(step))
+        let before = StepSummary { range: None, nonfinite: self.nonfinite_before };
+        self.steps.iter().fold(before, |all, &step| all.merge(step))
     }
 
     /// Mean, variance and number of finite samples of every vertex so far.

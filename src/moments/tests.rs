@@ -161,3 +161,54 @@ fn the_floor_tames_a_zero_mean_and_the_plain_formula_does_not() {
     let plain = statistics.coefficient_of_variation(range, CovDenominator::Plain);
     assert_eq!(plain, [f64::INFINITY, 0.0, f64::INFINITY, 0.0]);
 }
+
+#[test]
+fn statistics_that_were_written_down_go_on_within_the_bound_of_one_pass() {
+    let mut next = noise(11);
+    let mut sample = |step: usize, v: usize| match v {
+        0 => 3.25,
+        1 if step < 40 => f32::NAN,
+        2 if step % 7 == 3 => f32::INFINITY,
+        3 => f32::NAN,
+        _ => 1e3 * next() + v as f32,
+    };
+    let steps: Vec<Vec<f32>> = (0..90).map(|step| (0..50).map(|v| sample(step, v)).collect()).collect();
+    let whole = moments_of(&steps);
+    // Interrupted behind these numbers of steps.
+    let cuts = [1, 40, 41, 88];
+    let mut moments = moments_of(&steps[..cuts[0]]);
+    for (i, &cut) in cuts.iter().enumerate() {
+        let ranges: Vec<_> = moments.steps().iter().map(|s| s.range).collect();
+        moments = Moments::resume(&moments.vertex_statistics(), &ranges, moments.series().nonfinite).unwrap();
+        let end = cuts.get(i + 1).copied().unwrap_or(steps.len());
+        steps[cut..end].iter().for_each(|step| _ = moments.add_step(step));
+    }
+    assert_eq!(moments.series(), whole.series());
+    assert!(moments.steps().iter().zip(whole.steps()).all(|(a, b)| a.range == b.range));
+    let [a, b] = [&moments, &whole].map(Moments::vertex_statistics);
+    let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!((bits(&a.mean), &a.finite_count), (bits(&b.mean), &b.finite_count));
+    let unit = 0.5 * f64::EPSILON;
+    let bound = 2.0 * unit * (cuts.len() + steps.len() - cuts[0] + 1) as f64;
+    let mut differ = 0;
+    for (a, b) in a.variance.iter().zip(&b.variance).filter(|(_, b)| !b.is_nan()) {
+        assert!((a - b).abs() <= bound * b, "{a:e} instead of {b:e}");
+        differ += usize::from(a != b);
+    }
+    assert!(a.variance[3].is_nan() && a.variance[0] == 0.0 && differ > 0, "the bound is of use");
+}
+
+#[test]
+fn what_is_no_statistics_is_not_resumed() {
+    let statistics = |mean: f64, variance: f64, count: f64| VertexStatistics {
+        mean: vec![mean],
+        variance: vec![variance],
+        finite_count: vec![count],
+    };
+    let ranges = [None; 3];
+    assert!(Moments::resume(&statistics(1.0, 0.5, 3.0), &ranges, 0).is_some());
+    assert!(Moments::resume(&statistics(f64::NAN, f64::NAN, 0.0), &ranges, 0).is_some());
+    for bad in [(1.0, -0.5, 3.0), (1.0, 0.5, 4.0), (1.0, 0.5, 0.5), (f64::NAN, 0.5, 1.0), (1.0, f64::INFINITY, 1.0)] {
+        assert!(Moments::resume(&statistics(bad.0, bad.1, bad.2), &ranges, 0).is_none(), "{bad:?}");
+    }
+}

@@ -1,5 +1,7 @@
 //! The clock itself: commands and time in, the frame that is due out.
 
+mod growth;
+
 use super::command::{Command, CommandError, Direction, Mode, Settings};
 use super::course::{Course, Score, default_speed, heading, speed};
 use super::measure::{Elapsed, RateMeter, Stopwatch};

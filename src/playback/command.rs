@@ -178,6 +178,9 @@ pub enum CommandError {
     /// Not a time.
     #[error("there is no time {0} to go to")]
     Time(f64),
+    /// Times that are not those of the series and more.
+    #[error("the times do not begin with those of the series that is played; open it anew")]
+    OtherSeries,
 }
 
 impl Command {

@@ -54,6 +54,9 @@
 //!   reached (direction, loop, range, stride in real time); a change of mode begins the interval anew.
 //! - **Late frames** are made up for up to one interval: the rate holds although a screen refreshes at its own times. No debt is
 //!   piled up beyond that.
+//! - **A series that grows** ([`Clock::extend`]): what is shown and all settings stay. Playing goes on into the new steps from the
+//!   old last one, instead of back to the start of a loop or round; a playback that had ended does so at the next
+//!   [`Command::Play`]. A range stays as it is.
 //! - **Mixtures** are of steps that are played, and only in real time; a loop does not mix its last step with its first.
 //! - **Time that goes back** stands still; a leap of 10 s more than the clock had said it could wait is a machine that slept, and
 //!   no time passes in it.

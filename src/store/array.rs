@@ -1,5 +1,6 @@
 //! Zarr metadata of arrays: written from, and checked against, an [`ArraySpec`].
 
+use super::folder::unlink;
 use super::layout::{Storage, node_path};
 use crate::codec::{ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_rows};
 use crate::error::{FileError, FileResult};
@@ -40,6 +41,7 @@ pub(super) fn write_metadata(
 ) -> FileResult<()> {
     let key = format!("{group}/{}", spec.name);
     let failed = |e: String| FileError::unsupported(metadata_path(root, &key), "", format!("cannot write: {e}"));
+    unlink(&metadata_path(root, &key))?;
     let array = builder(spec).attributes(attributes).build(storage.clone(), &node_path(&key));
     array.map_err(|e| failed(e.to_string()))?.store_metadata().map_err(|e| failed(e.to_string()))
 }

@@ -52,12 +52,12 @@ pub struct StoredField {
     pub(super) component_folders: Vec<String>,
     /// How the values are coded.
     #[serde(skip)]
-    coding: Coding,
+    pub(super) coding: Coding,
 }
 
 /// How the values of a field are coded.
 #[derive(Clone, Debug, PartialEq)]
-enum Coding {
+pub(super) enum Coding {
     Raw,
     Vq(VqParameters),
     /// From other fields.

@@ -2,26 +2,98 @@
 
 use crate::codec::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Objects are the files below a folder.
 #[derive(Clone, Debug)]
 pub(super) struct Folder {
     root: PathBuf,
+    pinned: Pinned,
 }
 
 impl Folder {
     pub(super) fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self { root: root.into(), pinned: Pinned::default() }
+    }
+
+    /// From now on these objects are what they are now, or missing as they are now, whatever takes their place.
+    ///
+    /// Does nothing on systems other than Unix: there, a folder with open files cannot be moved.
+    pub(super) fn pin(&mut self, keys: Vec<String>) -> FileResult<()> {
+        if cfg!(unix) {
+            for key in keys {
+                let file = match File::open(self.path(&key)) {
+                    Ok(file) => Some(Arc::new(file)),
+                    Err(e) if e.kind() == ErrorKind::NotFound => None,
+                    Err(e) => return Err(FileError::io(self.path(&key), "open", &e)),
+                };
+                self.pinned.insert(key, file);
+            }
+        }
+        Ok(())
+    }
+
+    /// Does something with a file. While a store is being exchanged in two moves, it is nowhere for a moment: what is missing
+    /// together with the store is looked for again.
+    fn find<T>(&self, act: impl Fn() -> io::Result<T>) -> io::Result<T> {
+        for _ in 0..EXCHANGE_LOOKS {
+            match act() {
+                Err(e) if e.kind() == ErrorKind::NotFound => {}
+                result => return result,
+            }
+            if self.root.join("zarr.json").exists() {
+                break;
+            }
+            std::thread::sleep(EXCHANGE_PAUSE);
+        }
+        // It may have come between the two looks.
+        act()
+    }
+}
+
+/// Files that are held open, and what was not there.
+type Pinned = BTreeMap<String, Option<Arc<File>>>;
+
+/// How often, and after how long, a store that has just gone is looked for again.
+pub(super) const EXCHANGE_LOOKS: u32 = 50;
+pub(super) const EXCHANGE_PAUSE: Duration = Duration::from_millis(5);
+
+/// Reads from a place of a file that several threads may share.
+#[cfg(unix)]
+fn read_at(file: &File, offset: u64, part: &mut [u8]) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, part, offset)
+}
+
+/// Files are shared on Unix only.
+#[cfg(not(unix))]
+fn read_at(mut file: &File, offset: u64, part: &mut [u8]) -> io::Result<()> {
+    use std::io::{Read, Seek, SeekFrom};
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(part)
+}
+
+/// Removes a name that is about to be written: the file may be that of an older store as well, which must not change.
+pub(super) fn unlink(path: &Path) -> FileResult<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(FileError::io(path, "replace", &e)),
+        _ => Ok(()),
     }
 }
 
 impl ReadRange for Folder {
     fn size(&self, key: &str) -> FileResult<u64> {
         let path = self.path(key);
-        match fs::metadata(&path) {
+        let metadata = match self.pinned.get(key) {
+            Some(Some(file)) => file.metadata(),
+            Some(None) => Err(ErrorKind::NotFound.into()),
+            None => self.find(|| fs::metadata(&path)),
+        };
+        match metadata {
             Ok(metadata) if metadata.is_file() => Ok(metadata.len()),
             Ok(_) => Err(FileError::invalid(path, "", "is not a file")),
             Err(e) if e.kind() == ErrorKind::NotFound => {
@@ -34,7 +106,14 @@ impl ReadRange for Folder {
 
     fn exists(&self, key: &str) -> FileResult<bool> {
         let path = self.path(key);
-        path.try_exists().map_err(|e| FileError::io(path, "open", &e))
+        if let Some(pinned) = self.pinned.get(key) {
+            return Ok(pinned.is_some());
+        }
+        match self.find(|| fs::metadata(&path)) {
+            Ok(_) => Ok(true),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
+            Err(e) => Err(FileError::io(path, "open", &e)),
+        }
     }
 
     fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()> {
@@ -44,17 +123,20 @@ impl ReadRange for Folder {
     fn read_while(
         &self,
         key: &str,
-        offset: u64,
+        mut offset: u64,
         parts: &mut [&mut [u8]],
         filled: &mut dyn FnMut(&[u8]) -> bool,
     ) -> FileResult<bool> {
         let path = self.path(key);
-        let mut file = File::open(&path).map_err(|e| FileError::io(&path, "open", &e))?;
-        if offset > 0 {
-            file.seek(SeekFrom::Start(offset)).map_err(|e| FileError::io(&path, "read", &e))?;
-        }
+        let file = match self.pinned.get(key) {
+            Some(Some(file)) => Ok(file.clone()),
+            Some(None) => Err(ErrorKind::NotFound.into()),
+            None => self.find(|| File::open(&path)).map(Arc::new),
+        };
+        let file = file.map_err(|e| FileError::io(&path, "open", &e))?;
         for part in parts {
-            file.read_exact(part).map_err(|e| FileError::io(&path, "read", &e))?;
+            read_at(&file, offset, part).map_err(|e| FileError::io(&path, "read", &e))?;
+            offset += part.len() as u64;
             if !filled(part) {
                 return Ok(false);
             }
@@ -86,6 +168,7 @@ impl ChunkSink for FolderSink {
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "create", &e))?;
         }
+        unlink(&path)?;
         let checksum = seal(payload);
         let write = |mut file: File| file.write_all(payload).and_then(|()| file.write_all(&checksum));
         File::create(&path).and_then(write).map_err(|e| FileError::io(&path, "write", &e))?;

@@ -1,5 +1,6 @@
 //! Names, versions and attributes of the groups of a store.
 
+use super::folder::unlink;
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
@@ -40,6 +41,9 @@ pub(super) struct RootAttributes {
     /// What was skipped while reading it.
     #[serde(default)]
     pub(super) notes: Vec<String>,
+    /// How often steps were added.
+    #[serde(default)]
+    pub(super) revision: u64,
 }
 
 /// Attributes of the mesh.
@@ -103,6 +107,7 @@ pub(super) fn storage(root: &Path) -> FileResult<Storage> {
 /// Writes a group with its attributes.
 pub(super) fn write_group(root: &Path, storage: &Storage, key: &str, attributes: &impl Serialize) -> FileResult<()> {
     let failed = |e: String| FileError::unsupported(root.join(key).join("zarr.json"), "", format!("cannot write: {e}"));
+    unlink(&root.join(key).join("zarr.json"))?;
     let Ok(serde_json::Value::Object(attributes)) = serde_json::to_value(attributes) else {
         return Err(failed("attributes are no JSON object".to_owned()));
     };
@@ -140,6 +145,17 @@ pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttrib
         return Err(FileError::unsupported(root, "zarr.json", problem).remedy("import the series again"));
     }
     Ok(attributes)
+}
+
+/// Refuses to add to a store of which this version may not know all.
+pub(super) fn check_appendable(root: &Path, attributes: &RootAttributes) -> FileResult<()> {
+    let minor = attributes.tetreel_store.split('.').nth(1).and_then(|v| v.parse::<u32>().ok());
+    if minor.is_some_and(|minor| minor <= STORE_VERSION[1]) {
+        return Ok(());
+    }
+    let (theirs, ours) = (&attributes.tetreel_store, store_version());
+    let problem = format!("store version {theirs}, written by tetreel {}; this adds to {ours}", attributes.tetreel);
+    Err(FileError::unsupported(root, "zarr.json", problem).remedy("use that version, or a later one"))
 }
 
 /// Whether a folder is a tetreel store of any version.

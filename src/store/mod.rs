@@ -4,16 +4,18 @@
 //! |---|---|
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
-//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples) |
+//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from) |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
 //! name made safe for any file system; the name itself is an attribute.
 //!
-//! [`StoreWriter`] writes beside the final place and moves the whole store there at the end. [`Store`] reads: metadata,
+//! [`StoreWriter`] writes beside the final place and moves the whole store there at the end; to add steps it begins with links to
+//! the files of the store that is there ([`StoreWriter::append`]), and [`Store::refreshed`] opens what has grown. [`Store`] reads: metadata,
 //! times and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing,
 //! damaged or other one is derived again (faces, neighbours) or not there (moments).
 
+mod append;
 mod array;
 mod field;
 mod folder;
@@ -21,10 +23,12 @@ mod info;
 mod layout;
 mod mesh;
 mod names;
+mod refresh;
 mod source_points;
 mod staging;
 mod writer;
 
+pub use append::ResumedField;
 pub use field::{FieldReader, StoredField};
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub use source_points::SourcePoints;
@@ -40,6 +44,7 @@ use folder::Folder;
 use glam::DVec3;
 use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
 use mesh::StoredMesh;
+use refresh::Stamp;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -56,6 +61,8 @@ pub struct Store {
     mesh: StoredMesh,
     times: TimeAxis,
     fields: Vec<StoredField>,
+    stamp: Stamp,
+    mesh_checksums: Vec<Option<[u8; 4]>>,
 }
 
 /// Whether `path` is a folder with a tetreel store of any version; reads its attributes only.
@@ -69,14 +76,18 @@ impl Store {
     /// # Errors
     /// If this is not a store, one of another major version, or a piece is missing, damaged or of the wrong shape.
     pub fn open(path: impl AsRef<Path>) -> FileResult<Self> {
-        let root = path.as_ref();
+        refresh::at_rest(path.as_ref(), Self::open_at)
+    }
+
+    fn open_at(root: &Path, stamp: Stamp) -> FileResult<Self> {
         let storage = layout::storage(root)?;
         let attributes = layout::read_root(root, &storage)?;
         let source = Arc::new(Folder::new(root));
         let mesh = StoredMesh::open(root, &storage, &source)?;
         let times = read_times(root, &storage, &*source)?;
         let fields = open_fields(root, &storage, &source, times.len() as u64, mesh.vertices)?;
-        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields })
+        let mesh_checksums = refresh::mesh_checksums(&*source);
+        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields, stamp, mesh_checksums })
     }
 
     /// Folder of the store.
@@ -114,7 +125,8 @@ impl Store {
     /// A reader of one field. `NAME` of a vector means `NAME:mag`.
     ///
     /// # Errors
-    /// If there is no such field; the error lists those there are.
+    /// If there is no such field; the error lists those there are. If steps were added since the store was opened, so that a
+    /// block of codec `vq` is coded anew ([`Store::refreshed`] has it).
     pub fn field(&self, selector: &FieldSelector) -> FileResult<FieldReader> {
         self.reader(selector, None)
     }
@@ -138,15 +150,32 @@ impl Store {
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
         let component = |folder: &String| self.fields.iter().find(|f| &f.folder == folder);
         let components: Vec<&StoredField> = info.component_folders.iter().filter_map(component).collect();
+        let source = self.source_of(info, &components)?;
         let series = Series {
             root: &self.root,
             storage: &self.storage,
-            source: &self.source,
+            source: &source,
             steps: self.times.len(),
             vertices,
             cache,
         };
         Ok(FieldReader::new(info.clone(), &components, &series))
+    }
+
+    /// What a reader of fields reads from. A last short block is replaced when steps are added: its files are held.
+    fn source_of(&self, info: &StoredField, components: &[&StoredField]) -> FileResult<Arc<Folder>> {
+        let fields = components.iter().copied().chain([info]);
+        let keys: Vec<String> =
+            fields.flat_map(|field| field.unsettled_chunks(&self.source, self.times.len())).collect();
+        if keys.is_empty() {
+            return Ok(self.source.clone());
+        }
+        let mut source = (*self.source).clone();
+        source.pin(keys)?;
+        if Stamp::of(&self.root) == self.stamp {
+            return Ok(Arc::new(source));
+        }
+        Err(FileError::invalid(&self.root, "", "has changed since it was opened").remedy("open it again"))
     }
 
     fn find(&self, selector: &FieldSelector) -> Option<&StoredField> {

@@ -1,12 +1,16 @@
 //! A store is written beside its place and moved there when it is complete.
 //!
 //! Until then the place is not touched; a failure, a panic or a cancelled run removes what was written. With
-//! `overwrite`, the old store is moved aside first and removed only once the new one is in its place.
+//! `overwrite`, the old and the new store change places in one operation of the file system, where it has such (Linux, macOS);
+//! elsewhere the old store is moved aside first. It is removed only once the new one is in its place.
+//!
+//! A store to which steps are added begins as hard links of the old one's files ([`Staging::keep`]).
 
 use super::folder::walk;
 use super::layout;
 use crate::error::{FileError, FileResult};
 use crate::files;
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -17,13 +21,38 @@ pub(super) struct Staging {
     dir: TempDir,
     target: PathBuf,
     overwrite: bool,
+    /// Files that are those of the old store: on the medium already.
+    linked: BTreeSet<PathBuf>,
 }
 
 impl Staging {
     /// Makes the folder, if the target may be written.
     pub(super) fn begin(target: &Path, overwrite: bool) -> FileResult<Self> {
         check_target(target, overwrite)?;
-        Ok(Self { dir: files::sibling_folder(target, "tmp")?, target: target.to_owned(), overwrite })
+        let dir = files::sibling_folder(target, "tmp")?;
+        Ok(Self { dir, target: target.to_owned(), overwrite, linked: BTreeSet::new() })
+    }
+
+    /// Gives the new store all files of the old one whose key (path below it, with `/`) `is_kept` confirms: hard links, or
+    /// copies where the file system has no such.
+    pub(super) fn keep(&mut self, is_kept: impl Fn(&str) -> bool) -> FileResult<()> {
+        let old = self.target.clone();
+        walk(&old, &mut |path, metadata| {
+            let below = path.strip_prefix(&old).unwrap_or(path);
+            let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
+            if !metadata.is_file() || !is_kept(&parts.join("/")) {
+                return Ok(());
+            }
+            let new = self.dir.path().join(below);
+            if let Some(parent) = new.parent() {
+                fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "create", &e))?;
+            }
+            match fs::hard_link(path, &new) {
+                Ok(()) => _ = self.linked.insert(new),
+                Err(_) => _ = fs::copy(path, &new).map_err(|e| FileError::io(path, "copy", &e))?,
+            }
+            Ok(())
+        })
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -32,7 +61,7 @@ impl Staging {
 
     /// Makes everything durable and moves it into place.
     pub(super) fn commit(self) -> FileResult<()> {
-        sync_tree(self.dir.path())?;
+        sync_tree(self.dir.path(), &self.linked)?;
         // Somebody may have written there meanwhile.
         check_target(&self.target, self.overwrite)?;
         if exists(&self.target) {
@@ -44,6 +73,17 @@ impl Staging {
     }
 
     fn replace(self) -> FileResult<()> {
+        if exchange(self.dir.path(), &self.target) {
+            // What is in the temporary folder now is the old store.
+            sync_folder(files::parent_of(&self.target))?;
+            let path = self.dir.path().to_owned();
+            return self.dir.close().map_err(|e| FileError::io(path, "remove the replaced store", &e));
+        }
+        self.replace_in_two_moves()
+    }
+
+    /// For systems where two folders cannot change places: there is no store for a moment.
+    fn replace_in_two_moves(self) -> FileResult<()> {
         let aside = files::sibling_folder(&self.target, "old")?;
         let old = aside.path().join("store");
         rename(&self.target, &old)?;
@@ -96,15 +136,31 @@ fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
     Ok(())
 }
 
+/// Lets two folders change their names in one operation; whether that was possible. If not, nothing has happened.
+#[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
+fn exchange(a: &Path, b: &Path) -> bool {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
+}
+
+/// Other systems have no such operation.
+#[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
+fn exchange(_a: &Path, _b: &Path) -> bool {
+    false
+}
+
 fn rename(from: &Path, to: &Path) -> FileResult<()> {
     fs::rename(from, to).map_err(|e| FileError::io(to, &format!("rename {} to it", from.display()), &e))
 }
 
-/// Waits until the files and folders below and including `root` are on the medium.
-fn sync_tree(root: &Path) -> FileResult<()> {
+/// Waits until the files and folders below and including `root` are on the medium, except for the `linked` files.
+fn sync_tree(root: &Path, linked: &BTreeSet<PathBuf>) -> FileResult<()> {
     walk(root, &mut |path, metadata| {
         if metadata.is_dir() {
             return sync_folder(path);
+        }
+        if linked.contains(path) {
+            return Ok(());
         }
         // Windows flushes only what is open for writing.
         let file = File::options().write(true).open(path);
@@ -122,4 +178,45 @@ fn sync_folder(path: &Path) -> FileResult<()> {
 #[cfg(not(unix))]
 fn sync_folder(_path: &Path) -> FileResult<()> {
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with a store `s.zarr` of a file that says `old`, and a staged one of the same file and one that says `new`.
+    fn staged(dir: &Path) -> Staging {
+        let target = dir.join("s.zarr");
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join("zarr.json"), r#"{"attributes": {"tetreel_store": "1.0"}}"#).unwrap();
+        fs::write(target.join("kept"), "old").unwrap();
+        fs::write(target.join("changed"), "old").unwrap();
+        let mut staging = Staging::begin(&target, true).unwrap();
+        staging.keep(|key| key != "changed").unwrap();
+        fs::write(staging.path().join("changed"), "new").unwrap();
+        staging
+    }
+
+    #[test]
+    fn a_store_is_replaced_with_or_without_an_exchange_and_nothing_else_is_left() {
+        for way in [Staging::commit, Staging::replace_in_two_moves] {
+            let dir = tempfile::tempdir().unwrap();
+            let staging = staged(dir.path());
+            assert_eq!(fs::read(dir.path().join("s.zarr/changed")).unwrap(), b"old");
+            way(staging).unwrap();
+            for (file, text) in [("kept", "old"), ("changed", "new")] {
+                assert_eq!(fs::read_to_string(dir.path().join("s.zarr").join(file)).unwrap(), text);
+            }
+            assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        }
+    }
+
+    #[test]
+    fn what_is_not_committed_leaves_the_old_store() {
+        let dir = tempfile::tempdir().unwrap();
+        drop(staged(dir.path()));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        assert_eq!(fs::read(dir.path().join("s.zarr/kept")).unwrap(), b"old");
+        assert_eq!(fs::read(dir.path().join("s.zarr/changed")).unwrap(), b"old");
+    }
 }

@@ -8,6 +8,7 @@ use super::layout::{
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
+use super::refresh::Stamp;
 use super::source_points::SourcePoints;
 use super::staging::Staging;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, Quality, chunk_key, to_bytes};
@@ -33,10 +34,14 @@ pub struct FieldDescription {
 /// Writes a new store. Nothing is seen at its place before [`StoreWriter::finish`]; dropped earlier, it leaves nothing.
 #[derive(Debug)]
 pub struct StoreWriter {
-    staging: Staging,
-    storage: Storage,
+    pub(super) staging: Staging,
+    pub(super) storage: Storage,
     names: FolderNames,
-    folders: Vec<String>,
+    pub(super) folders: Vec<String>,
+    /// How often steps were added.
+    pub(super) revision: u64,
+    /// The store that goes on here, which must not have changed meanwhile.
+    pub(super) replaces: Option<(PathBuf, Stamp)>,
 }
 
 impl StoreWriter {
@@ -48,7 +53,11 @@ impl StoreWriter {
         let staging = Staging::begin(target, overwrite)?;
         let storage = layout::storage(staging.path())?;
         layout::write_group(staging.path(), &storage, "mesh", &Map::new())?;
-        Ok(Self { staging, storage, names: FolderNames::new(), folders: Vec::new() })
+        Ok(Self::at(staging, storage))
+    }
+
+    pub(super) fn at(staging: Staging, storage: Storage) -> Self {
+        Self { staging, storage, names: FolderNames::new(), folders: Vec::new(), revision: 0, replaces: None }
     }
 
     /// Writes the mesh and what was repaired in it.
@@ -104,7 +113,7 @@ impl StoreWriter {
     /// `source` says what the series was read from, `notes` what was skipped.
     ///
     /// # Errors
-    /// If a file cannot be written or the place was taken meanwhile.
+    /// If a file cannot be written, or the place was taken or the store that goes on was changed meanwhile.
     pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
         let root = self.staging.path();
         layout::write_group(root, &self.storage, FIELDS, &FieldsAttributes { folders: self.folders })?;
@@ -113,16 +122,23 @@ impl StoreWriter {
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),
             source: source.to_owned(),
             notes,
+            revision: self.revision,
         };
         layout::write_group(root, &self.storage, "", &attributes)?;
         let bytes = bytes_on_disk(root)?;
+        if let Some((path, stamp)) = &self.replaces
+            && Stamp::of(path) != *stamp
+        {
+            let problem = "was changed by somebody else meanwhile; it is left like that";
+            return Err(FileError::invalid(path, "", problem).remedy("run the command again"));
+        }
         self.staging.commit()?;
         Ok(bytes)
     }
 }
 
 /// Where the values of a field come from.
-enum Content {
+pub(super) enum Content {
     Encoded(Box<dyn Encoder>),
     MagnitudeOf(Vec<String>),
 }
@@ -140,12 +156,12 @@ pub struct WrittenField {
 
 /// Writes one field of a new store.
 pub struct FieldWriter {
-    root: PathBuf,
-    storage: Storage,
-    folder: String,
-    description: FieldDescription,
-    content: Content,
-    sink: FolderSink,
+    pub(super) root: PathBuf,
+    pub(super) storage: Storage,
+    pub(super) folder: String,
+    pub(super) description: FieldDescription,
+    pub(super) content: Content,
+    pub(super) sink: FolderSink,
 }
 
 impl FieldWriter {
@@ -174,7 +190,8 @@ impl FieldWriter {
         let (codec, magnitude_of, encoded) = match self.content {
             Content::Encoded(encoder) => (encoder.name(), Vec::new(), encoder.finish(&mut self.sink)?),
             Content::MagnitudeOf(components) => {
-                let nothing = Encoded { arrays: Vec::new(), parameters: serde_json::json!({}), errors: None };
+                let parameters = serde_json::json!({});
+                let nothing = Encoded { arrays: Vec::new(), parameters, errors: None, settled_errors: None };
                 (MAGNITUDE_CODEC, components, nothing)
             }
         };
@@ -203,10 +220,20 @@ impl FieldWriter {
         let mut to = ArrayWriter::new(&self.root, &self.storage, &group);
         let ranges: Vec<[f32; 2]> = moments.steps().iter().map(|s| s.range.unwrap_or([f32::NAN; 2])).collect();
         to.write("range_per_step", &ranges, ["step", "bound"], Map::new())?;
+        if let Some(errors) = &encoded.settled_errors {
+            let (steps, vertices) = errors.parts();
+            to.write(ERRORS_PER_STEP, &steps, ["step", "squares_count_largest"], mesh::derived())?;
+            to.write(ERRORS_PER_VERTEX, column(vertices), ["vertex", ""], mesh::derived())?;
+        }
         let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &self.storage, &group, &statistics)?;
         Ok(WrittenField { bytes, value_bytes: self.sink.bytes, quality })
     }
 }
+
+/// Array of the errors of the steps of complete blocks: sum of squares, number of values, largest.
+pub(super) const ERRORS_PER_STEP: &str = "errors_per_step";
+/// Array of the sums of squared errors of each vertex over these steps.
+pub(super) const ERRORS_PER_VERTEX: &str = "errors_per_vertex";
 
 /// The array `moments`: mean, variance and number of finite samples of each vertex, one row and chunk each.
 pub(super) fn moments_array(vertices: u64) -> ArraySpec {

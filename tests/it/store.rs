@@ -1,8 +1,10 @@
 //! Ingest and store: what goes in comes out, and nothing else happens to the disk.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, which may")]
 
+mod append;
 mod blocks;
 mod damage;
+mod growing;
 mod interop;
 mod replace;
 mod round_trip;

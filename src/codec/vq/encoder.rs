@@ -4,7 +4,7 @@ use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::encode::encode_block;
 use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
 use super::{STEPS, VqOptions};
-use crate::codec::{ChunkSink, Encoder, ErrorTally, chunk_key, to_bytes};
+use crate::codec::{ChunkSink, Encoder, ErrorTally, ReadRange, chunk_key, parse_chunk_key, read_rows, to_bytes};
 use crate::error::FileResult;
 
 /// Keeps the steps of one block and writes a block when it is complete. Memory: 256 bytes a vertex for the block, about
@@ -38,6 +38,35 @@ impl VqEncoder {
             special: SpecialWriter::default(),
             tally: ErrorTally::new(vertices),
         }
+    }
+
+    /// An encoder that goes on with what one has left in the group `group_key` of `source`: `steps` steps coded with
+    /// `parameters`. It begins behind their last complete block, and must first be given again, from the source, the steps of a
+    /// short block after it. `tally` has the errors of the complete blocks. What it writes is what an encoder of all steps would
+    /// have written.
+    ///
+    /// # Errors
+    /// If the special values of the complete blocks cannot be read.
+    ///
+    /// # Panics
+    /// As [`VqEncoder::new`].
+    pub fn resume(
+        source: &dyn ReadRange,
+        group_key: &str,
+        parameters: &VqParameters,
+        options: VqOptions,
+        steps: u64,
+        tally: ErrorTally,
+    ) -> FileResult<Self> {
+        let vertices = tally.parts().1.len();
+        let blocks = steps / STEPS as u64;
+        let key = format!("{group_key}/{NAME}");
+        let special = SpecialWriter::resume(source, &key, parameters, steps, blocks)?;
+        let mut exponents = false;
+        for block in (0..blocks).filter(|_| parameters.exponents) {
+            exponents = exponents || source.exists(&chunk_key(&format!("{key}/exponent"), block, 2))?;
+        }
+        Ok(Self { blocks, exponents, special, tally, ..Self::new(vertices, options) })
     }
 
     fn write_block(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
@@ -119,6 +148,31 @@ struct SpecialWriter {
 }
 
 impl SpecialWriter {
+    /// With the rows of the first `blocks` blocks of what was written for `steps` steps.
+    fn resume(
+        source: &dyn ReadRange,
+        vq_key: &str,
+        parameters: &VqParameters,
+        steps: u64,
+        blocks: u64,
+    ) -> FileResult<Self> {
+        let mut starts = parameters.special_starts(source, vq_key, steps)?;
+        if starts.is_empty() {
+            return Ok(Self { starts: vec![0; blocks as usize], ..Self::default() });
+        }
+        let count = starts[blocks as usize];
+        starts.truncate(blocks as usize);
+        let chunks = count / SPECIAL_ROWS;
+        let left = (count % SPECIAL_ROWS) as usize;
+        let mut rows = Vec::new();
+        if left > 0 {
+            let key = chunk_key(&format!("{vq_key}/special"), chunks, 2);
+            rows = read_rows::<u32, 4>(source, &key, parameters.special_rows())?;
+            rows.truncate(left);
+        }
+        Ok(Self { rows, chunks, starts })
+    }
+
     fn count(&self) -> u64 {
         self.chunks * SPECIAL_ROWS + self.rows.len() as u64
     }
@@ -174,6 +228,7 @@ impl Encoder for VqEncoder {
     fn finish(mut self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<crate::codec::Encoded> {
         let last = self.values.len() / self.vertices;
         let steps = self.blocks * STEPS as u64 + last as u64;
+        let settled = self.tally.clone();
         if last > 0 {
             self.write_block(sink)?;
         }
@@ -181,6 +236,16 @@ impl Encoder for VqEncoder {
         let parameters = VqParameters::new(&self.options, self.exponents, specials);
         let arrays = parameters.arrays(steps, self.vertices as u64);
         let parameters = serde_json::to_value(parameters).unwrap_or_default();
-        Ok(crate::codec::Encoded { arrays, parameters, errors: Some(self.tally) })
+        let settled_errors = (steps >= STEPS as u64).then_some(settled);
+        Ok(crate::codec::Encoded { arrays, parameters, errors: Some(self.tally), settled_errors })
+    }
+
+    fn is_settled(&self, key: &str) -> bool {
+        let Some((array, row)) = parse_chunk_key(key) else { return false };
+        match array.strip_prefix(NAME).and_then(|name| name.strip_prefix('/')) {
+            Some("special") => row < self.special.chunks,
+            Some("mean" | "i8" | "i64" | "cb8" | "cb64" | "exponent") => row < self.blocks,
+            _ => false,
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! What the codec writes: arrays, their shapes, and the parameters in the attributes of the field.
 
 use super::{GROUPS, STEPS, VqOptions, group_of_step};
-use crate::codec::{ArraySpec, Chunking, ElementType};
+use crate::codec::{ArraySpec, Chunking, ElementType, ReadRange, chunk_key, read_rows};
+use crate::error::{FileError, FileResult};
 use serde::{Deserialize, Serialize};
 
 /// Name of the codec and of its group.
@@ -34,6 +35,10 @@ pub struct VqParameters {
     pub specials: u64,
     /// How codebooks were trained: `fast` or `exact`.
     pub search: String,
+    /// Whether each vertex was given a power of two of its own whatever its values; `None` in stores of an older version,
+    /// which did not say so. Of no concern to a decoder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative: Option<bool>,
 }
 
 impl VqParameters {
@@ -45,6 +50,7 @@ impl VqParameters {
             exponents,
             specials,
             search: options.search.as_str().to_owned(),
+            relative: Some(options.own_scales),
         }
     }
 
@@ -62,6 +68,46 @@ impl VqParameters {
             return Err(format!("parameters of vq: blocks other than {GROUPS} times {GROUPS} steps"));
         }
         Ok(read)
+    }
+
+    /// What the encoder was asked for; `None` if an older version did not write it down.
+    pub fn options(&self) -> Option<VqOptions> {
+        let search = self.search.parse().ok()?;
+        Some(VqOptions { entries: usize::try_from(self.entries).ok()?, search, own_scales: self.relative? })
+    }
+
+    /// Keys of the chunks of the last block of so many steps, if it is short: those that are written again when steps are
+    /// added. They are below the group `group_key` of `source`, as that of the codec is.
+    pub fn unsettled_chunks(&self, source: &dyn ReadRange, group_key: &str, steps: u64) -> Vec<String> {
+        if steps.is_multiple_of(STEPS as u64) {
+            return Vec::new();
+        }
+        let block = steps / STEPS as u64;
+        let key = |name: &str, row: u64, rank: usize| chunk_key(&format!("{NAME}/{name}"), row, rank);
+        let mut keys = vec![key("mean", block, 2), key("i8", block, 2), key("i64", block, 2)];
+        keys.extend([key("cb8", block, 3), key("cb64", block, 3), key("exponent", block, 2)]);
+        if self.specials > 0 {
+            let starts = self.special_starts(source, &format!("{group_key}/{NAME}"), steps);
+            // Damage is for those who decode to find.
+            let start = starts.ok().and_then(|starts| starts.get(block as usize).copied()).unwrap_or(0);
+            let rows = self.special_rows();
+            keys.push(key("special_start", 0, 1));
+            keys.extend((start / rows..self.specials.div_ceil(rows)).map(|chunk| key("special", chunk, 2)));
+        }
+        keys.into_iter().map(|key| format!("{group_key}/{key}")).collect()
+    }
+
+    /// Where the rows of each block of so many steps begin in `special`, and the end of the last; nothing if there are none.
+    pub(super) fn special_starts(&self, source: &dyn ReadRange, vq_key: &str, steps: u64) -> FileResult<Vec<u64>> {
+        if self.specials == 0 {
+            return Ok(Vec::new());
+        }
+        let key = chunk_key(&format!("{vq_key}/special_start"), 0, 1);
+        let starts = read_rows::<u64, 1>(source, &key, steps.div_ceil(STEPS as u64) + 1)?.into_flattened();
+        if starts.is_sorted() && starts.last().is_some_and(|&end| end <= self.specials) {
+            return Ok(starts);
+        }
+        Err(FileError::invalid(source.path(&key), "chunk", "holds no ranges of rows").remedy("import the series again"))
     }
 
     /// Rows of a chunk of `special`.

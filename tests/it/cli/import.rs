@@ -8,7 +8,7 @@ const LAST: &str = "run/tornado_0007.vtu";
 
 impl Place {
     /// A folder with a copy of `data/tornado` as `run`.
-    fn with_tornado() -> Self {
+    pub(super) fn with_tornado() -> Self {
         let place = Self::empty();
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/tornado");
         std::fs::create_dir(place.path("run")).unwrap();
@@ -20,7 +20,7 @@ impl Place {
     }
 
     /// Replaces text in the head of a file; what follows the head is binary.
-    fn edit(&self, file: &str, from: &str, to: &str) {
+    pub(super) fn edit(&self, file: &str, from: &str, to: &str) {
         let bytes = std::fs::read(self.path(file)).unwrap();
         let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect("the text to replace");
         let edited = [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat();

@@ -1,5 +1,6 @@
 //! The `tetreel` command as a user meets it: exit codes, files, what is on stdout and what on stderr.
 
+mod append;
 mod export;
 mod import;
 mod movie;

@@ -1,0 +1,138 @@
+//! `tetreel import --append`: adds what is new, once or again and again.
+
+use super::import;
+use super::progress::Terminal;
+use super::{Outcome, print_result, source};
+use crate::field::FieldSelector;
+use crate::ingest::{
+    AppendOptions, AppendReport, CodecChoice, FieldUnits, IngestError, IngestOptions, IngestReport, StepRange, append,
+    ingest, plan_append,
+};
+use crate::task::Progress;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+/// How often a pause looks for Ctrl-C.
+const TICK: Duration = Duration::from_millis(50);
+
+/// What is to be added where, and what the store is or becomes.
+pub(super) struct Job<'a> {
+    pub(super) sources: &'a [PathBuf],
+    pub(super) output: &'a Path,
+    pub(super) fields: &'a [FieldSelector],
+    pub(super) units: &'a [FieldUnits],
+    pub(super) steps: StepRange,
+    pub(super) codec: Option<CodecChoice>,
+    pub(super) json: bool,
+}
+
+/// What a look at the source has brought.
+enum Done {
+    Created(Box<IngestReport>),
+    Appended(Box<AppendReport>),
+}
+
+impl Job<'_> {
+    /// Says what would be added.
+    pub(super) fn plan(&self) -> anyhow::Result<Outcome> {
+        let plan = plan_append(&*import::open(self.sources)?, self.output, &self.append_options())?;
+        print_result(self.json, &plan, &format!("{plan}\nnothing was written"))?;
+        Ok(Outcome::Done)
+    }
+
+    /// Adds what is new.
+    pub(super) fn once(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
+        let done = self.look(terminal).map_err(source::ended)?;
+        self.print(&done)?;
+        Ok(Outcome::Done)
+    }
+
+    /// Adds what is new whenever there is something, until Ctrl-C.
+    pub(super) fn follow(&self, pause: Duration, terminal: &Terminal) -> anyhow::Result<Outcome> {
+        let mut seen = None;
+        let mut complained_of: Option<PathBuf> = None;
+        let source = self.sources.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        terminal.say(&format!("following {source}; Ctrl-C ends it"));
+        loop {
+            let now = fingerprint(self.sources);
+            if now.is_none() || now != seen {
+                match self.look(terminal) {
+                    Ok(done) => {
+                        complained_of = None;
+                        if !matches!(&done, Done::Appended(report) if report.plan.steps_added == 0) {
+                            self.print(&done)?;
+                        }
+                    }
+                    Err(error) if error.may_be_half_written() => {
+                        // Once for a file: at the next look another byte of it may be the last one.
+                        let path = error.path().map(Path::to_owned);
+                        if complained_of != path {
+                            terminal.say(&format!("not yet: {error}"));
+                            complained_of = path;
+                        }
+                    }
+                    Err(error) => return Err(source::ended(error)),
+                }
+                seen = now;
+            }
+            let end = Instant::now() + pause;
+            loop {
+                terminal.check_interrupted()?;
+                let left = end.saturating_duration_since(Instant::now());
+                if left.is_zero() {
+                    break;
+                }
+                std::thread::sleep(left.min(TICK));
+            }
+        }
+    }
+
+    fn look(&self, terminal: &Terminal) -> Result<Done, IngestError> {
+        let series = import::open(self.sources).map_err(IngestError::Source)?;
+        let result = if self.output.symlink_metadata().is_ok() {
+            append(&*series, self.output, &self.append_options(), terminal, &terminal.cancel)
+                .map(|report| Done::Appended(Box::new(report)))
+        } else {
+            let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
+            let codec = self.codec.unwrap_or_default();
+            let options = IngestOptions { fields, units, steps: self.steps, codec, overwrite: false };
+            ingest(&*series, self.output, &options, terminal, &terminal.cancel)
+                .map(|report| Done::Created(Box::new(report)))
+        };
+        if result.is_err() {
+            terminal.end();
+        }
+        result
+    }
+
+    fn append_options(&self) -> AppendOptions {
+        let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
+        AppendOptions { fields, units, steps: self.steps, codec: self.codec }
+    }
+
+    fn print(&self, done: &Done) -> anyhow::Result<()> {
+        match done {
+            Done::Created(report) => print_result(self.json, report, report),
+            Done::Appended(report) => print_result(self.json, report, report),
+        }
+    }
+}
+
+/// Size and time of change of every file of the sources; `None` if they cannot be told, or one was written so lately that
+/// another change might bear the same time.
+fn fingerprint(sources: &[PathBuf]) -> Option<Vec<(PathBuf, u64, SystemTime)>> {
+    /// Coarser than the clocks of file systems are (2 s on FAT).
+    const SETTLED: Duration = Duration::from_secs(3);
+    let mut files = Vec::new();
+    for source in sources {
+        for path in crate::import::files(source).ok()? {
+            let metadata = path.metadata().ok()?;
+            let changed = metadata.modified().ok()?;
+            if changed.elapsed().map_or(true, |age| age < SETTLED) {
+                return None;
+            }
+            files.push((path, metadata.len(), changed));
+        }
+    }
+    Some(files)
+}

@@ -1,0 +1,157 @@
+//! The work on the steps of a source: everything between reading and the finished fields.
+
+use super::order::VertexOrder;
+use super::plan::PlannedField;
+use super::report::{IngestError, StageSeconds};
+use super::stream::Stream;
+use crate::codec::magnitude;
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, Component, SeriesSource};
+use crate::mesh::Mesh;
+use crate::moments::{Moments, StepSummary};
+use crate::store::FieldWriter;
+use std::time::{Duration, Instant};
+
+/// A field of the new store: where its values go.
+pub(super) struct Target {
+    pub(super) writer: FieldWriter,
+    /// Of the steps that the store has. Those that come again are not counted again.
+    pub(super) moments: Moments,
+    pub(super) association: Association,
+    /// The first step of the store that the writer takes.
+    pub(super) first_step: usize,
+}
+
+/// The work on the steps.
+pub(super) struct Pass<'a> {
+    source: &'a dyn SeriesSource,
+    /// Points and cells of the source.
+    counts: [usize; 2],
+    fields: &'a [PlannedField],
+    order: VertexOrder<'a>,
+    /// For each field one target an output.
+    pub(super) targets: Vec<Vec<Target>>,
+    /// Components of the current field in vertex order, as many as the field with most needs.
+    components: Vec<Vec<f32>>,
+    magnitude: Vec<f32>,
+    pub(super) seconds: StageSeconds,
+    pub(super) values_read: u64,
+}
+
+impl<'a> Pass<'a> {
+    pub(super) fn new(
+        source: &'a dyn SeriesSource,
+        mesh: &'a Mesh,
+        counts: [usize; 2],
+        fields: &'a [PlannedField],
+        targets: Vec<Vec<Target>>,
+    ) -> Self {
+        let vertices = mesh.vertex_source.len();
+        let with_cells = fields.iter().any(|f| f.info.association == Association::Cell);
+        let most = fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
+        Self {
+            source,
+            counts,
+            fields,
+            order: VertexOrder::new(mesh, with_cells),
+            targets,
+            components: vec![vec![0.0; vertices]; most],
+            magnitude: vec![0.0; vertices],
+            seconds: StageSeconds::default(),
+            values_read: 0,
+        }
+    }
+
+    /// Takes step `step` of the source, which is step `at` of the store.
+    pub(super) fn take_step(&mut self, step: usize, at: usize, stream: &mut Stream) -> Result<(), IngestError> {
+        for index in 0..self.fields.len() {
+            let field = &self.fields[index];
+            for (slot, component) in field.reads.iter().enumerate() {
+                let took = stream.next(|values| self.take_component(field, *component, step, slot, values))?;
+                let took = took.map_err(IngestError::Source)?;
+                self.seconds.order += took.as_secs_f64();
+            }
+            self.emit(index, at)?;
+        }
+        Ok(())
+    }
+
+    /// Brings the values of one component into the order of the mesh.
+    fn take_component(
+        &mut self,
+        field: &PlannedField,
+        component: usize,
+        step: usize,
+        slot: usize,
+        values: &[f32],
+    ) -> FileResult<Duration> {
+        let start = Instant::now();
+        let (expected, what) = match field.info.association {
+            Association::Point => (self.counts[0], "points"),
+            Association::Cell => (self.counts[1], "cells"),
+        };
+        if values.len() != expected {
+            let place = format!("field '{}', component {component}, step {step}", field.info.name);
+            let problem = format!("has {} values, but the mesh has {expected} {what}", values.len());
+            return Err(FileError::invalid(self.source.describe(), place, problem));
+        }
+        self.values_read += values.len() as u64;
+        let out = &mut self.components[slot];
+        match field.info.association {
+            Association::Point => self.order.gather_points(values, out),
+            Association::Cell => self.order.average_cells(values, out),
+        }
+        Ok(start.elapsed())
+    }
+
+    /// Reduces and encodes the outputs of a field whose components are complete.
+    fn emit(&mut self, index: usize, at: usize) -> FileResult<()> {
+        let field = &self.fields[index];
+        let source = self.source;
+        for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
+            let start = Instant::now();
+            let values = match output.component {
+                // Every component of an output is read, so the search finds it.
+                Component::Index(i) => &self.components[field.reads.partition_point(|&read| read < i)],
+                Component::Magnitude => {
+                    let components: Vec<&[f32]> =
+                        self.components[..field.reads.len()].iter().map(Vec::as_slice).collect();
+                    magnitude(&components, &mut self.magnitude);
+                    &self.magnitude
+                }
+            };
+            let ordered = Instant::now();
+            match target.moments.steps().get(at).map(|step| step.range) {
+                None => _ = target.moments.add_step(values),
+                Some(range) => check_again(source, &output.name, at, values, range)?,
+            }
+            let reduced = Instant::now();
+            if at >= target.first_step {
+                target.writer.push(values)?;
+            }
+            self.seconds.order += (ordered - start).as_secs_f64();
+            self.seconds.moments += (reduced - ordered).as_secs_f64();
+            self.seconds.encode += reduced.elapsed().as_secs_f64();
+        }
+        Ok(())
+    }
+}
+
+/// Fails unless the range of a step that comes again is the one that it had.
+fn check_again(
+    source: &dyn SeriesSource,
+    field: &str,
+    at: usize,
+    values: &[f32],
+    before: Option<[f32; 2]>,
+) -> FileResult<()> {
+    let now = StepSummary::of(values).range;
+    let bits = |range: Option<[f32; 2]>| range.map(|r| r.map(f32::to_bits));
+    if bits(now) == bits(before) {
+        return Ok(());
+    }
+    let text = |range: Option<[f32; 2]>| range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{lo} to {hi}"));
+    let problem = format!("has other values than when it was imported: {} instead of {}", text(now), text(before));
+    Err(FileError::invalid(source.describe(), format!("field '{field}', step {at} of the store"), problem)
+        .remedy("import the series again"))
+}

@@ -1,0 +1,52 @@
+//! Whether a source shows the mesh that a store has.
+
+use crate::error::{FileError, FileResult};
+use crate::field::SeriesSource;
+use crate::mesh::{Mesh, RawMesh};
+use crate::store::Store;
+use glam::DVec3;
+
+/// Fails unless `raw`, the mesh of `source`, is what the mesh of the store was made of: the same points, bit for bit, and the
+/// same cells in the same order. What the import had dropped must be dropped again.
+pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh: &Mesh) -> FileResult<()> {
+    let differs = |problem: String| {
+        FileError::unsupported(
+            source.describe(),
+            "mesh",
+            format!("is not that of {}: {problem}", store.path().display()),
+        )
+        .remedy("steps of a mesh that moved or was refined cannot be appended; import them to a store of their own")
+    };
+    let counts = [raw.points.len(), raw.tets.len()];
+    if let Some([points, cells]) = store.source_counts()
+        && [points, cells] != counts.map(|n| n as u64)
+    {
+        return Err(differs(format!("{} points and {} cells instead of {points} and {cells}", counts[0], counts[1])));
+    }
+    let kept = store.source_points()?;
+    let expected = |vertex: usize| kept.as_ref().map_or_else(|| mesh.positions.world(vertex), |points| points[vertex]);
+    for (vertex, &index) in mesh.vertex_source.iter().enumerate() {
+        let (found, expected) = (raw.points.get(index as usize), expected(vertex));
+        if found != Some(&expected) {
+            let at = |p: &DVec3| format!("{:?}", p.to_array());
+            let found = found.map_or("missing".to_owned(), |p| format!("at {}", at(p)));
+            return Err(differs(format!("point {index} is {found} instead of at {}", at(&expected))));
+        }
+    }
+    for (tet, &index) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
+        let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
+        let found = raw.tets.get(index as usize);
+        // Which of the two it was, an older store does not say; the cell is the same.
+        if ![[a, b, c, d], [a, b, d, c]].iter().any(|expected| found == Some(expected)) {
+            let found = found.map_or("is missing".to_owned(), |tet| format!("joins points {tet:?}"));
+            return Err(differs(format!("cell {index} {found} instead of {:?}", [a, b, c, d])));
+        }
+    }
+    if counts[1] == mesh.cell_source.len() {
+        return Ok(());
+    }
+    match Mesh::build(raw) {
+        Ok((built, _)) if built.cell_source == mesh.cell_source => Ok(()),
+        _ => Err(differs("other cells are flat or duplicates".to_owned())),
+    }
+}

@@ -1,0 +1,180 @@
+//! Adding steps to a store: a new store beside it that shares the files that stay as they are, then in its place at once.
+
+use super::array::StoredArray;
+use super::field::{Coding, StoredField};
+use super::folder::FolderSink;
+use super::layout::{self, FIELDS, TIME};
+use super::staging::Staging;
+use super::writer::{Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
+use super::{FieldDescription, Store};
+use crate::codec::raw::RawEncoder;
+use crate::codec::vq::{self, VqEncoder, VqOptions, VqParameters};
+use crate::codec::{Chunking, ElementType, ErrorTally};
+use crate::error::{FileError, FileResult};
+use crate::field::FieldSelector;
+use crate::moments::Moments;
+use std::path::Path;
+
+/// A field of a store that goes on.
+pub struct ResumedField {
+    /// Takes the steps from `first_step` on.
+    pub writer: FieldWriter,
+    /// Statistics of all steps that the store has.
+    pub moments: Moments,
+    /// The first step that the writer must be given. Before the number of steps that the store has, if a short block at their end
+    /// is to be coded again.
+    pub first_step: usize,
+}
+
+impl StoredField {
+    /// Parameters of the codec `vq`; `None` if the values are coded otherwise.
+    pub fn vq_parameters(&self) -> Option<&VqParameters> {
+        match &self.coding {
+            Coding::Vq(parameters) => Some(parameters),
+            Coding::Raw | Coding::Magnitude => None,
+        }
+    }
+
+    /// Of so many steps, those that stay as they are coded when others are added.
+    pub fn settled_steps(&self, steps: usize) -> usize {
+        if self.vq_parameters().is_some() { steps / vq::STEPS * vq::STEPS } else { steps }
+    }
+
+    /// Keys of the chunks that are replaced when steps are added.
+    pub(super) fn unsettled_chunks(&self, source: &super::Folder, steps: usize) -> Vec<String> {
+        let group = format!("{FIELDS}/{}", self.folder);
+        self.vq_parameters().map(|p| p.unsettled_chunks(source, &group, steps as u64)).unwrap_or_default()
+    }
+}
+
+impl Store {
+    /// Points and cells that the source of the mesh had, those that were dropped included; `None` if the store does not say.
+    pub fn source_counts(&self) -> Option<[u64; 2]> {
+        let count = |name: &str| self.mesh.attributes.repair.get(name)?.as_u64();
+        Some([count("vertices_in")?, count("cells_in")?])
+    }
+
+    /// What the store was imported from, and what was skipped then.
+    pub fn origin(&self) -> (&str, &[String]) {
+        (&self.attributes.source, &self.attributes.notes)
+    }
+}
+
+impl StoreWriter {
+    /// Begins a store with all that `store` has, in whose place it will be, and the fields that go on, in the same order. Times
+    /// and fields must be written and finished; the rest is there. Files that stay as they are become hard links, where the
+    /// file system has such.
+    ///
+    /// # Errors
+    /// If the store was written by a newer version, or by an older one that did not keep what codec `vq` needs to go on; if
+    /// statistics are damaged; if the folder of the store cannot be written.
+    pub fn append(store: &Store) -> FileResult<(Self, Vec<ResumedField>)> {
+        layout::check_appendable(&store.root, &store.attributes)?;
+        let target = std::fs::canonicalize(&store.root).map_err(|e| FileError::io(&store.root, "open", &e))?;
+        let resumed = store.fields.iter().map(|field| resume(store, field)).collect::<FileResult<Vec<_>>>()?;
+        let mut staging = Staging::begin(&target, true)?;
+        staging.keep(|key| is_kept(key, store, &resumed))?;
+        let storage = layout::storage(staging.path())?;
+        let mut writer = Self::at(staging, storage);
+        writer.folders = store.fields.iter().map(|f| f.folder.clone()).collect();
+        writer.revision = store.attributes.revision.saturating_add(1);
+        writer.replaces = Some((target, store.stamp.clone()));
+        let fields = store.fields.iter().zip(resumed).map(|(field, resumed)| ResumedField {
+            writer: FieldWriter {
+                root: writer.staging.path().to_owned(),
+                storage: writer.storage.clone(),
+                folder: field.folder.clone(),
+                description: FieldDescription {
+                    name: field.name.clone(),
+                    association: field.association,
+                    units: field.units.clone(),
+                },
+                content: resumed.content,
+                sink: FolderSink::new(writer.staging.path().join(FIELDS).join(&field.folder)),
+            },
+            moments: resumed.moments,
+            first_step: resumed.first_step,
+        });
+        let fields = fields.collect();
+        Ok((writer, fields))
+    }
+}
+
+/// What a field goes on from.
+struct Resumed {
+    content: Content,
+    moments: Moments,
+    first_step: usize,
+}
+
+fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
+    let group = format!("{FIELDS}/{}", field.folder);
+    let path = store.root.join(&group);
+    let steps = store.times.len();
+    let reader = store.field(&FieldSelector { name: field.name.clone(), component: None })?;
+    let statistics = reader.vertex_statistics()?.ok_or_else(|| {
+        let problem = "is missing or of another version: statistics cannot go on";
+        FileError::unsupported(path.join("moments"), "", problem).remedy("import the series again")
+    })?;
+    let moments = Moments::resume(&statistics, &field.range_per_step, field.nonfinite)
+        .ok_or_else(|| FileError::invalid(path.join("moments"), "", "holds no statistics of so many steps"))?;
+    let content = match &field.coding {
+        Coding::Raw => Content::Encoded(Box::new(RawEncoder::resume(reader.vertex_count(), steps as u64))),
+        Coding::Magnitude => Content::MagnitudeOf(field.component_folders.clone()),
+        Coding::Vq(parameters) => {
+            let options = options_of(parameters, &path)?;
+            let tally = errors_so_far(store, &group, steps / vq::STEPS * vq::STEPS, reader.vertex_count())?;
+            let encoder = VqEncoder::resume(&*store.source, &group, parameters, options, steps as u64, tally)?;
+            Content::Encoded(Box::new(encoder))
+        }
+    };
+    Ok(Resumed { content, moments, first_step: field.settled_steps(steps) })
+}
+
+fn too_old(path: impl AsRef<Path>, what: &str) -> FileError {
+    let problem = format!("{what}: the store is of an older version, and with codec vq nothing can be added to it");
+    FileError::unsupported(path, "", problem).remedy("import the series again")
+}
+
+fn options_of(parameters: &VqParameters, path: &Path) -> FileResult<VqOptions> {
+    parameters.options().ok_or_else(|| too_old(path.join("zarr.json"), "does not say how it was coded"))
+}
+
+/// The errors of the complete blocks, which are `steps` steps.
+fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> FileResult<ErrorTally> {
+    if steps == 0 {
+        return Ok(ErrorTally::new(vertices));
+    }
+    let keys = [ERRORS_PER_STEP, ERRORS_PER_VERTEX].map(|name| format!("{group}/{name}"));
+    if let Some(key) = keys.iter().find(|key| !store.root.join(key).join("zarr.json").is_file()) {
+        return Err(too_old(store.root.join(key), "is missing"));
+    }
+    let open = |key: &str, rank: usize| {
+        StoredArray::open(&store.root, &store.storage, key, ElementType::F64, Chunking::Whole, rank)
+    };
+    let per_step = open(&keys[0], 2)?.expect_shape(&store.root, &[steps as u64, 3])?;
+    let per_vertex = open(&keys[1], 1)?.expect_shape(&store.root, &[vertices as u64])?;
+    let steps = per_step.read::<f64, 3>(&store.root, &*store.source)?;
+    let vertices = per_vertex.read::<f64, 1>(&store.root, &*store.source)?.into_flattened();
+    ErrorTally::from_parts(&steps, vertices)
+        .ok_or_else(|| FileError::invalid(store.root.join(&keys[0]), "", "holds no sums of errors"))
+}
+
+/// Whether a file stays as it is. What is not known here does.
+fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
+    let within = |key: &str, group: &str| key.strip_prefix(group).is_some_and(|rest| rest.starts_with('/'));
+    if key == "zarr.json" || within(key, TIME) {
+        return false;
+    }
+    let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };
+    let Some((folder, key)) = key.split_once('/') else { return key != "zarr.json" };
+    let Some(i) = store.fields.iter().position(|f| f.folder == folder) else { return true };
+    let renewed = ["range_per_step", "moments", ERRORS_PER_STEP, ERRORS_PER_VERTEX];
+    if key == "zarr.json" || renewed.iter().any(|name| within(key, name)) {
+        return false;
+    }
+    match &resumed[i].content {
+        Content::Encoded(encoder) if within(key, encoder.name()) => encoder.is_settled(key),
+        _ => true,
+    }
+}
