@@ -173,6 +173,13 @@ impl Pipelined {
         deliveries.try_iter().find(|delivery| self.shared.queue.take(delivery.id))
     }
 
+    /// Whether all stages work. A stage that does not has a fault that it could not even report: nothing will come any more.
+    pub fn is_alive(&self) -> bool {
+        self.threads.as_ref().is_some_and(|threads| {
+            !threads.decode.is_finished() && !threads.order.is_finished() && !threads.render.is_finished()
+        })
+    }
+
     /// Waits for the next frame, `longest` at most; `None` at once if none is wanted.
     pub fn wait(&self, longest: Duration) -> Option<Delivery> {
         let deliveries = self.deliveries.as_ref()?;

@@ -1,8 +1,9 @@
 //! A clock and a pipeline: what is due is asked for in time, and shown when it is.
 
 use super::{Clock, Command, CommandError, Mode};
-use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined};
+use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined, Series};
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Frames that are rendered before their time: the next one, and one so that the renderer never waits.
@@ -98,6 +99,18 @@ impl Player {
     /// being rendered is still shown, so that there is something to see while a slow renderer follows a mouse.
     pub fn redraw(&mut self) {
         self.look += 1;
+    }
+
+    /// The series has grown: `series` has the same steps and more ([`Store::refreshed`](crate::store::Store::refreshed),
+    /// [`Series::reopened`]). What is on the screen is asked for again: its step may have been encoded anew.
+    ///
+    /// # Errors
+    /// If it is another series; nothing has changed then.
+    pub fn grow(&mut self, series: Arc<Series>) -> Result<(), CommandError> {
+        self.clock.extend(series.times().clone())?;
+        self.pipelined.set_series(series);
+        self.redraw();
+        Ok(())
     }
 
     /// Shows what is due at the caller's monotonic time `now`, and asks for what comes next; `request` says what a moment

@@ -234,6 +234,22 @@ fn a_view_that_changes_all_the_time_neither_stops_the_playback_nor_is_left_behin
     assert_eq!(last, Some(widths), "the newest view is seen in the end");
 }
 
+#[test]
+fn a_series_that_grows_is_played_to_its_new_end() {
+    let mut theatre = Theatre::uniform(5, every_step(10.0));
+    theatre.apply(Command::Play);
+    theatre.run_until(Duration::from_millis(250));
+    let (grown, log) = logged(9);
+    theatre.player.grow(grown).unwrap();
+    theatre.run_until(LONG);
+    let mut steps = theatre.steps();
+    steps.dedup();
+    assert_eq!(steps, (0..9).collect::<Vec<_>>());
+    assert!(log.decoded().ends_with(&[7, 8]), "the new steps are those of the new series: {:?}", log.decoded());
+    assert!(theatre.player.grow(logged(3).0).is_err(), "fewer steps are another series");
+    assert_eq!(theatre.player.clock().state().steps, 9);
+}
+
 fn command(steps: usize) -> impl Strategy<Value = Command> {
     prop_oneof![
         3 => Just(Command::Play),

@@ -1,9 +1,16 @@
 //! Frames of a series by request: which renderer draws them, and what happens when it fails.
 
 use crate::series::{ingested, table_for};
+use std::sync::Arc;
+use std::time::Duration;
 use tetreel::camera::Camera;
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
+use tetreel::codec::BlockCache;
+use tetreel::ingest::{AppendOptions, CodecChoice, IngestOptions, append, ingest};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, RenderMode, Series};
+use tetreel::playback::{Clock, Command, Mode, Player};
+use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::{Cancel, Silent};
 
 /// A small jet, and a request for its frames.
 fn jet(dir: &std::path::Path) -> (Pipeline, FrameRequest) {
@@ -39,6 +46,88 @@ fn without_the_feature_a_gpu_is_refused_and_auto_is_the_cpu() {
     assert!(refused.to_string().contains("built without the feature gpu"), "{refused}");
     assert!(pipeline.check_backend(Backend::Gpu).is_err());
     assert!(!pipeline.render(&request).unwrap().stats.on_gpu);
+}
+
+const LONG: Duration = Duration::from_secs(60);
+
+/// Pixels as bits.
+fn bits(frame: &tetreel::render::Frame) -> Vec<[u32; 4]> {
+    frame.color.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn blocks_are_read_ahead_as_far_as_the_budget_goes_and_frames_do_not_depend_on_it() {
+    let temp = tempfile::tempdir().unwrap();
+    let (mut alone, request) = jet(temp.path());
+    let store = Store::open(temp.path().join("jet.zarr")).unwrap();
+    let step_bytes = 4 * alone.mesh().positions.local.len() as u64;
+    for budget_steps in [0, 1, 3, 100] {
+        let blocks = Arc::new(BlockCache::new(budget_steps * step_bytes));
+        let series = Arc::new(Series::open_with(&store, None, blocks.clone()).unwrap());
+        let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
+        let pipelined = Pipelined::start(Pipeline::new(series.clone()), &options, || ()).unwrap();
+        for first in 0..6 {
+            let upcoming: Vec<usize> = (first..6).collect();
+            pipelined.expect(&upcoming);
+            // A block that is larger than the budget is kept as long as nothing else is loaded.
+            let expected = (6 - first).min(budget_steps.max(1) as usize);
+            while (first..first + expected).any(|step| !series.is_resident(step)) {
+                std::thread::yield_now();
+            }
+            let at_step = FrameRequest { time: first.into(), ..request.clone() };
+            pipelined.push(at_step.clone()).unwrap();
+            let frame = pipelined.wait(LONG).unwrap().frame.unwrap();
+            assert_eq!(frame.stats.bytes_read, 0, "step {first} was there before it was needed");
+            assert!(bits(&frame) == bits(alone.render(&at_step).unwrap()));
+            assert!(blocks.statistics().resident_bytes <= (budget_steps * step_bytes).max(step_bytes));
+        }
+    }
+}
+
+#[test]
+fn a_player_shows_the_steps_that_a_running_simulation_adds() {
+    let series = |steps| generate(&SynthSpec { cells: 600, steps, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+    for codec in [CodecChoice::Raw, CodecChoice::Vq(Default::default())] {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("jet.zarr");
+        // The simulation has come to step 3, then to step 7.
+        let begun = IngestOptions { steps: "0..3".parse().unwrap(), codec, ..Default::default() };
+        ingest(&series(8), &path, &begun, &Silent, &Cancel::new()).unwrap();
+        let store = Store::open(&path).unwrap();
+        let pipeline = Pipeline::open(&store, None).unwrap();
+        let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+        let table = table_for(&pipeline, "inferno@0:0,1:0.5");
+        let request = FrameRequest::new(0, camera, table, (48, 32));
+        let clock = Clock::new(pipeline.times().clone());
+        let pipelined = Pipelined::start(pipeline, &PipelinedOptions::default(), || ()).unwrap();
+        let mut player = Player::new(clock, pipelined);
+        player.apply(Command::Mode(Mode::AsFastAsPossible), Duration::ZERO).unwrap();
+        let play = |player: &mut Player| {
+            let mut shown = Vec::new();
+            player.apply(Command::Play, Duration::ZERO).unwrap();
+            while !player.clock().state().ended || player.pipelined().wanted() > 0 {
+                let tick = player.tick(Duration::ZERO, &mut |time| FrameRequest { time, ..request.clone() });
+                match tick.shown {
+                    Some(delivery) => shown.push((delivery.request.time.step(), bits(&delivery.frame.unwrap()))),
+                    None => drop(player.wait(LONG)),
+                }
+            }
+            shown
+        };
+        assert_eq!(play(&mut player).iter().map(|(step, _)| *step).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        assert!(store.refreshed().unwrap().is_none());
+        append(&series(8), &path, &AppendOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let grown = store.refreshed().unwrap().unwrap();
+        let reopened = player.pipelined().series().reopened(&grown, None).unwrap();
+        player.grow(Arc::new(reopened)).unwrap();
+        let shown = play(&mut player);
+        let mut alone = Pipeline::open(&grown, None).unwrap();
+        assert!(shown.iter().map(|(step, _)| *step).any(|step| step == 7));
+        for (step, pixels) in shown {
+            let frame = alone.render(&FrameRequest { time: step.into(), ..request.clone() }).unwrap();
+            assert!(bits(frame) == pixels, "step {step}");
+        }
+    }
 }
 
 #[cfg(feature = "gpu")]

@@ -178,7 +178,7 @@ fn wait_for(pipelined: &Pipelined, terminal: &Terminal) -> anyhow::Result<Shared
         if let Some(delivery) = pipelined.wait(Duration::from_millis(50)) {
             return Ok(delivery.frame?);
         }
-        ensure!(pipelined.wanted() > 0, "the pipeline has stopped; please report this");
+        ensure!(pipelined.is_alive(), "the pipeline has stopped without a reason; please report this");
     }
 }
 
