@@ -89,15 +89,23 @@ impl Job<'_> {
 
     fn look(&self, terminal: &Terminal) -> Result<Done, IngestError> {
         let series = import::open(self.sources).map_err(IngestError::Source)?;
-        let result = if self.output.symlink_metadata().is_ok() {
+        let exists = || self.output.symlink_metadata().is_ok();
+        let add = || {
             append(&*series, self.output, &self.append_options(), terminal, &terminal.cancel)
                 .map(|report| Done::Appended(Box::new(report)))
+        };
+        let result = if exists() {
+            add()
         } else {
             let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
             let codec = self.codec.unwrap_or_default();
             let options = IngestOptions { fields, units, steps: self.steps, codec, overwrite: false };
-            ingest(&*series, self.output, &options, terminal, &terminal.cancel)
-                .map(|report| Done::Created(Box::new(report)))
+            let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
+            match created {
+                // Somebody else was faster.
+                Err(_) if exists() && !terminal.cancel.is_cancelled() => add(),
+                created => created.map(|report| Done::Created(Box::new(report))),
+            }
         };
         if result.is_err() {
             terminal.end();

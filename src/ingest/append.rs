@@ -14,7 +14,7 @@ use super::{CodecChoice, FieldUnits, StepRange, check_cancel, same_mesh, select_
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::{Component, FieldSelector, SeriesSource, TimeAxis};
-use crate::store::{ResumedField, Store, StoreWriter, StoredField};
+use crate::store::{ResumedField, Store, StoreLock, StoreWriter, StoredField};
 use crate::task::{Cancel, Progress};
 use serde::Serialize;
 use std::fmt;
@@ -116,6 +116,8 @@ pub fn append(
     cancel: &Cancel,
 ) -> Result<AppendReport, IngestError> {
     let start = Instant::now();
+    // From before the store is looked at until the longer one is in its place: two that add at once would each add to the old one.
+    let _lock = StoreLock::wait(out, cancel).ok_or(IngestError::Cancelled)?;
     let Work { store, fields, steps, first, plan } = Work::of(source, out, options)?;
     let mut report =
         AppendReport { plan, fields: Vec::new(), bytes_read: 0, bytes: 0, notes: source.notes(), seconds: 0.0 };

@@ -99,19 +99,23 @@ impl Pipelined {
         let (to_render, from_order) = bounded(PREPARATIONS);
         let (to_owner, deliveries) = bounded(1);
         let prefetcher = Prefetcher::start()?;
-        let threads = Threads {
-            decode: Builder::new().name("decode".to_owned()).spawn({
-                let (shared, preparing) = (shared.clone(), preparing.clone());
-                move || decode_all(decode, &shared, &preparing, &to_order)
-            })?,
-            order: Builder::new()
-                .name("order".to_owned())
-                .spawn(move || order_all(order, &preparing, &from_decode, &to_render))?,
-            render: Builder::new().name("render".to_owned()).spawn({
-                let shared = shared.clone();
-                move || render_all(renderers, &shared, rendering.as_ref(), &from_order, &to_owner, &delivered)
-            })?,
+        let spawn = || -> io::Result<Threads> {
+            Ok(Threads {
+                decode: Builder::new().name("decode".to_owned()).spawn({
+                    let (shared, preparing) = (shared.clone(), preparing.clone());
+                    move || decode_all(decode, &shared, &preparing, &to_order)
+                })?,
+                order: Builder::new()
+                    .name("order".to_owned())
+                    .spawn(move || order_all(order, &preparing, &from_decode, &to_render))?,
+                render: Builder::new().name("render".to_owned()).spawn({
+                    let shared = shared.clone();
+                    move || render_all(renderers, &shared, rendering.as_ref(), &from_order, &to_owner, &delivered)
+                })?,
+            })
         };
+        // Threads that were started must not wait for requests that nobody can make.
+        let threads = spawn().inspect_err(|_| shared.queue.close())?;
         Ok(Self { series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
     }
 
@@ -133,7 +137,8 @@ impl Pipelined {
     }
 
     /// Asks for a frame instead of those that are not being rendered yet. Frames that are being rendered or have been are
-    /// delivered first: on a slow machine there is something new to see now and then.
+    /// delivered first, and if there is none, the one that is next: on a slow machine there is something new to see now and
+    /// then, however fast requests come.
     pub fn replace(&self, request: FrameRequest) -> Option<FrameId> {
         self.ask(request, Before::DropPrepared)
     }
@@ -185,7 +190,7 @@ impl Pipelined {
         let deliveries = self.deliveries.as_ref()?;
         let started = Instant::now();
         while self.wanted() > 0 {
-            let left = longest.checked_sub(started.elapsed())?;
+            let left = longest.saturating_sub(started.elapsed());
             let delivery = deliveries.recv_timeout(left).ok()?;
             if self.shared.queue.take(delivery.id) {
                 return Some(delivery);

@@ -59,7 +59,8 @@ impl Prefetcher {
 /// Loads one block; whether there may be more to do.
 fn prefetch(series: &Series, cancel: &Cancel) -> bool {
     let _span = tracing::info_span!("read ahead").entered();
-    series.source.prefetch(cancel).unwrap_or(false)
+    // Those that cannot be read are passed over: what is behind them can.
+    series.source.prefetch(cancel).unwrap_or(true)
 }
 
 impl Drop for Prefetcher {

@@ -2,7 +2,7 @@
 
 use super::series::Series;
 use super::steps::StepCache;
-use super::{FrameRequest, PipelineError};
+use super::{Backend, FrameRequest, PipelineError, RenderMode};
 use crate::codec::vq;
 use crate::mesh::Mesh;
 use crate::render::{CompressedStep, RenderJob};
@@ -46,10 +46,11 @@ impl Decode {
         let started = Instant::now();
         let mut stats = FrameStats::default();
         let scalars = self.steps.show(series, request.time, cancel, &mut stats)?.ok_or(PipelineError::Cancelled)?;
-        // A mixture of two steps is not in any block.
+        // A mixture of two steps is not in any block, and the CPU has no use for one.
+        let is_for_gpu = request.backend != Backend::Cpu && request.mode != RenderMode::Reference;
         let block = match request.time.toward() {
-            None => series.source.vq_block(request.time.step())?,
-            Some(_) => None,
+            None if is_for_gpu => series.source.vq_block(request.time.step())?,
+            _ => None,
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;

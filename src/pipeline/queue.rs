@@ -51,7 +51,8 @@ pub struct Preparations {
 pub(super) enum Before {
     /// They come first.
     Keep,
-    /// Those not yet being rendered are not wanted any more.
+    /// Those not yet being rendered are not wanted any more; but if none is, the one that will be first. Else requests that
+    /// come faster than they can be prepared would never bring a frame.
     DropPrepared,
     /// None of them is wanted any more.
     DropAll,
@@ -172,8 +173,12 @@ impl State {
         if which == Before::Keep {
             return;
         }
+        let is_idle = self.rendering.as_ref().is_none_or(|(_, cancel)| cancel.is_cancelled());
+        let first = self.preparing.iter().find(|(_, cancel)| !cancel.is_cancelled()).map(|(id, _)| *id);
+        let kept = first.filter(|_| which == Before::DropPrepared && is_idle);
         let dropped = self.waiting.drain(..).map(|ticket| (ticket.id, ticket.cancel));
-        let mut dropped: Vec<(FrameId, Cancel)> = dropped.chain(self.preparing.iter().cloned()).collect();
+        let preparing = self.preparing.iter().filter(|(id, _)| Some(*id) != kept).cloned();
+        let mut dropped: Vec<(FrameId, Cancel)> = dropped.chain(preparing).collect();
         if which == Before::DropAll {
             dropped.extend(self.rendering.clone());
             self.wanted.clear();

@@ -104,8 +104,8 @@ impl Series {
             Some(selector) => selector.clone(),
             None => FieldSelector { name: first()?, component: None },
         };
-        let reader = store.field_with(&selector, blocks.clone())?;
-        Ok(Self { mesh, times: store.times().clone(), field: reader.info().clone(), source: Box::new(reader), blocks })
+        let (reader, times) = open_at_rest(store, &selector, &blocks)?;
+        Ok(Self { mesh, times, field: reader.info().clone(), source: Box::new(reader), blocks })
     }
 
     /// The blocks of steps that are in memory.
@@ -137,6 +137,28 @@ impl Series {
     pub(super) fn vertices(&self) -> usize {
         self.mesh.positions.local.len()
     }
+}
+
+/// How often a store that grows all the time is looked at again.
+const LOOKS: usize = 10;
+
+/// A reader of a field and the times of its steps; those of the store as it is now, if steps were added since it was opened.
+fn open_at_rest(
+    store: &Store,
+    selector: &FieldSelector,
+    blocks: &Arc<BlockCache>,
+) -> FileResult<(FieldReader, TimeAxis)> {
+    let mut newer = None;
+    for _ in 0..LOOKS {
+        let store: &Store = newer.as_ref().unwrap_or(store);
+        match (store.field_with(selector, blocks.clone()), store.refreshed()) {
+            (Ok(reader), _) => return Ok((reader, store.times().clone())),
+            (Err(_), Ok(Some(grown))) => newer = Some(grown),
+            (Err(error), _) => return Err(error),
+        }
+    }
+    let store = newer.as_ref().unwrap_or(store);
+    Ok((store.field_with(selector, blocks.clone())?, store.times().clone()))
 }
 
 impl std::fmt::Debug for Series {

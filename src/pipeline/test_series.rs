@@ -11,6 +11,7 @@ use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::{Duration, Instant};
 
 /// What a fake source has done, and what it is to do.
 #[derive(Debug, Default)]
@@ -20,6 +21,8 @@ struct State {
     panics: Option<usize>,
     /// Steps whose decoding waits until it is cancelled.
     hangs: bool,
+    /// What decoding takes.
+    takes: Duration,
 }
 
 /// The other end of a fake source.
@@ -46,6 +49,11 @@ impl Log {
         self.with(|state| state.panics = Some(step));
     }
 
+    /// From now on decoding a step takes so long, or until it is cancelled.
+    pub(crate) fn take(&self, duration: Duration) {
+        self.with(|state| state.takes = duration);
+    }
+
     /// From now on decoding waits until it is cancelled, or until this is called again.
     pub(crate) fn hang(&self, hangs: bool) {
         self.with(|state| state.hangs = hangs);
@@ -60,6 +68,10 @@ struct Fake {
 impl StepSource for Fake {
     fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         while self.log.with(|state| state.hangs) && !cancel.is_cancelled() {
+            std::thread::yield_now();
+        }
+        let (begun, takes) = (Instant::now(), self.log.with(|state| state.takes));
+        while begun.elapsed() < takes && !cancel.is_cancelled() {
             std::thread::yield_now();
         }
         if cancel.is_cancelled() {

@@ -54,8 +54,8 @@ pub struct RateMeter {
     shown: VecDeque<Duration>,
 }
 
-/// Frames of so long count; at slower rates, the last two. One screen refresh at 60 Hz, which a frame may be late for, is less
-/// than a hundredth of it.
+/// The last frames that took at least so long count. One screen refresh at 60 Hz, which a frame may be late for, is less than a
+/// hundredth of it.
 const WINDOW: Duration = Duration::from_secs(2);
 
 /// So many frames count at most.
@@ -65,7 +65,8 @@ impl RateMeter {
     /// A frame was shown.
     pub fn frame(&mut self, now: Duration) {
         self.shown.push_back(now);
-        let old = |shown: &VecDeque<Duration>| shown.front().is_some_and(|first| now.saturating_sub(*first) > WINDOW);
+        // The first one is needed as long as the others have not taken long enough.
+        let old = |shown: &VecDeque<Duration>| shown.get(1).is_some_and(|second| now.saturating_sub(*second) >= WINDOW);
         while self.shown.len() > 2 && (old(&self.shown) || self.shown.len() > WINDOW_FRAMES) {
             self.shown.pop_front();
         }

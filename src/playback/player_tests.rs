@@ -5,7 +5,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::field::TimeAxis;
 use crate::node_table::{Node, NodeTable};
-use crate::pipeline::test_series::logged;
+use crate::pipeline::test_series::{Log, logged};
 use crate::pipeline::{Pipeline, PipelinedOptions, Series};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ const LONG: Duration = Duration::from_secs(60);
 /// A player of a fake series whose step s has the value s, its fake time, and what it has shown.
 struct Theatre {
     player: Player,
+    log: Log,
     now: Duration,
     /// Fake time that a frame takes which has to be waited for.
     cost: Duration,
@@ -32,13 +33,13 @@ fn base(series: &Series) -> FrameRequest {
 
 impl Theatre {
     fn open(times: Vec<f64>, settings: Settings) -> Self {
-        let (series, _) = logged(times.len());
+        let (series, log) = logged(times.len());
         let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 };
         let pipelined = Pipelined::start(Pipeline::new(series.clone()), &options, || ()).unwrap();
         let clock = Clock::with_settings(TimeAxis { values: times }, settings).unwrap();
         let base = base(&series);
         let player = Player::new(clock, pipelined);
-        Self { player, now: Duration::ZERO, cost: Duration::ZERO, base, shown: Vec::new(), dropped: 0 }
+        Self { player, log, now: Duration::ZERO, cost: Duration::ZERO, base, shown: Vec::new(), dropped: 0 }
     }
 
     fn uniform(steps: usize, settings: Settings) -> Self {
@@ -152,6 +153,29 @@ fn real_time_follows_the_files_times_and_drops_what_a_slow_renderer_cannot_show(
     for &(at, time) in &theatre.shown[1..] {
         let due = (at.as_secs_f64() - theatre.shown[0].0.as_secs_f64()) * 10.0;
         assert!(time.step() == 99 || due - time.step() as f64 <= 2.0 * 9.0 + 1.0, "{at:?} {time:?}");
+    }
+}
+
+#[test]
+fn frames_that_take_longer_to_prepare_than_they_are_due_are_shown_nevertheless() {
+    for interpolate in [false, true] {
+        let settings = Settings {
+            mode: Mode::RealTime,
+            time_per_second: Some(100.0),
+            repeat: Loop::All,
+            interpolate,
+            ..Settings::default()
+        };
+        let mut theatre = Theatre::uniform(100, settings);
+        theatre.log.take(Duration::from_millis(20));
+        theatre.apply(Command::Play);
+        // Something else is due at every tick.
+        for _ in 0..400 {
+            theatre.tick();
+            theatre.now += Duration::from_millis(11);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(theatre.shown.len() >= 5, "{} frames", theatre.shown.len());
     }
 }
 

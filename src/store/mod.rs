@@ -21,6 +21,7 @@ mod field;
 mod folder;
 mod info;
 mod layout;
+mod lock;
 mod mesh;
 mod names;
 mod refresh;
@@ -31,6 +32,7 @@ mod writer;
 pub use append::ResumedField;
 pub use field::{FieldReader, StoredField};
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
+pub use lock::StoreLock;
 pub use source_points::SourcePoints;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 

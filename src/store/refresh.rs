@@ -11,15 +11,20 @@ use std::path::Path;
 use std::time::SystemTime;
 
 /// What tells one state of a store from the next: the metadata of its root, which every append and every import write anew,
-/// and when that was. `None` while there is no store.
+/// when that was, and which file it is (0 where that has no number). `None` while there is no store.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Stamp(Option<(Vec<u8>, Option<SystemTime>)>);
+pub(super) struct Stamp(Option<(Vec<u8>, Option<SystemTime>, u64)>);
 
 impl Stamp {
     pub(super) fn of(root: &Path) -> Self {
         let path = root.join("zarr.json");
-        let modified = || fs::metadata(&path).and_then(|m| m.modified()).ok();
-        Self(fs::read(&path).ok().map(|text| (text, modified())))
+        let metadata = fs::metadata(&path).ok();
+        let modified = metadata.as_ref().and_then(|m| m.modified().ok());
+        #[cfg(unix)]
+        let number = metadata.as_ref().map_or(0, std::os::unix::fs::MetadataExt::ino);
+        #[cfg(not(unix))]
+        let number = 0;
+        Self(fs::read(&path).ok().map(|text| (text, modified, number)))
     }
 }
 

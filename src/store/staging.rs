@@ -40,6 +40,10 @@ impl Staging {
         walk(&old, &mut |path, metadata| {
             let below = path.strip_prefix(&old).unwrap_or(path);
             let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
+            if metadata.is_symlink() {
+                let problem = "is a symbolic link: steps cannot be added to a store that lies in several places";
+                return Err(FileError::invalid(path, "", problem).remedy("put what it points to in its place"));
+            }
             if !metadata.is_file() || !is_kept(&parts.join("/")) {
                 return Ok(());
             }
@@ -61,7 +65,10 @@ impl Staging {
 
     /// Makes everything durable and moves it into place.
     pub(super) fn commit(self) -> FileResult<()> {
-        sync_tree(self.dir.path(), &self.linked)?;
+        // Linked files lie in as many folders, of which each would have to be flushed.
+        if self.linked.is_empty() || !sync_file_system(self.dir.path()) {
+            sync_tree(self.dir.path(), &self.linked)?;
+        }
         // Somebody may have written there meanwhile.
         check_target(&self.target, self.overwrite)?;
         if exists(&self.target) {
@@ -167,6 +174,18 @@ fn sync_tree(root: &Path, linked: &BTreeSet<PathBuf>) -> FileResult<()> {
         file.and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
     })?;
     sync_folder(root)
+}
+
+/// Flushes all of the file system that `root` is on, in one operation; whether that was possible.
+#[cfg(target_os = "linux")]
+fn sync_file_system(root: &Path) -> bool {
+    File::open(root).is_ok_and(|folder| rustix::fs::syncfs(folder).is_ok())
+}
+
+/// Other systems do not say when they are through.
+#[cfg(not(target_os = "linux"))]
+fn sync_file_system(_root: &Path) -> bool {
+    false
 }
 
 #[cfg(unix)]

@@ -73,17 +73,21 @@ impl Job<'_> {
         let frames = &self.plan.frames;
         let mut records = Vec::with_capacity(frames.len());
         let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
-        let mut asked = 0;
+        let (mut asked, mut refused) = (0, None);
         // A moment that is held while nothing moves is rendered once.
         let mut held: Option<SharedFrame> = None;
         while records.len() < frames.len() {
             terminal.check_interrupted()?;
-            while asked < frames.len() && on_their_way.len() < AHEAD {
+            while refused.is_none() && asked < frames.len() && on_their_way.len() < AHEAD {
                 let previous = on_their_way.back().map(|pending| pending.origin).or(records.last().map(origin_of));
-                on_their_way.push_back(self.ask(asked, previous, pipelined, scene)?);
+                match self.ask(asked, previous, pipelined, scene) {
+                    Ok(pending) => on_their_way.push_back(pending),
+                    Err(error) => refused = Some(error),
+                }
                 asked += 1;
             }
             pipelined.expect(&self.plan.steps_from(records.len(), EXPECTED));
+            // What cannot be asked for fails in its turn: the frames before it are written.
             let Some(pending) = on_their_way.pop_front() else { break };
             let stats = match pending.origin {
                 Origin::Kept | Origin::Repeated => None,
@@ -103,7 +107,7 @@ impl Job<'_> {
             records.push(record);
             terminal.advance(1);
         }
-        Ok(records)
+        refused.map_or(Ok(records), Err)
     }
 
     /// Asks for a frame, unless it is in its file already or the same as the one before it.

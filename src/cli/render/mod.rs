@@ -15,7 +15,9 @@ use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
+use crate::import;
 use crate::stats::FrameStats;
+use crate::store::is_store;
 use crate::task::Progress;
 use anyhow::bail;
 use job::Job;
@@ -95,6 +97,20 @@ impl Args {
         files.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?))).collect()
     }
 
+    /// Files and folders that are read.
+    fn inputs(&self) -> Vec<PathBuf> {
+        // `FILE` or `FILE@POSITION:OPACITY,...`
+        let (tf, map) = (&self.scene.tf, self.scene.tf.split('@').next().unwrap_or_default());
+        let mut inputs = vec![self.store.clone(), PathBuf::from(tf), PathBuf::from(map)];
+        if !is_store(&self.store) {
+            // What is wrong with a source is said when it is opened.
+            inputs.extend(import::files(&self.store).unwrap_or_default());
+        }
+        // Most transfer functions are no files.
+        inputs.retain(|input| input.exists());
+        inputs
+    }
+
     /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
     fn check(&self) -> anyhow::Result<Option<Ffmpeg>> {
         let format = match self.output {
@@ -109,12 +125,15 @@ impl Args {
         self.output.check_place()?;
         for (option, path) in self.side_files() {
             files::check_place(path)?;
-            if same_place(path, &self.store, true) {
-                bail!("{option} {} is a part of the series; choose another name", path.display());
+            if self.inputs().iter().any(|input| is_within(path, input)) {
+                bail!(
+                    "{option} {} is a part of the series or of the transfer function; choose another name",
+                    path.display()
+                );
             }
         }
         if let [(_, stats), (_, trace)] = &self.side_files()[..]
-            && same_place(stats, trace, false)
+            && same_place(stats, trace)
         {
             bail!("--stats and --trace name the same file; choose another name for one of them");
         }
@@ -122,16 +141,19 @@ impl Args {
     }
 }
 
-/// Whether two paths name the same file, or, if asked, the first one something in the second.
-fn same_place(path: &Path, other: &Path, or_inside: bool) -> bool {
-    let known = |path: &Path| {
-        let folder = files::parent_of(path).canonicalize().ok()?;
-        Some(folder.join(path.file_name()?))
-    };
-    match (known(path), known(other)) {
-        (Some(path), Some(other)) => path == other || (or_inside && path.starts_with(other)),
-        _ => false,
-    }
+/// A path without links; of a file that is not there yet, that of its folder with its name.
+fn real(path: &Path) -> Option<PathBuf> {
+    path.canonicalize().ok().or_else(|| Some(files::parent_of(path).canonicalize().ok()?.join(path.file_name()?)))
+}
+
+/// Whether two paths name the same file.
+fn same_place(path: &Path, other: &Path) -> bool {
+    real(path).is_some_and(|path| real(other) == Some(path))
+}
+
+/// Whether a path names a file or something in it.
+fn is_within(path: &Path, other: &Path) -> bool {
+    matches!((real(path), real(other)), (Some(path), Some(other)) if path.starts_with(&other))
 }
 
 /// How a frame came about.
@@ -177,7 +199,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         bail!("{} is a folder; choose another name", folder.display());
     }
     for (option, path) in args.side_files() {
-        if (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame), false)) {
+        if (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame))) {
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }

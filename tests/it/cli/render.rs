@@ -143,6 +143,23 @@ fn a_trace_takes_the_place_of_nothing() {
         assert!(run.code == Some(2) && run.err.contains(why), "{}", run.err);
         assert!(!place.path("f_0.png").exists());
     }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("slab.zarr", place.path("link.zarr")).unwrap();
+        let before = std::fs::read(place.path("slab.zarr/zarr.json")).unwrap();
+        for (store, stats) in [
+            ("link.zarr", "link.zarr/zarr.json"),
+            ("link.zarr", "slab.zarr/zarr.json"),
+            ("slab.zarr", "link.zarr/x.json"),
+        ] {
+            let run = place.run(&["render", store, "-o", "f_%d.png", "--backend", "cpu", "--stats", stats]);
+            assert!(run.code == Some(2) && run.err.contains("part of the series"), "{store} {stats}: {}", run.err);
+        }
+        assert_eq!(std::fs::read(place.path("slab.zarr/zarr.json")).unwrap(), before);
+    }
+    std::fs::write(place.path("tf.json"), "{}").unwrap();
+    let over_tf = place.run(&["render", "slab.zarr", "-o", "f_%d.png", "--tf", "tf.json", "--stats", "tf.json"]);
+    assert!(over_tf.code == Some(2) && over_tf.err.contains("of the transfer function"), "{}", over_tf.err);
     let both = ["render", "slab.zarr", "-o", "f_%d.png", "--trace", "x.json", "--stats", "x.json"];
     assert!(place.run(&both).err.contains("same file"));
 }

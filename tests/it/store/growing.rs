@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tetreel::field::Association;
-use tetreel::ingest::{AppendOptions, AppendReport, IngestError, IngestOptions, append};
+use tetreel::ingest::{AppendOptions, AppendReport, IngestError, IngestOptions, append, ingest};
 use tetreel::store::{FieldReader, Store};
 use tetreel::task::{Cancel, Silent};
 
@@ -107,7 +107,7 @@ fn a_store_says_whether_it_has_grown_and_refuses_to_be_another_series() {
 }
 
 #[test]
-fn of_two_that_append_at_once_one_is_refused() {
+fn a_store_that_is_replaced_while_steps_are_added_stays_what_it_has_become() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("s.zarr");
     import_all(&part(0..3), &out, None);
@@ -115,7 +115,8 @@ fn of_two_that_append_at_once_one_is_refused() {
     let (inner, once) = (out.clone(), AtomicBool::new(false));
     source.value = Box::new(move |name, component, step, i| {
         if step == 5 && !once.swap(true, Ordering::SeqCst) {
-            add(&part(0..4), &inner, &AppendOptions::default()).unwrap();
+            let options = IngestOptions { overwrite: true, ..Default::default() };
+            ingest(&part(0..4), &inner, &options, &Silent, &Cancel::new()).unwrap();
         }
         value(name, component, step, i)
     });
@@ -154,4 +155,40 @@ fn a_store_that_is_gone_for_a_moment_is_waited_for() {
             assert!(decode(&open, 1) == expected);
         });
     }
+}
+
+#[test]
+fn of_two_that_add_at_the_same_time_neither_is_lost() {
+    let part = |steps: Range<usize>| Formulas { fields: vec![field("T", 1, Association::Point)], ..part(steps) };
+    for codec in [None, vq(16, false)] {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("s.zarr");
+        import_all(&part(0..4), &out, codec);
+        for round in 0..5 {
+            let end = 4 + 4 * round;
+            // The one that comes second finds the steps of the first, or has nothing to add.
+            std::thread::scope(|scope| {
+                for last in [end + 2, end + 4] {
+                    let (out, part) = (&out, &part);
+                    scope.spawn(move || add(&part(0..last), out, &AppendOptions::default()).unwrap());
+                }
+            });
+            assert_eq!(Store::open(&out).unwrap().times().len(), end + 4);
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_store_with_links_inside_is_not_added_to_and_stays_as_it_is() {
+    let part = |steps: Range<usize>| Formulas { fields: vec![field("T", 1, Association::Point)], ..part(steps) };
+    let dir = tempfile::tempdir().unwrap();
+    let (out, elsewhere) = (dir.path().join("s.zarr"), dir.path().join("raw"));
+    let store = import_all(&part(0..4), &out, None);
+    let expected = decode(&reader(&store, "T"), 3);
+    std::fs::rename(out.join("fields/T/raw"), &elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, out.join("fields/T/raw")).unwrap();
+    let error = add(&part(0..8), &out, &AppendOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("fields/T/raw") && error.contains("symbolic link"), "{error}");
+    assert!(decode(&reader(&Store::open(&out).unwrap(), "T"), 3) == expected);
 }

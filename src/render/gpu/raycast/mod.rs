@@ -62,8 +62,28 @@ pub struct Raycast {
     in_flight: VecDeque<usize>,
     frame: Frame,
     active_job: Option<ActiveJob>,
-    /// Milliseconds of a tile, of the last slice.
-    ms_per_tile: Option<f64>,
+    /// Milliseconds of a tile.
+    cost: TileCost,
+}
+
+/// Milliseconds of a tile, as far as they are known. Tiles differ: those at the rim of an image are mostly empty.
+#[derive(Clone, Copy, Debug, Default)]
+struct TileCost {
+    /// Of the last slice.
+    last: Option<f64>,
+    /// On average over the last frame.
+    mean: Option<f64>,
+}
+
+impl TileCost {
+    /// Tiles that take no longer than `ms`. A slice of empty tiles says little about the next one.
+    fn tiles_in(self, ms: f64) -> usize {
+        let per_tile = self.last.into_iter().chain(self.mean).reduce(f64::max);
+        let tiles = per_tile.map_or(FIRST_TILES as f64, |per_tile| ms / per_tile.max(1e-6));
+        // Without a whole frame to go by, no leaps.
+        let most = if self.mean.is_some() { GROUPS_MAX as usize } else { 2 * FIRST_TILES };
+        (tiles as usize).clamp(1, most)
+    }
 }
 
 /// What a job under way needs beyond the buffers.
@@ -75,6 +95,8 @@ struct ActiveJob {
     next_tile: usize,
     /// Tiles that have come back.
     tiles_done: usize,
+    /// Milliseconds that these took.
+    walk_ms: f64,
     started: Instant,
     /// Milliseconds that the frame took before it came here.
     ms_before: f64,
@@ -90,7 +112,7 @@ impl Raycast {
             in_flight: VecDeque::with_capacity(SLOTS),
             frame: Frame::default(),
             active_job: None,
-            ms_per_tile: None,
+            cost: TileCost::default(),
         }
     }
 
@@ -206,7 +228,7 @@ impl Raycast {
         else {
             return Ok(false);
         };
-        let (context, frame, ms_per_tile) = (&self.context, &mut self.frame, &mut self.ms_per_tile);
+        let (context, frame, cost) = (&self.context, &mut self.frame, &mut self.cost);
         let capacity = u64::from(active.params.pair_capacity);
         let origin = depth_of(active.params.depth_origin) + f64::from(active.params.pivot);
         let scale = active.job.mesh.positions.scale;
@@ -230,8 +252,12 @@ impl Raycast {
                     *frame.stats.ms_gpu_walk.get_or_insert(0.0) += walk;
                 }
                 let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |t| t[2]);
-                *ms_per_tile = Some(ms / slice.tiles.len().max(1) as f64);
+                cost.last = Some(ms / slice.tiles.len().max(1) as f64);
+                active.walk_ms += ms;
                 active.tiles_done += slice.tiles.len();
+                if active.tiles_done >= active.tile_count {
+                    cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+                }
                 None
             },
             target,
@@ -246,7 +272,7 @@ impl Raycast {
         self.drain()?;
         let Some(active) = &mut self.active_job else { return Ok(()) };
         self.scene.grow_lists(&self.context, pairs_needed, &mut active.params)?;
-        (active.next_tile, active.tiles_done) = (0, 0);
+        (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
         self.frame.stats.entry_retries += 1;
         self.submit_preparation()
     }
@@ -256,15 +282,13 @@ impl Raycast {
         if budget == Duration::MAX {
             return GROUPS_MAX as usize;
         }
-        let ms = budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64;
-        let tiles = self.ms_per_tile.map_or(FIRST_TILES as f64, |per_tile| ms / per_tile.max(1e-6));
-        (tiles as usize).clamp(1, GROUPS_MAX as usize)
+        self.cost.tiles_in(budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64)
     }
 
     fn work(&mut self, budget: Duration) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
-        let tiles = self.slice_tiles(budget);
         loop {
+            let tiles = self.slice_tiles(budget);
             let Some(active) = &self.active_job else { return Ok(true) };
             if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
                 self.submit_tiles(tiles)?;
@@ -333,7 +357,8 @@ impl Renderer for Raycast {
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
             let tile_count = view.width_px.div_ceil(TILE_PX) * view.height_px.div_ceil(TILE_PX);
             let ms_before = job.stats.ms_decode + job.stats.ms_order;
-            let active = ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, started, ms_before };
+            let active =
+                ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, walk_ms: 0.0, started, ms_before };
             self.active_job = Some(active);
             self.submit_preparation()?;
         }
@@ -374,5 +399,21 @@ impl Renderer for Raycast {
 
     fn slice(&self) -> Duration {
         SLICE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn empty_tiles_do_not_make_the_next_slice_long() {
+        assert_eq!(TileCost::default().tiles_in(7.5), FIRST_TILES);
+        let empty = Some(1e-4);
+        assert_eq!(TileCost { last: empty, mean: None }.tiles_in(7.5), 2 * FIRST_TILES);
+        assert_eq!(TileCost { last: empty, mean: Some(0.5) }.tiles_in(7.5), 15);
+        assert_eq!(TileCost { last: Some(3.0), mean: Some(0.5) }.tiles_in(7.5), 2);
+        assert_eq!(TileCost { last: Some(100.0), mean: None }.tiles_in(7.5), 1);
+        assert_eq!(TileCost { last: empty, mean: Some(0.0) }.tiles_in(1e9), GROUPS_MAX as usize);
     }
 }
