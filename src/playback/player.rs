@@ -27,6 +27,9 @@ pub struct Player {
     look: u64,
     /// That of the frame on the screen.
     shown_look: u64,
+    /// The number of its moment: moments are counted in the order in which they are to be shown, the same one with different
+    /// looks once. Whatever has a lesser one comes too late.
+    shown_number: u64,
     /// Asked for, in order, not delivered yet.
     asked: VecDeque<Asked>,
     /// Delivered, in order, not shown yet.
@@ -40,15 +43,15 @@ struct Asked {
     id: FrameId,
     time: FrameTime,
     look: u64,
-    /// It is on the screen already, with another look.
-    is_again: bool,
+    /// See [`Player::shown_number`].
+    number: u64,
 }
 
 #[derive(Debug)]
 struct Ready {
     delivery: Delivery,
     look: u64,
-    is_again: bool,
+    number: u64,
 }
 
 /// What a tick brings.
@@ -66,7 +69,7 @@ impl Player {
     /// A player of what `pipelined` renders. The first frame is due at once.
     pub fn new(clock: Clock, pipelined: Pipelined) -> Self {
         let (asked, ready) = Default::default();
-        Self { clock, pipelined, look: 0, shown_look: 0, asked, ready, is_redirected: false }
+        Self { clock, pipelined, look: 0, shown_look: 0, shown_number: 0, asked, ready, is_redirected: false }
     }
 
     /// The clock, to be read.
@@ -119,10 +122,10 @@ impl Player {
         self.collect();
         let due = self.clock.due(now);
         self.ask(due.frame, due.dropped, request);
-        let Some(Ready { delivery, look, .. }) = self.next_to_show(due.frame) else {
+        let Some(Ready { delivery, look, number }) = self.next_to_show(due.frame) else {
             return Tick { wait: due.wait, ..Tick::default() };
         };
-        self.shown_look = look;
+        (self.shown_look, self.shown_number) = (look, number);
         self.clock.frame_shown(delivery.request.time, now);
         // The next one is asked for at once; if it is due and there already, it waits for the next tick.
         let next = self.clock.due(now);
@@ -153,7 +156,7 @@ impl Player {
         // Those before it were dropped on their way.
         while let Some(asked) = self.asked.pop_front_if(|asked| asked.id <= delivery.id) {
             if asked.id == delivery.id {
-                self.ready.push_back(Ready { delivery, look: asked.look, is_again: asked.is_again });
+                self.ready.push_back(Ready { delivery, look: asked.look, number: asked.number });
                 return;
             }
         }
@@ -167,6 +170,8 @@ impl Player {
         // Who comes late has no use for what comes later.
         let ahead = if state.playing && !is_mixing && dropped == 0 { AHEAD } else { 0 };
         let expected: Vec<FrameTime> = wanted.into_iter().chain(self.clock.upcoming(ahead)).take(1 + ahead).collect();
+        // What is on the screen keeps its number when it is asked for again.
+        let first_number = self.shown_number + u64::from(due.is_some() || wanted.is_none());
         let mut on_their_way: Vec<(FrameTime, u64)> =
             self.ready.iter().map(|r| (r.delivery.request.time, r.look)).collect();
         on_their_way.extend(self.asked.iter().map(|asked| (asked.time, asked.look)));
@@ -195,14 +200,14 @@ impl Player {
                 self.asked.retain(|asked| self.pipelined.is_wanted(asked.id));
                 id
             };
-            let is_again = due.is_none() && wanted.is_some();
-            self.asked.extend(id.map(|id| Asked { id, time: first, look: self.look, is_again }));
+            self.asked.extend(id.map(|id| Asked { id, time: first, look: self.look, number: first_number }));
             missing = rest;
         }
-        for &time in missing.iter().take(expected.len().saturating_sub(self.asked.len() + self.ready.len())) {
+        let room = expected.len().saturating_sub(self.asked.len() + self.ready.len());
+        let number = first_number + (expected.len() - missing.len()) as u64;
+        for (number, &time) in (number..).zip(missing.iter().take(room)) {
             let id = self.pipelined.push(request(time));
-            let is_again = due.is_none() && wanted == Some(time) && on_their_way.is_empty();
-            self.asked.extend(id.map(|id| Asked { id, time, look: self.look, is_again }));
+            self.asked.extend(id.map(|id| Asked { id, time, look: self.look, number }));
         }
     }
 
@@ -216,15 +221,17 @@ impl Player {
     fn next_to_show(&mut self, due: Option<FrameTime>) -> Option<Ready> {
         let on_screen = self.clock.state().frame;
         let look = self.look;
+        let shown_number = self.shown_number;
         self.ready.retain(|r| {
-            let time = Some(r.delivery.request.time);
-            // What was drawn again when something newer came, and what is not due yet but looks as before: nobody wants them.
-            if r.is_again { time == on_screen } else { r.look == look || time == on_screen || due.is_some() }
+            // What is not due yet but looks as before will be asked for again, too.
+            let is_of_use = r.look == look || Some(r.delivery.request.time) == on_screen || due.is_some();
+            r.number >= shown_number && is_of_use
         });
         let at = match due {
             Some(due) => match self.ready.iter().rposition(|r| r.delivery.request.time == due) {
                 Some(at) => at,
-                None => self.ready.len().checked_sub(1)?,
+                // Those that come after the one that is due are not late.
+                None => self.ready.iter().rposition(|r| r.number <= shown_number + 1)?,
             },
             // What was drawn again; others are ahead of their time.
             None if self.shown_look != self.look => {
