@@ -3,7 +3,7 @@
 use super::*;
 use crate::image::RgbaImage;
 use crate::optics::OPAQUE_TRANSMITTANCE;
-use crate::render::cpu;
+use crate::render::{Frame, cpu};
 use crate::stats::FrameStats;
 
 /// Starts of paths, cells and rays of a frame.
@@ -56,7 +56,12 @@ fn count(job: &RenderJob) -> (Counts, usize) {
 }
 
 fn render(context: &Arc<Context>, job: &RenderJob) -> FrameStats {
-    renderer(context).render(job.clone()).unwrap().stats.clone()
+    frame_of(context, job).stats
+}
+
+/// Image and counts together: the next test has the renderer at once.
+fn frame_of(context: &Arc<Context>, job: &RenderJob) -> Frame {
+    renderer(context).render(job.clone()).unwrap().clone()
 }
 
 fn scenes() -> Vec<(String, RenderJob)> {
@@ -133,10 +138,10 @@ fn counters_are_those_of_the_cpu() {
         let nodes = job.table.nodes().iter().map(|n| Node { tau: 100.0 * n.tau, ..*n }).collect();
         let opaque =
             RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), early_termination: true, ..job.clone() };
-        let (gpu, cpu) = (render(&context, &opaque), on_cpu(&opaque));
-        let undecided = undecided(&cpu.color) + undecided(&renderer(&context).frame.color);
+        let (frame, cpu) = (frame_of(&context, &opaque), on_cpu(&opaque));
+        let (gpu, undecided) = (&frame.stats, undecided(&cpu.color) + undecided(&frame.color));
         if undecided == 0 {
-            assert_eq!(all_counts(&gpu), all_counts(&cpu.stats), "{name}, opaque");
+            assert_eq!(all_counts(gpu), all_counts(&cpu.stats), "{name}, opaque");
             decided += 1;
         }
         // A ray that goes on from there is opaque after the next cell or the one behind it.
