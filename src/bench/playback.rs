@@ -194,18 +194,33 @@ impl Ways {
         Ok(on_gpu)
     }
 
+    /// Has as many blocks read as fit in memory; the steps in them.
+    fn resident_steps(&self) -> Vec<usize> {
+        /// Longer than a block takes: when none has come for so long, all are there.
+        const SETTLED: Duration = Duration::from_millis(500);
+        let all: Vec<usize> = (0..self.steps).collect();
+        let resident = || all.iter().copied().filter(|&step| self.moving.series().is_resident(step)).collect();
+        self.moving.expect(&all);
+        let mut before: Vec<usize> = Vec::new();
+        loop {
+            std::thread::sleep(SETTLED);
+            let now: Vec<usize> = resident();
+            if now == before {
+                return now;
+            }
+            before = now;
+        }
+    }
+
     /// Seeks up and down the series while frames are on their way.
     fn seeks(&self, count: usize, progress: &dyn Progress, cancel: &Cancel) -> Result<SeekTimes, PipelineError> {
-        // All blocks that fit in memory are there then.
-        for step in 0..self.steps {
-            self.moving.expect(&[step]);
-        }
+        let resident = self.resident_steps();
         let [mut ms, mut ratios, mut beyond] = [const { Vec::new() }; 3];
         for seek in 0..count {
             if cancel.is_cancelled() {
                 return Err(PipelineError::Cancelled);
             }
-            let target = seek * 7 + 3;
+            let Some(&target) = resident.get((seek * 7 + 3) % resident.len().max(1)) else { break };
             let _ = self.moving.push(self.request(target + 1));
             let _ = self.moving.push(self.request(target + 2));
             while self.moving.preparations().now > 1 {

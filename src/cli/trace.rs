@@ -74,3 +74,21 @@ impl Trace {
         file.persist(&place).map(drop).map_err(|e| FileError::io(&place, "write", &e.error))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_remembered_and_does_not_stop_the_writer() {
+        use super::*;
+        let failed = Failure::default();
+        let mut writer =
+            Patient { file: File::options().write(true).open("/dev/full").unwrap(), failed: failed.clone() };
+        for _ in 0..2 {
+            assert_eq!(writer.write(b"spans").unwrap(), 5);
+        }
+        writer.flush().unwrap();
+        let error = failed.lock().unwrap().take().unwrap();
+        assert_eq!(error.kind(), io::ErrorKind::StorageFull);
+    }
+}
