@@ -47,6 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             table: Arc::new(table),
             optics: OpticsKind::Exact,
             early_termination: true,
+            thread_limit: Default::default(),
+            for_window: false,
             cancel: Default::default(),
             compressed: None,
             stats: Default::default(),

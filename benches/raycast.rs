@@ -33,6 +33,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         compressed: None,
         optics: Default::default(),
         early_termination: true,
+        thread_limit: Default::default(),
+        for_window: false,
         cancel: Default::default(),
         stats: Default::default(),
     };

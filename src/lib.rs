@@ -17,7 +17,7 @@
 //! | 6 | [`pipeline`] |
 //! | 7 | [`playback`] |
 //! | 8 | [`export`] |
-//! | 9 | [`mod@bench`] |
+//! | 9 | [`mod@bench`], [`ui`] |
 //! | 10 | [`cli`] |
 //!
 //! `docs/architecture.md` follows a frame through them; `examples/render_one.rs` is the shortest complete use.
@@ -45,4 +45,5 @@ pub mod store;
 pub mod synth;
 pub mod task;
 pub mod transfer;
+pub mod ui;
 pub mod visibility;

@@ -1,7 +1,7 @@
 //! How long work reports its progress and is told to stop.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work that looks at it between two units.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +24,58 @@ impl Cancel {
     }
 }
 
+/// How many threads may work at a time on something that has more: while a window is used, it wants a core for itself.
+///
+/// Threads ask for a [`Turn`] before each short unit of work, so that a new limit holds as soon as those under way are done.
+#[derive(Clone, Debug, Default)]
+pub struct ThreadLimit(Arc<(Mutex<Turns>, Condvar)>);
+
+#[derive(Debug, Default)]
+struct Turns {
+    /// `None`: as many as there are.
+    most: Option<usize>,
+    taken: usize,
+}
+
+/// The right to work, until it is dropped.
+#[derive(Debug)]
+pub struct Turn<'a>(&'a ThreadLimit);
+
+impl ThreadLimit {
+    /// No limit, until somebody sets one.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// At most so many threads from now on, one at least; `None`: all.
+    pub fn set(&self, most: Option<usize>) {
+        self.turns().most = most.map(|most| most.max(1));
+        self.0.1.notify_all();
+    }
+
+    /// Waits until one more may work. Who has a turn must not ask for a second one.
+    pub fn turn(&self) -> Turn<'_> {
+        let is_full = |turns: &mut Turns| turns.most.is_some_and(|most| turns.taken >= most);
+        let waited = self.0.1.wait_while(self.turns(), is_full);
+        waited.unwrap_or_else(PoisonError::into_inner).taken += 1;
+        Turn(self)
+    }
+
+    fn turns(&self) -> MutexGuard<'_, Turns> {
+        self.0.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        let mut turns = self.0.turns();
+        turns.taken -= 1;
+        if turns.most.is_some() {
+            self.0.0.1.notify_one();
+        }
+    }
+}
+
 /// Receives the progress of long work. Implementations draw a bar, or do nothing ([`Silent`]).
 pub trait Progress: Sync {
     /// A stage of `total` units begins (`unit` is a plural noun: "steps", "frames").
@@ -42,4 +94,53 @@ impl Progress for Silent {
     fn begin(&self, _stage: &str, _total: u64, _unit: &str) {}
     fn advance(&self, _n: u64) {}
     fn end(&self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicUsize;
+    use std::time::Duration;
+
+    /// The most threads that worked at a time, of four.
+    fn most_at_work(limit: &ThreadLimit, then: impl Fn(usize) + Sync) -> usize {
+        let (at_work, most, units) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..50 {
+                        let _turn = limit.turn();
+                        let now = at_work.fetch_add(1, Ordering::SeqCst) + 1;
+                        most.fetch_max(now, Ordering::SeqCst);
+                        std::thread::sleep(Duration::from_micros(200));
+                        at_work.fetch_sub(1, Ordering::SeqCst);
+                        then(units.fetch_add(1, Ordering::SeqCst));
+                    }
+                });
+            }
+        });
+        assert_eq!(units.into_inner(), 200);
+        most.into_inner()
+    }
+
+    #[test]
+    fn no_more_threads_than_allowed_work_at_a_time() {
+        let limit = ThreadLimit::none();
+        assert!(most_at_work(&limit, |_| ()) > 2, "the measure sees more than the limits below");
+        for most in [1, 2] {
+            limit.set(Some(most));
+            assert_eq!(most_at_work(&limit, |_| ()), most);
+        }
+        limit.set(Some(0));
+        assert_eq!(most_at_work(&limit, |_| ()), 1, "somebody must do it");
+    }
+
+    #[test]
+    fn a_limit_that_changes_under_way_leaves_nobody_waiting() {
+        let limit = ThreadLimit::none();
+        limit.set(Some(1));
+        most_at_work(&limit, |unit| limit.set((unit % 3 > 0).then_some(unit % 3)));
+        limit.set(None);
+        assert!(most_at_work(&limit, |_| ()) > 1);
+    }
 }

@@ -4,7 +4,7 @@ use super::{Camera, CameraError, Projection, length, unit};
 use glam::DVec3;
 
 /// View angle of a default camera, degrees; VTK's.
-const DEFAULT_VIEW_ANGLE: f64 = 30.0;
+pub(super) const DEFAULT_VIEW_ANGLE: f64 = 30.0;
 
 /// Viewing direction of a default camera: from the front right and above, each axis at another angle, so that no pair of
 /// box edges coincides in the image and neither a flat nor an elongated box is seen edge-on.

@@ -3,9 +3,11 @@
 //! World: right-handed, +Z up. View: x right, y up, w forward (depth along the viewing direction); the eye is the origin.
 
 mod framing;
+mod motion;
 mod text;
 mod view;
 
+pub use motion::Axis;
 pub use view::View;
 
 use glam::DVec3;

@@ -109,8 +109,13 @@ impl Camera {
 impl View {
     /// Image-plane coordinates of the centre of pixel (`px_i`, `px_j`): column from the left, row from the top.
     pub fn ray(&self, px_i: usize, px_j: usize) -> (f64, f64) {
-        let x = (px_i as f64 + 0.5) / self.width_px as f64 * 2.0 - 1.0;
-        let y = 1.0 - (px_j as f64 + 0.5) / self.height_px as f64 * 2.0;
+        self.ray_at(px_i as f64 + 0.5, px_j as f64 + 0.5)
+    }
+
+    /// Image-plane coordinates of a place in the image in pixels, `x_px` from the left and `y_px` from the top.
+    pub fn ray_at(&self, x_px: f64, y_px: f64) -> (f64, f64) {
+        let x = x_px / self.width_px as f64 * 2.0 - 1.0;
+        let y = 1.0 - y_px / self.height_px as f64 * 2.0;
         (x * self.half_width, y * self.half_height)
     }
 

@@ -1,7 +1,7 @@
 //! `tetreel bench`: run time beside error.
 
 use super::progress::Terminal;
-use super::scene::{Scene, SceneArgs};
+use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::{Outcome, print_result, source};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
@@ -31,6 +31,8 @@ pub(super) struct Args {
     json: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    image: SizeArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -65,7 +67,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let mut machine = Machine::detect();
     for path in &args.stores {
         let store = source::open(path, terminal)?;
-        let mut scene = Scene::open(&store, &args.scene)?;
+        let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
         for (motion, judged) in args.suite.runs() {
             terminal.check_interrupted()?;
             let bench = FrameBench {

@@ -1,5 +1,7 @@
 //! `tetreel demo`: from nothing to a picture.
 
+#[cfg(feature = "gui")]
+use super::play::{self, Playing};
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizePx};
 use super::{Outcome, render, source};
@@ -9,11 +11,13 @@ use crate::image::{self, PngDepth};
 use crate::ingest::IngestOptions;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
+#[cfg(feature = "gui")]
+use crate::ui::window::{Start, WindowError};
 use anyhow::Context;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Generate a series, import it, render frames and a contact sheet
+/// Generate a series and play it; without a display, render it to pictures
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  tetreel demo --out demo")]
 pub(super) struct Args {
@@ -23,6 +27,10 @@ pub(super) struct Args {
     /// About how many tets
     #[arg(long, default_value_t = 400_000, value_name = "N")]
     cells: u64,
+    /// Render frames and a contact sheet even if there is a display
+    #[cfg(feature = "gui")]
+    #[arg(long)]
+    no_window: bool,
 }
 
 /// Steps generated; the contact sheet shows every other one, from the second on (the jet starts from nothing).
@@ -32,16 +40,15 @@ const SHEET: (usize, usize) = (3, STEPS / 2 / 3);
 const SIZE: SizePx = SizePx(640, 420);
 /// Nearer than the default, which leaves room to turn the box.
 const CAMERA: &str = "angle=20";
-const BACKGROUND: Background = Background::Color([0.086, 0.094, 0.114]);
+const BACKGROUND_COLOR: [f32; 3] = [0.086, 0.094, 0.114];
+const BACKGROUND: Background = Background::Color(BACKGROUND_COLOR);
 /// The quiet surroundings are a faint blue haze, the outer jet is a veil, fronts and cores stand out.
 const TRANSFER_FUNCTION: &str = "cool-to-warm@0:0.008,0.04:0.004,0.15:0.02,0.4:0.05,0.6:0.15,0.8:0.65,1:0.95";
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let series = generate(&SynthSpec { cells: args.cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
     let dir = &args.out;
-    let frames_dir = dir.join("frames");
-    std::fs::create_dir_all(&frames_dir)
-        .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
+    std::fs::create_dir_all(dir).with_context(|| format!("{}: cannot make the folder", dir.display()))?;
     let store_path = dir.join("demo_jet.zarr");
     let options = IngestOptions { overwrite: true, ..Default::default() };
     let report = source::run_ingest(&series, &store_path, &options, terminal)?;
@@ -54,7 +61,6 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         opacity_kind: Default::default(),
         unit_distance: None,
         camera: Some(CAMERA.to_owned()),
-        size: SIZE,
         mode: Default::default(),
         backend: Default::default(),
         #[cfg(feature = "gpu")]
@@ -62,7 +68,23 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         block_memory: Default::default(),
         optics: Default::default(),
     };
-    let mut scene = Scene::open(&Store::open(&store_path)?, &scene_args)?;
+    let store = Store::open(&store_path)?;
+    #[cfg(feature = "gui")]
+    if play::has_display() && !args.no_window {
+        let path = store_path.display();
+        terminal
+            .say(&format!("playing {path} (again: tetreel play {path}); with --no-window there are pictures instead"));
+        let playing = Playing { background: Some(BACKGROUND_COLOR), follows: false, size: None, plays: true };
+        let start = Start::Play(Box::new(play::open_store(&store_path, &scene_args)?));
+        match play::show(start, &scene_args, &playing, terminal) {
+            Err(error) if error.is::<WindowError>() => terminal.say(&format!("{error}; here they are")),
+            shown => return shown.map(|()| Outcome::Done),
+        }
+    }
+    let mut scene = Scene::open(&store, &scene_args, SIZE)?;
+    let frames_dir = dir.join("frames");
+    std::fs::create_dir_all(&frames_dir)
+        .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
     let pattern = FramePattern::new(&frames_dir.join("frame_%04d.png"))?;
     let steps: Vec<usize> = (0..STEPS).collect();
     let options = StillOptions { background: BACKGROUND, ..Default::default() };

@@ -11,6 +11,8 @@ mod export;
 mod import;
 mod info;
 mod manual;
+#[cfg(feature = "gui")]
+mod play;
 mod progress;
 mod render;
 mod scene;
@@ -59,6 +61,8 @@ enum Command {
     Demo(demo::Args),
     Import(import::Args),
     Info(info::Args),
+    #[cfg(feature = "gui")]
+    Play(Box<play::Args>),
     Render(Box<render::Args>),
     Compare(compare::Args),
     Bench(bench::Args),
@@ -92,6 +96,8 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Demo(args) => demo::run(args, &terminal),
         Command::Import(args) => import::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        #[cfg(feature = "gui")]
+        Command::Play(args) => play::run(args, &terminal),
         Command::Render(args) => render::run(args, &terminal),
         Command::Compare(args) => compare::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal),

@@ -11,7 +11,8 @@ use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Se
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
-use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction};
+use crate::ui::{Look, mapped_range};
 use anyhow::{Context, bail};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -23,7 +24,7 @@ pub(super) struct SceneArgs {
     #[arg(long)]
     pub(super) field: Option<FieldSelector>,
     /// Transfer function: MAP, MAP@POSITION:OPACITY,... or a file (docs/transfer-functions.md)
-    #[arg(long, value_name = "TF", default_value = "viridis")]
+    #[arg(long, value_name = "TF", default_value = SceneArgs::DEFAULT_TF)]
     pub(super) tf: String,
     /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, log or log:LO,HI
     #[arg(long, value_name = "RANGE", default_value = "series", allow_hyphen_values = true)]
@@ -37,9 +38,6 @@ pub(super) struct SceneArgs {
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// Image size in pixels
-    #[arg(long, value_name = "WxH", default_value = "1024x768")]
-    pub(super) size: SizePx,
     /// auto, raycast, or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
@@ -56,6 +54,14 @@ pub(super) struct SceneArgs {
     /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
+}
+
+/// How large its images are.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub(super) struct SizeArgs {
+    /// Image size in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x768")]
+    pub(super) size: SizePx,
 }
 
 /// [`Series::BLOCK_BYTES`] as a user writes it.
@@ -127,67 +133,80 @@ pub(super) struct GpuReport {
 /// A series, ready to be asked for frames.
 pub(super) struct Scene {
     pub(super) pipeline: Pipeline,
-    pub(super) camera: Camera,
-    tf: TransferFunction,
-    /// `tf` as the user wrote it.
+    /// What all its frames have in common.
+    pub(super) look: Look,
+    /// The transfer function as the user wrote it.
     tf_text: String,
-    policy: RangePolicy,
-    kind: OpacityKind,
-    unit_distance: f64,
     size: SizePx,
-    mode: RenderMode,
-    backend: Backend,
-    optics: OpticsKind,
     #[cfg(feature = "gpu")]
-    gpu: ContextOptions,
+    pub(super) gpu: ContextOptions,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
 }
 
-impl Scene {
-    pub(super) fn open(store: &Store, args: &SceneArgs) -> anyhow::Result<Self> {
-        let tf = TransferFunction::parse(&args.tf).with_context(|| format!("--tf '{}'", args.tf))?;
-        if args.mode == RenderMode::Reference && args.backend == Backend::Gpu {
+impl SceneArgs {
+    /// The transfer function of those who do not choose one.
+    pub(super) const DEFAULT_TF: &str = "viridis";
+
+    /// What frames of a series look like, in images of this size.
+    pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
+        let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
+        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
             bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
         }
-        let blocks = Arc::new(BlockCache::new(args.block_memory.0));
-        let mut pipeline = Pipeline::new(Arc::new(Series::open_with(store, args.field.as_ref(), blocks)?));
-        #[cfg(feature = "gpu")]
-        let gpu = ContextOptions { adapter: args.adapter.clone(), ..Default::default() };
-        #[cfg(feature = "gpu")]
-        pipeline.choose_gpu(gpu.clone());
-        if let Err(problem) = pipeline.check_backend(args.backend) {
-            bail!("{problem}; --backend cpu renders without one");
-        }
-        let bounds = pipeline.mesh().positions.world_bounds();
-        let framing = Camera::default_for(bounds)?.fit_to_aspect(args.size.0, args.size.1);
-        let camera = match &args.camera {
+        let look = Look::default_for(series, tf)?;
+        let framing = look.camera.fit_to_aspect(size.0, size.1);
+        let camera = match &self.camera {
             Some(text) => Camera::parse(text, &framing).with_context(|| format!("--camera '{text}'"))?,
             None => framing,
         };
-        // A mesh without extent is refused when it is built, so the diagonal is positive.
-        let unit_distance = args.unit_distance.unwrap_or_else(|| 0.01 * (bounds.1 - bounds.0).length());
-        let (policy, kind) = (args.range, args.opacity_kind);
+        Ok(Look {
+            camera,
+            range: self.range,
+            opacity_kind: self.opacity_kind,
+            unit_distance: self.unit_distance.unwrap_or(look.unit_distance),
+            mode: self.mode,
+            backend: self.backend,
+            optics: self.optics,
+            ..look
+        })
+    }
+
+    /// The field of a store.
+    pub(super) fn series(&self, store: &Store) -> anyhow::Result<Arc<Series>> {
+        let blocks = Arc::new(BlockCache::new(self.block_memory.0));
+        Ok(Arc::new(Series::open_with(store, self.field.as_ref(), blocks)?))
+    }
+
+    /// The GPU.
+    #[cfg(feature = "gpu")]
+    pub(super) fn gpu(&self) -> ContextOptions {
+        ContextOptions { adapter: self.adapter.clone(), ..Default::default() }
+    }
+}
+
+impl Scene {
+    pub(super) fn open(store: &Store, args: &SceneArgs, size: SizePx) -> anyhow::Result<Self> {
+        let mut pipeline = Pipeline::new(args.series(store)?);
+        let look = args.look(pipeline.series(), size)?;
+        #[cfg(feature = "gpu")]
+        pipeline.choose_gpu(args.gpu());
+        if let Err(problem) = pipeline.check_backend(args.backend) {
+            bail!("{problem}; --backend cpu renders without one");
+        }
         let mut scene = Self {
             pipeline,
-            camera,
-            tf,
+            look,
             tf_text: args.tf.clone(),
-            policy,
-            kind,
-            unit_distance,
-            size: args.size,
-            mode: args.mode,
-            backend: args.backend,
-            optics: args.optics,
+            size,
             #[cfg(feature = "gpu")]
-            gpu,
+            gpu: args.gpu(),
             table: None,
         };
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             scene.request(0)?;
-            scene.camera.view(args.size.0, args.size.1)?;
+            scene.look.camera.view(size.0, size.1)?;
         }
         Ok(scene)
     }
@@ -205,8 +224,9 @@ impl Scene {
     pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
         let time = time.into();
         let table = self.table(time)?;
-        let request = FrameRequest::new(time, self.camera, table, (self.size.0, self.size.1));
-        Ok(FrameRequest { mode: self.mode, optics: self.optics, backend: self.backend, ..request })
+        let Look { camera, mode, optics, backend, .. } = self.look;
+        let request = FrameRequest::new(time, camera, table, (self.size.0, self.size.1));
+        Ok(FrameRequest { mode, optics, backend, ..request })
     }
 
     /// What is known of the GPU by now.
@@ -222,7 +242,7 @@ impl Scene {
 
     /// What colours mean over a range.
     pub(super) fn color_scale(&self, range: MappedRange) -> ColorScale<'_> {
-        ColorScale { map: self.tf.color_map(), range }
+        ColorScale { map: self.look.tf.color_map(), range }
     }
 
     /// What the frame of the last `request` shows, as frame number `frame` of the run.
@@ -237,34 +257,24 @@ impl Scene {
             camera: request.camera.to_string(),
             transfer_function: self.tf_text.clone(),
             range: self.table.as_ref().map(|(range, _)| *range),
-            opacity_kind: self.kind,
-            unit_distance: self.unit_distance,
+            opacity_kind: self.look.opacity_kind,
+            unit_distance: self.look.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
             extras: Default::default(),
         }
     }
 
-    /// The table for a moment; made anew only if the range has changed. Between two steps their ranges are interpolated as
-    /// the scalars are: no mixed scalar lies outside, and colours do not jump at a step.
+    /// The table for a moment; made anew only if the range has changed.
     fn table(&mut self, time: FrameTime) -> anyhow::Result<Arc<NodeTable>> {
         let field = self.pipeline.field();
-        let nothing = (f64::NAN, f64::NAN);
-        let ends = |range: Option<[f32; 2]>| range.map_or(nothing, |[lo, hi]| (f64::from(lo), f64::from(hi)));
-        let series = ends(field.range);
-        // A step without a finite value shows nothing, whatever the colours.
-        let of = |step: usize| match field.range_per_step.get(step).copied().flatten() {
-            None => series,
-            range => ends(range),
-        };
-        let (lo, hi) = of(time.step());
-        let of_step = (time.mix(lo, |next| of(next).0), time.mix(hi, |next| of(next).1));
-        let range = self.policy.resolve(series, of_step).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
+        let range =
+            mapped_range(field, &self.look.range, time).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         if let Some((last, table)) = &self.table
             && *last == range
         {
             return Ok(table.clone());
         }
-        let table = Arc::new(build_node_table(&self.tf, &range, self.kind, self.unit_distance)?);
+        let table = Arc::new(self.look.table(&range)?);
         self.table = Some((range, table.clone()));
         Ok(table)
     }

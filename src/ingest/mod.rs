@@ -3,9 +3,11 @@
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
 //! 64 steps of each field) are in memory. The result does not depend on the number of threads. [`append()`] adds the new steps of
-//! a source that has grown.
+//! a source that has grown;
+//! [`ImportCache`] opens a source as if it were a store.
 
 mod append;
+mod cached;
 mod compression;
 mod options;
 mod order;
@@ -16,6 +18,7 @@ mod same_mesh;
 mod stream;
 
 pub use append::{AppendOptions, AppendPlan, AppendReport, AppendedField, append, plan_append};
+pub use cached::{CacheError, CacheEvent, ImportCache, Origin};
 pub use compression::CompressionReport;
 pub use options::{CodecChoice, FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};

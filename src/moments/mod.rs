@@ -1,14 +1,16 @@
-//! One-pass statistics of a series: ranges per step and over all steps, mean and variance per vertex.
+//! One-pass statistics of a series: ranges per step and over all steps, mean and variance per vertex; histograms.
 //!
 //! The mean and the sum of squared deviations follow Welford, "Note on a method for calculating corrected sums of
 //! squares and products", Technometrics 4 (1962): in f64, one division a sample, no large intermediate sums. A constant
 //! series has a variance of exactly 0, and a large common offset costs nothing. Non-finite samples are left out and
 //! counted; -0 counts as smaller than +0, so that a range has one answer whatever the order of the comparisons.
 
+mod histogram;
 mod spread;
 #[cfg(test)]
 mod tests;
 
+pub use histogram::Histogram1d;
 pub use spread::{CovDenominator, VertexStatistics};
 
 use rayon::prelude::*;

@@ -3,6 +3,8 @@
 use super::FrameRequest;
 use super::series::Series;
 use crate::render::Frame;
+#[cfg(feature = "gpu")]
+use crate::render::gpu::FrameTexture;
 use crossbeam::queue::ArrayQueue;
 use std::ops::Deref;
 use std::sync::{Arc, Weak};
@@ -59,9 +61,30 @@ impl FramePool {
     }
 }
 
-/// Bytes of the planes of a frame of so many pixels.
-fn bytes_of((width, height): (usize, usize)) -> u64 {
-    (size_of::<[f32; 4]>() + size_of::<f32>()) as u64 * width as u64 * height as u64
+/// Bytes of the planes of a frame.
+fn bytes_of(frame: &Frame) -> u64 {
+    (size_of_val(&*frame.color.pixels) + size_of_val(&*frame.depth.pixels)) as u64 + bytes_on_gpu(frame)
+}
+
+#[cfg(feature = "gpu")]
+fn bytes_on_gpu(frame: &Frame) -> u64 {
+    frame.texture.as_ref().map_or(0, FrameTexture::bytes)
+}
+
+#[cfg(not(feature = "gpu"))]
+fn bytes_on_gpu(_: &Frame) -> u64 {
+    0
+}
+
+/// Whether a frame is still there: the GPU that it is on may be lost.
+#[cfg(feature = "gpu")]
+fn is_there(frame: &Frame) -> bool {
+    frame.texture.as_ref().is_none_or(|texture| texture.context().check().is_ok())
+}
+
+#[cfg(not(feature = "gpu"))]
+fn is_there(_: &Frame) -> bool {
+    true
 }
 
 /// Frames of one view, within a budget of bytes, by the whole request.
@@ -87,13 +110,17 @@ impl FrameCache {
     /// The frame of a request if there is one.
     pub(super) fn get(&mut self, series: &Arc<Series>, request: &FrameRequest) -> Option<SharedFrame> {
         self.turn_to(series, request);
+        if self.frames.iter().any(|(_, frame)| !is_there(frame)) {
+            self.frames.clear();
+            self.bytes = 0;
+        }
         self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
     }
 
     /// Keeps a frame that is not there yet, if it fits.
     pub(super) fn put(&mut self, series: &Arc<Series>, request: &FrameRequest, frame: &SharedFrame) {
         self.turn_to(series, request);
-        let bytes = bytes_of(request.size_px);
+        let bytes = bytes_of(frame);
         if self.bytes.saturating_add(bytes) <= self.budget_bytes {
             self.bytes += bytes;
             self.frames.push((request.clone(), frame.clone()));
@@ -148,13 +175,18 @@ mod tests {
     fn a_loop_that_does_not_fit_finds_the_frames_that_were_first_in_every_round() {
         let pool = FramePool::default();
         let (series, _) = test_series::logged(5);
-        let mut cache = FrameCache::new(3 * bytes_of((10, 10)));
+        let frame = || {
+            let mut frame = Frame::default();
+            (frame.color.pixels, frame.depth.pixels) = (vec![[0.0; 4]; 100], vec![0.0; 100]);
+            frame
+        };
+        let mut cache = FrameCache::new(3 * 100 * 20);
         for round in 0..3 {
             let mut found = Vec::new();
             for step in 0..5 {
                 match cache.get(&series, &request(step)) {
                     Some(_) => found.push(step),
-                    None => cache.put(&series, &request(step), &pool.share(Frame::default())),
+                    None => cache.put(&series, &request(step), &pool.share(frame())),
                 }
             }
             assert_eq!(found, if round == 0 { vec![] } else { vec![0, 1, 2] });

@@ -1,6 +1,6 @@
 //! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
 
-use super::Backend;
+use super::{Backend, WindowGpu};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
@@ -16,6 +16,8 @@ pub(in crate::pipeline) struct Gpu {
     options: ContextOptions,
     /// [`Context::new`], or in tests one that gives devices of no use.
     open: fn(&ContextOptions) -> Result<Context, RenderError>,
+    /// The GPU of the window that shows the frames comes before all others.
+    window: WindowGpu,
     state: State,
     /// Mesh and view of the last job that was beyond it: the next like it would be too.
     beyond: Option<(Arc<Mesh>, View, RenderError)>,
@@ -38,6 +40,7 @@ impl Default for Gpu {
         Self {
             options: ContextOptions::default(),
             open: Context::new,
+            window: WindowGpu::none(),
             state: State::default(),
             beyond: None,
             problem: None,
@@ -48,7 +51,12 @@ impl Default for Gpu {
 impl Gpu {
     /// Another GPU than the best one; what was begun on the last one is forgotten.
     pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
-        *self = Self { options, open: self.open, ..Self::default() };
+        *self = Self { options, open: self.open, window: self.window.clone(), ..Self::default() };
+    }
+
+    /// Renders on a window's GPU while that works.
+    pub(in crate::pipeline) fn share(&mut self, window: WindowGpu) {
+        self.window = window;
     }
 
     /// Looks for the same GPU again when it is needed.
@@ -88,6 +96,12 @@ impl Gpu {
     }
 
     fn renderer(&mut self, hardware_only: bool) -> Result<&mut Raycast, RenderError> {
+        if let Some(of_window) = self.window.get() {
+            let is_in_use = self.context().is_some_and(|context| Arc::ptr_eq(context, &of_window));
+            if !is_in_use {
+                (self.state, self.beyond) = (State::Ready(Box::new(Raycast::new(of_window))), None);
+            }
+        }
         let is_new = match &self.state {
             State::NotLookedFor => true,
             State::NoHardware(_) => !hardware_only,

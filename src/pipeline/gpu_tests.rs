@@ -31,6 +31,8 @@ fn one_tet() -> RenderJob {
         optics: Default::default(),
         early_termination: true,
         cancel: Default::default(),
+        thread_limit: Default::default(),
+        for_window: false,
         stats: Default::default(),
     }
 }

@@ -5,6 +5,7 @@
 //! What did not change since the last request is not done again. A frame shows a step or, between two steps, their linear
 //! mixture ([`FrameTime`]), and depends on nothing but its request.
 
+mod apart;
 mod backend;
 mod frames;
 #[cfg(feature = "gpu")]
@@ -20,6 +21,8 @@ mod steps;
 #[cfg(test)]
 pub(crate) mod test_series;
 mod time;
+#[cfg(feature = "gpu")]
+mod window_gpu;
 
 pub use backend::Backend;
 pub use frames::SharedFrame;
@@ -28,6 +31,8 @@ pub use queue::{FrameId, Preparations};
 pub use request::{FrameRequest, PipelineError, RenderMode};
 pub use series::Series;
 pub use time::FrameTime;
+#[cfg(feature = "gpu")]
+pub use window_gpu::WindowGpu;
 
 use crate::error::FileResult;
 use crate::field::{FieldSelector, TimeAxis};
@@ -120,6 +125,12 @@ impl Pipeline {
         self.renderers.gpu.choose(options);
     }
 
+    /// Renders on a window's GPU while that works.
+    #[cfg(feature = "gpu")]
+    pub fn share_gpu(&mut self, gpu: WindowGpu) {
+        self.renderers.gpu.share(gpu);
+    }
+
     /// The GPU in use, once one was needed.
     #[cfg(feature = "gpu")]
     pub fn gpu(&self) -> Option<&Arc<Context>> {
@@ -158,7 +169,11 @@ impl Pipeline {
         self.prepare_unless(request, &Cancel::new())
     }
 
-    fn prepare_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<RenderJob, PipelineError> {
+    /// As [`Self::prepare`], unless `cancel` is raised.
+    ///
+    /// # Errors
+    /// As [`Self::render`], or `Cancelled`.
+    pub fn prepare_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<RenderJob, PipelineError> {
         let decoded = self.decode.run(&self.series, request, cancel)?;
         self.order.run(&self.series, request, decoded, cancel)
     }

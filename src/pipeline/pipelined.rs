@@ -17,6 +17,7 @@ use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
 use super::series::Series;
 use super::stages::{Shared, decode_all, order_all, render_all};
 use super::{Decode, FrameRequest, Order, Pipeline, PipelineError, Renderers};
+use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, bounded};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
@@ -62,6 +63,8 @@ pub struct Pipelined {
     deliveries: Option<Receiver<Delivery>>,
     threads: Option<Threads>,
     prefetcher: Prefetcher,
+    /// Threads that render on the CPU.
+    render_threads: usize,
 }
 
 struct Threads {
@@ -92,6 +95,7 @@ impl Pipelined {
             queue: Arc::new(Queue::default()),
             kept: Arc::new(Mutex::new(FrameCache::new(options.frame_cache_bytes))),
             pool: FramePool::default(),
+            thread_limit: ThreadLimit::none(),
         };
         let preparing = Arc::new(pool(options.threads, "prepare")?);
         let rendering = options.threads.map(|_| pool(options.threads, "render")).transpose()?;
@@ -116,7 +120,14 @@ impl Pipelined {
         };
         // Threads that were started must not wait for requests that nobody can make.
         let threads = spawn().inspect_err(|_| shared.queue.close())?;
-        Ok(Self { series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
+        let render_threads = options.threads.unwrap_or_else(rayon::current_num_threads);
+        Ok(Self { render_threads, series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
+    }
+
+    /// Leaves a core to others while `leave` is set, also of what is being rendered on the CPU; if there is but one core, it
+    /// is used.
+    pub fn leave_a_core(&self, leave: bool) {
+        self.shared.thread_limit.set(leave.then(|| self.render_threads.saturating_sub(1)));
     }
 
     /// What requests are about.

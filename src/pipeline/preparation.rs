@@ -7,7 +7,7 @@ use crate::codec::vq;
 use crate::mesh::Mesh;
 use crate::render::{CompressedStep, RenderJob};
 use crate::stats::FrameStats;
-use crate::task::Cancel;
+use crate::task::{Cancel, ThreadLimit};
 use crate::visibility::{CellSet, finite_cells_unless};
 use std::sync::{Arc, Weak};
 use std::time::Instant;
@@ -95,6 +95,8 @@ impl Order {
             optics: request.optics,
             early_termination: true,
             cancel: cancel.clone(),
+            thread_limit: ThreadLimit::none(),
+            for_window: request.for_window,
             stats,
         })
     }

@@ -54,6 +54,10 @@ pub struct FrameRequest {
     pub optics: OpticsKind,
     /// Where it is rendered.
     pub backend: Backend,
+    /// Whether it is for a window: a frame that is rendered on the window's GPU (`WindowGpu`) stays
+    /// there. What it shows is the same.
+    #[serde(skip)]
+    pub for_window: bool,
 }
 
 impl FrameRequest {
@@ -61,15 +65,15 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (mode, optics, backend) = Default::default();
-        Self { time: time.into(), camera, table, size_px, mode, optics, backend }
+        let (mode, optics, backend, for_window) = Default::default();
+        Self { time: time.into(), camera, table, size_px, mode, optics, backend, for_window }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
         // By address first: tables are long, and mostly the same one.
         let same_table = Arc::ptr_eq(&self.table, &other.table) || self.table == other.table;
-        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.optics, r.backend);
+        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.optics, r.backend, r.for_window);
         same_table && rest(self) == rest(other)
     }
 }

@@ -29,6 +29,9 @@ pub(super) trait StepSource: Send + Sync {
     fn is_resident(&self, _step: usize) -> bool {
         false
     }
+
+    /// Another source of the same steps, with its blocks in `blocks`.
+    fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource>;
 }
 
 impl StepSource for FieldReader {
@@ -50,6 +53,10 @@ impl StepSource for FieldReader {
 
     fn is_resident(&self, step: usize) -> bool {
         FieldReader::is_resident(self, step)
+    }
+
+    fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
+        Box::new(FieldReader::with_blocks(self, blocks))
     }
 }
 
@@ -134,8 +141,13 @@ impl Series {
     }
 
     /// Number of vertices, and of scalars of a step.
-    pub(super) fn vertices(&self) -> usize {
+    pub(crate) fn vertices(&self) -> usize {
         self.mesh.positions.local.len()
+    }
+
+    /// Fills `out` with a step, one scalar per vertex; whether it came to its end before `cancel` was raised.
+    pub(crate) fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<bool> {
+        Ok(self.source.decode_step(step, out, cancel)?.is_some())
     }
 }
 

@@ -10,6 +10,7 @@ use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order};
 use super::queue::{Queue, Ticket};
 use crate::render::RenderJob;
+use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
 use rayon::ThreadPool;
 use std::any::Any;
@@ -22,6 +23,7 @@ pub(super) struct Shared {
     pub(super) queue: Arc<Queue>,
     pub(super) kept: Arc<Mutex<FrameCache>>,
     pub(super) pool: FramePool,
+    pub(super) thread_limit: ThreadLimit,
 }
 
 impl Shared {
@@ -168,6 +170,7 @@ fn render(
     if let Some(frame) = shared.kept().get(series, request) {
         return Ok((frame, true));
     }
+    let job = RenderJob { thread_limit: shared.thread_limit.clone(), ..job };
     let work = || renderers.render_to_keep(job, request.mode, request.backend, || shared.pool.spare());
     let rendered = match threads {
         Some(threads) => threads.install(work),

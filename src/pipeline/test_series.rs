@@ -90,6 +90,10 @@ impl StepSource for Fake {
     fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<VqBlock>>> {
         Ok(None)
     }
+
+    fn with_blocks(&self, _blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
+        Box::new(Self { log: self.log.clone() })
+    }
 }
 
 /// A small generated series as a store has it. One for all tests.

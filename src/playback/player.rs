@@ -104,6 +104,14 @@ impl Player {
         self.look += 1;
     }
 
+    /// Another series with as many steps is played from now on, at the same place; nothing of the one before is shown any
+    /// more.
+    pub fn set_series(&mut self, series: Arc<Series>) {
+        self.forget_all();
+        self.pipelined.set_series(series);
+        self.redraw();
+    }
+
     /// The series has grown: `series` has the same steps and more ([`Store::refreshed`](crate::store::Store::refreshed),
     /// [`Series::reopened`]). What is on the screen is asked for again: its step may have been encoded anew.
     ///

@@ -1,10 +1,12 @@
 //! From scalars and a view to a frame.
 //!
 //! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to.
-//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU.
+//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU. [`mod@probe`] says
+//! what is seen at a place in the image.
 
 pub mod cpu;
 pub mod gpu;
+pub mod probe;
 pub mod reference;
 
 use crate::camera::View;
@@ -14,7 +16,7 @@ use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
-use crate::task::Cancel;
+use crate::task::{Cancel, ThreadLimit};
 use crate::visibility::CellSet;
 use std::sync::Arc;
 use std::time::Duration;
@@ -41,6 +43,10 @@ pub struct RenderJob {
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
     /// [`Advance::Partial`].
     pub cancel: Cancel,
+    /// How many threads may render at a time.
+    pub thread_limit: ThreadLimit,
+    /// Whether the frame is for a window: rendered on its GPU, it stays there as the texture of its [`Frame`].
+    pub for_window: bool,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
     pub stats: FrameStats,
 }
@@ -143,6 +149,9 @@ pub struct Frame {
     /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
     /// infinite where there is nothing.
     pub depth: DepthImage,
+    /// The frame of a job for a window, on that window's GPU: the planes above are empty then.
+    #[cfg(feature = "gpu")]
+    pub texture: Option<gpu::FrameTexture>,
     /// Counts and times.
     pub stats: FrameStats,
 }
@@ -150,6 +159,10 @@ pub struct Frame {
 impl Frame {
     /// Makes all pixels transparent, in the memory that there is.
     fn clear(&mut self, width_px: usize, height_px: usize) {
+        #[cfg(feature = "gpu")]
+        {
+            self.texture = None;
+        }
         let color = &mut self.color;
         (color.width, color.height) = (width_px, height_px);
         color.pixels.clear();

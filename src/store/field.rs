@@ -186,6 +186,8 @@ pub(super) struct Series<'a> {
 /// Decodes any step of a field. Several threads may use one reader at once.
 pub struct FieldReader {
     info: StoredField,
+    /// The fields whose norm this one is.
+    components: Vec<StoredField>,
     steps: usize,
     vertices: usize,
     values: Values,
@@ -216,6 +218,7 @@ impl FieldReader {
         };
         Self {
             info,
+            components: components.iter().copied().cloned().collect(),
             steps: series.steps,
             vertices: series.vertices,
             values,
@@ -224,6 +227,20 @@ impl FieldReader {
             storage: series.storage.clone(),
             source: series.source.clone(),
         }
+    }
+
+    /// Another reader of the same files, with its blocks in `cache`: what it reads makes no room among those of this one.
+    #[must_use]
+    pub fn with_blocks(&self, cache: Arc<BlockCache>) -> Self {
+        let series = Series {
+            root: &self.root,
+            storage: &self.storage,
+            source: &self.source,
+            steps: self.steps,
+            vertices: self.vertices,
+            cache: Some(cache),
+        };
+        Self::new(self.info.clone(), &self.components.iter().collect::<Vec<_>>(), &series)
     }
 
     /// What the field is.

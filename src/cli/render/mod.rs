@@ -6,7 +6,7 @@ mod resume;
 mod sink;
 
 use super::progress::Terminal;
-use super::scene::{Scene, SceneArgs};
+use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::trace::Trace;
 use super::{Outcome, source};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
@@ -47,6 +47,8 @@ pub(super) struct Args {
     time: TimeArgs,
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    image: SizeArgs,
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
@@ -203,13 +205,13 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
-    let mut scene = Scene::open(&store, &args.scene)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
     terminal.end();
     let checksums = checked?;
-    terminal.detail(&format!("camera: {}", scene.camera));
+    terminal.detail(&format!("camera: {}", scene.look.camera));
     let annotator = annotator(args, &scene);
     let (sink, fingerprints) = match ffmpeg {
         Some(ffmpeg) => {
@@ -265,13 +267,14 @@ fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
     let name = dataset_name(&args.store);
     let field = scene.pipeline.field();
     let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
-    let SceneArgs { tf, range, size, .. } = &args.scene;
+    let SceneArgs { tf, range, .. } = &args.scene;
+    let size = args.image.size;
     Ok(MovieOptions {
         size_px: (size.0, size.1),
         rate: args.time.rate()?,
         background: args.background,
         title: format!("{name}: {}{units}", field.name),
-        comment: format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.camera),
+        comment: format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
     })
 }
 

@@ -63,6 +63,7 @@ pub struct Context {
     /// Its queue.
     pub queue: wgpu::Queue,
     name: AdapterName,
+    is_of_window: bool,
     binding_bytes: u64,
     /// Nanoseconds of a timestamp's unit, if there are timestamps.
     timestamp_period_ns: Option<f64>,
@@ -71,7 +72,7 @@ pub struct Context {
 }
 
 /// The backends that tetreel is built with.
-const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
+pub const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
 impl Context {
     /// The GPU that `options` ask for: hardware before software, discrete before integrated.
@@ -82,31 +83,28 @@ impl Context {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = BACKENDS;
         let instance = wgpu::Instance::new(descriptor);
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
-        // Stable: the driver's order among equals.
-        adapters.sort_by_key(|a| preference(a.get_info().device_type));
-        let wanted = options.adapter.to_lowercase();
-        let fits = |info: wgpu::AdapterInfo| {
-            info.name.to_lowercase().contains(&wanted) && (name_of(&info).is_hardware || !options.hardware_only)
-        };
-        let Some(adapter) = adapters.iter().find(|a| fits(a.get_info())) else {
-            return Err(RenderError::NoGpu(nothing_found(options, &adapters)));
-        };
-        Self::of_adapter(adapter, options)
+        let adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
+        Self::of_adapter(best(&adapters, options)?, options)
     }
 
     fn of_adapter(adapter: &wgpu::Adapter, options: &ContextOptions) -> Result<Self, RenderError> {
-        let name = name_of(&adapter.get_info());
-        let has_timestamps = !options.no_timestamps && adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        let features = if has_timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() };
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("tetreel"),
-            required_features: features,
-            required_limits: limits(&adapter.limits(), options.tier),
-            ..Default::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|e| RenderError::NoGpu(format!("{name} gives no device: {e}")))?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor(adapter, options)))
+            .map_err(|e| RenderError::NoGpu(format!("{} gives no device: {e}", name_of(&adapter.get_info()))))?;
+        Ok(Self::of_device(adapter, device, queue, options.binding_bytes))
+    }
+
+    /// The GPU of a window: a device that was requested with [`descriptor`]. Frames for the window stay on it.
+    pub fn of_window(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        Self { is_of_window: true, ..Self::of_device(adapter, device, queue, None) }
+    }
+
+    fn of_device(
+        adapter: &wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        binding_bytes: Option<u64>,
+    ) -> Self {
+        let has_timestamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Arc<Mutex<Option<Fault>>>| {
             let fault = fault.clone();
@@ -127,15 +125,21 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed(Fault::Failed(error.to_string()))));
         let limits = device.limits();
         let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Self {
-            name,
-            binding_bytes: options.binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
+        Self {
+            name: name_of(&adapter.get_info()),
+            is_of_window: false,
+            binding_bytes: binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
             timestamp_period_ns: has_timestamps.then(|| f64::from(queue.get_timestamp_period())),
             fault,
             created: AtomicU64::new(0),
             device,
             queue,
-        })
+        }
+    }
+
+    /// Whether it is a window's.
+    pub fn is_of_window(&self) -> bool {
+        self.is_of_window
     }
 
     /// Which adapter this is.
@@ -211,6 +215,32 @@ impl Context {
         let lost = Fault::Lost("it was given up".to_owned());
         *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(lost);
         self.device.destroy();
+    }
+}
+
+/// The adapter that `options` ask for: hardware before software, discrete before integrated, else the driver's order.
+///
+/// # Errors
+/// `NoGpu` if there is none, or none of that name.
+pub fn best<'a>(adapters: &'a [wgpu::Adapter], options: &ContextOptions) -> Result<&'a wgpu::Adapter, RenderError> {
+    let wanted = options.adapter.to_lowercase();
+    let fits = |info: wgpu::AdapterInfo| {
+        info.name.to_lowercase().contains(&wanted) && (name_of(&info).is_hardware || !options.hardware_only)
+    };
+    let fitting = adapters.iter().filter(|a| fits(a.get_info()));
+    // The first of equals.
+    let best = fitting.min_by_key(|a| preference(a.get_info().device_type));
+    best.ok_or_else(|| RenderError::NoGpu(nothing_found(options, adapters)))
+}
+
+/// What is asked of an adapter: its sizes, and timestamps if it has them.
+pub fn descriptor(adapter: &wgpu::Adapter, options: &ContextOptions) -> wgpu::DeviceDescriptor<'static> {
+    let has_timestamps = !options.no_timestamps && adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+    wgpu::DeviceDescriptor {
+        label: Some("tetreel"),
+        required_features: if has_timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() },
+        required_limits: limits(&adapter.limits(), options.tier),
+        ..Default::default()
     }
 }
 

@@ -12,7 +12,12 @@ mod shader_tests;
 #[cfg(feature = "gpu")]
 pub mod context;
 #[cfg(feature = "gpu")]
+mod frame_texture;
+#[cfg(feature = "gpu")]
 pub mod raycast;
+#[cfg(feature = "gpu")]
+pub use frame_texture::FrameTexture;
+
 /// Skips that cannot be overlooked, as the integration tests have them.
 #[cfg(test)]
 #[path = "../../../tests/it/common.rs"]

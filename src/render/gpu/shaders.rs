@@ -18,10 +18,12 @@ pub enum Stage {
     EntriesStore,
     /// From entries through the cells.
     Walk(OpticsKind),
+    /// To where a window samples it.
+    Present,
 }
 
 /// All stages.
-pub const STAGES: [Stage; 7] = [
+pub const STAGES: [Stage; 8] = [
     Stage::DecodeVq,
     Stage::ViewTransform,
     Stage::EntriesCount,
@@ -29,6 +31,7 @@ pub const STAGES: [Stage; 7] = [
     Stage::EntriesStore,
     Stage::Walk(OpticsKind::Exact),
     Stage::Walk(OpticsKind::Table3d),
+    Stage::Present,
 ];
 
 /// How the records of cells are split over bindings.
@@ -71,6 +74,7 @@ impl Stage {
             Self::EntriesScan => "entries_scan",
             Self::EntriesStore => "entries_store",
             Self::Walk(_) => "walk",
+            Self::Present => "present",
         }
     }
 
@@ -94,6 +98,7 @@ impl Stage {
             Self::EntriesStore => {
                 &[&constants, FRAME, CELLS, BOXES, include_str!("../../../shaders/entries_store.wgsl")]
             }
+            Self::Present => &[include_str!("../../../shaders/present.wgsl")],
             Self::Walk(optics) => {
                 let optics = match optics {
                     OpticsKind::Exact => EXACT,

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// A cell in view coordinates (local units), ready to be clipped by rays.
 #[derive(Clone, Debug)]
-pub(super) struct Cell {
+pub(in crate::render) struct Cell {
     /// Barycentric coordinate i at a point p is `offset[i] + gradient[i] . p`.
     offset: [f64; 4],
     gradient: [DVec3; 4],
@@ -19,16 +19,16 @@ pub(super) struct Cell {
 
 /// The part of a ray inside a cell: depths and scalars at its ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Segment {
-    pub(super) near: f64,
-    pub(super) far: f64,
-    pub(super) scalar_near: f64,
-    pub(super) scalar_far: f64,
+pub(in crate::render) struct Segment {
+    pub(in crate::render) near: f64,
+    pub(in crate::render) far: f64,
+    pub(in crate::render) scalar_near: f64,
+    pub(in crate::render) scalar_far: f64,
 }
 
 impl Cell {
     /// `None` if no pixel can see the cell.
-    pub(super) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4]) -> Option<Self> {
+    pub(in crate::render) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4]) -> Option<Self> {
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];
@@ -46,8 +46,13 @@ impl Cell {
         Some(Self { offset, gradient, scalars, columns, rows })
     }
 
+    /// Barycentric coordinates of a point in view coordinates, outside of the cell too.
+    pub(in crate::render) fn weights(&self, point: DVec3) -> [f64; 4] {
+        std::array::from_fn(|i| self.offset[i] + self.gradient[i].dot(point))
+    }
+
     /// The segment of the ray of image-plane point (px, py) inside the cell.
-    pub(super) fn clip(&self, view: &View, px: f64, py: f64) -> Option<Segment> {
+    pub(in crate::render) fn clip(&self, view: &View, px: f64, py: f64) -> Option<Segment> {
         let (origin, direction) = if view.perspective {
             (DVec3::ZERO, DVec3::new(px, py, 1.0))
         } else {
@@ -114,20 +119,28 @@ fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Rang
     Some((columns, rows))
 }
 
+impl Segment {
+    /// What is left of it from depth `front` on.
+    pub(in crate::render) fn behind(self, front: f64) -> Option<Self> {
+        if self.far <= front {
+            return None;
+        }
+        let mut cut = self;
+        if self.near < front {
+            let f = (front - self.near) / (self.far - self.near);
+            cut.near = front;
+            cut.scalar_near = self.scalar_near + f * (self.scalar_far - self.scalar_near);
+        }
+        Some(cut)
+    }
+}
+
 /// Segments sorted by their near end, each shortened to begin where the ones before it end, from depth `front` on.
 pub(super) fn without_overlap(front: f64, sorted: impl Iterator<Item = Segment>) -> impl Iterator<Item = Segment> {
     let mut front = front;
-    sorted.filter_map(move |s| {
-        if s.far <= front {
-            return None;
-        }
-        let mut cut = s;
-        if s.near < front {
-            let f = (front - s.near) / (s.far - s.near);
-            cut.near = front;
-            cut.scalar_near = s.scalar_near + f * (s.scalar_far - s.scalar_near);
-        }
-        front = s.far;
-        Some(cut)
+    sorted.filter_map(move |segment| {
+        let left = segment.behind(front)?;
+        front = left.far;
+        Some(left)
     })
 }

@@ -16,7 +16,7 @@ const GAUSS: [(f64, f64); 5] = [
 const SUB_PIECE_DEPTH: f64 = 0.5;
 
 /// What lies behind this optical depth is below f64's rounding of the image.
-const END_DEPTH: f64 = 40.0;
+pub(in crate::render) const END_DEPTH: f64 = 40.0;
 
 /// What a ray sees.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ pub(super) fn integrate(table: &NodeTable, chain: impl Iterator<Item = Segment>,
 
 /// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as seen
 /// from inside the piece, and its share of the length.
-fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
+pub(in crate::render) fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
     let (lo, hi) = (s0.min(s1), s0.max(s1));
     let mut cuts = vec![lo];
     cuts.extend(table.nodes().iter().map(|n| n.scalar).filter(|&s| s > lo && s < hi));

@@ -14,8 +14,8 @@
 //!
 //! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
-mod clip;
-mod integrate;
+pub(super) mod clip;
+pub(super) mod integrate;
 
 use super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::camera::View;
@@ -132,6 +132,7 @@ impl Renderer for Reference {
 
 /// Renders the rows from `first_row` on, unless the job is cancelled; returns the number of segments.
 fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
+    let _turn = active.job.thread_limit.turn();
     let view = &active.view;
     let width = view.width_px;
     let rows = first_row..first_row + pixels.len() / width;

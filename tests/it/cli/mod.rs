@@ -45,6 +45,8 @@ impl Place {
         command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache"));
         // Without it, GPU drivers say on stderr that they find no display server.
         command.env("XDG_RUNTIME_DIR", self.0.path());
+        // No windows on the screen of whoever runs the tests.
+        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
         let output = command.output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         let run = Run { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };

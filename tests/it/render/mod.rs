@@ -55,6 +55,8 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         compressed: None,
         optics: Default::default(),
         early_termination: true,
+        thread_limit: Default::default(),
+        for_window: false,
         cancel: Default::default(),
         stats: Default::default(),
     }

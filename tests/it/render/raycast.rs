@@ -242,6 +242,30 @@ fn opaque_rays_stop_early_and_change_nothing_visible() {
 }
 
 #[test]
+fn renderers_on_the_cpu_wait_for_their_turn_and_draw_the_same() {
+    let mesh = Arc::new(build(grid(4, 0.16, 1, |_| true)));
+    let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (48, 40), dense());
+    let renderers: [fn() -> Box<dyn Renderer>; 2] = [|| Box::new(Raycast::new()), || Box::new(Reference::default())];
+    for new in renderers {
+        let alone = new().render(job.clone()).unwrap().color.clone();
+        let limit = tetreel::task::ThreadLimit::none();
+        limit.set(Some(1));
+        let limited = RenderJob { thread_limit: limit.clone(), ..job.clone() };
+        // Somebody else has the only turn: not one tile is begun.
+        let turn = limit.turn();
+        let (tell, told) = std::sync::mpsc::channel();
+        let rendering = std::thread::spawn(move || {
+            let color = new().render(limited).unwrap().color.clone();
+            tell.send(()).unwrap();
+            color
+        });
+        assert!(told.recv_timeout(Duration::from_millis(100)).is_err());
+        drop(turn);
+        assert_eq!(rendering.join().unwrap(), alone);
+    }
+}
+
+#[test]
 fn an_empty_view_and_a_transparent_table_cost_no_steps() {
     let mesh = Arc::new(build(grid(4, 0.16, 1, |_| true)));
     let look_away = Camera { focal_point: DVec3::new(9.0, 9.0, 9.0), ..camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE) };

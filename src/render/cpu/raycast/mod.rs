@@ -208,6 +208,7 @@ impl Raycast {
             early_termination: active.job.early_termination,
         };
         let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
+        let thread_limit = &active.job.thread_limit;
         // Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that
         // what is done is always a prefix, and no thread waits for others before the end of the slice.
         let mut handed_out = active.next_tile;
@@ -219,6 +220,7 @@ impl Raycast {
             .inspect(|_| handed_out += 1)
             .par_bridge()
             .map(|(pixels, tile)| {
+                let _turn = thread_limit.turn();
                 // A thread of the pool has a scratch of its own: the lock is never waited for.
                 let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
                 let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);

@@ -24,6 +24,7 @@ mod scene;
 mod stage_tests;
 mod target;
 
+use super::FrameTexture;
 use super::context::Context;
 use super::layout::{Params, TILE_PX, depth_of};
 use crate::camera::View;
@@ -32,6 +33,7 @@ use crate::render::cpu::raycast::entries::cells_at_eye;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use glam::DVec3;
+use pipelines::Present;
 use readback::Slot;
 use scene::Scene;
 use std::collections::VecDeque;
@@ -62,6 +64,8 @@ pub struct Raycast {
     in_flight: VecDeque<usize>,
     frame: Frame,
     active_job: Option<ActiveJob>,
+    /// Made for the first frame of a window.
+    present: Option<Present>,
     /// Milliseconds of a tile.
     cost: TileCost,
 }
@@ -112,6 +116,7 @@ impl Raycast {
             in_flight: VecDeque::with_capacity(SLOTS),
             frame: Frame::default(),
             active_job: None,
+            present: None,
             cost: TileCost::default(),
         }
     }
@@ -214,7 +219,7 @@ impl Raycast {
         let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();
         let slot = &mut self.slots[free];
         active.next_tile = tiles.end;
-        slot.record(&self.context, &mut encoder, target, tiles)?;
+        slot.record(&self.context, &mut encoder, target, tiles, self.frame.texture.is_none())?;
         let submission = self.context.queue.submit([encoder.finish()]);
         slot.submitted(&self.context, submission)?;
         self.in_flight.push_back(free);
@@ -240,7 +245,9 @@ impl Raycast {
                 if needed > capacity {
                     return Some(needed);
                 }
-                slice.copy_pixels(frame, |depth| ((f64::from(depth) + origin) * scale) as f32);
+                if frame.texture.is_none() {
+                    slice.copy_pixels(frame, |depth| ((f64::from(depth) + origin) * scale) as f32);
+                }
                 frame.stats.add_counts(&slice.counts());
                 let times = slice.milliseconds(context);
                 if let Some([transform, entries, walk, decode]) = times {
@@ -277,6 +284,34 @@ impl Raycast {
         self.submit_preparation()
     }
 
+    /// A texture for the frame if the job is for this GPU's window: the one that there is if it fits.
+    fn prepare_texture(&mut self, job: &RenderJob) -> Result<(), RenderError> {
+        let size_px = (job.view.width_px, job.view.height_px);
+        let last = self.frame.texture.take();
+        if !job.for_window || !self.context.is_of_window() {
+            self.frame.clear(size_px.0, size_px.1);
+            return Ok(());
+        }
+        self.frame.clear(0, 0);
+        if self.present.is_none() {
+            self.present = Some(Present::new(&self.context)?);
+        }
+        self.frame.texture = Some(match last.filter(|texture| texture.fits(&self.context, size_px)) {
+            Some(texture) => texture,
+            None => FrameTexture::new(&self.context, size_px)?,
+        });
+        Ok(())
+    }
+
+    /// Has a finished frame copied to its texture. Whoever samples that does it after the copy, on the same queue.
+    fn present(&mut self) {
+        if let (Some(texture), Some(present), Some(target)) =
+            (&mut self.frame.texture, &self.present, &self.scene.target)
+        {
+            present.submit(&self.context, &target.color, texture);
+        }
+    }
+
     /// Tiles that fit into `budget`, shared by the slices under way.
     fn slice_tiles(&self, budget: Duration) -> usize {
         if budget == Duration::MAX {
@@ -300,6 +335,9 @@ impl Raycast {
             self.collect_slice()?;
             let Some(active) = &self.active_job else { return Ok(true) };
             let done = active.tiles_done >= active.tile_count;
+            if done {
+                self.present();
+            }
             if done || slice_started.elapsed() >= budget {
                 return Ok(done);
             }
@@ -336,7 +374,6 @@ impl Renderer for Raycast {
         self.drain()?;
         let started = Instant::now();
         let view = job.local_view();
-        self.frame.clear(view.width_px, view.height_px);
         let cells_active = job.active.count();
         self.frame.stats = FrameStats {
             cells_active: cells_active as u64,
@@ -349,7 +386,12 @@ impl Renderer for Raycast {
                 .beyond("the eye is too far from the mesh, or the view too wide, for single precision".to_owned())
         };
         let mut params = Params::of_view(&view).ok_or_else(far)?;
-        if !self.scene.is_clear(&job) && cells_active > 0 {
+        let is_empty = self.scene.is_clear(&job) || cells_active == 0;
+        if is_empty {
+            // All pixels are clear, and here.
+            self.frame.clear(view.width_px, view.height_px);
+        } else {
+            self.prepare_texture(&job)?;
             let eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
             let eye_cells: Vec<_> = eye_cells.into_iter().map(|c| [c, sides(&job, &view, c)]).collect();
             self.scene.update(&self.context, &job, &eye_cells, &mut params)?;

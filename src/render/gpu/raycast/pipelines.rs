@@ -2,6 +2,7 @@
 
 use crate::optics::OpticsKind;
 use crate::render::RenderError;
+use crate::render::gpu::FrameTexture;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::shaders::{RecordSplit, Stage};
 
@@ -82,6 +83,42 @@ impl Decode {
     }
 }
 
+/// What brings finished colours to the texture that a window samples.
+pub(super) struct Present {
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl Present {
+    /// Compiles the shader.
+    pub(super) fn new(context: &Context) -> Result<Self, RenderError> {
+        context.create(|device| {
+            let layout = bind_group_layout(device, "present", &[SAMPLED, plane(FrameTexture::FORMAT)]);
+            let pipeline = pipeline(device, Stage::Present, RecordSplit { parts: 1, shift: 0 }, &layout);
+            Self { layout, pipeline }
+        })
+    }
+
+    /// Submits the copy of `color` to `frame`, which is as large.
+    pub(super) fn submit(&self, context: &Context, color: &wgpu::Texture, frame: &mut FrameTexture) {
+        if frame.source.as_ref().is_none_or(|(source, _)| source != color) {
+            let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+            let (from, to) = (view(color), view(frame.texture()));
+            let views = [wgpu::BindingResource::TextureView(&from), wgpu::BindingResource::TextureView(&to)];
+            frame.source = Some((color.clone(), bind_group(context, "present", &self.layout, &views)));
+        }
+        let Some((_, group)) = &frame.source else { return };
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(color.width().div_ceil(8), color.height().div_ceil(8), 1);
+        }
+        context.queue.submit([encoder.finish()]);
+    }
+}
+
 /// Binds resources in the order of their numbers.
 pub(super) fn bind_group(
     context: &Context,
@@ -98,6 +135,12 @@ pub(super) fn bind_group(
 const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
 const READ: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
 const WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });
+
+const SAMPLED: wgpu::BindingType = wgpu::BindingType::Texture {
+    sample_type: wgpu::TextureSampleType::Float { filterable: false },
+    view_dimension: wgpu::TextureViewDimension::D2,
+    multisampled: false,
+};
 
 const fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
     wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }

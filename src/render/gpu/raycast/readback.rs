@@ -29,8 +29,9 @@ struct Places {
 }
 
 impl Places {
-    fn of(target: &Target) -> Self {
-        let (width, height) = target.size_px;
+    /// For all tiles of an image; without its pixels if they stay where they are.
+    fn of(target: &Target, has_pixels: bool) -> Self {
+        let (width, height) = if has_pixels { target.size_px } else { (0, 0) };
         let depth = color_row_bytes(width) * height as u64;
         let counters = depth + depth_row_bytes(width) * height as u64;
         let total = counters + COUNTER_BYTES * target.tile_count() as u64;
@@ -56,6 +57,7 @@ fn depth_row_bytes(width: usize) -> u64 {
 pub(super) struct Slot {
     buffer: GrowingBuffer,
     tiles: Range<usize>,
+    has_pixels: bool,
     submission: Option<wgpu::SubmissionIndex>,
     /// What became of the mapping, once something has. Another thread that waits for the device may be the one to hear of it.
     mapped: Arc<(Mutex<Option<bool>>, Condvar)>,
@@ -63,25 +65,32 @@ pub(super) struct Slot {
 
 impl Slot {
     pub(super) fn new() -> Self {
-        Self { buffer: GrowingBuffer::readback("read-back"), tiles: 0..0, submission: None, mapped: Arc::default() }
+        Self {
+            buffer: GrowingBuffer::readback("read-back"),
+            tiles: 0..0,
+            has_pixels: true,
+            submission: None,
+            mapped: Arc::default(),
+        }
     }
 
-    /// Appends the copies of the rows, counters and times of `tiles` to what the slice does.
+    /// Appends the copies of counters and times of `tiles` to what the slice does, and if they are wanted of their pixels.
     pub(super) fn record(
         &mut self,
         context: &Context,
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
         tiles: Range<usize>,
+        has_pixels: bool,
     ) -> Result<(), RenderError> {
-        let places = Places::of(target);
+        let places = Places::of(target, has_pixels);
         self.buffer.reserve(context, places.end)?;
         let buffer = self.buffer.get(context)?;
         let (width, height) = target.size_px;
         let rows = target.rows_of(&tiles);
-        for (texture, at, bytes_per_row) in
-            [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))]
-        {
+        let planes =
+            [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))];
+        for (texture, at, bytes_per_row) in planes.into_iter().filter(|_| has_pixels) {
             let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
             let source = wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All };
             let layout = wgpu::TexelCopyBufferLayout {
@@ -100,7 +109,7 @@ impl Slot {
             encoder.resolve_query_set(&times.queries, 0..TIMESTAMPS, &times.resolved, 0);
             encoder.copy_buffer_to_buffer(&times.resolved, 0, buffer, places.timestamps, 8 * u64::from(TIMESTAMPS));
         }
-        self.tiles = tiles;
+        (self.tiles, self.has_pixels) = (tiles, has_pixels);
         Ok(())
     }
 
@@ -143,7 +152,7 @@ impl Slot {
         let buffer = self.buffer.get(context)?;
         let result = {
             let bytes = buffer.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
-            let places = Places::of(target);
+            let places = Places::of(target, self.has_pixels);
             read(&SliceData { bytes: &bytes, places, target, tiles: self.tiles.clone() })
         };
         buffer.unmap();

@@ -82,6 +82,8 @@ fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> Re
         optics: Default::default(),
         early_termination: false,
         cancel: Default::default(),
+        thread_limit: Default::default(),
+        for_window: false,
         stats: Default::default(),
     }
 }

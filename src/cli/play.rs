@@ -1,0 +1,147 @@
+//! `tetreel play`: the player window.
+
+use super::Outcome;
+use super::progress::Terminal;
+use super::scene::{SceneArgs, SizePx};
+use crate::export::still::Background;
+use crate::ingest::Origin;
+use crate::pipeline::{PipelinedOptions, Series};
+use crate::store::{Store, is_store};
+use crate::transfer::TransferFunction;
+use crate::ui::opening::{Opened, OpeningOptions};
+use crate::ui::settings::SettingsFile;
+use crate::ui::window::{self, Dress, Start, WindowOptions};
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Play a series in a window
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  tetreel play case.zarr --field T --tf 'inferno@0:0,0.3:0,1:0.4'
+  tetreel play case.pvd             imported to a cache first; the next time it is there
+  tetreel play running.zarr --follow
+  tetreel play                      drop a file on the window
+
+In the window, H shows all keys: Space plays and pauses, Left and Right step, a drag turns, the wheel zooms, a click follows a
+point over time, S saves the picture.")]
+pub(super) struct Args {
+    /// A store, or a source (.pvd, .vtu, .xdmf) to import to the cache first; several .vtu files are one series; none: ask for one
+    #[arg(value_name = "NAME.zarr")]
+    paths: Vec<PathBuf>,
+    /// Take up steps that are added to the store while it plays (by import --append)
+    #[arg(long)]
+    follow: bool,
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Size of the window in points: pixels, unless the screen is scaled (default: as it was last)
+    #[arg(long, value_name = "WxH")]
+    size: Option<SizePx>,
+    /// Colour behind the volume: #rrggbb, black, white or gray (default: as it was last)
+    #[arg(long, value_name = "COLOR", value_parser = parse_color)]
+    background: Option<[f32; 3]>,
+}
+
+/// The shape that a camera frames the mesh for, until the window has its own.
+const FRAMING: SizePx = SizePx(1280, 800);
+
+/// A window needs a colour.
+fn parse_color(text: &str) -> Result<[f32; 3], String> {
+    let problem = "a window is not transparent; write #rrggbb, black, white or gray";
+    text.parse::<Background>()?.color().ok_or_else(|| problem.to_owned())
+}
+
+pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    // What cannot work fails here, before there is a window.
+    TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf))?;
+    let start = match &*args.paths {
+        [] if args.follow => bail!("--follow needs a store to follow"),
+        [] => Start::Nothing,
+        [path] if is_store(path) || path.extension().is_some_and(|e| e == "zarr") => {
+            let opened = open_store(path, &args.scene)?;
+            args.scene.look(&opened.series, FRAMING)?;
+            Start::Play(Box::new(opened))
+        }
+        paths => {
+            if let Some(missing) = paths.iter().find(|path| !path.exists()) {
+                bail!("{}: there is no such file", missing.display());
+            }
+            Start::Open(paths.to_vec())
+        }
+    };
+    if !has_display() {
+        bail!(
+            "there is no display for a window (DISPLAY and WAYLAND_DISPLAY are not set); `tetreel render` makes pictures without one"
+        );
+    }
+    show(
+        start,
+        &args.scene,
+        &Playing { background: args.background, follows: args.follow, size: args.size, plays: false },
+        terminal,
+    )?;
+    Ok(Outcome::Done)
+}
+
+/// Opens a store and the field of it that is shown.
+pub(super) fn open_store(path: &Path, scene: &SceneArgs) -> anyhow::Result<Opened> {
+    let store = Arc::new(Store::open(path)?);
+    let series = scene.series(&store)?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    Ok(Opened { store, series, path, name, origin: Origin::Store })
+}
+
+/// How a window is shown.
+pub(super) struct Playing {
+    /// Behind the volume; `None`: as it was last.
+    pub(super) background: Option<[f32; 3]>,
+    /// Whether steps that are added to the store are taken up.
+    pub(super) follows: bool,
+    /// In points; `None`: as it was last.
+    pub(super) size: Option<SizePx>,
+    /// Whether it plays at once, in a loop.
+    pub(super) plays: bool,
+}
+
+/// Shows a window until it is closed.
+///
+/// # Errors
+/// If the system shows none, or Ctrl-C closed it.
+pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal: &Terminal) -> anyhow::Result<()> {
+    let (args, &Playing { background, follows, size, plays }) = (scene.clone(), playing);
+    let dress: Dress = Arc::new(move |series: &Series| {
+        let look = args.look(series, FRAMING).map_err(|error| format!("{error:#}"))?;
+        // A camera that only says how wide it looks still frames the mesh.
+        let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
+        Ok((look, args.camera.as_deref().is_some_and(says_where)))
+    });
+    let is_default = scene.field.is_none() && scene.tf == SceneArgs::DEFAULT_TF && scene.range == Default::default();
+    let restores = is_default && scene.camera.is_none();
+    let opening =
+        OpeningOptions { block_bytes: scene.block_memory.0, field: scene.field.clone(), ..Default::default() };
+    let options = WindowOptions {
+        start,
+        dress,
+        restores,
+        follows,
+        plays,
+        opening,
+        threads: PipelinedOptions::default(),
+        background,
+        screenshot_folder: std::path::absolute(".").unwrap_or_else(|_| PathBuf::from(".")),
+        gpu: scene.gpu(),
+        size: size.map(|size| [size.0 as f32, size.1 as f32]),
+        settings: SettingsFile::of_user(),
+    };
+    window::run(options, &terminal.cancel)?;
+    terminal.check_interrupted()?;
+    Ok(())
+}
+
+/// Whether there is a screen to show a window on.
+pub(super) fn has_display() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    cfg!(any(windows, target_os = "macos")) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}

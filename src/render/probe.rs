@@ -1,0 +1,263 @@
+//! What is seen at a place in the image: the point in the mesh that a mouse points at.
+//!
+//! A volume has no surface to hit. Of all cells on the ray through the place, the one seen is that whose segment gives most to
+//! the opacity of the pixel, transmittance in front of it times its own opacity, as the eye takes the layer that dominates for
+//! the thing itself; of equal ones the nearest. In that cell it is the point in front of which half of the segment's opacity
+//! lies. Both depend on the picture alone: the first visible point would be faint haze in front of what one sees, and the
+//! point where half of the *pixel's* opacity is reached may lie between two layers, where nothing is. The price: of a smooth
+//! haze without any layer the largest cell wins, wherever it is.
+//!
+//! ```text
+//! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
+//! clip      the others, as the reference does: barycentric coordinates, segments sorted by depth
+//! absorb    optical depth of every segment from the front, in pieces between the nodes of the table (closed form)
+//! choose    the greatest contribution, and where the segment's own absorption is half
+//! ```
+//!
+//! Clipping and pieces are the reference's own code, so that a probe sees the cells that the judge sees; tests compare the sum
+//! of all contributions with its pixels. All in f64 and on one thread.
+
+use super::reference::clip::{Cell, Segment};
+use super::reference::integrate::{END_DEPTH, pieces};
+use super::{RenderError, RenderJob};
+use crate::camera::View;
+use crate::node_table::NodeTable;
+use glam::DVec3;
+
+/// A point in the mesh that is seen in an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// The cell, in the numbering of the mesh (a store's order, not its source's).
+    pub cell: u32,
+    /// The cell's number among the tetrahedra of the source.
+    pub source_cell: u32,
+    /// World coordinates.
+    pub position: DVec3,
+    /// Barycentric coordinates in the order of the cell's vertices: not negative, sum 1.
+    pub weights: [f64; 4],
+    /// The scalar there: [`interpolate`].
+    pub scalar: f64,
+    /// World length along the viewing direction, from the eye (parallel projection: from the camera's position).
+    pub depth: f64,
+    /// The share of the pixel's opacity that is this cell's, in (0, 1].
+    pub share: f64,
+}
+
+/// The value with these weights between the scalars of a cell's vertices; NaN if one of them is not finite. Of four equal
+/// scalars exactly that one.
+pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
+    if !scalars.iter().all(|s| s.is_finite()) {
+        return f64::NAN;
+    }
+    let [first, rest @ ..] = scalars.map(f64::from);
+    first + (1..4).zip(rest).map(|(i, scalar)| weights[i] * (scalar - first)).sum::<f64>()
+}
+
+/// What is seen at a place in the image of a job: `at_px` is in pixels, from the left and from the top, with pixel centres at
+/// (i + .5, j + .5). `None` beside the image and where nothing is visible.
+///
+/// # Errors
+/// If the parts of the job do not belong together.
+pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
+    job.check()?;
+    let Some(ray) = Ray::new(job, at_px) else { return Ok(None) };
+    let chain = ray.chain(job);
+    let mut total = 0.0;
+    let mut best: Option<(f64, &OnRay)> = None;
+    ray.absorb(&job.table, &chain, |on_ray, contribution| {
+        total += contribution;
+        if contribution > best.map_or(0.0, |(most, _)| most) {
+            best = Some((contribution, on_ray));
+        }
+    });
+    Ok(best.map(|(contribution, on_ray)| ray.point(job, on_ray, (contribution / total).min(1.0))))
+}
+
+/// The ray of a place in the image, in the mesh's local coordinates.
+struct Ray {
+    view: View,
+    px: f64,
+    py: f64,
+    /// World length per unit of (local) depth.
+    world_per_depth: f64,
+}
+
+/// The part of a ray in a cell.
+struct OnRay {
+    number: u32,
+    cell: Cell,
+    segment: Segment,
+}
+
+impl Ray {
+    fn new(job: &RenderJob, (x_px, y_px): (f64, f64)) -> Option<Self> {
+        let view = job.local_view();
+        let is_inside = (0.0..=view.width_px as f64).contains(&x_px) && (0.0..=view.height_px as f64).contains(&y_px);
+        let (px, py) = view.ray_at(x_px, y_px);
+        let world_per_depth = view.length_per_depth(px, py) * job.mesh.positions.scale;
+        is_inside.then_some(Self { view, px, py, world_per_depth })
+    }
+
+    /// View coordinates at a depth.
+    fn at(&self, depth: f64) -> DVec3 {
+        let spread = if self.view.perspective { depth } else { 1.0 };
+        DVec3::new(self.px * spread, self.py * spread, depth)
+    }
+
+    /// The cells on the ray from the front, without overlap and behind the near plane.
+    fn chain(&self, job: &RenderJob) -> Vec<OnRay> {
+        let view = &self.view;
+        let to_view = |v: u32| {
+            let d = job.mesh.positions.local[v as usize].as_dvec3() - view.eye;
+            DVec3::new(view.right.dot(d), view.up.dot(d), view.forward.dot(d))
+        };
+        let clipped = |number: u32| {
+            let tet = job.mesh.topology.tets[number as usize];
+            let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
+            let cell = Cell::new(view, tet.map(to_view), scalars)?;
+            let segment = cell.clip(view, self.px, self.py)?;
+            Some(OnRay { number, cell, segment })
+        };
+        let mut found: Vec<OnRay> =
+            self.near_cells(job).filter(|&number| job.active.contains(number)).filter_map(clipped).collect();
+        // Stable: of equal ones the cell with the lower number comes first, as in the reference.
+        found.sort_by(|a, b| {
+            let (a, b) = (&a.segment, &b.segment);
+            a.near.total_cmp(&b.near).then(a.far.total_cmp(&b.far))
+        });
+        let mut front = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        found.retain_mut(|on_ray| {
+            let Some(left) = on_ray.segment.behind(front) else { return false };
+            front = left.far;
+            on_ray.segment = left;
+            true
+        });
+        found
+    }
+
+    /// All cells that the ray may meet, and a few others: those that do not lie wholly beside it, above or below it, or behind
+    /// the eye.
+    fn near_cells<'a>(&self, job: &'a RenderJob) -> impl Iterator<Item = u32> + 'a {
+        let view = &self.view;
+        // Seen along the ray, which is then the origin.
+        let (across, up, shift) = if view.perspective {
+            (view.right - self.px * view.forward, view.up - self.py * view.forward, (0.0, 0.0))
+        } else {
+            (view.right, view.up, (self.px, self.py))
+        };
+        // A millionth of the mesh's box is far above the inflation of cells. Coordinates are at most `reach`, products with it
+        // and their sums round by a few 2^-53 of that.
+        let reach = view.eye.length() + 2.0;
+        let margin = (1e-6 + reach * 2f64.powi(-48)) * (1.0 + self.px.abs() + self.py.abs());
+        let side_bits = |p: &glam::Vec3| {
+            let d = p.as_dvec3() - view.eye;
+            let (x, y) = (across.dot(d) - shift.0, up.dot(d) - shift.1);
+            let is_behind = view.perspective && view.forward.dot(d) < -margin;
+            let sides = [x > margin, x < -margin, y > margin, y < -margin, is_behind];
+            sides.iter().enumerate().fold(0, |bits, (i, &is_beyond)| bits | u8::from(is_beyond) << i)
+        };
+        let sides: Vec<u8> = job.mesh.positions.local.iter().map(side_bits).collect();
+        let tets = (0..).zip(&job.mesh.topology.tets);
+        tets.filter(move |(_, tet)| tet.iter().fold(u8::MAX, |common, &v| common & sides[v as usize]) == 0)
+            .map(|(number, _)| number)
+    }
+
+    /// Tells what each visible segment gives to the opacity of the ray, from the front, until no more comes through.
+    fn absorb<'a>(&self, table: &NodeTable, chain: &'a [OnRay], mut give: impl FnMut(&'a OnRay, f64)) {
+        let mut depth_so_far = 0.0_f64;
+        for on_ray in chain {
+            let depth: f64 = self.absorbing(table, &on_ray.segment).map(|piece| piece.depth).sum();
+            if depth > 0.0 {
+                give(on_ray, (-depth_so_far).exp() * -(-depth).exp_m1());
+                depth_so_far += depth;
+            }
+            if depth_so_far > END_DEPTH {
+                return;
+            }
+        }
+    }
+
+    /// The pieces of a segment between the nodes of the table, from the front.
+    fn absorbing(&self, table: &NodeTable, segment: &Segment) -> impl Iterator<Item = Piece> {
+        let length = (segment.far - segment.near) * self.world_per_depth;
+        pieces(table, segment.scalar_near, segment.scalar_far).into_iter().map(move |(from, to, share)| Piece {
+            share,
+            from: from.tau,
+            to: to.tau,
+            // Halved first: the sum could overflow.
+            depth: (0.5 * from.tau + 0.5 * to.tau) * (share * length),
+        })
+    }
+
+    /// The point of a segment in front of which half of its opacity lies.
+    fn point(&self, job: &RenderJob, on_ray: &OnRay, share: f64) -> Probe {
+        let OnRay { number, cell, segment } = on_ray;
+        let pieces: Vec<Piece> = self.absorbing(&job.table, segment).collect();
+        let depth = segment.near + half_absorbed(&pieces) * (segment.far - segment.near);
+        let weights = normalised(cell.weights(self.at(depth)));
+        let (mesh, tet) = (&job.mesh, job.mesh.topology.tets[*number as usize]);
+        // From the corners and not from the eye, which may be far away.
+        let corners = mesh.positions.corners(tet);
+        let local: DVec3 = (0..4).map(|i| weights[i] * corners[i].as_dvec3()).sum();
+        Probe {
+            cell: *number,
+            source_cell: mesh.cell_source.get(*number as usize).copied().unwrap_or(*number),
+            position: mesh.positions.origin + mesh.positions.scale * local,
+            weights,
+            scalar: interpolate(weights, tet.map(|v| job.scalars[v as usize])),
+            depth: depth * mesh.positions.scale,
+            share,
+        }
+    }
+}
+
+/// A piece of a segment on which extinction is linear.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Its share of the segment's length.
+    share: f64,
+    /// Extinction at its ends.
+    from: f64,
+    to: f64,
+    /// Its optical depth.
+    depth: f64,
+}
+
+/// The share of a segment's length in front of which half of its opacity lies.
+fn half_absorbed(pieces: &[Piece]) -> f64 {
+    let total: f64 = pieces.iter().map(|piece| piece.depth).sum();
+    // 1 - exp(-target) is half of 1 - exp(-total).
+    let target = -(0.5 * (-total).exp_m1()).ln_1p();
+    let (mut passed, mut depth_so_far) = (0.0, 0.0);
+    for piece in pieces {
+        if piece.depth > 0.0 && depth_so_far + piece.depth >= target {
+            let share = (target - depth_so_far) / piece.depth;
+            return (passed + piece.share * place_of(share, piece.from, piece.to)).clamp(0.0, 1.0);
+        }
+        passed += piece.share;
+        depth_so_far += piece.depth;
+    }
+    1.0
+}
+
+/// Where, as a share of its length, a piece with extinction linear between `from` and `to` has absorbed this share of its
+/// optical depth: the stable root of a quadratic, in extinctions relative to their mean.
+fn place_of(share: f64, from: f64, to: f64) -> f64 {
+    let mean = 0.5 * from + 0.5 * to;
+    let (from, rise) = (from / mean, (to - from) / mean);
+    let root = (from * from + 2.0 * rise * share).max(0.0).sqrt();
+    let place = 2.0 * share / (from + root);
+    // 0 / 0 at the very begin of a ramp from zero.
+    if place.is_finite() { place.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// Weights that rounding has taken out of the cell, back on it.
+fn normalised(weights: [f64; 4]) -> [f64; 4] {
+    let weights = weights.map(|w| w.max(0.0));
+    let sum: f64 = weights.iter().sum();
+    weights.map(|w| w / sum)
+}
+
+#[cfg(test)]
+#[path = "probe_tests.rs"]
+mod tests;

@@ -1,0 +1,213 @@
+//! Watching a store that somebody adds steps to.
+//!
+//! A thread looks at the metadata of the store's root every second, and only if the file is another one asks
+//! [`Store::refreshed`] (which opens the new store); every tenth time it does so in any case, for file systems with coarse
+//! times. What has grown is opened again and waits to be taken.
+
+use super::opening::{Wake, panic_text};
+use crate::error::FileResult;
+use crate::field::FieldSelector;
+use crate::pipeline::Series;
+use crate::store::Store;
+use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+/// How often a store is looked at.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// Every so many looks the metadata are not trusted.
+const LOOKS_TRUSTED: u32 = 10;
+
+/// A store that is no longer what it was.
+#[derive(Clone, Debug)]
+pub struct Grown {
+    /// The store as it is now.
+    pub store: Arc<Store>,
+    /// The field of it that is followed, with the mesh and the blocks in memory of the series that it continues.
+    pub series: Arc<Series>,
+}
+
+/// What is followed, and what was found.
+struct State {
+    series: Arc<Series>,
+    /// Counts changes of `series` from outside: what was found for an earlier one is not handed over.
+    generation: u64,
+    /// The store that the owner has.
+    held: Arc<Store>,
+    found: Option<Grown>,
+    /// Problems that were not handed over yet.
+    problems: Vec<String>,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    wake: Wake,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Follows a store until it is dropped.
+pub struct Follower {
+    shared: Arc<Shared>,
+    /// A message: look at once. When it closes, the thread ends.
+    to_thread: Sender<()>,
+}
+
+impl Follower {
+    /// Follows a store, of which a field is open. `wake` is called, from another thread, when there is something to take.
+    pub fn start(store: Arc<Store>, series: Arc<Series>, wake: Wake) -> Self {
+        Self::start_every(PAUSE, store, series, wake)
+    }
+
+    fn start_every(pause: Duration, store: Arc<Store>, series: Arc<Series>, wake: Wake) -> Self {
+        let watch = Watch::new(store.clone());
+        let state = State { series, generation: 0, held: store, found: None, problems: Vec::new() };
+        let shared = Arc::new(Shared { state: Mutex::new(state), wake });
+        let (to_thread, commands) = unbounded();
+        let inner = shared.clone();
+        let work = move || {
+            let run = AssertUnwindSafe(|| follow(watch, &inner, &commands, pause));
+            if let Err(panic) = catch_unwind(run) {
+                let text = panic_text(&*panic);
+                complain(
+                    &inner,
+                    format!("a defect of tetreel: following the store panicked: {text}; please report it"),
+                );
+            }
+        };
+        if let Err(error) = std::thread::Builder::new().name("following".to_owned()).spawn(work) {
+            complain(&shared, format!("the store is not followed: cannot start a thread: {error}"));
+        }
+        Self { shared, to_thread }
+    }
+
+    /// Another field of the store is played from now on: what is found is handed over for this one.
+    pub fn set_field(&self, series: Arc<Series>) {
+        let mut state = self.shared.state();
+        state.series = series;
+        state.generation += 1;
+        state.found = None;
+        drop(state);
+        // It may have ended with a panic, which was reported.
+        let _ = self.to_thread.send(());
+    }
+
+    /// What has come since, or why nothing can: each once. The store and its series replace those that were given before.
+    pub fn take(&self) -> Option<Result<Grown, String>> {
+        let mut state = self.shared.state();
+        if !state.problems.is_empty() {
+            return Some(Err(state.problems.remove(0)));
+        }
+        let found = state.found.take()?;
+        state.held = found.store.clone();
+        state.series = found.series.clone();
+        Some(Ok(found))
+    }
+}
+
+fn complain(shared: &Shared, problem: String) {
+    shared.state().problems.push(problem);
+    (shared.wake)();
+}
+
+/// The work of the thread.
+fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Duration) {
+    // What went wrong lately and has been told.
+    let mut told: Option<String> = None;
+    loop {
+        match commands.recv_timeout(pause) {
+            Err(RecvTimeoutError::Disconnected) => return,
+            Ok(()) | Err(RecvTimeoutError::Timeout) => {}
+        }
+        match watch.look().and_then(|looked| hand_over(&watch.store, shared).map(|()| looked)) {
+            // A look that did not open anything says nothing about what failed before.
+            Ok(false) => {}
+            Ok(true) => told = None,
+            Err(error) => {
+                let text = error.to_string();
+                if told.as_ref() != Some(&text) {
+                    complain(shared, text.clone());
+                    told = Some(text);
+                }
+            }
+        }
+    }
+}
+
+/// Opens the field again, if its owner has not all that there is, nor is it there to be taken.
+fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
+    let (series, generation) = {
+        let state = shared.state();
+        let has = |held: &Arc<Store>, series: &Series| {
+            Arc::ptr_eq(held, store) && series.times().len() >= store.times().len()
+        };
+        if has(&state.held, &state.series) || state.found.as_ref().is_some_and(|found| has(&found.store, &found.series))
+        {
+            return Ok(());
+        }
+        (state.series.clone(), state.generation)
+    };
+    // Stores have fields by their whole name.
+    let field = FieldSelector { name: series.field().name.clone(), component: None };
+    let series = Arc::new(series.reopened(store, Some(&field))?);
+    let mut state = shared.state();
+    // Otherwise a message is under way that asks for the other field.
+    if state.generation == generation {
+        state.found = Some(Grown { store: store.clone(), series });
+        drop(state);
+        (shared.wake)();
+    }
+    Ok(())
+}
+
+/// What tells cheaply that a store was exchanged: length, time of change and number of its root's metadata.
+type Signs = Option<(u64, Option<SystemTime>, u64)>;
+
+fn signs(root: &Path) -> Signs {
+    let metadata = std::fs::metadata(root.join("zarr.json")).ok()?;
+    #[cfg(unix)]
+    let number = std::os::unix::fs::MetadataExt::ino(&metadata);
+    #[cfg(not(unix))]
+    let number = 0;
+    Some((metadata.len(), metadata.modified().ok(), number))
+}
+
+/// The newest store that was seen.
+struct Watch {
+    store: Arc<Store>,
+    seen: Signs,
+    looks: u32,
+}
+
+impl Watch {
+    fn new(store: Arc<Store>) -> Self {
+        // Nothing has been seen: between opening the store and now it may have grown.
+        Self { store, seen: None, looks: 0 }
+    }
+
+    /// Takes up what is new; whether the store itself was asked.
+    fn look(&mut self) -> FileResult<bool> {
+        let now = signs(self.store.path());
+        self.looks = (self.looks + 1) % LOOKS_TRUSTED;
+        if now == self.seen && self.looks != 0 {
+            return Ok(false);
+        }
+        // Before it is asked: what comes meanwhile has other signs.
+        self.seen = now;
+        if let Some(newer) = self.store.refreshed()? {
+            self.store = Arc::new(newer);
+        }
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+#[path = "following_tests.rs"]
+mod tests;

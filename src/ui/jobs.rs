@@ -1,0 +1,161 @@
+//! What takes a while and touches files, on threads of its own.
+
+use super::look::Look;
+use crate::error::{FileError, FileResult};
+use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
+use crate::field::FieldSelector;
+use crate::pipeline::{FrameRequest, Series, SharedFrame};
+use crate::store::Store;
+use crossbeam::channel::{Receiver, Sender, unbounded};
+use std::fs::OpenOptions;
+use std::io::ErrorKind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a job ended with.
+pub(super) enum Done {
+    /// An image is there.
+    Screenshot(FileResult<PathBuf>),
+    /// A field is open.
+    Series(FileResult<Arc<Series>>),
+    /// It was not done, through a fault of this program or for want of a thread.
+    Failed(String),
+}
+
+/// Runs jobs; `wake` is called whenever one is done.
+pub(super) struct Jobs {
+    wake: Arc<dyn Fn() + Send + Sync>,
+    to: Sender<Done>,
+    done: Receiver<Done>,
+}
+
+impl Jobs {
+    pub(super) fn new(wake: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let (to, done) = unbounded();
+        Self { wake, to, done }
+    }
+
+    /// What has been done since.
+    pub(super) fn take(&self) -> Option<Done> {
+        self.done.try_recv().ok()
+    }
+
+    /// Opens another field of the series' store.
+    pub(super) fn open(&self, store: &Arc<Store>, series: &Arc<Series>, field: FieldSelector) {
+        let (store, series) = (store.clone(), series.clone());
+        self.run(move || Done::Series(series.reopened(&store, Some(&field)).map(Arc::new)));
+    }
+
+    /// Writes an image into a folder.
+    pub(super) fn write(&self, shot: Screenshot, folder: PathBuf) {
+        self.run(move || Done::Screenshot(shot.write(&folder)));
+    }
+
+    fn run(&self, job: impl FnOnce() -> Done + Send + 'static) {
+        let (to, wake) = (self.to.clone(), self.wake.clone());
+        let failed = self.to.clone();
+        let work = move || {
+            let done = catch_unwind(AssertUnwindSafe(job));
+            let done = done.unwrap_or_else(|panic| {
+                let said = panic.downcast_ref::<&str>().map(ToString::to_string);
+                let said = said.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
+                Done::Failed(format!("tetreel failed: {said}; please report this"))
+            });
+            // Nobody waits for it any more if the window is closed.
+            let _ = to.send(done);
+            wake();
+        };
+        if let Err(error) = std::thread::Builder::new().name("job".to_owned()).spawn(work) {
+            let _ = failed.send(Done::Failed(format!("the system gives no thread: {error}")));
+        }
+    }
+}
+
+/// An image to be written.
+pub(super) struct Screenshot {
+    pub(super) frame: SharedFrame,
+    pub(super) background: [f32; 3],
+    pub(super) attributes: FrameAttributes,
+}
+
+impl Screenshot {
+    /// Of a frame of this request.
+    pub(super) fn of(
+        frame: SharedFrame,
+        request: &FrameRequest,
+        look: &Look,
+        series: &Series,
+        background: [f32; 3],
+    ) -> Self {
+        let field = series.field();
+        let attributes = FrameAttributes {
+            time: request.time.time(series.times()),
+            step: request.time.step(),
+            field: field.name.clone(),
+            units: field.units.clone(),
+            camera: request.camera.to_string(),
+            opacity_kind: look.opacity_kind,
+            unit_distance: look.unit_distance,
+            software: FrameAttributes::SOFTWARE.to_owned(),
+            ..FrameAttributes::default()
+        };
+        Self { frame, background, attributes }
+    }
+
+    /// Writes a PNG that was not there before, and says which.
+    fn write(&self, folder: &Path) -> FileResult<PathBuf> {
+        let path = claim(folder, &stem(&self.attributes.field, self.attributes.step))?;
+        let frame = OutputFrame {
+            color: self.frame.color.clone(),
+            depth: Default::default(),
+            attributes: self.attributes.clone(),
+        };
+        let options = StillOptions { background: Background::Color(self.background), ..Default::default() };
+        write_still(&path, &frame, &options).inspect_err(|_| {
+            // The empty file that held the name.
+            let _ = std::fs::remove_file(&path);
+        })?;
+        Ok(path)
+    }
+}
+
+/// The name of an image without number and extension: field and step, in characters that every file system takes.
+fn stem(field: &str, step: usize) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '-' };
+    format!("{}_step{step:04}", field.chars().map(safe).collect::<String>())
+}
+
+/// Makes the first file `stem.png`, `stem_2.png`, `stem_3.png`, .. that is not there, so that nobody else has the name.
+fn claim(folder: &Path, stem: &str) -> FileResult<PathBuf> {
+    let mut number = 1_u64;
+    loop {
+        let name = if number == 1 { format!("{stem}.png") } else { format!("{stem}_{number}.png") };
+        let path = folder.join(name);
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(_) => return Ok(path),
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => number += 1,
+            Err(e) => {
+                let error = FileError::io(&path, "write the image", &e);
+                return Err(error.remedy("start tetreel in a folder that you may write to"));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_field_and_step_and_are_never_taken_twice() {
+        let dir = tempfile::tempdir().unwrap();
+        let stem = stem("velocity:mag/°", 12);
+        assert_eq!(stem, "velocity-mag--_step0012");
+        let names: Vec<_> = (0..3).map(|_| claim(dir.path(), &stem).unwrap()).collect();
+        let expected = ["", "_2", "_3"].map(|end| dir.path().join(format!("velocity-mag--_step0012{end}.png")));
+        assert_eq!(names, expected);
+        let error = claim(&dir.path().join("nowhere"), "x").unwrap_err().to_string();
+        assert!(error.contains("nowhere") && error.contains("start tetreel"), "{error}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Settings while they are used: changed at once, written a little later, on a thread of its own.
+
+use super::settings::{Settings, SettingsFile};
+use crossbeam::channel::{Receiver, Sender, unbounded};
+use std::io;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Changes are written when there were none for so long.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// Keeps settings; what was changed is written when it is dropped, at the latest.
+#[derive(Debug)]
+pub struct SettingsKeeper {
+    settings: Settings,
+    /// As they were sent to be written.
+    sent: Settings,
+    /// As they were when somebody last looked, and since when.
+    seen: (Settings, Duration),
+    to: Option<Sender<Settings>>,
+    written: Receiver<(Settings, Option<String>)>,
+    writer: Option<JoinHandle<()>>,
+}
+
+impl SettingsKeeper {
+    /// Reads the file, and keeps it from now on. `wake` is called when something is to be told.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn open(mut file: SettingsFile, wake: impl Fn() + Send + 'static) -> io::Result<(Self, Option<String>)> {
+        let (settings, notice) = file.load();
+        let (to, waiting) = unbounded::<Settings>();
+        let (tell, written) = unbounded();
+        let writer = std::thread::Builder::new().name("settings".to_owned()).spawn(move || {
+            while let Ok(newest) = waiting.recv() {
+                let mut newest = waiting.try_iter().last().unwrap_or(newest);
+                let notice = file.save(&mut newest);
+                // Nobody listens any more when it is dropped.
+                let _ = tell.send((newest, notice));
+                wake();
+            }
+        })?;
+        let (sent, seen) = (settings.clone(), (settings.clone(), Duration::ZERO));
+        Ok((Self { settings, sent, seen, to: Some(to), written, writer: Some(writer) }, notice))
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The settings, to be changed.
+    pub fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.settings
+    }
+
+    /// Has changes written that are old enough. Returns what the user should be told, and when to call again.
+    pub fn tick(&mut self, now: Duration) -> (Option<String>, Option<Duration>) {
+        let mut told = None;
+        while let Ok((written, notice)) = self.written.try_recv() {
+            told = notice.or(told);
+            // What other windows have opened.
+            if self.settings == self.sent {
+                self.settings = written;
+                (self.sent, self.seen.0) = (self.settings.clone(), self.settings.clone());
+            }
+        }
+        if self.settings == self.sent {
+            return (told, None);
+        }
+        if self.settings != self.seen.0 {
+            self.seen = (self.settings.clone(), now);
+        }
+        let age = now.saturating_sub(self.seen.1);
+        if age < QUIET {
+            return (told, Some(QUIET - age));
+        }
+        self.send();
+        (told, None)
+    }
+
+    fn send(&mut self) {
+        if self.settings != self.sent
+            && let Some(to) = &self.to
+        {
+            self.sent = self.settings.clone();
+            // A writer that is gone has said so.
+            let _ = to.send(self.sent.clone());
+        }
+    }
+}
+
+impl Drop for SettingsKeeper {
+    fn drop(&mut self) {
+        self.send();
+        self.to = None;
+        if let Some(writer) = self.writer.take() {
+            let _ = writer.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn open(folder: &Path) -> SettingsKeeper {
+        SettingsKeeper::open(SettingsFile::at(folder), || ()).unwrap().0
+    }
+
+    #[test]
+    fn changes_are_written_when_it_is_quiet_and_at_the_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut keeper = open(dir.path());
+        assert_eq!(keeper.tick(Duration::ZERO), (None, None));
+        keeper.settings_mut().image_scale = 0.5;
+        assert_eq!(keeper.tick(Duration::from_secs(10)).1, Some(QUIET));
+        keeper.settings_mut().image_scale = 0.75;
+        assert_eq!(keeper.tick(Duration::from_millis(10_900)).1, Some(QUIET), "another change, another second");
+        assert_eq!(SettingsFile::at(dir.path()).load().0.image_scale, 1.0);
+        assert_eq!(keeper.tick(Duration::from_secs(12)), (None, None));
+        keeper.settings_mut().target_rate = 30.0;
+        drop(keeper);
+        let (kept, _) = SettingsFile::at(dir.path()).load();
+        assert_eq!((kept.image_scale, kept.target_rate), (0.75, 30.0));
+    }
+
+    #[test]
+    fn files_that_another_window_opened_come_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let (mut first, mut second) = (open(dir.path()), open(dir.path()));
+        first.settings_mut().remember_file(Path::new("/first.zarr"));
+        drop(first);
+        second.settings_mut().remember_file(Path::new("/second.zarr"));
+        second.tick(Duration::ZERO);
+        second.tick(QUIET);
+        while second.settings().recent.len() < 2 {
+            second.tick(2 * QUIET);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let names: Vec<_> = second.settings().recent.iter().map(|file| file.path.clone()).collect();
+        assert_eq!(names, [Path::new("/second.zarr"), Path::new("/first.zarr")]);
+    }
+}

@@ -1,0 +1,167 @@
+//! The table of keys: what they do, and what the help says about them.
+
+use super::Action;
+use crate::camera::Axis;
+use crate::playback::Command;
+
+/// A key, as far as it matters here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Key {
+    /// A letter, upper case, or another character that needs no shift.
+    Char(char),
+    /// The space bar.
+    Space,
+    /// Arrow to the left.
+    Left,
+    /// Arrow to the right.
+    Right,
+    /// To the beginning.
+    Home,
+    /// To the end.
+    End,
+}
+
+/// One line of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Binding {
+    /// Which key.
+    pub key: Key,
+    /// Whether shift is held.
+    pub shift: bool,
+    /// What it does.
+    pub action: Action,
+    /// What the help says; lines with the same text are one in the help.
+    pub help: &'static str,
+}
+
+/// So many steps with shift.
+pub const MANY_STEPS: i64 = 10;
+
+/// All keys.
+pub fn bindings() -> Vec<Binding> {
+    let plain = |key, action, help| Binding { key, shift: false, action, help };
+    let shifted = |key, action, help| Binding { key, shift: true, action, help };
+    let letter = |c, action, help| plain(Key::Char(c), action, help);
+    let along = |axis, from_positive| Action::ViewAlong { axis, from_positive };
+    let (axes, other_side) = ("look along an axis", "the same from the other side");
+    vec![
+        plain(Key::Space, Action::Play(Command::Toggle), "play or pause"),
+        plain(Key::Left, Action::Play(Command::Step(-1)), "one step back or on"),
+        plain(Key::Right, Action::Play(Command::Step(1)), "one step back or on"),
+        shifted(Key::Left, Action::Play(Command::Step(-MANY_STEPS)), MANY_STEPS_HELP),
+        shifted(Key::Right, Action::Play(Command::Step(MANY_STEPS)), MANY_STEPS_HELP),
+        plain(Key::Home, Action::Play(Command::SeekStep(0)), "first or last step"),
+        plain(Key::End, Action::Play(Command::SeekStep(usize::MAX)), "first or last step"),
+        letter('B', Action::Play(Command::Reverse), "turn round"),
+        letter('[', Action::Slower, "slower or faster"),
+        letter(']', Action::Faster, "slower or faster"),
+        letter('L', Action::NextLoop, "loop: off, all, range"),
+        letter('P', Action::TogglePingPong, "ping-pong"),
+        letter('I', Action::RangeFromHere, "play from here or up to here only"),
+        letter('O', Action::RangeToHere, "play from here or up to here only"),
+        letter('A', Action::ToggleDropping, "real time, dropping frames, or every step"),
+        letter('R', Action::ResetView, "the whole mesh again"),
+        letter('X', along(Axis::X, false), axes),
+        letter('Y', along(Axis::Y, false), axes),
+        letter('Z', along(Axis::Z, false), axes),
+        shifted(Key::Char('X'), along(Axis::X, true), other_side),
+        shifted(Key::Char('Y'), along(Axis::Y, true), other_side),
+        shifted(Key::Char('Z'), along(Axis::Z, true), other_side),
+        letter('V', Action::OtherProjection, "perspective or parallel"),
+        letter('S', Action::Screenshot, "save the picture as a PNG file here"),
+        letter('H', Action::Help, "this help"),
+        letter('?', Action::Help, "this help"),
+    ]
+}
+
+const MANY_STEPS_HELP: &str = "ten steps back or on";
+
+/// What the mouse does in the picture.
+pub const MOUSE: [(&str, &str); 6] = [
+    ("drag", "turn"),
+    ("middle drag, Shift drag", "shift"),
+    ("wheel", "zoom to the cursor"),
+    ("right drag", "zoom"),
+    ("click", "follow the point over time"),
+    ("double click", "the whole mesh again"),
+];
+
+impl Binding {
+    /// The keys as they are written: `Shift Left`.
+    pub fn name(&self) -> String {
+        let key = match self.key {
+            Key::Char(c) => c.to_string(),
+            Key::Space => "Space".to_owned(),
+            Key::Left => "Left".to_owned(),
+            Key::Right => "Right".to_owned(),
+            Key::Home => "Home".to_owned(),
+            Key::End => "End".to_owned(),
+        };
+        if self.shift { format!("Shift {key}") } else { key }
+    }
+}
+
+/// The lines of the help: keys, and what they do.
+pub fn help() -> Vec<(String, &'static str)> {
+    let mut lines: Vec<(String, &str)> = Vec::new();
+    for binding in bindings() {
+        match lines.iter_mut().find(|(_, help)| *help == binding.help) {
+            Some((keys, _)) => {
+                keys.push_str(", ");
+                keys.push_str(&binding.name());
+            }
+            None => lines.push((binding.name(), binding.help)),
+        }
+    }
+    lines
+}
+
+/// What a key does.
+pub fn action(key: Key, shift: bool) -> Option<Action> {
+    let found = bindings().into_iter().find(|b| b.key == key && b.shift == shift);
+    found.map(|binding| binding.action)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn no_key_does_two_things() {
+        let keys: Vec<(Key, bool)> = bindings().iter().map(|b| (b.key, b.shift)).collect();
+        assert_eq!(keys.iter().collect::<HashSet<_>>().len(), keys.len());
+    }
+
+    #[test]
+    fn the_help_names_every_key_once() {
+        let help = help();
+        for binding in bindings() {
+            let lines = help.iter().filter(|(keys, _)| keys.split(", ").any(|key| key == binding.name()));
+            assert_eq!(lines.map(|(_, text)| *text).collect::<Vec<_>>(), [binding.help]);
+        }
+        assert!(help.contains(&("Left, Right".to_owned(), "one step back or on")));
+        assert!(MANY_STEPS == 10 && MANY_STEPS_HELP.starts_with("ten"), "the text is that of the constant");
+    }
+
+    #[test]
+    fn the_guide_has_the_same_table() {
+        let guide = include_str!("../../docs/guide.md");
+        let mouse = MOUSE.map(|(what, does)| (what.to_owned(), does));
+        let lines: Vec<_> =
+            help().into_iter().chain(mouse).map(|(what, does)| format!("| {what} | {does} |")).collect();
+        for line in &lines {
+            assert!(guide.contains(line.as_str()), "docs/guide.md does not have the line {line}");
+        }
+        // Two tables, each with a head of two lines.
+        let rows = guide.lines().filter(|line| line.starts_with('|')).count();
+        assert_eq!(rows, lines.len() + 4, "docs/guide.md has keys that are not in the table");
+    }
+
+    #[test]
+    fn keys_do_what_they_say() {
+        assert_eq!(action(Key::Space, false), Some(Action::Play(Command::Toggle)));
+        assert_eq!(action(Key::Left, true), Some(Action::Play(Command::Step(-10))));
+        assert_eq!(action(Key::Char('Q'), false), None);
+    }
+}

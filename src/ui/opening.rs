@@ -1,0 +1,326 @@
+//! Opening a store, or importing a source to the cache first, on a thread of its own.
+
+use crate::codec::BlockCache;
+use crate::error::FileError;
+use crate::field::FieldSelector;
+use crate::ingest::{CacheError, CacheEvent, ImportCache, Origin};
+use crate::pipeline::Series;
+use crate::store::Store;
+use crate::task::{Cancel, Progress};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Called when there is something new to take or to show.
+pub type Wake = Arc<dyn Fn() + Send + Sync>;
+
+/// How something is opened.
+#[derive(Clone, Debug)]
+pub struct OpeningOptions {
+    /// Where sources are imported to.
+    pub cache: ImportCache,
+    /// Bytes for blocks of steps.
+    pub block_bytes: u64,
+    /// The field; none: the first.
+    pub field: Option<FieldSelector>,
+}
+
+impl Default for OpeningOptions {
+    fn default() -> Self {
+        Self { cache: ImportCache::of_user(), block_bytes: Series::BLOCK_BYTES, field: None }
+    }
+}
+
+/// What was opened.
+#[derive(Debug)]
+pub struct Opened {
+    /// Where other fields come from.
+    pub store: Arc<Store>,
+    /// What is played.
+    pub series: Arc<Series>,
+    /// What opens the same again, absolute: the store or the source that was named; of several sources, the store in the cache.
+    pub path: PathBuf,
+    /// What the user calls it, for the title: the name of the file, and how many more there were.
+    pub name: String,
+    /// Whether it was imported, and how that went.
+    pub origin: Origin,
+}
+
+/// How opening ended.
+#[derive(Debug)]
+pub enum OpeningEnd {
+    /// Well.
+    Opened(Box<Opened>),
+    /// Somebody asked to stop; nothing half done is left.
+    Cancelled,
+    /// Why not, and what to do.
+    Failed(String),
+}
+
+/// How far opening is. Neither `fraction` nor, within a stage, `done` ever goes back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OpeningProgress {
+    /// What is done at the moment, for the user.
+    pub stage: String,
+    /// Units of the stage that are done.
+    pub done: u64,
+    /// Units of the stage; 0 if it has none that can be counted.
+    pub total: u64,
+    /// What they are, in the plural.
+    pub unit: String,
+    /// Share of the whole that is done, 0..=1; 1 at the end, however it ended.
+    pub fraction: f64,
+    /// About how long it takes from here, once that can be told.
+    pub left: Option<Duration>,
+}
+
+/// Shares of the whole at which steps begin to be imported, and at which they all are. What comes before (the mesh) and after
+/// (statistics, opening the store) cannot be counted, and is short beside the steps of a long series.
+const STEPS_SHARE: [f64; 2] = [0.05, 0.95];
+
+/// The window is woken for progress no more often than this.
+const WAKE_PAUSE: Duration = Duration::from_millis(50);
+
+/// What the thread and its owner share.
+struct Shared {
+    state: Mutex<State>,
+    wake: Wake,
+}
+
+struct State {
+    now: OpeningProgress,
+    /// When the steps began.
+    steps_begun: Option<Instant>,
+    woken: Option<Instant>,
+    end: Option<OpeningEnd>,
+    is_over: bool,
+}
+
+/// Something that is being opened. Dropping it cancels it.
+pub struct Opening {
+    shared: Arc<Shared>,
+    cancel: Cancel,
+    paths: Vec<PathBuf>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Opening {
+    /// Begins to open a store or a source, or several sources as one series. `wake` is called, from another thread, when there
+    /// is progress and at the end.
+    pub fn start(paths: Vec<PathBuf>, options: OpeningOptions, wake: Wake) -> Self {
+        let opened = paths.clone();
+        Self::start_job(paths, wake, move |shared, cancel| open(&opened, &options, shared, cancel))
+    }
+
+    fn start_job(
+        paths: Vec<PathBuf>,
+        wake: Wake,
+        job: impl FnOnce(&Shared, &Cancel) -> Result<Opened, CacheError> + Send + 'static,
+    ) -> Self {
+        let now = OpeningProgress {
+            stage: format!("opening {}", name_of(&paths)),
+            done: 0,
+            total: 0,
+            unit: String::new(),
+            fraction: 0.0,
+            left: None,
+        };
+        let state = State { now, steps_begun: None, woken: None, end: None, is_over: false };
+        let shared = Arc::new(Shared { state: Mutex::new(state), wake });
+        let cancel = Cancel::new();
+        let (inner, flag) = (shared.clone(), cancel.clone());
+        let work = move || {
+            let result = catch_unwind(AssertUnwindSafe(|| job(&inner, &flag)));
+            inner.finish(match result {
+                Ok(Ok(_)) if flag.is_cancelled() => OpeningEnd::Cancelled,
+                Ok(Ok(opened)) => OpeningEnd::Opened(Box::new(opened)),
+                Ok(Err(error)) if error.is_cancelled() => OpeningEnd::Cancelled,
+                Ok(Err(error)) => OpeningEnd::Failed(error.to_string()),
+                Err(panic) => OpeningEnd::Failed(format!(
+                    "a defect of tetreel: opening panicked: {}; please report it",
+                    panic_text(&*panic)
+                )),
+            });
+        };
+        let thread = std::thread::Builder::new().name("opening".to_owned()).spawn(work);
+        let thread = thread.map_err(|e| shared.finish(OpeningEnd::Failed(format!("cannot start a thread: {e}")))).ok();
+        Self { shared, cancel, paths, thread }
+    }
+
+    /// What is being opened.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> OpeningProgress {
+        self.shared.state().now.clone()
+    }
+
+    /// How it ended, once; `None` before and after.
+    pub fn take(&self) -> Option<OpeningEnd> {
+        self.shared.state().end.take()
+    }
+
+    /// Whether it has ended.
+    pub fn is_over(&self) -> bool {
+        self.shared.state().is_over
+    }
+
+    /// Asks it to stop: it ends soon, as [`OpeningEnd::Cancelled`], or well if it was about to end.
+    pub fn cancel(&self) {
+        self.cancel.cancel();
+    }
+
+    /// Cancels, and waits until nothing is left of it: before the process ends.
+    pub fn cancel_and_wait(mut self) {
+        self.cancel();
+        if let Some(thread) = self.thread.take() {
+            // Its panics have been caught.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Opening {
+    fn drop(&mut self) {
+        self.cancel();
+    }
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Changes what is shown, and wakes who shows it, if that was long ago or is `urgent`.
+    fn change(&self, urgent: bool, change: impl FnOnce(&mut State)) {
+        let mut state = self.state();
+        change(&mut state);
+        let is_due = urgent || state.woken.is_none_or(|woken| woken.elapsed() >= WAKE_PAUSE);
+        if is_due {
+            state.woken = Some(Instant::now());
+        }
+        drop(state);
+        if is_due {
+            (self.wake)();
+        }
+    }
+
+    /// A stage that cannot be counted.
+    fn stage(&self, stage: String, fraction: f64) {
+        self.change(true, |state| {
+            let fraction = state.now.fraction.max(fraction);
+            state.now = OpeningProgress { stage, done: 0, total: 0, unit: String::new(), fraction, left: None };
+        });
+    }
+
+    fn finish(&self, end: OpeningEnd) {
+        self.change(true, |state| {
+            state.now = OpeningProgress { fraction: 1.0, left: None, done: state.now.total, ..state.now.clone() };
+            state.end = Some(end);
+            state.is_over = true;
+        });
+    }
+}
+
+impl Progress for Shared {
+    fn begin(&self, stage: &str, total: u64, unit: &str) {
+        self.change(true, |state| {
+            let fraction = state.now.fraction.max(STEPS_SHARE[0]);
+            let (stage, unit) = (stage.to_owned(), unit.to_owned());
+            state.now = OpeningProgress { stage, done: 0, total, unit, fraction, left: None };
+            state.steps_begun = Some(Instant::now());
+        });
+    }
+
+    fn advance(&self, n: u64) {
+        self.change(false, |state| {
+            let now = &mut state.now;
+            now.done = now.done.saturating_add(n).min(now.total);
+            let share = now.done as f64 / now.total.max(1) as f64;
+            now.fraction = now.fraction.max(STEPS_SHARE[0] + share * (STEPS_SHARE[1] - STEPS_SHARE[0]));
+            let elapsed = state.steps_begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+            now.left = (share > 0.0).then(|| elapsed.mul_f64((1.0 - share) / share));
+        });
+    }
+
+    fn end(&self) {
+        self.stage("writing statistics".to_owned(), STEPS_SHARE[1]);
+    }
+}
+
+/// The work of the thread.
+fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &Cancel) -> Result<Opened, CacheError> {
+    // Readers speak of the kind of a file before they look whether there is one.
+    for path in paths {
+        std::fs::metadata(path).map_err(|e| {
+            let error = FileError::io(path, "open", &e);
+            if e.kind() == std::io::ErrorKind::NotFound { error.remedy("was it moved or renamed?") } else { error }
+        })?;
+    }
+    let name = name_of(paths);
+    let mut announce = |event: CacheEvent<'_>| match event {
+        CacheEvent::Waiting(_) => shared.stage(format!("waiting for another import of {name}"), 0.0),
+        CacheEvent::Importing(_) => shared.stage(format!("reading the mesh of {name}"), 0.0),
+    };
+    let progress = Named { shared, name: &name };
+    let (store, origin) = options.cache.open_or_import(paths, &mut announce, &progress, cancel)?;
+    cancelled(cancel)?;
+    shared.stage(format!("reading the mesh of {name}"), STEPS_SHARE[1]);
+    let blocks = Arc::new(BlockCache::new(options.block_bytes));
+    let series = Series::open_with(&store, options.field.as_ref(), blocks)?;
+    cancelled(cancel)?;
+    let path = match paths {
+        [path] => path,
+        _ => store.path(),
+    };
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    Ok(Opened { store: Arc::new(store), series: Arc::new(series), path, name, origin })
+}
+
+fn cancelled(cancel: &Cancel) -> Result<(), CacheError> {
+    if cancel.is_cancelled() { Err(crate::ingest::IngestError::Cancelled.into()) } else { Ok(()) }
+}
+
+/// Progress of an import, with the name of what is imported.
+struct Named<'a> {
+    shared: &'a Shared,
+    name: &'a str,
+}
+
+impl Progress for Named<'_> {
+    fn begin(&self, _stage: &str, total: u64, unit: &str) {
+        self.shared.begin(&format!("importing {}", self.name), total, unit);
+    }
+
+    fn advance(&self, n: u64) {
+        self.shared.advance(n);
+    }
+
+    fn end(&self) {
+        self.shared.end();
+    }
+}
+
+/// What a user calls these files.
+fn name_of(paths: &[PathBuf]) -> String {
+    let name = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    match paths {
+        [] => "nothing".to_owned(),
+        [path] => name(path),
+        [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),
+    }
+}
+
+/// What a panic said.
+pub(super) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a word".to_owned())
+}
+
+#[cfg(test)]
+#[path = "opening_tests.rs"]
+mod tests;

@@ -1,0 +1,224 @@
+//! What is under the mouse, and how it changes over the series: on threads of their own.
+
+use super::worker::{BLOCK_BYTES, Slot, Worker};
+use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, RenderMode, Series};
+use crate::render::probe::{Probe, interpolate, probe};
+use crate::task::Cancel;
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A place in a frame.
+#[derive(Clone, Debug)]
+pub struct HoverRequest {
+    /// What is played.
+    pub series: Arc<Series>,
+    /// The frame that is on the screen.
+    pub request: FrameRequest,
+    /// Place in pixels of the request's size, from the left and from the top; pixel centres at + .5.
+    pub at_px: (f64, f64),
+}
+
+/// What is at a place in a frame.
+#[derive(Clone, Debug)]
+pub struct Hover {
+    /// What was asked: the answer may come when the frame or the mouse is elsewhere.
+    pub asked: HoverRequest,
+    /// The point that is seen there, `None` if there is nothing; or why it cannot be known.
+    pub found: Result<Option<Probe>, String>,
+}
+
+/// A point of the mesh.
+#[derive(Clone, Debug)]
+struct Pick {
+    series: Arc<Series>,
+    cell: u32,
+    weights: [f64; 4],
+}
+
+/// The scalar of a point at every step of a series, as far as it is known.
+#[derive(Clone)]
+pub struct Curve {
+    /// Whose steps.
+    pub series: Arc<Series>,
+    /// The cell that the point is in.
+    pub cell: u32,
+    /// Barycentric coordinates of the point in it.
+    pub weights: [f64; 4],
+    /// One value per step of the series; NaN where it is not known yet, the point is in a hole, or the step cannot be read.
+    pub values: Vec<f32>,
+    /// Steps from the first on that have been looked at.
+    pub done: usize,
+    /// How many of them could not be read.
+    pub failed: usize,
+    /// Why the first of these could not, or nothing at all.
+    pub problem: Option<String>,
+    /// Whether no more comes: the series is through, or there was a failure.
+    pub is_over: bool,
+}
+
+impl fmt::Debug for Curve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { cell, weights, done, failed, problem, .. } = self;
+        write!(f, "Curve of cell {cell} at {weights:?}, {done} steps, {failed} failed: {problem:?}")
+    }
+}
+
+/// How often a curve that grows is shown.
+const SHOWN_EVERY: Duration = Duration::from_millis(50);
+
+/// Finds what is under the mouse, and values of a point over time. Nothing here waits.
+pub struct Prober {
+    hovers: Worker<HoverRequest>,
+    hover: Arc<Slot<Hover>>,
+    picks: Worker<Pick>,
+    curve: Arc<Slot<Arc<Curve>>>,
+}
+
+impl Prober {
+    /// Starts two threads, which end with the prober. `wake` is called when there is something new to take.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+        let (hover, curve): (Arc<Slot<Hover>>, Arc<Slot<Arc<Curve>>>) = Default::default();
+        let answer = {
+            let (hover, wake) = (hover.clone(), wake.clone());
+            move |asked, found, cancel: &Cancel| {
+                hover.put(Hover { asked, found }, cancel);
+                wake();
+            }
+        };
+        let hovers = {
+            let failed = answer.clone();
+            let begin = move || {
+                let (answer, mut finder) = (answer.clone(), Finder::default());
+                move |asked: HoverRequest, cancel: &Cancel| match finder.find(&asked, cancel) {
+                    Err(PipelineError::Cancelled) => (),
+                    found => answer(asked, found.map_err(|error| error.to_string()), cancel),
+                }
+            };
+            Worker::start("probe", begin, move |asked, cancel, text| failed(asked, Err(text), cancel))?
+        };
+        let show = {
+            let curve = curve.clone();
+            move |shown: Curve, cancel: &Cancel| {
+                curve.put(Arc::new(shown), cancel);
+                wake();
+            }
+        };
+        let picks = {
+            let (failed, curve) = (show.clone(), curve.clone());
+            let begin = move || {
+                let show = show.clone();
+                move |pick: Pick, cancel: &Cancel| Curve::of(&pick).follow(cancel, &mut |curve| show(curve, cancel))
+            };
+            Worker::start("curve", begin, move |pick, cancel, text| {
+                let known = curve.get().map_or_else(|| Curve::of(&pick), |known| (*known).clone());
+                failed(Curve { problem: Some(text), is_over: true, ..known }, cancel);
+            })?
+        };
+        Ok(Self { hovers, hover, picks, curve })
+    }
+
+    /// Asks what is at a place, in place of what has been asked and not been begun; `None`: nothing is asked any more, and an
+    /// answer on its way is dropped. What has been begun is finished otherwise: while the mouse moves there are answers all
+    /// the time, each for where it was.
+    pub fn hover(&self, at: Option<HoverRequest>) {
+        match at {
+            Some(asked) => self.hovers.give(asked),
+            None => {
+                self.hovers.stop();
+                self.hover.clear();
+            }
+        }
+    }
+
+    /// The newest answer, if there was one since.
+    pub fn take_hover(&self) -> Option<Hover> {
+        self.hover.take()
+    }
+
+    /// Begins to find the value of a point at every step of a series, in place of the last point. The point is a cell of the
+    /// series' mesh and weights of its vertices, as a [`Probe`] has them.
+    pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4]) {
+        self.forget_pick();
+        self.picks.give(Pick { series, cell, weights });
+    }
+
+    /// Nobody wants the curve any more.
+    pub fn forget_pick(&self) {
+        self.picks.stop();
+        self.curve.clear();
+    }
+
+    /// The curve of the last pick as far as it is known; `None` before its begin.
+    pub fn curve(&self) -> Option<Arc<Curve>> {
+        self.curve.get()
+    }
+}
+
+/// Finds points, and keeps what the last frames showed.
+#[derive(Default)]
+struct Finder {
+    pipeline: Option<(Arc<Series>, Pipeline)>,
+}
+
+impl Finder {
+    fn find(&mut self, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
+        let of_series = self.pipeline.take().filter(|(series, _)| Arc::ptr_eq(series, &asked.series));
+        let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
+        let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
+        // The scalars are needed here, wherever the frame was rendered.
+        let request = FrameRequest { mode: RenderMode::Raycast, backend: Backend::Cpu, ..asked.request.clone() };
+        let job = pipeline.prepare_unless(&request, cancel)?;
+        Ok(probe(&job, asked.at_px)?)
+    }
+}
+
+impl Curve {
+    /// Of which nothing is known yet.
+    fn of(pick: &Pick) -> Self {
+        let Pick { series, cell, weights } = pick.clone();
+        let values = vec![f32::NAN; series.times().len()];
+        Self { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false }
+    }
+
+    /// Follows the point from step to step, and shows now and then what is known.
+    fn follow(mut self, cancel: &Cancel, show: &mut dyn FnMut(Self)) {
+        let series = self.series.apart(BLOCK_BYTES);
+        let Some(&tet) = series.mesh().topology.tets.get(self.cell as usize) else {
+            self.problem = Some(format!("there is no cell {}", self.cell));
+            self.is_over = true;
+            return show(self);
+        };
+        let mut scalars = vec![0.0; series.vertices()];
+        let mut shown = Instant::now();
+        show(self.clone());
+        while self.done < self.values.len() {
+            match series.decode_step(self.done, &mut scalars, cancel) {
+                Ok(true) => {
+                    let value = interpolate(self.weights, tet.map(|v| scalars[v as usize]));
+                    self.values[self.done] = value as f32;
+                }
+                Ok(false) => return,
+                Err(error) => {
+                    self.failed += 1;
+                    self.problem.get_or_insert_with(|| error.to_string());
+                }
+            }
+            self.done += 1;
+            if shown.elapsed() >= SHOWN_EVERY && self.done < self.values.len() {
+                show(self.clone());
+                shown = Instant::now();
+            }
+        }
+        self.is_over = true;
+        show(self);
+    }
+}
+
+#[cfg(test)]
+#[path = "probe_tests.rs"]
+mod tests;

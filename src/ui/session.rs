@@ -1,0 +1,284 @@
+//! The state of a player window, without the window.
+
+mod act;
+mod insight;
+mod tick;
+
+use super::history::History;
+use super::insight::Insight;
+use super::jobs::Jobs;
+use super::look::{Look, Requests};
+use super::mapped_range;
+use super::motion::Motion;
+use super::notice::{self, Notice, NoticeKind};
+use crate::camera::Camera;
+use crate::pipeline::{FrameRequest, Series, SharedFrame};
+use crate::playback::{Player, State};
+use crate::store::Store;
+use crate::transfer::MappedRange;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What a session begins with.
+pub struct SessionOptions {
+    /// Where other fields come from.
+    pub store: Arc<Store>,
+    /// What frames look like.
+    pub look: Look,
+    /// Whether somebody chose the camera; otherwise it frames the mesh in whatever window there is.
+    pub camera_is_chosen: bool,
+    /// Display-referred colour behind the volume.
+    pub background: [f32; 3],
+    /// Pixels of the image per pixel of the screen, along a side; within [`IMAGE_SCALES`].
+    pub image_scale: f64,
+    /// Frames per second to aim at while the camera moves; within [`TARGET_FPS`](super::TARGET_FPS).
+    pub target_fps: f64,
+    /// Where images go.
+    pub screenshot_folder: PathBuf,
+}
+
+/// A frame on the screen.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// Its planes, counts and times.
+    pub frame: SharedFrame,
+    /// What was asked for.
+    pub request: FrameRequest,
+    /// Whether it was rendered earlier and kept.
+    pub is_kept: bool,
+}
+
+/// A player, what its frames look like, and what the user is told.
+///
+/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits for anything. `now` is the
+/// caller's monotonic time, the same as the player's.
+pub struct Session {
+    pub(super) player: Player,
+    store: Arc<Store>,
+    look: Look,
+    requests: Requests,
+    /// What the frames on their way look like.
+    asked: Option<(Look, (usize, usize))>,
+    home: Camera,
+    camera_is_chosen: bool,
+    motion: Motion,
+    viewport_px: Option<(usize, usize)>,
+    image_scale: f64,
+    background: [f32; 3],
+    shown: Option<Shown>,
+    /// What the last frame took to render.
+    pub(super) ms_per_pixel: Option<f64>,
+    kept_frames: u64,
+    history: History,
+    insight: Insight,
+    /// Counts commands that went elsewhere.
+    turns: u64,
+    /// Until then the user has a core for themselves.
+    busy_until: Duration,
+    target_fps: f64,
+    /// Whether frames may stay on the GPU of the window.
+    has_window_gpu: bool,
+    notices: Vec<Notice>,
+    help_is_open: bool,
+    jobs: Jobs,
+    opens_field: bool,
+    wants_screenshot: bool,
+    screenshot_folder: PathBuf,
+}
+
+/// Scales of the image that can be chosen.
+pub const IMAGE_SCALES: std::ops::RangeInclusive<f64> = 0.25..=2.0;
+
+/// Wider or higher images are not asked for, whatever the screen and the scale.
+const SIDE_MAX_PX: f64 = 8192.0;
+
+impl Session {
+    /// A session of a player whose first frame has not been asked for. `wake` is called when something that takes a while is
+    /// done.
+    ///
+    /// # Errors
+    /// If the system gives no threads.
+    pub fn new(player: Player, options: SessionOptions, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+        let insight = Insight::of(player.pipelined().series().clone(), wake.clone())?;
+        let SessionOptions { store, look, camera_is_chosen, background, image_scale, target_fps, screenshot_folder } =
+            options;
+        Ok(Self {
+            player,
+            store,
+            home: look.camera,
+            look,
+            requests: Requests::default(),
+            asked: None,
+            camera_is_chosen,
+            motion: Motion::default(),
+            viewport_px: None,
+            image_scale,
+            background,
+            shown: None,
+            ms_per_pixel: None,
+            kept_frames: 0,
+            history: History::default(),
+            insight,
+            turns: 0,
+            busy_until: Duration::ZERO,
+            target_fps,
+            has_window_gpu: false,
+            notices: Vec::new(),
+            help_is_open: false,
+            jobs: Jobs::new(wake),
+            opens_field: false,
+            wants_screenshot: false,
+            screenshot_folder,
+        })
+    }
+
+    /// Where the playback is.
+    pub fn state(&self) -> State {
+        self.player.clock().state()
+    }
+
+    /// What is played.
+    pub fn series(&self) -> &Arc<Series> {
+        self.player.pipelined().series()
+    }
+
+    /// Where other fields come from.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// What frames look like.
+    pub fn look(&self) -> &Look {
+        &self.look
+    }
+
+    /// Display-referred colour behind the volume.
+    pub fn background(&self) -> [f32; 3] {
+        self.background
+    }
+
+    /// Pixels of the image per pixel of the screen, along a side.
+    pub fn image_scale(&self) -> f64 {
+        self.image_scale
+    }
+
+    /// What is on the screen.
+    pub fn shown(&self) -> Option<&Shown> {
+        self.shown.as_ref()
+    }
+
+    /// Whether a frame is on its way.
+    pub fn is_waiting(&self) -> bool {
+        self.player.pipelined().wanted() > 0
+    }
+
+    /// How many frames were shown that had been kept.
+    pub fn kept_frames(&self) -> u64 {
+        self.kept_frames
+    }
+
+    /// What the last frames cost.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Frames per second that are aimed at while the camera moves.
+    pub fn target_fps(&self) -> f64 {
+        self.target_fps
+    }
+
+    /// How often a command has gone elsewhere: no frame that was delivered before the last one may come onto the screen any
+    /// more.
+    pub fn turns(&self) -> u64 {
+        self.turns
+    }
+
+    /// Whether frames may stay on the GPU of the window. What is on the screen is asked for again: the window may be another.
+    pub fn use_window_gpu(&mut self, has_window_gpu: bool) {
+        self.has_window_gpu = has_window_gpu;
+        self.ask_again();
+    }
+
+    /// What is on the screen is asked for again.
+    pub fn ask_again(&mut self) {
+        if self.asked.is_some() {
+            self.player.redraw();
+        }
+    }
+
+    /// The same series has grown, in its store.
+    pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>) {
+        match self.player.grow(series) {
+            Ok(()) => {
+                self.store = store;
+                self.study();
+            }
+            Err(error) => self.fail(error.to_string()),
+        }
+    }
+
+    /// Another series is played.
+    fn study(&mut self) {
+        let series = self.series().clone();
+        if let Err(error) = self.insight.turn_to(&series) {
+            self.fail(format!("cannot look at the values of this field: {error}"));
+        }
+    }
+
+    /// What the user is told.
+    pub fn notices(&self) -> &[Notice] {
+        &self.notices
+    }
+
+    /// Whether the help is on the screen.
+    pub fn help_is_open(&self) -> bool {
+        self.help_is_open
+    }
+
+    /// Whether another field is being opened.
+    pub fn opens_field(&self) -> bool {
+        self.opens_field
+    }
+
+    /// Says that something failed.
+    pub fn fail(&mut self, text: String) {
+        notice::add(&mut self.notices, NoticeKind::Error, text);
+    }
+
+    /// The scalars that the colours of what is on the screen (or else will be) cover; `None` if there are none.
+    pub fn shown_range(&self) -> Option<MappedRange> {
+        let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
+        mapped_range(self.series().field(), &self.look.range, time).ok()
+    }
+
+    /// The place for the image has so many pixels of the screen; none: nothing is rendered.
+    pub fn set_viewport(&mut self, width_px: usize, height_px: usize) {
+        let is_first = self.viewport_px.is_none();
+        self.viewport_px = Some((width_px, height_px)).filter(|_| width_px > 0 && height_px > 0);
+        if is_first && !self.camera_is_chosen {
+            self.look.camera = self.home_camera();
+        }
+    }
+
+    /// Width and height of the images that are asked for; smaller while the camera moves and rendering is slow.
+    pub fn size_px(&self, now: Duration) -> Option<(usize, usize)> {
+        let share = self.motion.scale_at(now).unwrap_or(1.0);
+        self.size_at(share)
+    }
+
+    fn size_at(&self, share: f64) -> Option<(usize, usize)> {
+        let (width, height) = self.viewport_px?;
+        let scale = (self.image_scale * share).min(SIDE_MAX_PX / width.max(height) as f64);
+        let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
+        Some((side(width), side(height)))
+    }
+
+    fn home_camera(&self) -> Camera {
+        match self.viewport_px {
+            Some((width, height)) if !self.camera_is_chosen => self.home.fit_to_aspect(width, height),
+            _ => self.home,
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What the user does to a session.
+
+use super::{IMAGE_SCALES, Session};
+use crate::camera::{Camera, CameraError};
+use crate::pipeline::FrameTime;
+use crate::playback::{Command, Loop, Mode, State, StepRange};
+use crate::transfer::{PositionKind, TransferError, TransferFunction};
+use crate::ui::Action;
+use crate::ui::motion::TARGET_FPS;
+use std::time::Duration;
+
+/// One notch of speed: two of them are twice as fast.
+const SPEED_NOTCH: f64 = std::f64::consts::SQRT_2;
+
+/// So long after an input the user has a core for themselves.
+const BUSY: Duration = Duration::from_millis(250);
+
+impl Session {
+    /// Follows the user.
+    pub fn act(&mut self, action: Action, now: Duration) {
+        // To look around costs nothing.
+        if !matches!(action, Action::PointAt(_)) {
+            self.busy_until = now.saturating_add(BUSY);
+        }
+        let state = self.state();
+        match action {
+            Action::Play(command) => self.command(command, now),
+            Action::Faster => self.change_speed(state.speed, SPEED_NOTCH, now),
+            Action::Slower => self.change_speed(state.speed, 1.0 / SPEED_NOTCH, now),
+            Action::NextLoop => self.command(Command::Loop(next_loop(state.settings.repeat)), now),
+            Action::TogglePingPong => {
+                let is_on = state.settings.repeat == Loop::PingPong;
+                self.command(Command::Loop(if is_on { Loop::Off } else { Loop::PingPong }), now);
+            }
+            Action::ToggleDropping => {
+                let drops = state.settings.mode == Mode::RealTime;
+                self.command(Command::Mode(if drops { Mode::EveryStep } else { Mode::RealTime }), now);
+            }
+            Action::RangeFromHere => self.change_range(&state, |step, range| (step, range.b.max(step)), now),
+            Action::RangeToHere => self.change_range(&state, |step, range| (range.a.min(step), step), now),
+            Action::Orbit(by) => {
+                // A drag over the height of the image is half a turn; the mesh follows the mouse.
+                self.move_camera(|camera| camera.orbit(-180.0 * by.x, -180.0 * by.y), now);
+            }
+            Action::Pan(by) => self.move_camera(|camera| camera.pan(by), now),
+            Action::Zoom { factor, cursor } => self.move_camera(|camera| camera.zoom_to_cursor(factor, cursor), now),
+            Action::ResetView => self.look.camera = self.home_camera(),
+            Action::ViewAlong { axis, from_positive } => {
+                self.change_camera(|camera| camera.along(axis, from_positive));
+            }
+            Action::OtherProjection => self.change_camera(Camera::with_other_projection),
+            Action::Field(field) => {
+                if !self.opens_field && field.to_string() != self.series().field().name {
+                    self.opens_field = true;
+                    let series = self.series().clone();
+                    self.jobs.open(&self.store, &series, field);
+                }
+            }
+            Action::Colors(map) => {
+                let tf = &self.look.tf;
+                self.set_tf(TransferFunction::new(map, tf.points().to_vec(), tf.positions(), tf.values()));
+            }
+            Action::Opacities(points) => {
+                let tf = &self.look.tf;
+                let map = tf.color_map().clone();
+                self.set_tf(TransferFunction::new(map, points, PositionKind::Relative, tf.values()));
+            }
+            Action::Range(range) => self.look.range = range,
+            Action::Background(color) => self.background = color,
+            Action::Backend(backend) => self.look.backend = backend,
+            Action::Renderer(mode) => self.look.mode = mode,
+            Action::Optics(optics) => self.look.optics = optics,
+            Action::TargetRate(fps) if fps.is_nan() => {}
+            Action::TargetRate(fps) => self.target_fps = fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()),
+            Action::ImageScale(scale) => {
+                self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
+            }
+            Action::PointAt(place) => {
+                let series = self.series().clone();
+                self.insight.point_at(place, &series, self.shown.as_ref().map(|shown| &shown.request));
+            }
+            Action::Pick => self.insight.pick(),
+            Action::ForgetPick => self.insight.forget_pick(),
+            Action::Screenshot => self.wants_screenshot = true,
+            Action::Help => self.help_is_open = !self.help_is_open,
+            Action::Dismiss(index) => {
+                if index < self.notices.len() {
+                    self.notices.remove(index);
+                }
+            }
+        }
+    }
+
+    fn command(&mut self, command: Command, now: Duration) {
+        let before = self.state().frame;
+        if let Err(error) = self.player.apply(command, now) {
+            self.fail(error.to_string());
+        }
+        self.turns += u64::from(self.state().frame != before);
+    }
+
+    fn change_speed(&mut self, speed: Option<f64>, factor: f64, now: Duration) {
+        // As fast as possible has none to change.
+        if let Some(speed) = speed {
+            self.command(Command::Speed(speed * factor), now);
+        }
+    }
+
+    fn change_range(&mut self, state: &State, change: impl Fn(usize, StepRange) -> (usize, usize), now: Duration) {
+        let Some(step) = state.frame.map(FrameTime::step) else { return };
+        let range = state.settings.range.unwrap_or(StepRange { a: 0, b: state.steps.saturating_sub(1) });
+        let (a, b) = change(step, range);
+        self.command(Command::Range(Some(StepRange { a, b })), now);
+    }
+
+    /// Follows the mouse: images are smaller meanwhile. At the end of the world the camera stays where it is.
+    fn move_camera(&mut self, moved: impl FnOnce(&Camera) -> Result<Camera, CameraError>, now: Duration) {
+        if let Ok(camera) = moved(&self.look.camera) {
+            self.look.camera = camera;
+            self.motion.moved(now, self.full_frame_ms(), 1e3 / self.target_fps);
+        }
+    }
+
+    fn change_camera(&mut self, changed: impl FnOnce(&Camera) -> Result<Camera, CameraError>) {
+        match changed(&self.look.camera) {
+            Ok(camera) => self.look.camera = camera,
+            Err(error) => self.fail(format!("{error}; R shows the whole mesh again")),
+        }
+    }
+
+    fn set_tf(&mut self, tf: Result<TransferFunction, TransferError>) {
+        match tf {
+            Ok(tf) => self.look.tf = tf,
+            Err(error) => self.fail(error.to_string()),
+        }
+    }
+
+    /// What an image in full would take to render, judged by the last one.
+    fn full_frame_ms(&self) -> Option<f64> {
+        let (width, height) = self.size_at(1.0)?;
+        Some(self.ms_per_pixel? * (width * height) as f64)
+    }
+}
+
+/// Off, all, range, and off again; ping-pong has a key of its own.
+fn next_loop(repeat: Loop) -> Loop {
+    match repeat {
+        Loop::Off => Loop::All,
+        Loop::All => Loop::Range,
+        Loop::Range | Loop::PingPong => Loop::Off,
+    }
+}

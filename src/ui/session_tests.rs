@@ -1,0 +1,388 @@
+//! What the user does, and what becomes of it.
+
+use super::*;
+use crate::camera::{Axis, Camera, Projection};
+use crate::ingest::{IngestOptions, ingest};
+use crate::pipeline::test_series::{Log, logged};
+use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, Series};
+use crate::playback::{Clock, Command, Direction, Loop, Mode, Player, StepRange};
+use crate::store::Store;
+use crate::synth::{SeriesName, SynthSpec, generate};
+use crate::task::{Cancel, Silent};
+use crate::transfer::{ColorMap, OpacityPoint, RangePolicy, TransferFunction};
+use glam::DVec2;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+const LONG: Duration = Duration::from_secs(60);
+
+fn store() -> &'static Arc<Store> {
+    static STORE: OnceLock<(tempfile::TempDir, Arc<Store>)> = OnceLock::new();
+    let (_, store) = STORE.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let series = generate(&SynthSpec { cells: 600, steps: 4, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+        let path = dir.path().join("tornado.zarr");
+        ingest(&series, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        (dir, Arc::new(Store::open(path).unwrap()))
+    });
+    store
+}
+
+/// A session and its time.
+struct Desk {
+    session: Session,
+    now: Duration,
+}
+
+impl Desk {
+    fn of(series: Arc<Series>, folder: &Path) -> Self {
+        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 };
+        let clock = Clock::new(series.times().clone());
+        let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+        let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();
+        let look = Look {
+            camera,
+            tf: TransferFunction::parse("viridis").unwrap(),
+            range: RangePolicy::Series,
+            opacity_kind: Default::default(),
+            unit_distance: 0.01,
+            mode: Default::default(),
+            backend: Backend::Cpu,
+            optics: Default::default(),
+        };
+        let options = SessionOptions {
+            store: store().clone(),
+            look,
+            camera_is_chosen: false,
+            background: [0.0; 3],
+            image_scale: 1.0,
+            target_fps: DEFAULT_TARGET_FPS,
+            screenshot_folder: folder.to_owned(),
+        };
+        let mut session = Session::new(Player::new(clock, pipelined), options, Arc::new(|| ())).unwrap();
+        session.set_viewport(40, 20);
+        Self { session, now: Duration::ZERO }
+    }
+
+    fn open() -> Self {
+        Self::of(Arc::new(Series::open(store(), None).unwrap()), Path::new("."))
+    }
+
+    fn fake(steps: usize) -> (Self, Log) {
+        let (series, log) = logged(steps);
+        (Self::of(series, Path::new(".")), log)
+    }
+
+    fn act(&mut self, action: Action) {
+        self.session.act(action, self.now);
+    }
+
+    /// Ticks until nothing more comes without time passing; how many new frames were shown.
+    fn settle(&mut self) -> usize {
+        let mut shown = 0;
+        loop {
+            let (is_new, _) = self.session.tick(self.now);
+            shown += usize::from(is_new);
+            if !is_new && !self.session.player.wait(LONG) {
+                return shown;
+            }
+        }
+    }
+
+    fn later(&mut self, ms: u64) {
+        self.now += Duration::from_millis(ms);
+    }
+
+    fn step(&self) -> usize {
+        self.session.state().frame.unwrap().step()
+    }
+
+    fn shown(&self) -> &Shown {
+        self.session.shown().unwrap()
+    }
+}
+
+#[test]
+fn paused_and_still_nothing_is_asked_of_the_pipeline() {
+    let (mut desk, log) = Desk::fake(5);
+    assert_eq!(desk.settle(), 1);
+    while !desk.session.survey().is_over {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let decoded = log.decoded();
+    for _ in 0..100 {
+        desk.later(100);
+        assert_eq!(desk.session.tick(desk.now), (false, None), "nothing to show, and no time to come back at");
+        assert_eq!(desk.session.player.pipelined().wanted(), 0);
+    }
+    assert_eq!(log.decoded(), decoded);
+    desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
+    assert!(desk.settle() > 0, "the test can fail");
+}
+
+#[test]
+fn what_changes_nothing_in_the_picture_renders_nothing() {
+    let (mut desk, _) = Desk::fake(5);
+    desk.settle();
+    let backend = desk.session.look().backend;
+    for action in [
+        Action::Background([1.0; 3]),
+        Action::Help,
+        Action::Backend(backend),
+        Action::Range(RangePolicy::Series),
+        Action::NextLoop,
+        Action::Faster,
+        Action::RangeFromHere,
+        Action::Zoom { factor: 1.0, cursor: DVec2::ZERO },
+    ] {
+        desk.act(action.clone());
+        desk.later(1000);
+        assert_eq!(desk.settle(), 0, "{action:?}");
+    }
+}
+
+#[test]
+fn every_change_of_the_look_is_drawn() {
+    let mut desk = Desk::open();
+    desk.settle();
+    let gray = ColorMap::built_in("gray").unwrap().clone();
+    let points = vec![OpacityPoint { position: 0.0, value: 0.3 }, OpacityPoint { position: 1.0, value: 0.4 }];
+    for action in [
+        Action::Colors(gray.clone()),
+        Action::Opacities(points),
+        Action::Range(RangePolicy::Manual(-1.0, 3.0)),
+        Action::Orbit(DVec2::new(0.2, 0.1)),
+        Action::Pan(DVec2::new(0.2, 0.1)),
+        Action::Zoom { factor: 2.0, cursor: DVec2::ONE },
+        Action::ViewAlong { axis: Axis::Y, from_positive: true },
+        Action::OtherProjection,
+        Action::ResetView,
+        Action::ImageScale(0.5),
+    ] {
+        let before = desk.shown().frame.color.clone();
+        desk.act(action.clone());
+        desk.later(1000);
+        assert!(desk.settle() > 0, "{action:?}");
+        assert!(desk.shown().frame.color != before, "{action:?}");
+    }
+    assert_eq!((desk.session.look().tf.color_map(), desk.session.notices()), (&gray, &[][..]));
+    assert_eq!(desk.shown().request.size_px, (20, 10));
+}
+
+#[test]
+fn images_have_the_size_of_the_viewport_times_the_scale() {
+    let (mut desk, _) = Desk::fake(2);
+    desk.settle();
+    assert_eq!(desk.shown().request.size_px, (40, 20));
+    desk.session.set_viewport(31, 17);
+    desk.act(Action::ImageScale(0.5));
+    desk.settle();
+    assert_eq!(desk.shown().request.size_px, (16, 9));
+    desk.session.set_viewport(0, 17);
+    assert_eq!((desk.session.size_px(desk.now), desk.settle()), (None, 0), "a minimised window renders nothing");
+    desk.session.set_viewport(100_000, 10);
+    assert_eq!(desk.session.size_px(desk.now), Some((8192, 1)));
+}
+
+#[test]
+fn while_the_camera_moves_images_are_smaller_if_they_are_slow_and_in_full_afterwards() {
+    let (mut desk, _) = Desk::fake(2);
+    desk.settle();
+    let slow_ms = 160.0;
+    desk.session.ms_per_pixel = Some(slow_ms / (40.0 * 20.0));
+    desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
+    desk.settle();
+    assert_eq!(desk.shown().request.size_px, (20, 10));
+    let (_, wait) = desk.session.tick(desk.now);
+    desk.now += wait.expect("to be called when the camera is still");
+    assert_eq!(desk.settle(), 1);
+    assert_eq!(desk.shown().request.size_px, (40, 20));
+}
+
+#[test]
+fn the_mesh_follows_the_mouse() {
+    let (mut desk, _) = Desk::fake(2);
+    let point = |desk: &Desk| {
+        let view = desk.session.look().camera.view(40, 20).unwrap();
+        // A point on the near side of the focal point.
+        let camera = desk.session.look().camera;
+        let near = camera.focal_point;
+        (view.to_view(near), camera)
+    };
+    let (_, before) = point(&desk);
+    let near = before.focal_point + 0.1 * (before.position - before.focal_point);
+    let place = |camera: &Camera| {
+        let p = camera.view(40, 20).unwrap().to_view(near);
+        DVec2::new(p.x / p.z, p.y / p.z)
+    };
+    desk.act(Action::Orbit(DVec2::new(0.05, 0.0)));
+    assert!(place(&desk.session.look().camera).x > 1e-3, "dragged to the right, the near side goes to the right");
+    desk.act(Action::ResetView);
+    desk.act(Action::Orbit(DVec2::new(0.0, 0.05)));
+    assert!(place(&desk.session.look().camera).y > 1e-3, "dragged upwards, it goes upwards");
+    desk.act(Action::ResetView);
+    assert_eq!(desk.session.look().camera, before);
+}
+
+#[test]
+fn a_camera_cannot_be_lost() {
+    let (mut desk, _) = Desk::fake(2);
+    for _ in 0..10_000 {
+        desk.act(Action::Zoom { factor: 3.0, cursor: DVec2::new(0.9, 0.9) });
+    }
+    assert!(desk.session.look().camera.view(4, 4).is_ok());
+    assert!(desk.settle() > 0 && desk.session.notices().is_empty(), "{:?}", desk.session.notices());
+    desk.act(Action::OtherProjection);
+    desk.act(Action::ResetView);
+    assert!(matches!(desk.session.look().camera.projection, Projection::Perspective { .. }));
+}
+
+#[test]
+fn keys_play_the_series() {
+    let (mut desk, _) = Desk::fake(30);
+    desk.settle();
+    let press = |desk: &mut Desk, key, shift| {
+        let action = keys::action(key, shift).unwrap();
+        desk.act(action);
+        desk.settle();
+    };
+    use keys::Key;
+    press(&mut desk, Key::Right, false);
+    press(&mut desk, Key::Right, true);
+    assert_eq!((desk.step(), desk.shown().request.time), (11, FrameTime::from(11)));
+    press(&mut desk, Key::Left, false);
+    assert_eq!(desk.step(), 10);
+    press(&mut desk, Key::End, false);
+    assert_eq!(desk.step(), 29);
+    press(&mut desk, Key::Home, false);
+    assert_eq!(desk.step(), 0);
+    press(&mut desk, Key::Char(']'), false);
+    press(&mut desk, Key::Char(']'), false);
+    assert!((desk.session.state().speed.unwrap() - 50.0).abs() < 1e-9);
+    press(&mut desk, Key::Char('['), false);
+    let settings = |desk: &Desk| desk.session.state().settings;
+    let loops: Vec<Loop> = (0..3)
+        .map(|_| {
+            press(&mut desk, Key::Char('L'), false);
+            settings(&desk).repeat
+        })
+        .collect();
+    assert_eq!(loops, [Loop::All, Loop::Range, Loop::Off]);
+    press(&mut desk, Key::Char('P'), false);
+    assert_eq!(settings(&desk).repeat, Loop::PingPong);
+    press(&mut desk, Key::Char('P'), false);
+    assert_eq!(settings(&desk).repeat, Loop::Off);
+    press(&mut desk, Key::Char('A'), false);
+    assert_eq!(settings(&desk).mode, Mode::RealTime);
+    press(&mut desk, Key::Char('A'), false);
+    assert_eq!(settings(&desk).mode, Mode::EveryStep);
+    press(&mut desk, Key::Char('B'), false);
+    assert_eq!(settings(&desk).direction, Direction::Backward);
+    press(&mut desk, Key::Char('?'), false);
+    assert!(desk.session.help_is_open());
+}
+
+#[test]
+fn a_range_is_marked_from_here_to_there() {
+    let (mut desk, _) = Desk::fake(30);
+    let mark = |desk: &mut Desk, step, action| {
+        desk.act(Action::Play(Command::SeekStep(step)));
+        desk.act(action);
+        desk.session.state().settings.range.unwrap()
+    };
+    assert_eq!(mark(&mut desk, 5, Action::RangeFromHere), StepRange { a: 5, b: 29 });
+    assert_eq!(mark(&mut desk, 9, Action::RangeToHere), StepRange { a: 5, b: 9 });
+    assert_eq!(mark(&mut desk, 20, Action::RangeFromHere), StepRange { a: 20, b: 20 }, "the other end gives way");
+    assert_eq!(mark(&mut desk, 3, Action::RangeToHere), StepRange { a: 3, b: 3 });
+}
+
+#[test]
+fn a_step_that_fails_is_named_and_the_others_are_shown() {
+    let (mut desk, log) = Desk::fake(5);
+    desk.settle();
+    log.fail_at(1);
+    desk.act(Action::Play(Command::Step(1)));
+    desk.settle();
+    assert!(desk.session.shown().is_none(), "no picture of another step passes for this one");
+    let text = desk.session.notices()[0].text.clone();
+    assert!(text.contains("step 1") && text.contains("damaged"), "{text}");
+    desk.act(Action::Dismiss(0));
+    desk.act(Action::Dismiss(7));
+    desk.act(Action::Play(Command::Step(1)));
+    desk.settle();
+    assert_eq!(desk.shown().request.time, FrameTime::from(2));
+    assert!(desk.session.notices().is_empty());
+}
+
+#[test]
+fn a_range_without_meaning_is_an_error_and_shows_nothing() {
+    let (mut desk, _) = Desk::fake(5);
+    desk.settle();
+    desk.act(Action::Range(RangePolicy::Manual(2.0, 1.0)));
+    desk.settle();
+    assert!(desk.session.notices()[0].text.contains("2..1"), "{:?}", desk.session.notices());
+    assert!(desk.shown().frame.color.pixels.iter().all(|p| p[3] == 0.0));
+    desk.act(Action::Play(Command::Speed(-1.0)));
+    assert!(desk.session.notices()[1].text.contains("speed"));
+}
+
+#[test]
+fn another_field_is_opened_aside_and_played_at_the_same_step() {
+    let mut desk = Desk::open();
+    let names: Vec<String> = store().fields().iter().map(|f| f.name.clone()).collect();
+    let other = names.iter().find(|name| **name != desk.session.series().field().name).expect("a second field");
+    desk.settle();
+    desk.act(Action::Play(Command::SeekStep(2)));
+    desk.settle();
+    let before = desk.shown().frame.color.clone();
+    desk.act(Action::Field(other.parse().unwrap()));
+    assert!(desk.session.opens_field());
+    while desk.session.opens_field() {
+        std::thread::yield_now();
+        desk.session.tick(desk.now);
+    }
+    desk.settle();
+    assert_eq!((&desk.session.series().field().name, desk.step()), (other, 2));
+    assert!(desk.shown().frame.color != before);
+    desk.act(Action::Field("nothing".parse().unwrap()));
+    while desk.session.opens_field() {
+        std::thread::yield_now();
+        desk.session.tick(desk.now);
+    }
+    assert!(desk.session.notices()[0].text.contains("'nothing'"), "{:?}", desk.session.notices());
+    assert_eq!(&desk.session.series().field().name, other);
+}
+
+#[test]
+fn screenshots_are_the_picture_in_full_and_never_overwrite() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut desk = Desk::of(Arc::new(Series::open(store(), None).unwrap()), dir.path());
+    desk.act(Action::Background([0.25, 0.5, 0.75]));
+    desk.settle();
+    for _ in 0..2 {
+        desk.act(Action::Screenshot);
+        desk.session.tick(desk.now);
+        while desk.session.notices().is_empty() {
+            std::thread::yield_now();
+            desk.session.tick(desk.now);
+        }
+        assert_eq!(desk.session.notices()[0].kind, NoticeKind::Done, "{:?}", desk.session.notices());
+        desk.act(Action::Dismiss(0));
+    }
+    let field = desk.session.series().field().name.replace(':', "-");
+    let names = [format!("{field}_step0000.png"), format!("{field}_step0000_2.png")];
+    let mut found: Vec<String> =
+        std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    found.sort();
+    let mut expected = names.to_vec();
+    expected.sort();
+    assert_eq!(found, expected);
+    let image = crate::image::read_png(&dir.path().join(&names[0])).unwrap();
+    assert_eq!((image.width, image.height), (40, 20));
+    let behind = desk.shown().frame.color.over([0.25, 0.5, 0.75]);
+    for (saved, shown) in image.pixels.iter().zip(&behind) {
+        // Half a unit of 8 bits.
+        assert!(saved.iter().zip(shown).all(|(a, b)| (a - b).abs() <= 0.5001 / 255.0), "{saved:?} {shown:?}");
+    }
+}

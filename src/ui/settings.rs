@@ -1,0 +1,394 @@
+//! What a window remembers from one run to the next: `settings.json` in the user's folder for such files.
+//!
+//! The file is JSON with a version. It is replaced whole or not at all; a damaged one is renamed to `settings.json.bad`, and
+//! what can be read of it is kept. Nothing of this ever stops a window: what cannot be read or written is a notice. Of two
+//! windows that write, the last one wins, except that recent files and looks of both are kept.
+
+use super::{IMAGE_SCALES, Look};
+use crate::camera::Camera;
+use crate::error::{FileError, FileResult};
+use crate::files;
+use crate::pipeline::PipelinedOptions;
+use crate::transfer::{RangePolicy, TransferFunction};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::ffi::OsString;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf, absolute};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Files that are listed as recent.
+pub const RECENT_MAX: usize = 10;
+/// Stores whose looks are remembered.
+pub const LOOKS_MAX: usize = 20;
+/// The version of the file that is written.
+const VERSION: u64 = 1;
+/// Longer files are none of ours.
+const BYTES_MAX: u64 = 4 << 20;
+/// Width and height of a window, points.
+const WINDOW_SIDE: [f32; 2] = [320.0, 16384.0];
+/// Frames a second that can be aimed at.
+const TARGET_RATE: [f64; 2] = [1.0, 240.0];
+/// Bytes of frames that are kept, at most.
+const FRAME_CACHE_MAX: u64 = 64 << 30;
+
+/// A file that was opened.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecentFile {
+    /// Absolute.
+    pub path: PathBuf,
+    /// When, in milliseconds since 1970.
+    pub opened_ms: u64,
+}
+
+impl RecentFile {
+    /// Whether it is still there; asks the file system.
+    pub fn exists(&self) -> bool {
+        self.path.exists()
+    }
+}
+
+/// What frames of a store looked like when it was closed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SavedLook {
+    /// The store or source, absolute.
+    pub path: PathBuf,
+    /// When, in milliseconds since 1970.
+    pub used_ms: u64,
+    /// The field.
+    pub field: String,
+    /// Where from.
+    pub camera: Camera,
+    /// Colours and opacities.
+    pub tf: TransferFunction,
+    /// Scalars that they cover.
+    pub range: RangePolicy,
+}
+
+impl SavedLook {
+    /// Gives a look its camera, colours and range.
+    pub fn apply_to(&self, look: &mut Look) {
+        (look.camera, look.range) = (self.camera, self.range);
+        look.tf = self.tf.clone();
+    }
+
+    /// Whether it can be shown, and be written.
+    fn is_sound(&self) -> bool {
+        self.camera.view(1, 1).is_ok()
+            && self.range.to_string().parse().is_ok_and(|range: RangePolicy| range == self.range)
+    }
+}
+
+/// What is remembered. Fields may have any value; what is read or written is within its bounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Files that were opened, newest first.
+    pub recent: Vec<RecentFile>,
+    /// Looks of stores, newest first.
+    pub looks: Vec<SavedLook>,
+    /// Width and height of the window, points.
+    pub window_size: [f32; 2],
+    /// Whether the side panel is shown.
+    pub shows_side: bool,
+    /// Display-referred colour behind the volume.
+    pub background: [f32; 3],
+    /// Pixels of the image per pixel of the screen, along a side.
+    pub image_scale: f64,
+    /// Frames a second to aim at while the camera moves.
+    pub target_rate: f64,
+    /// Bytes of rendered frames that are kept.
+    pub frame_cache_bytes: u64,
+    /// Where the last image was saved to.
+    pub screenshot_folder: Option<PathBuf>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            recent: Vec::new(),
+            looks: Vec::new(),
+            window_size: [1280.0, 800.0],
+            shows_side: true,
+            // #16181d
+            background: [22.0 / 255.0, 24.0 / 255.0, 29.0 / 255.0],
+            image_scale: 1.0,
+            target_rate: 25.0,
+            frame_cache_bytes: PipelinedOptions::default().frame_cache_bytes,
+            screenshot_folder: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Puts a file in front of the recent ones. A path that is no Unicode cannot be written to the file, and is left out.
+    pub fn remember_file(&mut self, path: &Path) {
+        let path = absolute(path).unwrap_or_else(|_| path.to_owned());
+        let newest = self.recent.iter().map(|file| file.opened_ms).max().map_or(0, |ms| ms.saturating_add(1));
+        self.recent.insert(0, RecentFile { path, opened_ms: now_ms().max(newest) });
+        *self = std::mem::take(self).within_bounds();
+    }
+
+    /// Takes a file from the recent ones.
+    pub fn forget_file(&mut self, path: &Path) {
+        self.recent.retain(|file| file.path != path);
+    }
+
+    /// Remembers what a field of a store or source looks like.
+    pub fn remember_look(&mut self, path: &Path, field: &str, look: &Look) {
+        let path = absolute(path).unwrap_or_else(|_| path.to_owned());
+        let newest = self.looks.iter().map(|look| look.used_ms).max().map_or(0, |ms| ms.saturating_add(1));
+        let Look { camera, range, .. } = *look;
+        let (field, tf, used_ms) = (field.to_owned(), look.tf.clone(), now_ms().max(newest));
+        self.looks.insert(0, SavedLook { path, used_ms, field, camera, tf, range });
+        *self = std::mem::take(self).within_bounds();
+    }
+
+    /// What a store or source looked like.
+    pub fn look_of(&self, path: &Path) -> Option<&SavedLook> {
+        let path = absolute(path).unwrap_or_else(|_| path.to_owned());
+        self.looks.iter().find(|look| look.path == path)
+    }
+
+    /// The same with everything where it can be, lists sorted and not too long.
+    #[must_use]
+    pub fn within_bounds(mut self) -> Self {
+        let default = Self::default();
+        let is_text = |path: &Path| path.to_str().is_some() && path.is_absolute();
+        self.recent.retain(|file| is_text(&file.path));
+        self.recent.sort_by_key(|file| std::cmp::Reverse(file.opened_ms));
+        retain_first_of(&mut self.recent, |file| &file.path);
+        self.recent.truncate(RECENT_MAX);
+        self.looks.retain(|look| is_text(&look.path) && look.is_sound());
+        self.looks.sort_by_key(|look| std::cmp::Reverse(look.used_ms));
+        retain_first_of(&mut self.looks, |look| &look.path);
+        self.looks.truncate(LOOKS_MAX);
+        let finite = |x: f64, default: f64| if x.is_finite() { x } else { default };
+        for (side, default) in self.window_size.iter_mut().zip(default.window_size) {
+            *side = if side.is_finite() { *side } else { default }.clamp(WINDOW_SIDE[0], WINDOW_SIDE[1]);
+        }
+        for (channel, default) in self.background.iter_mut().zip(default.background) {
+            *channel = if channel.is_finite() { *channel } else { default }.clamp(0.0, 1.0);
+        }
+        let scale = finite(self.image_scale, default.image_scale);
+        self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
+        self.target_rate = finite(self.target_rate, default.target_rate).clamp(TARGET_RATE[0], TARGET_RATE[1]);
+        self.frame_cache_bytes = self.frame_cache_bytes.min(FRAME_CACHE_MAX);
+        self.screenshot_folder = self.screenshot_folder.filter(|folder| is_text(folder));
+        self
+    }
+
+    /// What the keys of a file say; those that cannot be read are left as they are, and named.
+    fn read(map: &Map<String, Value>) -> (Self, Vec<String>) {
+        let mut settings = Self::default();
+        let mut wrong = Vec::new();
+        take(map, "recent", &mut settings.recent, &mut wrong);
+        take(map, "looks", &mut settings.looks, &mut wrong);
+        take(map, "window_size", &mut settings.window_size, &mut wrong);
+        take(map, "shows_side", &mut settings.shows_side, &mut wrong);
+        take(map, "background", &mut settings.background, &mut wrong);
+        take(map, "image_scale", &mut settings.image_scale, &mut wrong);
+        take(map, "target_rate", &mut settings.target_rate, &mut wrong);
+        take(map, "frame_cache_bytes", &mut settings.frame_cache_bytes, &mut wrong);
+        take(map, "screenshot_folder", &mut settings.screenshot_folder, &mut wrong);
+        (settings.within_bounds(), wrong)
+    }
+}
+
+/// Keeps the first of those with the same path.
+fn retain_first_of<T>(list: &mut Vec<T>, path: impl Fn(&T) -> &PathBuf) {
+    let mut seen = std::collections::BTreeSet::new();
+    list.retain(|item| seen.insert(path(item).clone()));
+}
+
+fn take<T: DeserializeOwned>(map: &Map<String, Value>, key: &str, to: &mut T, wrong: &mut Vec<String>) {
+    match map.get(key).map(T::deserialize) {
+        Some(Ok(value)) => *to = value,
+        Some(Err(_)) => wrong.push(key.to_owned()),
+        None => {}
+    }
+}
+
+fn now_ms() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(now.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// The file of the settings. Reading and writing touch the disk: not for the thread of a window.
+#[derive(Debug)]
+pub struct SettingsFile {
+    folder: Option<PathBuf>,
+    /// Recent files of the file when this read or wrote it last: those that are missing since were removed by the user.
+    known: Vec<RecentFile>,
+    /// What has been said since something was last written.
+    complaints: Vec<String>,
+    /// A newer program's file is left alone.
+    is_frozen: bool,
+}
+
+impl SettingsFile {
+    /// The user's: in `$TETREEL_CONFIG`, else `$XDG_CONFIG_HOME/tetreel`, else `~/.config/tetreel` (on macOS `~/Library/Application
+    /// Support/tetreel`, on Windows `%APPDATA%\tetreel`).
+    pub fn of_user() -> Self {
+        Self::new(folder_from(std::env::consts::OS, |name| std::env::var_os(name)))
+    }
+
+    /// No file: nothing is remembered, and nobody complains.
+    pub fn nowhere() -> Self {
+        Self { is_frozen: true, ..Self::new(None) }
+    }
+
+    /// In this folder, which is made when there is something to write.
+    pub fn at(folder: impl Into<PathBuf>) -> Self {
+        Self::new(Some(folder.into()))
+    }
+
+    fn new(folder: Option<PathBuf>) -> Self {
+        Self { folder, known: Vec::new(), complaints: Vec::new(), is_frozen: false }
+    }
+
+    /// Where the file is or will be, if there is a place.
+    pub fn path(&self) -> Option<PathBuf> {
+        self.folder.as_ref().map(|folder| folder.join("settings.json"))
+    }
+
+    /// What is remembered, and what the user should be told. No file is no problem.
+    pub fn load(&mut self) -> (Settings, Option<String>) {
+        let Some(path) = self.path() else { return (Settings::default(), None) };
+        let (map, notice) = self.read_map(&path);
+        let (settings, _) = Settings::read(&map);
+        self.known.clone_from(&settings.recent);
+        (settings, notice)
+    }
+
+    /// Writes what is to be remembered, together with what other windows have written since; `settings` then has their recent
+    /// files and looks, too. Returns what the user should be told: each problem once.
+    pub fn save(&mut self, settings: &mut Settings) -> Option<String> {
+        let Some(path) = self.path() else {
+            if self.is_frozen {
+                return None;
+            }
+            return self
+                .complain("settings are not kept: no variable says where; set TETREEL_CONFIG to a folder".to_owned());
+        };
+        let (map, notice) = self.read_map(&path);
+        if self.is_frozen {
+            return notice;
+        }
+        let merged = self.merge(std::mem::take(settings), &Settings::read(&map).0);
+        *settings = merged;
+        match write(&path, settings, map) {
+            Ok(()) => {
+                self.known.clone_from(&settings.recent);
+                self.complaints.clear();
+                notice
+            }
+            Err(error) => {
+                let error = error.remedy("set TETREEL_CONFIG to a folder that you may write to");
+                self.complain(format!("settings are not kept: {error}")).or(notice)
+            }
+        }
+    }
+
+    fn complain(&mut self, text: String) -> Option<String> {
+        if self.complaints.contains(&text) {
+            return None;
+        }
+        self.complaints.push(text.clone());
+        Some(text)
+    }
+
+    /// Adds what other windows have written.
+    fn merge(&self, mut ours: Settings, theirs: &Settings) -> Settings {
+        // What was known and is gone from ours was removed here.
+        let is_new = |file: &&RecentFile| !self.known.contains(file);
+        ours.recent.extend(theirs.recent.iter().filter(is_new).cloned());
+        ours.looks.extend(theirs.looks.iter().cloned());
+        ours.within_bounds()
+    }
+
+    /// The keys of the file; none if there is no file. A damaged one is moved aside, as is one with values that make no sense.
+    fn read_map(&mut self, path: &Path) -> (Map<String, Value>, Option<String>) {
+        let (map, problem) = match read_text(path) {
+            Ok(None) => return (Map::new(), None),
+            Ok(Some(bytes)) => match serde_json::from_slice::<Map<String, Value>>(&bytes) {
+                Ok(map) => {
+                    let version = map.get("version").and_then(Value::as_u64).unwrap_or(VERSION);
+                    if version > VERSION {
+                        self.is_frozen = true;
+                        let text = format!(
+                            "{}: is of a newer tetreel (version {version}); what changes now is not kept",
+                            path.display()
+                        );
+                        return (map, self.complain(text));
+                    }
+                    let wrong = Settings::read(&map).1;
+                    if wrong.is_empty() {
+                        return (map, None);
+                    }
+                    (map, format!("the values of {} make no sense", wrong.join(", ")))
+                }
+                Err(error) => (Map::new(), format!("is damaged: {error}")),
+            },
+            Err(error) => {
+                return (Map::new(), self.complain(format!("settings are not read: {error}")));
+            }
+        };
+        let bad = path.with_extension("json.bad");
+        let aside = match std::fs::rename(path, &bad) {
+            Ok(()) => format!("it is now {}; what could be read is kept, the rest is as at first", bad.display()),
+            // Then neither can it be written, which is another notice.
+            Err(error) => format!("it cannot be renamed: {error}; remove it"),
+        };
+        let text = format!("{}: {problem}; {aside}", path.display());
+        (map, self.complain(text))
+    }
+}
+
+/// The bytes of the file; `None` if there is none.
+fn read_text(path: &Path) -> FileResult<Option<Vec<u8>>> {
+    let io = |error: std::io::Error| FileError::io(path, "read", &error);
+    let metadata = match std::fs::metadata(path) {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(None),
+        metadata => metadata.map_err(io)?,
+    };
+    if !metadata.is_file() || metadata.len() > BYTES_MAX {
+        return Err(FileError::invalid(path, "", "is no file of settings").remedy("remove it"));
+    }
+    std::fs::read(path).map(Some).map_err(io)
+}
+
+/// Writes settings, and those keys of `map` that are not known here.
+fn write(path: &Path, settings: &Settings, mut map: Map<String, Value>) -> FileResult<()> {
+    let json = |error: serde_json::Error| FileError::invalid(path, "", error.to_string());
+    let Value::Object(known) = serde_json::to_value(settings).map_err(json)? else {
+        return Err(FileError::invalid(path, "", "settings are no object"));
+    };
+    map.insert("version".to_owned(), VERSION.into());
+    map.extend(known);
+    let text = serde_json::to_string_pretty(&map).map_err(json)? + "\n";
+    let folder = files::parent_of(path);
+    std::fs::create_dir_all(folder).map_err(|error| FileError::io(folder, "make the folder", &error))?;
+    // A link stays one: what it points to is replaced.
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    files::replace(&path, |file| {
+        let written = std::io::Write::write_all(file, text.as_bytes()).and_then(|()| file.sync_all());
+        written.map_err(|error| FileError::io(&path, "write", &error))
+    })
+}
+
+/// The user's folder for settings on a system, as these variables say.
+fn folder_from(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    let variable = |name: &str| variable(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    let home = || match system {
+        "windows" => variable("APPDATA"),
+        "macos" => variable("HOME").map(|home| home.join("Library").join("Application Support")),
+        _ => variable("HOME").map(|home| home.join(".config")),
+    };
+    variable("TETREEL_CONFIG")
+        .or_else(|| variable("XDG_CONFIG_HOME").or_else(home).map(|folder| folder.join("tetreel")))
+}
+
+#[cfg(test)]
+#[path = "settings_tests.rs"]
+mod tests;

@@ -1,0 +1,324 @@
+//! A field over the whole series, step by step and as a histogram: on a thread of its own.
+//!
+//! Ranges of all steps are in the store; means and histograms are not, and every step has to be decoded for them. The order of
+//! the steps is from coarse to fine, so that there is a picture of the whole series early: the first [`COARSE`] steps in
+//! bit-reversed order, the others a block of the codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are
+//! looked at, evenly over the series.
+
+use super::worker::{BLOCK_BYTES, Slot, Worker};
+use crate::codec::vq;
+use crate::moments::{Histogram1d, StepSummary};
+use crate::pipeline::Series;
+use crate::task::Cancel;
+use std::io;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Steps that are looked at, of a series of however many.
+pub const MOST_STEPS: usize = 1024;
+
+/// Steps that are looked at first, at the cost of a block each.
+const COARSE: usize = 32;
+
+/// How often a survey that grows is shown.
+const SHOWN_EVERY: Duration = Duration::from_millis(100);
+
+/// What one step holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepSurvey {
+    /// Least and greatest finite value, and the number of others.
+    pub summary: StepSummary,
+    /// Mean of the finite values of all vertices, each counted once; NaN if there is none.
+    pub mean: f64,
+    /// How often which value occurs, over the range of the whole series.
+    pub histogram: Histogram1d,
+}
+
+impl StepSurvey {
+    /// Of a step of a field with this range.
+    fn of(range: Option<[f32; 2]>, values: &[f32]) -> Self {
+        let mut histogram = Histogram1d::new(range);
+        histogram.add(values);
+        // In one order, and far from overflow: no sum of f32 leaves the range of f64.
+        let sum: f64 = values.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).sum();
+        Self { summary: StepSummary::of(values), mean: sum / histogram.finite() as f64, histogram }
+    }
+}
+
+/// What is known of a series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surveyed {
+    /// One for each step of the series; `None` if it was not looked at, not yet or not at all, or cannot be read.
+    pub steps: Vec<Option<Arc<StepSurvey>>>,
+    /// Of all steps that were looked at, over the range of the series.
+    pub histogram: Histogram1d,
+    /// Steps that were looked at.
+    pub done: usize,
+    /// Steps that will be: those of the series, or [`MOST_STEPS`] of them.
+    pub total: usize,
+    /// How many could not be read.
+    pub failed: usize,
+    /// Why the first of these could not, or why the survey ended early.
+    pub problem: Option<String>,
+    /// Whether no more comes.
+    pub is_over: bool,
+}
+
+impl Surveyed {
+    fn begin(series: &Series) -> Self {
+        let steps = series.times().len();
+        Self {
+            steps: vec![None; steps],
+            histogram: Histogram1d::new(series.field().range),
+            done: 0,
+            total: steps.min(MOST_STEPS),
+            failed: 0,
+            problem: None,
+            is_over: false,
+        }
+    }
+}
+
+/// Looks at a series, until it is dropped.
+pub struct Survey {
+    worker: Worker<Arc<Series>>,
+    gate: Arc<Gate>,
+    at_begin: Arc<Surveyed>,
+    slot: Arc<Slot<Arc<Surveyed>>>,
+}
+
+impl Survey {
+    /// Starts a thread, which ends with the survey. `wake` is called when there is more to show, ten times a second at most.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(series: Arc<Series>, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+        let (gate, slot): (Arc<Gate>, Arc<Slot<Arc<Surveyed>>>) = Default::default();
+        let at_begin = Arc::new(Surveyed::begin(&series));
+        let show = {
+            let slot = slot.clone();
+            move |shown: Surveyed, cancel: &Cancel| {
+                slot.put(Arc::new(shown), cancel);
+                wake();
+            }
+        };
+        let (of_thread, known, failed) = (gate.clone(), slot.clone(), show.clone());
+        let begin = move || {
+            let (gate, show) = (of_thread.clone(), show.clone());
+            move |series: Arc<Series>, cancel: &Cancel| look(&series, &gate, cancel, &mut |s| show(s, cancel))
+        };
+        let worker = Worker::start("survey", begin, move |series, cancel, text| {
+            let known = known.get().map_or_else(|| Surveyed::begin(&series), |known| (*known).clone());
+            failed(Surveyed { problem: Some(text), is_over: true, ..known }, cancel);
+        })?;
+        worker.give(series);
+        Ok(Self { worker, gate, at_begin, slot })
+    }
+
+    /// What is known so far: at first no step. The ranges of all steps are in
+    /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
+    pub fn snapshot(&self) -> Arc<Surveyed> {
+        self.slot.get().unwrap_or_else(|| self.at_begin.clone())
+    }
+
+    /// Whether to rest, after the step at hand: while the user waits for frames.
+    pub fn pause(&self, pauses: bool) {
+        self.gate.set(pauses);
+    }
+}
+
+impl Drop for Survey {
+    fn drop(&mut self) {
+        // First, so that who comes out of the gate sees it.
+        self.worker.stop();
+        self.gate.set(false);
+    }
+}
+
+/// What a thread waits at while it is closed.
+#[derive(Default)]
+struct Gate {
+    is_closed: Mutex<bool>,
+    opened: Condvar,
+}
+
+impl Gate {
+    fn set(&self, is_closed: bool) {
+        *self.is_closed.lock().unwrap_or_else(PoisonError::into_inner) = is_closed;
+        self.opened.notify_all();
+    }
+
+    fn pass(&self) {
+        let closed = self.is_closed.lock().unwrap_or_else(PoisonError::into_inner);
+        drop(self.opened.wait_while(closed, |is_closed| *is_closed).unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+/// Looks at the steps of a series one after the other, and shows now and then what is known.
+fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut(Surveyed)) {
+    let range = series.field().range;
+    let apart = series.apart(BLOCK_BYTES);
+    let mut known = Surveyed::begin(series);
+    let mut values = vec![0.0; series.vertices()];
+    let mut shown: Option<Instant> = None;
+    for step in order(series.times().len()) {
+        gate.pass();
+        match apart.decode_step(step, &mut values, cancel) {
+            Ok(true) => {
+                let survey = StepSurvey::of(range, &values);
+                known.histogram.merge(&survey.histogram);
+                known.steps[step] = Some(Arc::new(survey));
+            }
+            Ok(false) => return,
+            Err(error) => {
+                known.failed += 1;
+                known.problem.get_or_insert_with(|| error.to_string());
+            }
+        }
+        known.done += 1;
+        if known.done < known.total && shown.is_none_or(|at| at.elapsed() >= SHOWN_EVERY) {
+            show(known.clone());
+            shown = Some(Instant::now());
+        }
+    }
+    known.is_over = true;
+    show(known);
+}
+
+/// The numbers below `count`, so that any first part of them is spread over all: those of as many bits, last bit first.
+fn bit_reversed(count: usize) -> impl Iterator<Item = usize> {
+    let bits = count.next_power_of_two().trailing_zeros();
+    let reversed = move |i: usize| if bits == 0 { i } else { i.reverse_bits() >> (usize::BITS - bits) };
+    (0..count.next_power_of_two()).map(reversed).filter(move |&i| i < count)
+}
+
+/// The steps to look at of a series of `steps`, in order.
+fn order(steps: usize) -> Vec<usize> {
+    let spread: Vec<usize> = bit_reversed(steps).take(MOST_STEPS).collect();
+    let (coarse, fine) = spread.split_at(COARSE.min(spread.len()));
+    let mut of_block = vec![Vec::new(); steps.div_ceil(vq::STEPS)];
+    fine.iter().for_each(|&step| of_block[step / vq::STEPS].push(step));
+    of_block.iter_mut().for_each(|steps| steps.sort_unstable());
+    coarse.iter().copied().chain(bit_reversed(of_block.len()).flat_map(|b| of_block[b].clone())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::worker::tests::{counted, wait_for};
+    use super::*;
+    use crate::pipeline::test_series::{jet, logged};
+    use std::collections::BTreeSet;
+    use std::sync::atomic::Ordering;
+
+    fn silent(series: &Arc<Series>) -> Survey {
+        Survey::start(series.clone(), Arc::new(|| ())).unwrap()
+    }
+
+    fn whole(survey: &Survey) -> Arc<Surveyed> {
+        wait_for("end", || Some(survey.snapshot()).filter(|known| known.is_over))
+    }
+
+    #[test]
+    fn every_step_is_looked_at_once_and_of_very_many_an_even_choice() {
+        for steps in [1, 2, 3, 31, 32, 33, 64, 65, 500, 1000, 1024] {
+            let all: BTreeSet<usize> = order(steps).into_iter().collect();
+            assert_eq!((order(steps).len(), all.len(), all.last()), (steps, steps, Some(&(steps - 1))));
+        }
+        for steps in [1025, 5000, 100_000] {
+            let all: BTreeSet<usize> = order(steps).into_iter().collect();
+            assert_eq!((order(steps).len(), all.len()), (MOST_STEPS, MOST_STEPS));
+            let all: Vec<usize> = all.into_iter().chain([steps]).collect();
+            let widest = all.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+            // Bit reversal halves intervals: the widest is below twice the mean of a power of two, and that below twice this.
+            assert!(all[0] == 0 && widest <= 4 * steps.div_ceil(MOST_STEPS), "{steps}: {widest}");
+        }
+        assert!(order(0).is_empty());
+    }
+
+    #[test]
+    fn the_first_steps_are_spread_and_the_others_take_each_block_once() {
+        assert_eq!(bit_reversed(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
+        assert_eq!(bit_reversed(5).collect::<Vec<_>>(), [0, 4, 2, 1, 3]);
+        let order = order(1000);
+        let mut coarse: Vec<usize> = order[..COARSE].to_vec();
+        coarse.sort_unstable();
+        assert!(coarse.windows(2).all(|pair| pair[1] - pair[0] <= 64), "{coarse:?}");
+        let changes = order[COARSE..].windows(2).filter(|pair| pair[0] / 64 != pair[1] / 64).count();
+        assert_eq!(changes + 1, 1000_usize.div_ceil(64));
+    }
+
+    #[test]
+    fn a_survey_is_what_each_step_decoded_says() {
+        let series = jet();
+        let survey = silent(&series);
+        let known = whole(&survey);
+        assert_eq!((known.done, known.total, known.failed, known.problem.as_ref()), (4, 4, 0, None));
+        let mut all = Histogram1d::new(series.field().range);
+        for (step, found) in known.steps.iter().enumerate() {
+            let mut values = vec![0.0; series.vertices()];
+            assert!(series.decode_step(step, &mut values, &Cancel::new()).unwrap());
+            let found = found.as_ref().unwrap();
+            assert_eq!(found.summary, StepSummary::of(&values));
+            let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+            assert_eq!(found.mean, mean);
+            all.add(&values);
+        }
+        assert_eq!(known.histogram, all);
+        assert_eq!(all.finite(), 4 * series.vertices() as u64);
+        assert_ne!(known.steps[0], known.steps[3], "the test can fail");
+    }
+
+    #[test]
+    fn holes_are_counted_apart_and_a_step_of_holes_has_no_mean() {
+        let survey = StepSurvey::of(Some([0.0, 4.0]), &[1.0, f32::NAN, 3.0, f32::INFINITY]);
+        assert_eq!((survey.mean, survey.summary.nonfinite, survey.histogram.finite()), (2.0, 2, 2));
+        let holes = StepSurvey::of(None, &[f32::NAN; 3]);
+        assert!(holes.mean.is_nan() && holes.summary.range.is_none());
+        let wide = StepSurvey::of(Some([f32::MIN, f32::MAX]), &[f32::MAX; 1000]);
+        assert_eq!(wide.mean, f64::from(f32::MAX));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_counted_and_a_panic_ends_it_with_a_word() {
+        let (series, log) = logged(5);
+        log.fail_at(3);
+        let known = whole(&silent(&series));
+        assert_eq!((known.done, known.failed, known.steps[3].is_none()), (5, 1, true));
+        assert!(known.problem.as_ref().unwrap().contains("damaged"));
+        log.panic_at(1);
+        let known = whole(&silent(&series));
+        assert!(known.problem.as_ref().unwrap().contains("not meant"), "{known:?}");
+    }
+
+    #[test]
+    fn paused_it_rests_and_goes_on_afterwards() {
+        let (series, log) = logged(300);
+        log.take(Duration::from_millis(1));
+        let (woken, wake) = counted();
+        let survey = Survey::start(series, wake).unwrap();
+        wait_for("begin", || Some(survey.snapshot()).filter(|known| known.done > 0));
+        survey.pause(true);
+        // The step at hand is finished; after that nothing is decoded, however long one waits.
+        let at_rest = wait_for("rest", || {
+            let before = log.decoded().len();
+            std::thread::sleep(Duration::from_millis(50));
+            (log.decoded().len() == before).then_some(before)
+        });
+        assert!(at_rest < 300);
+        survey.pause(false);
+        assert_eq!(whole(&survey).done, 300);
+        wait_for("calls at the first step and at the end", || (woken.load(Ordering::SeqCst) >= 2).then_some(()));
+    }
+
+    #[test]
+    fn the_thread_ends_with_the_survey_at_work_or_at_rest() {
+        for pauses in [false, true] {
+            let (series, log) = logged(1000);
+            log.hang(!pauses);
+            let survey = silent(&series);
+            survey.pause(pauses);
+            drop(survey);
+            wait_for("end", || (Arc::strong_count(&series) == 1).then_some(()));
+        }
+    }
+}

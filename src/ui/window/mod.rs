@@ -1,0 +1,545 @@
+//! The window: shows a [`Session`], and turns what the user does into [`Action`]s.
+
+mod axes;
+mod input;
+mod overlay;
+mod point;
+mod preview;
+mod run;
+mod screen;
+mod side;
+mod statistics;
+mod strip;
+mod timeline;
+mod transfer_editor;
+mod viewport;
+mod waker;
+mod welcome;
+mod widgets;
+
+pub use run::{WindowError, run, run_watched};
+
+use super::following::Follower;
+use super::notice::{self, Notice, NoticeKind};
+use super::opening::{Opened, Opening, OpeningEnd, OpeningOptions};
+use super::settings::SettingsFile;
+use super::{Action, Look, Session, SessionOptions, SettingsKeeper, keys};
+use crate::camera::CameraError;
+use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
+use crate::playback::{Clock, Command, Loop, Player};
+use crate::render::RenderError;
+use crate::render::gpu::context::ContextOptions;
+use crate::transfer::{ColorMap, TransferFunction};
+use eframe::egui;
+use eframe::egui_wgpu::{RenderState, wgpu};
+use screen::Screen;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+use waker::Waker;
+use welcome::{PathBox, Wish};
+
+/// What frames of a series look like at first, and whether the camera was chosen by the user: it is kept then, whatever shape
+/// the window has.
+pub type Dress = Arc<dyn Fn(&Series) -> Result<(Look, bool), String> + Send + Sync>;
+
+/// What is shown first.
+pub enum Start {
+    /// Nothing: the user is asked for a file.
+    Nothing,
+    /// What these files hold, once they are open.
+    Open(Vec<PathBuf>),
+    /// What is open already.
+    Play(Box<Opened>),
+}
+
+/// What a window is opened with.
+pub struct WindowOptions {
+    /// What is shown first.
+    pub start: Start,
+    /// How it looks.
+    pub dress: Dress,
+    /// Whether camera, colours and range are those of the last time, if it was opened before.
+    pub restores: bool,
+    /// Whether steps that are added to a store are shown when they come.
+    pub follows: bool,
+    /// Whether what is opened first plays at once, in a loop.
+    pub plays: bool,
+    /// How files are opened.
+    pub opening: OpeningOptions,
+    /// Threads of the pipeline.
+    pub threads: PipelinedOptions,
+    /// Display-referred colour behind the volume; `None`: as it was last.
+    pub background: Option<[f32; 3]>,
+    /// Width and height in points; `None`: as it was last.
+    pub size: Option<[f32; 2]>,
+    /// Where images go.
+    pub screenshot_folder: PathBuf,
+    /// Which GPU the window is on, and its frames.
+    pub gpu: ContextOptions,
+    /// What is remembered.
+    pub settings: SettingsFile,
+}
+
+/// A store that is followed.
+struct Followed {
+    /// The field of it.
+    series: Arc<Series>,
+    follower: Follower,
+}
+
+/// The player window. [`Self::show`] is the whole of it, whatever shows it.
+pub struct PlayerWindow {
+    session: Option<Session>,
+    opening: Option<(Opening, Dress)>,
+    followed: Option<Followed>,
+    options: WindowOptions,
+    keeper: SettingsKeeper,
+    /// What opens again what is played.
+    path: Option<PathBuf>,
+    started: Instant,
+    screen: Screen,
+    waker: Waker,
+    gpu: WindowGpu,
+    side: side::Side,
+    preview: preview::Preview,
+    overlays: overlay::Overlays,
+    path_box: PathBox,
+    /// What is not about what is played.
+    notices: Vec<Notice>,
+    /// To be shown by the system, once.
+    title: Option<String>,
+    /// Whether the panels around the picture have been laid out.
+    is_laid_out: bool,
+    /// Whether the side panel is shown.
+    shows_side: bool,
+}
+
+/// A series as it looks when nobody has said anything.
+fn plain(series: &Series) -> Result<(Look, bool), String> {
+    let tf = ColorMap::built_in("viridis").ok_or("there is no colour map viridis").map_err(str::to_owned)?;
+    let tf = TransferFunction::parse(tf.name()).map_err(|error| error.to_string())?;
+    let look = Look::default_for(series, tf).map_err(|error: CameraError| error.to_string())?;
+    Ok((look, false))
+}
+
+impl PlayerWindow {
+    /// A window that is shown nowhere yet.
+    ///
+    /// # Errors
+    /// If the system gives no threads.
+    pub fn open(mut options: WindowOptions) -> io::Result<Self> {
+        let (waker, gpu) = (Waker::default(), WindowGpu::none());
+        let start = std::mem::replace(&mut options.start, Start::Nothing);
+        let file = std::mem::replace(&mut options.settings, SettingsFile::nowhere());
+        let (keeper, told) = SettingsKeeper::open(file, waker.wake())?;
+        let mut window = Self {
+            session: None,
+            opening: None,
+            followed: None,
+            options,
+            path: None,
+            shows_side: keeper.settings().shows_side,
+            keeper,
+            started: Instant::now(),
+            screen: Screen::start(waker.wake())?,
+            waker,
+            gpu,
+            side: Default::default(),
+            preview: Default::default(),
+            overlays: Default::default(),
+            path_box: Default::default(),
+            notices: Vec::new(),
+            title: None,
+            is_laid_out: false,
+        };
+        if let Some(told) = told {
+            window.fail(told);
+        }
+        match start {
+            Start::Nothing => {}
+            Start::Open(paths) => {
+                let dress = window.first_dress(&paths);
+                window.open_files(paths, dress);
+            }
+            Start::Play(opened) => {
+                let dress = window.first_dress(std::slice::from_ref(&opened.path));
+                window.play(*opened, &dress);
+            }
+        }
+        Ok(window)
+    }
+
+    /// It is shown in this context from now on, which is woken up when there is something to show; frames that are rendered on
+    /// the GPU of `render_state` are shown from where they are.
+    pub fn attach(&mut self, ctx: &egui::Context, render_state: Option<&RenderState>) {
+        self.waker.attach(ctx);
+        if let Some(name) = self.path.as_ref().and_then(|path| path.file_name()).filter(|_| self.title.is_none()) {
+            self.title = Some(format!("{} - tetreel", name.to_string_lossy()));
+        }
+        self.screen.detach();
+        if let Some(render_state) = render_state {
+            self.screen.attach(render_state, &self.gpu);
+        }
+        if let Some(session) = &mut self.session {
+            session.use_window_gpu(render_state.is_some());
+        }
+    }
+
+    /// Width and height that it should have, in points.
+    fn size(&self) -> [f32; 2] {
+        self.options.size.unwrap_or(self.keeper.settings().window_size)
+    }
+
+    /// What is shown.
+    pub fn session(&self) -> Option<&Session> {
+        self.session.as_ref()
+    }
+
+    /// Whether what the session shows is on the screen, and nothing else is on its way.
+    pub fn is_up_to_date(&self) -> bool {
+        let shown = self.session.as_ref().and_then(Session::shown).map(|shown| shown.request.time);
+        let is_expected = self.session.as_ref().is_some_and(Session::is_waiting);
+        let painted = self.screen.painted().map(|painted| painted.time);
+        self.screen.is_up_to_date() && !is_expected && shown.is_some() && painted == shown
+    }
+
+    /// What the user is told that is not about what is played.
+    pub fn notices(&self) -> &[Notice] {
+        &self.notices
+    }
+
+    /// Whether the window's GPU was lost; nothing can be painted any more then.
+    fn lost(&self) -> Option<RenderError> {
+        let context = self.screen.context()?;
+        // Losses wait for the next poll.
+        let _ = context.device.poll(wgpu::PollType::Poll);
+        context.check().err().filter(|error| matches!(error, RenderError::DeviceLost { .. }))
+    }
+
+    /// Opens files in the background; what is played goes on meanwhile.
+    fn open_files(&mut self, paths: Vec<PathBuf>, dress: Dress) {
+        let opening = Opening::start(paths, self.options.opening.clone(), Arc::new(self.waker.wake()));
+        self.opening = Some((opening, dress));
+    }
+
+    /// Plays what was opened, in place of what was played.
+    fn play(&mut self, opened: Opened, dress: &Dress) {
+        let (name, path) = (opened.name.clone(), opened.path.clone());
+        match self.session_of(opened, dress) {
+            Ok((session, followed)) => {
+                self.title = Some(format!("{name} - tetreel"));
+                self.followed = followed;
+                let mut session = session;
+                if std::mem::take(&mut self.options.plays) {
+                    let now = self.started.elapsed();
+                    for command in [Command::Loop(Loop::All), Command::Play] {
+                        session.act(Action::Play(command), now);
+                    }
+                }
+                self.remember_look();
+                self.keeper.settings_mut().remember_file(&path);
+                self.path = Some(path);
+                let last = self.session.replace(session);
+                self.screen.forget();
+                self.notices.clear();
+                // Whose threads end and whose memory is freed in their own time.
+                std::thread::spawn(move || drop(last));
+            }
+            Err(problem) => self.fail(format!("{name}: {problem}")),
+        }
+    }
+
+    fn session_of(&self, opened: Opened, dress: &Dress) -> Result<(Session, Option<Followed>), String> {
+        let Opened { store, series, .. } = opened;
+        let (look, camera_is_chosen) = dress(&series)?;
+        let followed = self.options.follows.then(|| {
+            let wake = Arc::new(self.waker.wake());
+            Followed { series: series.clone(), follower: Follower::start(store.clone(), series.clone(), wake) }
+        });
+        let mut pipeline = Pipeline::new(series);
+        pipeline.choose_gpu(self.options.gpu.clone());
+        pipeline.share_gpu(self.gpu.clone());
+        let clock = Clock::new(pipeline.times().clone());
+        let no_threads = |error: io::Error| format!("the system gives no threads: {error}");
+        let pipelined = Pipelined::start(pipeline, &self.options.threads, self.waker.wake()).map_err(no_threads)?;
+        let settings = self.keeper.settings();
+        let screenshot_folder = self.options.screenshot_folder.clone();
+        let background = self.options.background.unwrap_or(settings.background);
+        let (image_scale, target_fps) = (settings.image_scale, settings.target_rate);
+        let options =
+            SessionOptions { store, look, camera_is_chosen, background, image_scale, target_fps, screenshot_folder };
+        let player = Player::new(clock, pipelined);
+        let mut session = Session::new(player, options, Arc::new(self.waker.wake())).map_err(no_threads)?;
+        session.use_window_gpu(self.screen.context().is_some());
+        Ok((session, followed))
+    }
+
+    /// The settings, as they are now.
+    fn remember(&mut self, ctx: &egui::Context) {
+        let settings = self.keeper.settings_mut();
+        settings.shows_side = self.shows_side;
+        if let Some(size) = ctx.input(|input| input.viewport().inner_rect).map(|rect| rect.size()) {
+            settings.window_size = [size.x, size.y];
+        }
+        if let Some(session) = &self.session {
+            settings.background = session.background();
+            (settings.image_scale, settings.target_rate) = (session.image_scale(), session.target_fps());
+        }
+        let (told, wait) = self.keeper.tick(self.started.elapsed());
+        if let Some(told) = told {
+            self.fail(told);
+        }
+        if let Some(wait) = wait {
+            ctx.request_repaint_after(wait);
+        }
+    }
+
+    /// What is played will look the same when it is opened again.
+    fn remember_look(&mut self) {
+        if let (Some(session), Some(path)) = (&self.session, &self.path) {
+            self.keeper.settings_mut().remember_look(path, &session.series().field().name, session.look());
+        }
+    }
+
+    fn first_dress(&self, paths: &[PathBuf]) -> Dress {
+        let dress = self.options.dress.clone();
+        if self.options.restores { self.as_last(paths, dress) } else { dress }
+    }
+
+    /// What was opened before looks as it did last.
+    fn as_last(&self, paths: &[PathBuf], dress: Dress) -> Dress {
+        let known = paths.first().filter(|_| paths.len() == 1).and_then(|path| self.keeper.settings().look_of(path));
+        let known = known.cloned();
+        Arc::new(move |series: &Series| {
+            let (mut look, camera_is_chosen) = dress(series)?;
+            let known = known.as_ref().filter(|known| known.field == series.field().name);
+            known.inspect(|known| known.apply_to(&mut look));
+            Ok((look, camera_is_chosen || known.is_some()))
+        })
+    }
+
+    /// Says that something failed.
+    fn fail(&mut self, text: String) {
+        match &mut self.session {
+            Some(session) => session.fail(text),
+            None => notice::add(&mut self.notices, NoticeKind::Error, text),
+        }
+    }
+
+    /// Lays out everything, follows the user, and says when it wants to be shown again.
+    pub fn show(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        if let Some(title) = self.title.take() {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
+        }
+        self.finish_opening();
+        self.take_growth();
+        let dropped = ctx.input(|input| input.raw.dropped_files.clone());
+        let dropped: Vec<PathBuf> = dropped.iter().map(|file| file.path().to_owned()).collect();
+        let mut wish = (!dropped.is_empty()).then_some(Wish::Open(dropped));
+        if let Some((opening, _)) = &self.opening {
+            egui::Panel::top("opening").show(ui, |ui| {
+                wish = welcome::opening(ui, opening.paths(), &opening.progress()).or(wish.take());
+            });
+        }
+        messages(ui, "window messages", &mut self.notices);
+        if self.session.is_some() {
+            self.show_session(ui, &mut wish);
+        } else {
+            egui::CentralPanel::default().show(ui, |ui| {
+                let recent = &self.keeper.settings().recent;
+                wish = welcome::show(ui, &mut self.path_box, recent).or(wish.take());
+            });
+        }
+        drop_hint(&ctx);
+        self.remember(&ctx);
+        match wish {
+            Some(Wish::Open(paths)) => {
+                let dress = self.as_last(&paths, Arc::new(plain));
+                self.open_files(paths, dress);
+            }
+            Some(Wish::Stop) => self.opening = None,
+            None => {}
+        }
+    }
+
+    fn finish_opening(&mut self) {
+        let Some((opening, dress)) = &self.opening else { return };
+        let (ended, dress) = (opening.take(), dress.clone());
+        match ended {
+            None => {}
+            Some(OpeningEnd::Opened(opened)) => {
+                self.opening = None;
+                self.play(*opened, &dress);
+            }
+            Some(OpeningEnd::Cancelled) => self.opening = None,
+            Some(OpeningEnd::Failed(problem)) => {
+                self.opening = None;
+                self.fail(problem);
+            }
+        }
+    }
+
+    /// Shows steps that were added to the store.
+    fn take_growth(&mut self) {
+        let (Some(followed), Some(session)) = (&mut self.followed, &mut self.session) else { return };
+        if !Arc::ptr_eq(&followed.series, session.series()) {
+            followed.series = session.series().clone();
+            followed.follower.set_field(followed.series.clone());
+        }
+        while let Some(grown) = followed.follower.take() {
+            match grown {
+                Ok(grown) => {
+                    session.grow(grown.store, grown.series);
+                    followed.series = session.series().clone();
+                }
+                Err(problem) => session.fail(problem),
+            }
+        }
+    }
+
+    fn show_session(&mut self, ui: &mut egui::Ui, wish: &mut Option<Wish>) {
+        let Some(session) = &mut self.session else { return };
+        let ctx = ui.ctx().clone();
+        let mut actions = input::pressed(&ctx);
+        notices(ui, session, &mut actions);
+        egui::Panel::bottom("timeline").show(ui, |ui| {
+            timeline::show(ui, session, &mut self.shows_side, &mut self.preview, &mut actions);
+        });
+        if self.shows_side {
+            let panel = egui::Panel::right("side").default_size(side::WIDTH).resizable(true);
+            panel.show(ui, |ui| {
+                let recent = &self.keeper.settings().recent;
+                *wish = side::open(ui, &mut self.path_box, recent).or(wish.take());
+                self.side.show(ui, session, &mut self.overlays, &mut actions);
+            });
+        }
+        let frame = egui::Frame::NONE.fill(widgets::color(session.background()));
+        let painted = self.screen.painted();
+        let viewport = egui::CentralPanel::default()
+            .frame(frame)
+            .show(ui, |ui| viewport::show(ui, session, painted, self.overlays, &mut actions));
+        help(&ctx, session, &mut actions);
+        if !self.is_laid_out {
+            // Panels do not know their sizes before they were laid out once, and a frame for a picture of another size would
+            // be thrown away.
+            self.is_laid_out = true;
+            ctx.request_discard("panels have sizes now");
+            ctx.request_repaint();
+            return;
+        }
+        if ctx.current_pass_index() > 0 {
+            // The first pass has followed; this one is for what it has changed.
+            return;
+        }
+        let (width, height) = viewport.inner;
+        session.set_viewport(width, height);
+        self.follow(&ctx, actions);
+    }
+
+    fn follow(&mut self, ctx: &egui::Context, actions: Vec<Action>) {
+        let Some(session) = &mut self.session else { return };
+        let now = self.started.elapsed();
+        if !actions.is_empty() {
+            // The widgets show what was.
+            ctx.request_repaint();
+        }
+        actions.into_iter().for_each(|action| session.act(action, now));
+        let (is_new, wait) = session.tick(now);
+        if self.screen.update(ctx, session, is_new) {
+            session.ask_again();
+            ctx.request_repaint();
+        }
+        if is_new {
+            ctx.request_repaint();
+        }
+        if let Some(wait) = wait {
+            ctx.request_repaint_after(wait);
+        }
+    }
+}
+
+impl Drop for PlayerWindow {
+    fn drop(&mut self) {
+        self.remember_look();
+    }
+}
+
+/// Files over the window can be dropped.
+fn drop_hint(ctx: &egui::Context) {
+    if ctx.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    egui::Window::new("drop").title_bar(false).anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO).show(ctx, |ui| {
+        ui.heading("Drop to open");
+    });
+}
+
+/// Messages about a session.
+fn notices(ui: &mut egui::Ui, session: &Session, actions: &mut Vec<Action>) {
+    let mut notices = session.notices().to_vec();
+    let read = messages(ui, "messages", &mut notices);
+    actions.extend(read.map(Action::Dismiss));
+}
+
+/// Messages, each with a button that puts it away; which one was.
+fn messages(ui: &mut egui::Ui, id: &'static str, notices: &mut Vec<Notice>) -> Option<usize> {
+    if notices.is_empty() {
+        return None;
+    }
+    let mut read = None;
+    // Over the picture: beside it they would change its size, and every message would cost a frame.
+    let area = egui::Area::new(egui::Id::unique(id))
+        .anchor(egui::Align2::LEFT_TOP, MESSAGES_AT)
+        .order(egui::Order::Foreground);
+    area.show(ui.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).show(ui, |ui| messages_of(ui, notices, &mut read));
+    });
+    if let Some(index) = read {
+        notices.remove(index);
+    }
+    read
+}
+
+/// Below field and error, in points.
+const MESSAGES_AT: egui::Vec2 = egui::vec2(12.0, 56.0);
+
+fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) {
+    ui.set_max_width(700.0);
+    for (index, notice) in notices.iter().enumerate() {
+        ui.horizontal(|ui| {
+            let name = format!("Dismiss message {}", index + 1);
+            if widgets::icon(ui, "×", &name, true).clicked() {
+                *read = Some(index);
+            }
+            let color = match notice.kind {
+                NoticeKind::Error => ui.visuals().error_fg_color,
+                NoticeKind::Done => ui.visuals().text_color(),
+            };
+            let count = if notice.count > 1 { format!(" ({} times)", notice.count) } else { String::new() };
+            let text = egui::RichText::new(format!("{}{count}", notice.text)).color(color);
+            ui.add(egui::Label::new(text).wrap());
+        });
+    }
+}
+
+/// Keys and mouse, from the tables that they work by.
+fn help(ctx: &egui::Context, session: &Session, actions: &mut Vec<Action>) {
+    let mut is_open = session.help_is_open();
+    let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false).resizable(false);
+    window.anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO).show(ctx, |ui| {
+        egui::Grid::new("keys").num_columns(2).spacing([24.0, 4.0]).show(ui, |ui| {
+            let mouse = keys::MOUSE.iter().map(|&(what, does)| (what.to_owned(), does));
+            for (what, does) in keys::help().into_iter().chain(mouse) {
+                ui.strong(what);
+                ui.label(does);
+                ui.end_row();
+            }
+        });
+    });
+    if is_open != session.help_is_open() {
+        actions.push(Action::Help);
+    }
+}

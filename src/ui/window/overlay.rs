@@ -1,0 +1,218 @@
+//! What is written over the picture: the field and its error, the time, the meaning of the colours.
+
+use super::screen::Painted;
+use super::{axes, widgets};
+use crate::pipeline::FrameTime;
+use crate::store::StoredField;
+use crate::transfer::MappedRange;
+use crate::ui::{Session, shortfall};
+use eframe::egui;
+use egui::{Align2, Color32, FontId, Mesh, Pos2, Rect, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
+
+const MARGIN: f32 = 12.0;
+const TEXT: f32 = 14.0;
+/// Width of the colour bar, and its height as a share of the picture's.
+const BAR: (f32, f32) = (16.0, 0.5);
+/// A legend needs so much room; in smaller pictures there is none.
+const LEGEND_ROOM: (f32, f32) = (260.0, 160.0);
+/// So high must a picture be for legend and axes.
+const AXES_ROOM: f32 = 420.0;
+/// Longer names of fields are cut, over the picture and at the legend.
+const NAME: (usize, usize) = (60, 20);
+
+/// Field and unit: `T [K]`.
+fn title(field: &StoredField) -> String {
+    match field.units.as_deref().filter(|units| !units.is_empty()) {
+        Some(units) => format!("{} [{units}]", field.name),
+        None => field.name.clone(),
+    }
+}
+
+/// At most so many characters.
+fn shortened(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
+        return text.to_owned();
+    }
+    text.chars().take(most.saturating_sub(1)).chain(['…']).collect()
+}
+
+/// How far the values of a field are from those of the source.
+pub(super) fn quality(field: &StoredField) -> String {
+    match &field.quality {
+        Some(quality) => {
+            let units = field.units.as_deref().map_or(String::new(), |units| format!(" {units}"));
+            format!("stored with errors up to {}{units}", number(quality.max_error))
+        }
+        None if field.magnitude_of.is_empty() => "stored without error".to_owned(),
+        None => format!("computed from {}", field.magnitude_of.join(", ")),
+    }
+}
+
+/// A number in few characters.
+pub(super) fn number(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-3..1e5).contains(&size) {
+        return format!("{x:.3e}");
+    }
+    // Four digits that count.
+    let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+    let text = format!("{x:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Time and step of a picture.
+fn moment(session: &Session, frame: FrameTime) -> String {
+    let state = session.state();
+    let time = number(frame.time(session.series().times()));
+    match frame.toward() {
+        None => format!("t = {time}   step {} of {}", frame.step(), state.steps.saturating_sub(1)),
+        Some((next, _)) => format!("t = {time}   between steps {} and {next}", frame.step()),
+    }
+}
+
+/// The picture in words.
+pub(super) fn description(session: &Session, painted: Option<Painted>) -> String {
+    let field = session.series().field();
+    let moment = painted.map_or("no step".to_owned(), |painted| moment(session, painted.time));
+    format!("Picture of {}, {moment}, {}", title(field), quality(field))
+}
+
+/// What is drawn over the picture beside names and time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Overlays {
+    pub(super) axes: bool,
+    pub(super) bounding_box: bool,
+    pub(super) legend: bool,
+}
+
+impl Default for Overlays {
+    fn default() -> Self {
+        Self { axes: true, bounding_box: false, legend: true }
+    }
+}
+
+/// Draws over the picture at `rect`.
+pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Painted>, overlays: Overlays) {
+    let painter = ui.painter().with_clip_rect(rect);
+    let (ink, halo) = inks(session.background());
+    let font = FontId::proportional(TEXT);
+    let write = |at: Pos2, align: Align2, text: &str| {
+        for offset in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
+            painter.text(at + offset, align, text, font.clone(), halo.gamma_multiply(0.5));
+        }
+        painter.text(at, align, text, font.clone(), ink);
+    };
+    let field = session.series().field();
+    let inner = rect.shrink(MARGIN);
+    write(inner.left_top(), Align2::LEFT_TOP, &shortened(&title(field), NAME.0));
+    write(inner.left_top() + vec2(0.0, 1.3 * TEXT), Align2::LEFT_TOP, &quality(field));
+    let camera = &session.look().camera;
+    if overlays.bounding_box {
+        axes::bounding_box(&painter, rect, camera, session.series().mesh().positions.world_bounds(), ink);
+    }
+    // Below the legend.
+    if overlays.axes && rect.width() >= LEGEND_ROOM.0 && rect.height() >= AXES_ROOM {
+        let room = vec2(axes::ORIENTATION_ROOM, axes::ORIENTATION_ROOM);
+        axes::orientation(&painter, inner.right_bottom() - room, camera, halo);
+    }
+    match painted {
+        Some(painted) => write(inner.left_bottom(), Align2::LEFT_BOTTOM, &moment(session, painted.time)),
+        None if session.state().steps == 0 => write(rect.center(), Align2::CENTER_CENTER, "this series has no steps"),
+        None if session.notices().is_empty() => {
+            write(rect.center(), Align2::CENTER_CENTER, "rendering the first frame");
+        }
+        None => write(rect.center(), Align2::CENTER_CENTER, "no picture of this step"),
+    }
+    if let Some(shortfall) = shortfall(&session.state()) {
+        write(inner.left_bottom() - vec2(0.0, 1.3 * TEXT), Align2::LEFT_BOTTOM, &shortfall);
+    }
+    let has_room = rect.width() >= LEGEND_ROOM.0 && rect.height() >= LEGEND_ROOM.1;
+    if let Some(range) = session.shown_range().filter(|_| overlays.legend && has_room) {
+        let height = BAR.1 * rect.height();
+        let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
+        painter.add(color_bar(bar, session));
+        painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
+        for (position, text) in ticks(&range) {
+            let y = bar.bottom() - position * bar.height();
+            painter.hline(bar.left() - 4.0..=bar.left(), y, Stroke::new(1.0, ink));
+            write(pos2(bar.left() - 7.0, y), Align2::RIGHT_CENTER, &text);
+        }
+        write(pos2(bar.right(), bar.top() - 8.0), Align2::RIGHT_BOTTOM, &shortened(&title(field), NAME.1));
+    }
+}
+
+/// Marks a place in the picture.
+pub(super) fn cross(ui: &Ui, rect: Rect, at: Pos2, background: [f32; 3]) {
+    let painter = ui.painter().with_clip_rect(rect);
+    let (ink, halo) = inks(background);
+    for (width, color) in [(3.0, halo.gamma_multiply(0.6)), (1.0, ink)] {
+        painter.hline(at.x - 7.0..=at.x + 7.0, at.y, Stroke::new(width, color));
+        painter.vline(at.x, at.y - 7.0..=at.y + 7.0, Stroke::new(width, color));
+    }
+}
+
+/// What can be read over a background, and what is drawn around it.
+fn inks([r, g, b]: [f32; 3]) -> (Color32, Color32) {
+    let is_dark = 0.299 * r + 0.587 * g + 0.114 * b < 0.5;
+    if is_dark { (Color32::WHITE, Color32::BLACK) } else { (Color32::BLACK, Color32::WHITE) }
+}
+
+/// Places 0..=1 from below and what is written there.
+fn ticks(range: &MappedRange) -> Vec<(f32, String)> {
+    (0..=4_u8).map(|i| f32::from(i) / 4.0).map(|p| (p, number(range.scalar_at(f64::from(p))))).collect()
+}
+
+fn color_bar(rect: Rect, session: &Session) -> Shape {
+    vertical_strip(rect, |position| session.look().tf.color_map().eval(position))
+}
+
+/// A strip of colours from below.
+fn vertical_strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3]) -> Shape {
+    strip(rect, rgb, |position| {
+        let y = rect.bottom() - position * rect.height();
+        [pos2(rect.left(), y), pos2(rect.right(), y)]
+    })
+}
+
+/// A strip of colours from the left.
+pub(super) fn horizontal_strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3]) -> Shape {
+    strip(rect, rgb, |position| {
+        let x = rect.left() + position * rect.width();
+        [pos2(x, rect.top()), pos2(x, rect.bottom())]
+    })
+}
+
+fn strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3], corners: impl Fn(f32) -> [Pos2; 2]) -> Shape {
+    let mut mesh = Mesh::default();
+    let parts = (rect.width().max(rect.height()).ceil().clamp(1.0, 512.0)) as u32;
+    for i in 0..=parts {
+        let position = i as f32 / parts as f32;
+        let color = widgets::color(rgb(f64::from(position)).map(|c| c as f32));
+        corners(position).into_iter().for_each(|corner| mesh.colored_vertex(corner, color));
+        if i > 0 {
+            let first = 2 * i - 2;
+            mesh.add_triangle(first, first + 1, first + 2);
+            mesh.add_triangle(first + 1, first + 2, first + 3);
+        }
+    }
+    Shape::mesh(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_names_are_cut() {
+        assert_eq!((shortened("pressure", 8), shortened("pressure_total", 8)), ("pressure".into(), "pressur…".into()));
+    }
+
+    #[test]
+    fn numbers_have_four_digits_that_count() {
+        let texts = [0.0, 1.0, -12.345678, 99999.0, 123456.0, 0.0123456, 1e-5, 0.5].map(number);
+        assert_eq!(texts, ["0", "1", "-12.35", "99999", "1.235e5", "0.01235", "1.000e-5", "0.5"]);
+    }
+}

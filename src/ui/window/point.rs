@@ -1,0 +1,101 @@
+//! The point under the mouse, and the one that was picked.
+
+use super::overlay::number;
+use super::widgets::icon;
+use crate::playback::Command;
+use crate::ui::{Action, Picked, Session};
+use eframe::egui;
+use egui::{Role, Ui, WidgetInfo};
+use egui_plot::{Line, Plot, PlotBounds, VLine};
+
+/// Height of the curve in points.
+const PLOT: f32 = 130.0;
+
+/// What is under the mouse, in words.
+pub(super) fn hovered(session: &Session) -> Option<String> {
+    let hover = session.hover()?;
+    Some(match &hover.found {
+        Ok(Some(probe)) => format!("{}\ncell {}", value(session, probe.scalar), probe.source_cell),
+        Ok(None) => return None,
+        Err(error) => error.clone(),
+    })
+}
+
+/// A scalar with name and unit.
+fn value(session: &Session, scalar: f64) -> String {
+    let field = session.series().field();
+    let units = field.units.as_deref().filter(|units| !units.is_empty());
+    let units = units.map_or(String::new(), |units| format!(" {units}"));
+    format!("{} = {}{units}", field.name, number(scalar))
+}
+
+/// The picked point and its value over the series; a click in the curve goes to that time.
+pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let Some(picked) = session.picked() else {
+        ui.label("Click a place in the picture to see its value over time.");
+        return;
+    };
+    let p = picked.position;
+    ui.horizontal(|ui| {
+        ui.label(format!("({}, {}, {})\ncell {}", number(p.x), number(p.y), number(p.z), picked.source_cell));
+        if icon(ui, "×", "Forget the point", true).clicked() {
+            actions.push(Action::ForgetPick);
+        }
+    });
+    if let Some(text) = at_present(session, &picked) {
+        ui.strong(text);
+    }
+    curve(ui, session, &picked, actions);
+    if let Some(problem) = picked.curve.as_ref().and_then(|curve| curve.problem.clone()) {
+        ui.colored_label(ui.visuals().error_fg_color, problem);
+    }
+}
+
+fn at_present(session: &Session, picked: &Picked) -> Option<String> {
+    let curve = picked.curve.as_ref()?;
+    let step = session.state().frame?.step();
+    let known = curve.values.get(step).filter(|_| step < curve.done)?;
+    Some(if known.is_finite() { value(session, f64::from(*known)) } else { "no value at this step".to_owned() })
+}
+
+fn curve(ui: &mut Ui, session: &Session, picked: &Picked, actions: &mut Vec<Action>) {
+    let times = &session.series().times().values;
+    let Some(range) = session.series().field().range else { return };
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    if let Some(curve) = &picked.curve {
+        let known = times.iter().zip(&curve.values).take(curve.done);
+        points.extend(known.map(|(&time, &value)| [time, f64::from(value)]));
+    }
+    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(1.0));
+    let values = points.iter().map(|p| p[1]).filter(|v| v.is_finite());
+    let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+    let [lo, hi] = if lo < hi { [lo, hi] } else { range.map(f64::from) };
+    let margin = 0.05 * (hi - lo).max(f64::MIN_POSITIVE);
+    let plot = Plot::new("point over time")
+        .height(PLOT)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .allow_double_click_reset(false)
+        .allow_axis_zoom_drag(false)
+        .x_axis_formatter(|mark, _| number(mark.value))
+        .y_axis_formatter(|mark, _| number(mark.value));
+    let now = session.state().time;
+    let shown = plot.show(ui, |plot| {
+        plot.set_plot_bounds(PlotBounds::from_min_max([first, lo - margin], [last.max(first + 1e-300), hi + margin]));
+        // A curve has gaps where there is no value.
+        for run in points.split(|p| !p[1].is_finite()).filter(|run| !run.is_empty()) {
+            plot.line(Line::new("value", run.to_vec()).color(egui::Color32::from_rgb(90, 170, 255)));
+        }
+        if let Some(now) = now {
+            plot.vline(VLine::new("now", now).color(egui::Color32::from_rgb(235, 165, 60)).width(1.5));
+        }
+        plot.pointer_coordinate()
+    });
+    let response = shown.response;
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Value of the point over time"));
+    if let Some(at) = shown.inner.filter(|_| response.clicked() || response.dragged()) {
+        actions.push(Action::Play(Command::SeekTime(at.x.clamp(first, last))));
+    }
+}

@@ -1,0 +1,155 @@
+//! A window of the system, until it is closed.
+
+use super::{PlayerWindow, WindowOptions};
+use crate::render::gpu::context::{self, ContextOptions};
+use crate::task::Cancel;
+use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use eframe::{egui, egui_wgpu};
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Why there is no window, or none any more.
+#[derive(Debug, thiserror::Error)]
+pub enum WindowError {
+    /// The system shows none.
+    #[error("cannot open a window: {0}; `tetreel render` makes pictures without one")]
+    NoWindow(String),
+    /// The GPU that it is painted on is lost again and again.
+    #[error(
+        "the window's GPU fails again and again: {0}; restart the machine or its driver, or use another with --adapter"
+    )]
+    Lost(String),
+}
+
+/// How often somebody looks whether the window is to be closed from outside.
+const CANCEL_CHECK: Duration = Duration::from_millis(100);
+
+/// A GPU that is lost more often is not worth another try.
+const LOSSES_MAX: u32 = 5;
+
+/// What the window and those who open it have in common.
+struct Shared {
+    window: PlayerWindow,
+    /// Why it must be opened again.
+    lost: Option<String>,
+    watch: Box<dyn FnMut(&PlayerWindow)>,
+}
+
+/// The window as the system sees it.
+struct App(Rc<RefCell<Shared>>);
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        let Shared { window, lost, watch } = &mut *self.0.borrow_mut();
+        if let Some(error) = window.lost() {
+            // Nothing that is laid out now could be painted.
+            *lost = Some(error.to_string());
+            ui.send_viewport_cmd(egui::ViewportCommand::Close);
+            return;
+        }
+        window.show(ui);
+        watch(window);
+    }
+}
+
+/// Opens a window and returns when it is closed or `cancel` is raised. If its GPU is lost it is opened
+/// again, and goes on where it was.
+///
+/// # Errors
+/// If the system shows no window.
+pub fn run(options: WindowOptions, cancel: &Cancel) -> Result<(), WindowError> {
+    run_watched(options, cancel, Box::new(|_| ()))
+}
+
+/// As [`run`]; `watch` sees the window after each pass, for programs that go by what is shown.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_watched(
+    options: WindowOptions,
+    cancel: &Cancel,
+    watch: Box<dyn FnMut(&PlayerWindow)>,
+) -> Result<(), WindowError> {
+    let gpu = options.gpu.clone();
+    let window = PlayerWindow::open(options).map_err(|error| WindowError::NoWindow(error.to_string()))?;
+    let shared = Rc::new(RefCell::new(Shared { window, lost: None, watch }));
+    let mut last_loss = String::new();
+    for _ in 0..=LOSSES_MAX {
+        let shown = catch_unwind(AssertUnwindSafe(|| show_until_closed(&gpu, &shared, cancel)));
+        let mut state = shared.borrow_mut();
+        let lost = state.lost.take().or_else(|| state.window.lost().map(|error| error.to_string()));
+        match (shown, lost) {
+            // Painting on what is not there any more may fail in any way.
+            (_, Some(reason)) if !cancel.is_cancelled() => {
+                last_loss.clone_from(&reason);
+                state.window.fail(format!("{reason}; the window was opened again"));
+            }
+            (Ok(result), _) => return result,
+            (Err(panic), _) => std::panic::resume_unwind(panic),
+        }
+    }
+    Err(WindowError::Lost(last_loss))
+}
+
+fn show_until_closed(gpu: &ContextOptions, shared: &Rc<RefCell<Shared>>, cancel: &Cancel) -> Result<(), WindowError> {
+    let size = shared.borrow().window.size();
+    let viewport = egui::ViewportBuilder::default().with_title("tetreel").with_inner_size(size).with_app_id("tetreel");
+    let native = eframe::NativeOptions {
+        viewport: viewport.with_min_inner_size([640.0, 400.0]),
+        renderer: eframe::Renderer::Wgpu,
+        // Colours are as they were computed.
+        dithering: false,
+        wgpu_options: WgpuConfiguration { wgpu_setup: setup(gpu), ..Default::default() },
+        ..Default::default()
+    };
+    let (cancel, shared, closed) = (cancel.clone(), shared.clone(), Cancel::new());
+    let is_closed = closed.clone();
+    let open = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
+        let ctx = cc.egui_ctx.clone();
+        std::thread::Builder::new().name("cancel".to_owned()).spawn(move || {
+            while !cancel.is_cancelled() && !is_closed.is_cancelled() {
+                std::thread::sleep(CANCEL_CHECK);
+            }
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        })?;
+        shared.borrow_mut().window.attach(&cc.egui_ctx, cc.wgpu_render_state.as_ref());
+        Ok(Box::new(App(shared)) as Box<dyn eframe::App>)
+    };
+    let shown = eframe::run_native("tetreel", native, Box::new(open));
+    closed.cancel();
+    shown.map_err(|error| WindowError::NoWindow(cause(&error.to_string()).to_owned()))
+}
+
+/// A device for the window that the renderers can use, too.
+fn setup(gpu: &ContextOptions) -> WgpuSetup {
+    let (of_adapter, of_device) = (gpu.clone(), gpu.clone());
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = context::BACKENDS;
+    setup.native_adapter_selector = Some(Arc::new(move |adapters, surface| {
+        let shows = |adapter: &&egui_wgpu::wgpu::Adapter| surface.is_none_or(|s| adapter.is_surface_supported(s));
+        let adapters: Vec<_> = adapters.iter().filter(shows).cloned().collect();
+        context::best(&adapters, &of_adapter).cloned().map_err(|error| error.to_string())
+    }));
+    setup.device_descriptor = Arc::new(move |adapter| context::descriptor(adapter, &of_device));
+    setup.into()
+}
+
+/// What the system says, without the place in the source of a library: `...: os error at src/x.rs:12: no display`.
+fn cause(text: &str) -> &str {
+    let after = text.rsplit_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
+    after.map_or(text, |(_, cause)| cause)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_in_the_source_are_left_out() {
+        assert_eq!(cause("winit: os error at /a/b.rs:765: no display"), "no display");
+        assert_eq!(cause("no adapter"), "no adapter");
+    }
+}

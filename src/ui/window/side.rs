@@ -1,0 +1,268 @@
+//! The side panel: what is shown and how.
+
+use super::overlay::{self, Overlays, horizontal_strip};
+use super::transfer_editor::TransferEditor;
+use super::welcome::{self, PathBox, Wish};
+use super::widgets::{choice, color, number};
+use super::{point, statistics};
+use crate::camera::{Axis, Projection};
+use crate::optics::OpticsKind;
+use crate::pipeline::{Backend, RenderMode};
+use crate::transfer::{ColorMap, MappedRange, RangePolicy};
+use crate::ui::settings::RecentFile;
+use crate::ui::{Action, IMAGE_SCALES, Session, TARGET_FPS};
+use eframe::egui;
+use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
+
+/// Width of the panel in points, unless it is dragged.
+pub(super) const WIDTH: f32 = 250.0;
+
+/// What the panel itself remembers.
+#[derive(Debug, Default)]
+pub(super) struct Side {
+    editor: TransferEditor,
+}
+
+/// The kinds of ranges that can be chosen.
+#[derive(Clone, Copy, PartialEq)]
+enum RangeKind {
+    Series,
+    Step,
+    Fixed,
+    Symmetric,
+    Log,
+    FixedLog,
+}
+
+impl Side {
+    /// Shows the panel.
+    pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
+        egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
+            let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| {
+                CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
+            };
+            section(ui, "Field", &mut |ui| field(ui, session, actions));
+            section(ui, "Colours", &mut |ui| colors(ui, session, actions));
+            section(ui, "Opacity", &mut |ui| {
+                if let Some(range) = session.shown_range() {
+                    self.editor.show(ui, session, &range, actions);
+                }
+            });
+            section(ui, "Point", &mut |ui| point::show(ui, session, actions));
+            section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
+            section(ui, "Picture", &mut |ui| picture(ui, session, actions));
+            section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
+        });
+    }
+}
+
+/// Other files, above the panel's other parts.
+pub(super) fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
+    let mut wanted = None;
+    ui.add_space(4.0);
+    ui.menu_button("Open...", |ui| {
+        ui.label("Drop a file on the window, or name one:");
+        wanted = path_box.show(ui);
+        if !recent.is_empty() {
+            ui.separator();
+            ui.label("Opened before:");
+            wanted = welcome::recent(ui, recent).or(wanted.take());
+        }
+        if wanted.is_some() {
+            ui.close();
+        }
+    });
+    wanted.map(|path| Wish::Open(vec![path]))
+}
+
+fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let shown = session.series().field();
+    let names: Vec<&str> = session.store().fields().iter().map(|field| field.name.as_str()).collect();
+    let mut name = shown.name.as_str();
+    let options: Vec<(&str, &str)> = names.iter().map(|&name| (name, name)).collect();
+    if choice(ui, "Field to show", &mut name, &options)
+        && let Ok(selector) = name.parse()
+    {
+        actions.push(Action::Field(selector));
+    }
+    if session.opens_field() {
+        ui.label("opening the field");
+    }
+    ui.label(overlay::quality(shown));
+}
+
+fn colors(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let map = session.look().tf.color_map();
+    let combo = egui::ComboBox::from_id_salt("colour map").selected_text(map.name()).width(WIDTH - 90.0);
+    let name = map.name().to_owned();
+    let response = combo.show_ui(ui, |ui| {
+        for map in ColorMap::built_in_names().filter_map(ColorMap::built_in) {
+            ui.horizontal(|ui| {
+                preview(ui, map, vec2(80.0, 14.0));
+                if ui.selectable_label(map.name() == name, map.name()).clicked() {
+                    actions.push(Action::Colors(map.clone()));
+                    ui.close();
+                }
+            });
+        }
+    });
+    response.response.widget_info(|| {
+        let mut info = WidgetInfo::labeled(Role::ComboBox, true, "Colour map");
+        info.current_text_value = Some(name.clone());
+        info
+    });
+    preview(ui, map, vec2(ui.available_width(), 14.0));
+    let mut is_reversed = map.name().ends_with("_r");
+    if ui.checkbox(&mut is_reversed, "reversed").clicked() {
+        actions.push(Action::Colors(map.reversed()));
+    }
+    if let Some(range) = session.shown_range() {
+        range_of_colors(ui, session, &range, actions);
+    }
+}
+
+/// The colours of a map from left to right.
+fn preview(ui: &mut Ui, map: &ColorMap, size: egui::Vec2) {
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    ui.painter().add(horizontal_strip(rect, |position| map.eval(position)));
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, format!("Colours of {}", map.name())));
+}
+
+fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions: &mut Vec<Action>) {
+    let policy = session.look().range;
+    let mut kind = match policy {
+        RangePolicy::Series => RangeKind::Series,
+        RangePolicy::Step => RangeKind::Step,
+        RangePolicy::Manual(..) => RangeKind::Fixed,
+        RangePolicy::Symmetric => RangeKind::Symmetric,
+        RangePolicy::Log => RangeKind::Log,
+        RangePolicy::LogManual(..) => RangeKind::FixedLog,
+    };
+    let mut kinds = vec![
+        (RangeKind::Series, "range of all steps"),
+        (RangeKind::Step, "range of each step"),
+        (RangeKind::Fixed, "fixed range"),
+        (RangeKind::Symmetric, "symmetric about 0"),
+    ];
+    // A logarithm needs positive values.
+    if session.series().field().range.is_some_and(|[_, hi]| hi > 0.0) {
+        kinds.push((RangeKind::Log, "logarithmic"));
+    }
+    if range.lo() > 0.0 {
+        kinds.push((RangeKind::FixedLog, "fixed, logarithmic"));
+    }
+    let (lo, hi) = (range.lo(), range.hi());
+    if choice(ui, "Range of the colours", &mut kind, &kinds) {
+        actions.push(Action::Range(match kind {
+            RangeKind::Series => RangePolicy::Series,
+            RangeKind::Step => RangePolicy::Step,
+            RangeKind::Fixed => RangePolicy::Manual(lo, hi),
+            RangeKind::Symmetric => RangePolicy::Symmetric,
+            RangeKind::Log => RangePolicy::Log,
+            RangeKind::FixedLog => RangePolicy::LogManual(lo, hi),
+        }));
+    }
+    let (mut from, mut to) = (lo, hi);
+    ui.horizontal(|ui| {
+        let speed = (hi - lo) / 500.0;
+        let end = |x| DragValue::new(x).speed(speed).custom_formatter(|x, _| overlay::number(x));
+        number(ui, end(&mut from), "Lower end of the range");
+        ui.label("to");
+        number(ui, end(&mut to), "Upper end of the range");
+    });
+    // Ends that are no range are not taken over.
+    let is_log = range.is_log();
+    if (from, to) != (lo, hi) && MappedRange::new(from, to, is_log).is_ok() {
+        actions.push(Action::Range(match is_log {
+            true => RangePolicy::LogManual(from, to),
+            false => RangePolicy::Manual(from, to),
+        }));
+    }
+}
+
+fn view(ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
+    if ui.button("Whole mesh").on_hover_text("R").clicked() {
+        actions.push(Action::ResetView);
+    }
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (axis, name) in [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")] {
+            for (from_positive, sign) in [(false, '+'), (true, '-')] {
+                let hint = format!("Look towards {sign}{name}");
+                if ui.button(format!("{sign}{name}")).on_hover_text(hint).clicked() {
+                    actions.push(Action::ViewAlong { axis, from_positive });
+                }
+            }
+        }
+    });
+    let mut is_parallel = matches!(session.look().camera.projection, Projection::Parallel { .. });
+    if ui.checkbox(&mut is_parallel, "parallel projection").on_hover_text("V").clicked() {
+        actions.push(Action::OtherProjection);
+    }
+    ui.horizontal_wrapped(|ui| {
+        ui.checkbox(&mut overlays.axes, "axes").on_hover_text("Which way x, y and z go");
+        ui.checkbox(&mut overlays.bounding_box, "box").on_hover_text("The box of the mesh");
+        ui.checkbox(&mut overlays.legend, "legend").on_hover_text("What the colours mean");
+    });
+}
+
+fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let [r, g, b, _] = color(session.background()).to_array();
+    let before = [r, g, b];
+    let mut background = before;
+    ui.horizontal(|ui| {
+        let response = ui.color_edit_button_srgb(&mut background);
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Background"));
+        ui.label("background");
+    });
+    if background != before {
+        actions.push(Action::Background(background.map(|c| f32::from(c) / 255.0)));
+    }
+    let before = session.image_scale();
+    let mut scale = before;
+    ui.horizontal(|ui| {
+        let value = DragValue::new(&mut scale).range(IMAGE_SCALES).speed(0.01).max_decimals(2);
+        number(ui, value.prefix("x "), "Image scale: pixels of the image per pixel of the screen");
+        ui.label("image scale");
+    });
+    if scale != before {
+        actions.push(Action::ImageScale(scale));
+    }
+    let mut backend = session.look().backend;
+    let backends = [(Backend::Auto, "GPU if there is one"), (Backend::Cpu, "CPU"), (Backend::Gpu, "GPU")];
+    if choice(ui, "Backend", &mut backend, &backends) {
+        actions.push(Action::Backend(backend));
+    }
+    let mut mode = session.look().mode;
+    let modes = [
+        (RenderMode::Auto, "best renderer"),
+        (RenderMode::Raycast, "ray caster"),
+        (RenderMode::Reference, "reference (float64, slow)"),
+    ];
+    if choice(ui, "Renderer", &mut mode, &modes) {
+        actions.push(Action::Renderer(mode));
+    }
+    let mut optics = session.look().optics;
+    let kinds = [(OpticsKind::Exact, "exact optics"), (OpticsKind::Table3d, "pre-integrated table")];
+    if choice(ui, "Optics", &mut optics, &kinds) {
+        actions.push(Action::Optics(optics));
+    }
+    let before = session.target_fps();
+    let mut fps = before;
+    ui.horizontal(|ui| {
+        let value = DragValue::new(&mut fps).range(TARGET_FPS).speed(0.2).max_decimals(0);
+        number(ui, value.suffix(" fps"), "Frames per second to aim at while the camera moves, with smaller images");
+        ui.label("while moving");
+    });
+    if fps != before {
+        actions.push(Action::TargetRate(fps));
+    }
+    // It becomes a control with the first renderer that can leave cells out.
+    let mut all = 100.0;
+    ui.horizontal(|ui| {
+        let value = DragValue::new(&mut all).suffix(" %");
+        let response = ui.add_enabled(false, value).on_disabled_hover_text("The ray caster always draws all cells");
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Level of detail"));
+        ui.label("level of detail");
+    });
+}

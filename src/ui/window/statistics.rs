@@ -1,0 +1,82 @@
+//! What the last frame cost, and how fast frames come.
+
+use crate::playback::Mode;
+use crate::ui::{HISTORY_FRAMES, Session};
+use eframe::egui;
+use egui::{Role, WidgetInfo};
+use egui_plot::{Legend, Line, Plot};
+
+/// A table of them, and how they were lately.
+pub(super) fn show(ui: &mut egui::Ui, session: &Session) {
+    plot(ui, session);
+    egui::Grid::new("statistics").num_columns(2).spacing([16.0, 2.0]).show(ui, |ui| {
+        for (name, value) in lines(session) {
+            ui.label(name);
+            ui.label(egui::RichText::new(value).monospace());
+            ui.end_row();
+        }
+    });
+}
+
+/// Height of the plot in points.
+const PLOT: f32 = 90.0;
+
+/// Milliseconds of the stages of the last frames, oldest on the left.
+fn plot(ui: &mut egui::Ui, session: &Session) {
+    let plot = Plot::new("costs of frames")
+        .height(PLOT)
+        .include_y(0.0)
+        .include_x(HISTORY_FRAMES as f64)
+        .include_x(0.0)
+        .show_axes([false, true])
+        .y_axis_formatter(|mark, _| format!("{} ms", super::overlay::number(mark.value)))
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .allow_double_click_reset(false)
+        .allow_axis_zoom_drag(false)
+        .legend(Legend::default());
+    let frames = session.history().frames();
+    let first = HISTORY_FRAMES - frames.len();
+    let costs: Vec<(f64, [f64; 3])> = frames.zip(first..).map(|(cost, i)| (i as f64, cost.ms)).collect();
+    let shown = plot.show(ui, |plot| {
+        for (stage, name) in ["decode", "order", "render"].into_iter().enumerate() {
+            let points: Vec<[f64; 2]> = costs.iter().map(|(i, ms)| [*i, ms[stage]]).collect();
+            plot.line(Line::new(name, points));
+        }
+    });
+    shown.response.widget_info(|| {
+        WidgetInfo::labeled(Role::Image, true, "Milliseconds of decode, order and render of the last frames")
+    });
+}
+
+fn lines(session: &Session) -> Vec<(&'static str, String)> {
+    let state = session.state();
+    let mut lines = Vec::new();
+    if let Some(shown) = session.shown() {
+        let stats = &shown.frame.stats;
+        let (width, height) = shown.request.size_px;
+        let ms = |ms: f64| format!("{ms:.1} ms");
+        lines.push(("decode", ms(stats.ms_decode)));
+        lines.push(("order", ms(stats.ms_order)));
+        lines.push(("render", ms(stats.ms_render)));
+        lines.push(("image", format!("{width} x {height}")));
+        let place = if stats.on_gpu { "GPU" } else { "CPU" };
+        lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
+        lines.push(("active cells", format!("{} of {}", stats.cells_active, stats.cells_total)));
+    }
+    let rate = |rate: Option<f64>| rate.map_or("-".to_owned(), |rate| format!("{rate:.1}"));
+    let asked = if state.settings.mode == Mode::EveryStep { rate(state.speed) } else { "-".to_owned() };
+    lines.push(("frames/s asked", asked));
+    lines.push(("frames/s shown", rate(state.frames_per_second)));
+    lines.push(("dropped", state.dropped.to_string()));
+    lines.push(("kept frames shown", session.kept_frames().to_string()));
+    let blocks = session.series().blocks();
+    let memory = blocks.statistics();
+    let mb = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let budget = mb(blocks.budget());
+    lines.push(("blocks", format!("{:.1} of {budget:.0} MiB", mb(memory.resident_bytes))));
+    lines.push(("blocks read", memory.loads.to_string()));
+    lines
+}

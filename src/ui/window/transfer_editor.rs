@@ -1,0 +1,145 @@
+//! The opacity curve under the mouse: drag a point, click to add one, right-click to remove it.
+
+use super::overlay::horizontal_strip;
+use super::widgets::number;
+use crate::transfer::{MappedRange, OpacityPoint};
+use crate::ui::{Action, Session, opacity};
+use eframe::egui;
+use egui::{DragValue, Mesh, Pos2, Rect, Role, Sense, Shape, Stroke, StrokeKind, Ui, WidgetInfo, pos2, vec2};
+
+/// Height of the curve, and of the colours below it.
+const HEIGHT: (f32, f32) = (96.0, 12.0);
+/// Radius of a point, and how far from it the mouse still finds it.
+const POINT: (f32, f32) = (4.0, 9.0);
+
+/// The point that is held by the mouse.
+#[derive(Debug, Default)]
+pub(super) struct TransferEditor {
+    held: Option<usize>,
+}
+
+/// From curve to screen and back.
+struct Axes {
+    rect: Rect,
+    highest: f64,
+}
+
+impl Axes {
+    fn on_screen(&self, point: OpacityPoint) -> Pos2 {
+        let x = self.rect.left() + point.position as f32 * self.rect.width();
+        pos2(x, self.rect.bottom() - (point.value / self.highest) as f32 * self.rect.height())
+    }
+
+    fn on_curve(&self, at: Pos2) -> OpacityPoint {
+        let position = f64::from((at.x - self.rect.left()) / self.rect.width());
+        OpacityPoint { position, value: f64::from((self.rect.bottom() - at.y) / self.rect.height()) * self.highest }
+    }
+
+    fn nearest(&self, points: &[OpacityPoint], at: Pos2) -> Option<usize> {
+        let reach = (f64::from(POINT.1 / self.rect.width()), f64::from(POINT.1 / self.rect.height()));
+        opacity::nearest(points, self.on_curve(at), self.highest, reach)
+    }
+}
+
+impl TransferEditor {
+    /// Shows the curve over `range`.
+    pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, range: &MappedRange, actions: &mut Vec<Action>) {
+        let look = session.look();
+        let points = opacity::relative_points(look, range);
+        let size = vec2(ui.available_width(), HEIGHT.0 + HEIGHT.1);
+        let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+        response.widget_info(|| {
+            WidgetInfo::labeled(Role::Image, true, format!("Opacity curve of {} points, edited below", points.len()))
+        });
+        let curve = Rect::from_min_max(rect.min, pos2(rect.right(), rect.bottom() - HEIGHT.1));
+        let axes = Axes { rect: curve.shrink(POINT.0), highest: opacity::highest_value(look) };
+        if let Some(points) = self.edited(&response, &axes, &points) {
+            actions.push(Action::Opacities(points));
+        }
+        draw(ui, rect, &axes, &points, session, range);
+        ui.collapsing("Points as numbers", |ui| boxes(ui, &points, axes.highest, actions));
+    }
+
+    /// What the mouse makes of the points.
+    fn edited(&mut self, response: &egui::Response, axes: &Axes, points: &[OpacityPoint]) -> Option<Vec<OpacityPoint>> {
+        let at = response.interact_pointer_pos();
+        if let Some(at) = at.filter(|_| response.secondary_clicked()) {
+            return axes.nearest(points, at).map(|index| opacity::removed(points, index));
+        }
+        if let Some(at) = at.filter(|_| response.clicked()) {
+            let is_new = axes.nearest(points, at).is_none();
+            return is_new.then(|| opacity::inserted(points, axes.on_curve(at), axes.highest).0);
+        }
+        if response.drag_started_by(egui::PointerButton::Primary) {
+            let pressed = response.ctx.input(|input| input.pointer.press_origin());
+            self.held = pressed.and_then(|at| axes.nearest(points, at));
+        }
+        if !response.dragged() {
+            self.held = None;
+        }
+        let (index, at) = (self.held?, at?);
+        let moved = opacity::moved(points, index, axes.on_curve(at), axes.highest);
+        (moved != points).then_some(moved)
+    }
+}
+
+/// How often which value occurs in the series, as bars; counts are seen as their logarithms, since most volumes are mostly
+/// surroundings.
+fn bars(axes: &Axes, session: &Session, range: &MappedRange, color: egui::Color32) -> Mesh {
+    let mut mesh = Mesh::default();
+    let survey = session.survey();
+    let counts = survey.histogram.counts();
+    let most = counts.iter().copied().max().unwrap_or(0);
+    for (bin, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let Some([from, to]) = survey.histogram.bounds(bin) else { continue };
+        let x = |scalar: f64| egui::lerp(axes.rect.x_range(), range.position_of(scalar).clamp(0.0, 1.0) as f32);
+        let share = (1.0 + count as f64).ln() / (1.0 + most as f64).ln();
+        let top = axes.rect.bottom() - share as f32 * axes.rect.height();
+        let bar = Rect::from_min_max(pos2(x(from), top), pos2(x(to).max(x(from) + 0.5), axes.rect.bottom()));
+        mesh.add_colored_rect(bar, color);
+    }
+    mesh
+}
+
+fn draw(ui: &Ui, rect: Rect, axes: &Axes, points: &[OpacityPoint], session: &Session, range: &MappedRange) {
+    let visuals = ui.visuals();
+    let painter = ui.painter().with_clip_rect(rect);
+    painter.rect_filled(rect, 2.0, visuals.extreme_bg_color);
+    painter.add(Shape::mesh(bars(axes, session, range, visuals.weak_text_color().gamma_multiply(0.5))));
+    let colors =
+        Rect::from_min_max(pos2(rect.left() + POINT.0, rect.bottom() - HEIGHT.1), rect.max - vec2(POINT.0, 2.0));
+    painter.add(horizontal_strip(colors, |position| session.look().tf.color_map().eval(position)));
+    let ink = Stroke::new(1.5, visuals.text_color());
+    let mut line: Vec<Pos2> = points.iter().map(|&point| axes.on_screen(point)).collect();
+    // The curve is constant outside of its points.
+    if let (Some(&first), Some(&last)) = (line.first(), line.last()) {
+        line.insert(0, pos2(axes.rect.left(), first.y));
+        line.push(pos2(axes.rect.right(), last.y));
+    }
+    painter.line(line, ink);
+    for &point in points {
+        painter.circle(axes.on_screen(point), POINT.0, visuals.selection.bg_fill, ink);
+    }
+    painter.rect_stroke(rect, 2.0, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Inside);
+}
+
+/// Position and value of each point as numbers.
+fn boxes(ui: &mut Ui, points: &[OpacityPoint], highest: f64, actions: &mut Vec<Action>) {
+    egui::Grid::new("opacity points").num_columns(3).spacing([6.0, 2.0]).show(ui, |ui| {
+        for (index, &point) in points.iter().enumerate() {
+            let mut edited = point;
+            let n = index + 1;
+            let position = DragValue::new(&mut edited.position).speed(0.002).max_decimals(4);
+            number(ui, position.prefix("at "), &format!("Position of opacity point {n}, as a fraction of the range"));
+            let value = DragValue::new(&mut edited.value).speed(0.002 * highest).max_decimals(4);
+            number(ui, value.prefix("opacity "), &format!("Opacity of point {n}"));
+            if edited != point {
+                actions.push(Action::Opacities(opacity::moved(points, index, edited, highest)));
+            }
+            if super::widgets::icon(ui, "×", &format!("Remove opacity point {n}"), points.len() > 1).clicked() {
+                actions.push(Action::Opacities(opacity::removed(points, index)));
+            }
+            ui.end_row();
+        }
+    });
+}

@@ -1,0 +1,122 @@
+//! What is shown when nothing is played, and while something is opened.
+
+use super::widgets::icon;
+use crate::ui::opening::OpeningProgress;
+use crate::ui::settings::RecentFile;
+use eframe::egui;
+use egui::{Align, Layout, ProgressBar, Role, Ui, WidgetInfo};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What a user asks for here.
+pub(super) enum Wish {
+    /// To open these.
+    Open(Vec<PathBuf>),
+    /// To stop opening.
+    Stop,
+}
+
+/// A path that is typed.
+#[derive(Debug, Default)]
+pub(super) struct PathBox {
+    text: String,
+}
+
+impl PathBox {
+    /// Shows the box; what was typed, once that is done.
+    pub(super) fn show(&mut self, ui: &mut Ui) -> Option<PathBuf> {
+        let mut is_entered = false;
+        ui.horizontal(|ui| {
+            let edit = egui::TextEdit::singleline(&mut self.text).hint_text("path of a .zarr, .pvd, .vtu or .xdmf");
+            let response = ui.add(edit.desired_width(320.0));
+            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Path to open"));
+            is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            is_entered |= ui.button("Open").clicked();
+        });
+        // Quotes are what a file manager's "copy path" leaves around it.
+        let text = self.text.trim().trim_matches(['"', '\'']);
+        (is_entered && !text.is_empty()).then(|| PathBuf::from(text))
+    }
+}
+
+/// Files that were opened before; which one is wanted.
+pub(super) fn recent(ui: &mut Ui, files: &[RecentFile]) -> Option<PathBuf> {
+    let mut wanted = None;
+    for path in files.iter().map(|file| &file.path) {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        let response = ui.button(name).on_hover_text(path.display().to_string());
+        if response.clicked() {
+            wanted = Some(path.clone());
+        }
+    }
+    wanted
+}
+
+/// What to do when nothing is open.
+pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) -> Option<Wish> {
+    let mut wish = None;
+    ui.with_layout(Layout::top_down(Align::Center), |ui| {
+        ui.add_space(0.25 * ui.available_height());
+        ui.heading("tetreel");
+        ui.add_space(8.0);
+        ui.label("Drop a store (.zarr) or files of a simulation (.pvd, .vtu, .xdmf) here,");
+        ui.label("or name one:");
+        ui.add_space(8.0);
+        ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::left_to_right(Align::Center), |ui| {
+            wish = path_box.show(ui).map(|path| Wish::Open(vec![path]));
+        });
+        if !files.is_empty() {
+            ui.add_space(16.0);
+            ui.label("Opened before:");
+            if let Some(path) = recent(ui, files) {
+                wish = Some(Wish::Open(vec![path]));
+            }
+        }
+    });
+    wish
+}
+
+/// How far the opening of `paths` has come.
+pub(super) fn opening(ui: &mut Ui, paths: &[PathBuf], progress: &OpeningProgress) -> Option<Wish> {
+    let mut wish = None;
+    ui.horizontal(|ui| {
+        if icon(ui, "×", "Stop opening", true).clicked() {
+            wish = Some(Wish::Stop);
+        }
+        let name = paths.first().map_or(Path::new(""), PathBuf::as_path);
+        let name = name.file_name().unwrap_or(name.as_os_str()).to_string_lossy();
+        ui.label(format!("{name}: {}", progress.stage));
+        let text = counted(progress);
+        let bar = ProgressBar::new(progress.fraction as f32).desired_width(ui.available_width()).text(text.clone());
+        let response = ui.add(bar);
+        response.widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("Opening: {text}")));
+    });
+    wish
+}
+
+/// `12 of 30 steps, 5 s left`.
+fn counted(progress: &OpeningProgress) -> String {
+    let OpeningProgress { done, total, unit, left, .. } = progress;
+    if *total == 0 {
+        return String::new();
+    }
+    let left = left.map_or(String::new(), |left| format!(", {} left", in_words(left)));
+    format!("{done} of {total} {unit}{left}")
+}
+
+fn in_words(time: Duration) -> String {
+    let seconds = time.as_secs_f64().ceil() as u64;
+    if seconds < 90 { format!("{seconds} s") } else { format!("{} min", seconds.div_ceil(60)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_is_never_said_to_be_less() {
+        assert_eq!(in_words(Duration::from_millis(1)), "1 s");
+        assert_eq!(in_words(Duration::from_secs(89)), "89 s");
+        assert_eq!(in_words(Duration::from_secs(91)), "2 min");
+    }
+}

@@ -1,0 +1,107 @@
+//! Small parts of the window.
+
+use eframe::egui;
+use egui::{Color32, Response, Role, Ui, WidgetInfo};
+
+/// A display-referred colour.
+pub(super) fn color(rgb: [f32; 3]) -> Color32 {
+    let [r, g, b] = rgb.map(|c| (c * 255.0).round() as u8);
+    Color32::from_rgb(r, g, b)
+}
+
+/// A button with a picture on it, which is called `name`.
+pub(super) fn icon(ui: &mut Ui, symbol: &str, name: &str, enabled: bool) -> Response {
+    let response = ui.add_enabled(enabled, egui::Button::new(symbol).min_size(egui::vec2(26.0, 22.0)));
+    named(response, Role::Button, name)
+}
+
+/// The same, down or up.
+pub(super) fn toggle(ui: &mut Ui, symbol: &str, name: &str, is_on: bool) -> Response {
+    let response = ui.add(egui::Button::selectable(is_on, symbol).min_size(egui::vec2(26.0, 22.0)));
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, name));
+    response.on_hover_text(name)
+}
+
+/// Gives a widget a name, for those who do not see it and those who wonder.
+pub(super) fn named(response: Response, role: Role, name: &str) -> Response {
+    response.widget_info(|| WidgetInfo::labeled(role, response.enabled(), name));
+    response.on_hover_text(name).on_disabled_hover_text(name)
+}
+
+/// A box for a number, which is called `name`.
+pub(super) fn number(ui: &mut Ui, value: egui::DragValue<'_>, name: &str) -> Response {
+    let response = ui.add(value);
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    response.on_hover_text(name)
+}
+
+/// The same in a box of this width, whatever is in it.
+pub(super) fn wide_number(ui: &mut Ui, width: f32, value: egui::DragValue<'_>, name: &str) -> Response {
+    let height = ui.spacing().interact_size.y;
+    let response = ui.add_sized([width, height], value);
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    response.on_hover_text(name)
+}
+
+/// A choice of one of several. Whether another was chosen.
+pub(super) fn choice<T: Copy + PartialEq>(ui: &mut Ui, name: &str, value: &mut T, options: &[(T, &str)]) -> bool {
+    let before = *value;
+    let text = options.iter().find(|(option, _)| option == value).map_or("", |(_, text)| *text);
+    let combo = egui::ComboBox::from_id_salt(name).selected_text(text).truncate();
+    let response = combo.show_ui(ui, |ui| {
+        for (option, text) in options {
+            ui.selectable_value(value, *option, *text);
+        }
+    });
+    response.response.widget_info(|| {
+        let mut info = WidgetInfo::labeled(Role::ComboBox, true, name);
+        info.current_text_value = Some(text.to_owned());
+        info
+    });
+    response.response.on_hover_text(name);
+    *value != before
+}
+
+/// What is drawn on a button of a player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Symbol {
+    First,
+    StepBack,
+    Backwards,
+    Stop,
+    Pause,
+    Play,
+    StepOn,
+    Last,
+}
+
+impl Symbol {
+    /// Convex polygons in a square from -1 to 1, y downwards.
+    fn polygons(self) -> Vec<Vec<[f32; 2]>> {
+        let bar = |x: f32| vec![[x - 0.17, -0.8], [x + 0.17, -0.8], [x + 0.17, 0.8], [x - 0.17, 0.8]];
+        let forwards = |x: f32| vec![[x - 0.6, -0.8], [x + 0.7, 0.0], [x - 0.6, 0.8]];
+        let backwards = |x: f32| vec![[x + 0.6, -0.8], [x + 0.6, 0.8], [x - 0.7, 0.0]];
+        match self {
+            Self::First => vec![bar(-0.8), backwards(0.15)],
+            Self::StepBack => vec![backwards(-0.15), bar(0.8)],
+            Self::Backwards => vec![backwards(0.0)],
+            Self::Stop => vec![vec![[-0.7, -0.7], [0.7, -0.7], [0.7, 0.7], [-0.7, 0.7]]],
+            Self::Pause => vec![bar(-0.4), bar(0.4)],
+            Self::Play => vec![forwards(0.0)],
+            Self::StepOn => vec![bar(-0.8), forwards(0.15)],
+            Self::Last => vec![forwards(-0.15), bar(0.8)],
+        }
+    }
+}
+
+/// A button with a symbol on it, which is called `name`.
+pub(super) fn symbol(ui: &mut Ui, symbol: Symbol, name: &str, is_on: bool) -> Response {
+    let response = ui.add(egui::Button::selectable(is_on, "").min_size(egui::vec2(28.0, 22.0)).frame(true));
+    let (color, center) = (ui.style().interact_selectable(&response, is_on).text_color(), response.rect.center());
+    for polygon in symbol.polygons() {
+        let points = polygon.into_iter().map(|[x, y]| center + 6.0 * egui::vec2(x, y)).collect();
+        ui.painter().add(egui::Shape::convex_polygon(points, color, egui::Stroke::NONE));
+    }
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, name));
+    response.on_hover_text(name)
+}

@@ -1,0 +1,254 @@
+//! Threads beside the window: each works on the newest of what it is given.
+
+use crate::task::Cancel;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::any::Any;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Bytes of blocks for a worker that reads steps: a few blocks of 64 steps of a million cells, or one larger block.
+pub(super) const BLOCK_BYTES: u64 = 32 << 20;
+
+/// One thread, which ends with its owner. It is the only one of a pool: what it runs in parallel runs on it alone, and never
+/// waits behind what a renderer has handed out.
+pub(super) struct Worker<J> {
+    shared: Arc<Shared<J>>,
+    _pool: ThreadPool,
+}
+
+struct Shared<J> {
+    state: Mutex<State<J>>,
+    changed: Condvar,
+}
+
+struct State<J> {
+    next: Option<J>,
+    /// Of the job that is being worked on, or was last.
+    current: Cancel,
+    is_over: bool,
+}
+
+impl<J: Clone + Send + 'static> Worker<J> {
+    /// Starts the thread. `begin` makes what works on jobs, and again after a panic, which is a fault of this program: `failed`
+    /// is then told what it said.
+    pub(super) fn start<W: FnMut(J, &Cancel)>(
+        name: &str,
+        begin: impl Fn() -> W + Send + 'static,
+        failed: impl Fn(J, &Cancel, String) + Send + 'static,
+    ) -> io::Result<Self> {
+        let name = name.to_owned();
+        let pool = ThreadPoolBuilder::new().num_threads(1).thread_name(move |_| name.clone()).build();
+        let pool = pool.map_err(io::Error::other)?;
+        let state = Mutex::new(State::<J> { next: None, current: Cancel::new(), is_over: false });
+        let shared = Arc::new(Shared { state, changed: Condvar::new() });
+        let of_thread = shared.clone();
+        pool.spawn(move || {
+            let mut work = begin();
+            while let Some((job, cancel)) = of_thread.next() {
+                let copy = job.clone();
+                if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(job, &cancel))) {
+                    work = begin();
+                    let said = said(&*panic);
+                    failed(copy, &cancel, format!("tetreel failed at this: {said}; please report this"));
+                }
+            }
+        });
+        Ok(Self { shared, _pool: pool })
+    }
+
+    /// Gives a job in place of the one that waits. The one at hand is worked on to its end.
+    pub(super) fn give(&self, job: J) {
+        self.shared.lock().next = Some(job);
+        self.shared.changed.notify_all();
+    }
+}
+
+impl<J> Worker<J> {
+    /// Drops the job that waits and cancels the one at hand.
+    pub(super) fn stop(&self) {
+        let mut state = self.shared.lock();
+        state.next = None;
+        state.current.cancel();
+    }
+}
+
+impl<J> Drop for Worker<J> {
+    fn drop(&mut self) {
+        self.stop();
+        self.shared.lock().is_over = true;
+        self.shared.changed.notify_all();
+    }
+}
+
+impl<J> Shared<J> {
+    fn lock(&self) -> MutexGuard<'_, State<J>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The next job and its flag; `None` when it is over.
+    fn next(&self) -> Option<(J, Cancel)> {
+        let mut state = self.lock();
+        loop {
+            if state.is_over {
+                return None;
+            }
+            if let Some(job) = state.next.take() {
+                state.current = Cancel::new();
+                return Some((job, state.current.clone()));
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// What a panic says.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
+}
+
+/// A place for the newest result.
+#[derive(Debug)]
+pub(super) struct Slot<T>(Mutex<Option<T>>);
+
+impl<T> Default for Slot<T> {
+    fn default() -> Self {
+        Self(Mutex::new(None))
+    }
+}
+
+impl<T> Slot<T> {
+    fn lock(&self) -> MutexGuard<'_, Option<T>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a result there, unless `cancel` is raised: who raises it and then clears the slot finds it empty from then on.
+    pub(super) fn put(&self, value: T, cancel: &Cancel) {
+        let mut slot = self.lock();
+        if !cancel.is_cancelled() {
+            *slot = Some(value);
+        }
+    }
+
+    pub(super) fn take(&self) -> Option<T> {
+        self.lock().take()
+    }
+
+    pub(super) fn clear(&self) {
+        self.lock().take();
+    }
+}
+
+impl<T: Clone> Slot<T> {
+    pub(super) fn get(&self) -> Option<T> {
+        self.lock().clone()
+    }
+}
+
+/// Helpers for the tests of workers.
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::{Duration, Instant};
+
+    /// Waits until something is so; a test that waits for what never comes fails.
+    pub(in crate::ui) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+        let begun = Instant::now();
+        loop {
+            if let Some(found) = look() {
+                return found;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(60), "no {what}");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Counts how often somebody is woken.
+    pub(in crate::ui) fn counted() -> (Arc<AtomicUsize>, Arc<dyn Fn() + Send + Sync>) {
+        let count = Arc::new(AtomicUsize::new(0));
+        let counter = count.clone();
+        let wake = move || {
+            counter.fetch_add(1, Ordering::SeqCst);
+        };
+        (count, Arc::new(wake))
+    }
+
+    type Sum = Arc<Slot<Result<u32, String>>>;
+
+    /// Adds up jobs and panics at 13. What it has is gone when its thread is.
+    fn adder() -> (Worker<u32>, Sum, std::sync::Weak<()>) {
+        let slot = Arc::new(Slot::default());
+        let (results, failures, alive) = (slot.clone(), slot.clone(), Arc::new(()));
+        let gone = Arc::downgrade(&alive);
+        let begin = move || {
+            let (results, _alive, mut sum) = (results.clone(), alive.clone(), 0);
+            move |job: u32, cancel: &Cancel| {
+                let _held = &_alive;
+                assert_ne!(job, 13, "an unlucky number");
+                sum += job;
+                results.put(Ok(sum), cancel);
+            }
+        };
+        let failed = move |job: u32, cancel: &Cancel, text| failures.put(Err(format!("{job}: {text}")), cancel);
+        (Worker::start("adder", begin, failed).unwrap(), slot, gone)
+    }
+
+    #[test]
+    fn after_a_panic_it_says_so_and_begins_afresh() {
+        let (worker, slot, _) = adder();
+        let ask = |job| {
+            worker.give(job);
+            wait_for("result", || slot.take())
+        };
+        assert_eq!((ask(1), ask(2)), (Ok(1), Ok(3)));
+        let error = ask(13).unwrap_err();
+        assert!(error.starts_with("13: ") && error.contains("an unlucky number"), "{error}");
+        assert_eq!(ask(4), Ok(4), "what the panic may have left behind is gone");
+    }
+
+    #[test]
+    fn the_thread_ends_with_its_owner() {
+        let (worker, _, gone) = adder();
+        worker.give(1);
+        assert!(gone.upgrade().is_some());
+        drop(worker);
+        wait_for("end of the thread", || gone.upgrade().is_none().then_some(()));
+    }
+
+    #[test]
+    fn a_job_that_waits_is_replaced_and_one_at_hand_is_cancelled_by_stop_alone() {
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let log = seen.clone();
+        let begin = move || {
+            let log = log.clone();
+            move |job: u32, cancel: &Cancel| {
+                log.lock().unwrap().push((job, false));
+                while job == 0 && !cancel.is_cancelled() {
+                    std::thread::yield_now();
+                }
+                log.lock().unwrap().push((job, true));
+            }
+        };
+        let worker = Worker::start("waiter", begin, |_, _, text| panic!("{text}")).unwrap();
+        worker.give(0);
+        wait_for("begin", || (!seen.lock().unwrap().is_empty()).then_some(()));
+        (1..=5).for_each(|job| worker.give(job));
+        assert_eq!(*seen.lock().unwrap(), [(0, false)], "the one at hand goes on");
+        worker.stop();
+        worker.give(6);
+        let all = wait_for("the last", || Some(seen.lock().unwrap().clone()).filter(|all| all.contains(&(6, true))));
+        assert_eq!(all, [(0, false), (0, true), (6, false), (6, true)]);
+    }
+
+    #[test]
+    fn a_result_that_nobody_wants_any_more_stays_out_of_the_slot() {
+        let (slot, cancel) = (Slot::default(), Cancel::new());
+        slot.put(1, &cancel);
+        assert_eq!((slot.get(), slot.take(), slot.take()), (Some(1), Some(1), None));
+        cancel.cancel();
+        slot.put(2, &cancel);
+        assert_eq!(slot.take(), None);
+    }
+}
