@@ -1,0 +1,215 @@
+//! A window without a screen, and a user who finds things by their names.
+
+use egui::{Key, Pos2, Rect};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state};
+use egui_wgpu::RenderState;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tetreel::ingest::{ImportCache, IngestOptions, ingest};
+use tetreel::pipeline::{Backend, PipelinedOptions, Series};
+use tetreel::render::gpu::context;
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::{Cancel, Silent};
+use tetreel::transfer::TransferFunction;
+use tetreel::ui::opening::OpeningOptions;
+use tetreel::ui::settings::SettingsFile;
+use tetreel::ui::window::{PlayerWindow, Start, WindowOptions};
+use tetreel::ui::{Look, Session};
+
+/// Steps of its series.
+pub const STEPS: usize = 6;
+/// Behind the volume.
+pub const BACKGROUND: [f32; 3] = [0.125, 0.25, 0.5];
+
+/// A window on a small series, in a folder of its own.
+pub struct Desk {
+    /// The window, and the hands of the user.
+    pub harness: Harness<'static, App>,
+    /// Where its files are, and images go.
+    pub folder: tempfile::TempDir,
+}
+
+/// The window as its frame has it.
+pub struct App(pub PlayerWindow);
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.0.show(ui);
+    }
+}
+
+/// A store of a small series in a folder.
+pub fn store(folder: &Path) -> PathBuf {
+    let path = folder.join("tornado.zarr");
+    let series = generate(&SynthSpec { cells: 2000, steps: STEPS, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+    ingest(&series, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+    path
+}
+
+/// Options of a window that writes nowhere but to this folder.
+pub fn options(folder: &Path, start: Start) -> WindowOptions {
+    let dress = |series: &Series| {
+        let look = Look::default_for(series, TransferFunction::parse("viridis@0:0.1,1:0.6").unwrap()).unwrap();
+        Ok((Look { unit_distance: 5.0 * look.unit_distance, backend: Backend::Cpu, ..look }, false))
+    };
+    WindowOptions {
+        start,
+        dress: Arc::new(dress),
+        restores: false,
+        follows: false,
+        plays: false,
+        opening: OpeningOptions { cache: ImportCache::at(folder.join("cache")), ..Default::default() },
+        threads: PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 },
+        background: Some(BACKGROUND),
+        size: Some([1280.0, 800.0]),
+        screenshot_folder: folder.to_owned(),
+        gpu: Default::default(),
+        settings: SettingsFile::at(folder.join("settings")),
+    }
+}
+
+/// The GPU of the window, as a real one has it.
+pub fn gpu() -> RenderState {
+    let mut setup = egui_wgpu::WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = context::BACKENDS;
+    setup.native_adapter_selector = Some(Arc::new(|adapters, _| {
+        context::best(adapters, &Default::default()).cloned().map_err(|error| error.to_string())
+    }));
+    setup.device_descriptor = Arc::new(|adapter| context::descriptor(adapter, &Default::default()));
+    create_render_state(setup.into(), egui_wgpu::RendererOptions::PREDICTABLE)
+}
+
+impl Desk {
+    /// Opens the series and waits for its first picture; `None` where there is no GPU, be it in software, which is said aloud,
+    /// and fails where `TETREEL_REQUIRE` names `gpu`.
+    pub fn open() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let start = Start::Open(vec![store(folder.path())]);
+        let mut desk = Self::with([1280.0, 800.0], 1.0, options(folder.path(), start), folder)?;
+        desk.begin();
+        Some(desk)
+    }
+
+    /// A window of so many points on a screen with so many pixels per point.
+    pub fn with(
+        size: [f32; 2],
+        pixels_per_point: f32,
+        options: WindowOptions,
+        folder: tempfile::TempDir,
+    ) -> Option<Self> {
+        if let Err(why) = context::Context::new(&Default::default()) {
+            eprintln!("SKIPPED (gpu): {why}");
+            assert!(!crate::is_required("gpu"), "this test may not be skipped here");
+            return None;
+        }
+        let window = PlayerWindow::open(options).unwrap();
+        let renderer = WgpuTestRenderer::from_render_state(gpu());
+        let builder = Harness::builder().with_size(size).with_pixels_per_point(pixels_per_point);
+        let builder = builder.with_theme(egui::Theme::Dark).renderer(renderer);
+        let shown = |cc: &mut eframe::CreationContext<'_>| {
+            let mut window = window;
+            window.attach(&cc.egui_ctx, cc.wgpu_render_state.as_ref());
+            App(window)
+        };
+        Some(Self { harness: builder.build_eframe(shown), folder })
+    }
+
+    /// What is played.
+    pub fn session(&self) -> &Session {
+        self.window().session().expect("a series is played")
+    }
+
+    /// The window.
+    pub fn window(&self) -> &PlayerWindow {
+        &self.harness.state().0
+    }
+
+    /// Paints until there is a picture.
+    pub fn begin(&mut self) {
+        let begin = Instant::now();
+        while self.window().session().is_none_or(|session| session.shown().is_none()) {
+            self.harness.step();
+            assert!(begin.elapsed() < Duration::from_secs(60), "no picture; {:?}", self.window().notices());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Paints until something holds.
+    pub fn until(&mut self, what: &str, holds: impl Fn(&Session) -> bool) {
+        let begin = Instant::now();
+        loop {
+            self.harness.step();
+            if holds(self.session()) {
+                return;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(60), "in vain: {what}; {:?}", self.session().notices());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Paints until nothing wants to be painted any more, and no frame is on its way.
+    pub fn settle(&mut self) {
+        let begin = Instant::now();
+        let mut still = 0;
+        while still < 5 {
+            self.harness.step();
+            let delay = self.harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+            let is_done = self.window().session().is_none() || self.window().is_up_to_date();
+            still = if delay == Duration::MAX && is_done { still + 1 } else { 0 };
+            assert!(begin.elapsed() < Duration::from_secs(60), "it never comes to rest");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Clicks what is called so.
+    pub fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.step();
+        self.harness.step();
+    }
+
+    /// Presses a key.
+    pub fn press(&mut self, key: Key) {
+        self.harness.key_press(key);
+        self.harness.step();
+    }
+
+    /// The step that is or should be on the screen.
+    pub fn step(&self) -> usize {
+        self.session().state().frame.unwrap().step()
+    }
+
+    /// Where the thing is that is called so.
+    pub fn place_of(&self, label: &str) -> Rect {
+        self.harness.get_by_label(label).rect()
+    }
+
+    /// Where the thing is whose name begins so.
+    pub fn place(&self, label_part: &str) -> Rect {
+        self.harness.get_by(|node| node.label().is_some_and(|label| label.starts_with(label_part))).rect()
+    }
+
+    /// Drags with the left button.
+    pub fn drag(&mut self, from: Pos2, to: Pos2) {
+        self.harness.hover_at(from);
+        self.harness.step();
+        self.harness.drag_at(from);
+        self.harness.step();
+        for i in 1..=4 {
+            self.harness.hover_at(from.lerp(to, i as f32 / 4.0));
+            self.harness.step();
+        }
+        self.harness.drop_at(to);
+        self.harness.step();
+    }
+
+    /// For those who want to look at it.
+    pub fn save(&mut self, name: &str) {
+        if let Some(folder) = std::env::var_os("TETREEL_UI_PICTURES") {
+            self.harness.render().unwrap().save(Path::new(&folder).join(name)).unwrap();
+        }
+    }
+}

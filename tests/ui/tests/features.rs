@@ -1,0 +1,228 @@
+//! Points, previews, files, settings and screens of the player window.
+
+use egui::Key;
+use egui_kittest::kittest::{NodeT, Queryable};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tetreel::pipeline::Series;
+use tetreel::playback::Mode;
+use tetreel::transfer::TransferFunction;
+use tetreel::ui::settings::SettingsFile;
+use tetreel::ui::window::Start;
+use tetreel::ui::{Look, shortfall};
+use tetreel_ui_tests::desk::{Desk, STEPS, options, store};
+
+#[test]
+fn a_point_under_the_mouse_has_a_value_and_a_click_follows_it_over_time() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let middle = desk.place("Picture of").center();
+    desk.harness.hover_at(middle);
+    desk.until("the value is known", |session| session.hover().is_some());
+    let hover = desk.session().hover().unwrap().clone();
+    let probe = hover.found.clone().unwrap().expect("the volume is in the middle");
+    let [lo, hi] = desk.session().series().field().range.unwrap().map(f64::from);
+    assert!((lo..=hi).contains(&probe.scalar));
+    desk.harness.drag_at(middle);
+    desk.harness.step();
+    desk.harness.drop_at(middle);
+    desk.harness.step();
+    desk.until("its curve is known", |session| {
+        session.picked().and_then(|picked| picked.curve).is_some_and(|curve| curve.done == STEPS)
+    });
+    let picked = desk.session().picked().unwrap();
+    let curve = picked.curve.unwrap();
+    // The value at the step that was shown is the one that was under the mouse, but for rounding to f32.
+    assert!((f64::from(curve.values[0]) - probe.scalar).abs() <= 1e-6 * hi.abs().max(lo.abs()));
+    assert!(curve.values.windows(2).any(|pair| pair[0] != pair[1]), "it changes over time: {:?}", curve.values);
+    desk.settle();
+    assert!(desk.harness.query_by_label("Value of the point over time").is_some());
+    desk.save("point.png");
+    desk.click("Forget the point");
+    assert!(desk.session().picked().is_none());
+}
+
+#[test]
+fn a_click_right_after_a_move_picks_what_is_under_the_mouse_then() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let middle = desk.place("Picture of").center();
+    desk.harness.hover_at(middle - egui::vec2(120.0, 60.0));
+    desk.until("the value there is known", |session| session.hover().is_some());
+    let there = desk.session().hover().unwrap().found.clone().unwrap().unwrap();
+    let elsewhere = middle + egui::vec2(60.0, 40.0);
+    desk.harness.hover_at(elsewhere);
+    desk.harness.drag_at(elsewhere);
+    desk.harness.step();
+    desk.harness.drop_at(elsewhere);
+    desk.until("a point is picked", |session| session.picked().is_some());
+    let picked = desk.session().picked().unwrap();
+    assert_ne!(picked.position, there.position, "not where the mouse was before");
+    desk.harness.hover_at(elsewhere);
+    desk.until("the value here is known", |session| session.hover().is_some());
+    let here = desk.session().hover().unwrap().found.clone().unwrap().unwrap();
+    assert_eq!(picked.position, here.position);
+}
+
+#[test]
+fn the_timeline_shows_the_values_of_each_step_and_a_small_picture_under_the_mouse() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.until("all steps were looked at", |session| session.survey().is_over);
+    let survey = desk.session().survey();
+    assert_eq!((survey.done, survey.failed), (STEPS, 0));
+    let strip = desk.place("Least, mean and greatest");
+    desk.harness.hover_at(strip.center());
+    desk.harness.step();
+    let is_preview = |label: String| label.starts_with("step ") && label.contains("mean");
+    let begin = Instant::now();
+    while desk.harness.query_all_by(|node| node.label().or(node.value()).is_some_and(is_preview)).count() == 0 {
+        desk.harness.step();
+        std::thread::sleep(Duration::from_millis(5));
+        assert!(begin.elapsed() < Duration::from_secs(60), "no preview");
+    }
+    desk.settle();
+    desk.save("preview.png");
+    let before = desk.step();
+    desk.harness.drag_at(strip.center());
+    desk.harness.step();
+    desk.harness.drop_at(strip.center());
+    desk.harness.step();
+    desk.harness.step();
+    assert_ne!(desk.step(), before, "a click goes there");
+}
+
+#[test]
+fn every_control_has_a_name() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let mut controls = 0;
+    for node in desk.harness.query_all_by(|_| true) {
+        let node = node.accesskit_node();
+        let role = format!("{:?}", node.role());
+        let is_control = ["Button", "CheckBox", "ComboBox", "Slider", "SpinButton", "TextInput", "ColorWell", "Image"];
+        if is_control.contains(&role.as_str()) {
+            controls += 1;
+            assert!(
+                node.label().is_some_and(|label| !label.is_empty()),
+                "a {role} at {:?} has no name",
+                node.raw_bounds()
+            );
+        }
+    }
+    assert!(controls > 40, "there are controls: {controls}");
+}
+
+#[test]
+fn files_are_opened_by_name_and_what_cannot_be_opened_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = store(folder.path());
+    let Some(mut desk) = Desk::with([900.0, 600.0], 1.0, options(folder.path(), Start::Nothing), folder) else {
+        return;
+    };
+    desk.harness.step();
+    desk.harness.step();
+    desk.save("welcome.png");
+    let open = |desk: &mut Desk, path: PathBuf| {
+        desk.harness.get_by_label("Path to open").focus();
+        desk.harness.step();
+        desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+        desk.harness.step();
+        desk.harness.key_press(Key::Enter);
+        desk.harness.step();
+        desk.harness.step();
+    };
+    open(&mut desk, PathBuf::from("/nowhere/at/all.pvd"));
+    let begin = Instant::now();
+    while desk.window().notices().is_empty() {
+        desk.harness.step();
+        assert!(begin.elapsed() < Duration::from_secs(60), "nothing is said");
+    }
+    let said = desk.window().notices()[0].text.clone();
+    assert!(said.contains("/nowhere/at/all.pvd"), "{said}");
+    assert!(desk.window().session().is_none());
+    desk.harness.step();
+    desk.save("no_such_file.png");
+    desk.click("Dismiss message 1");
+    // What was typed is still there.
+    desk.harness.get_by_label("Path to open").focus();
+    desk.harness.step();
+    desk.harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::A);
+    open(&mut desk, path);
+    desk.begin();
+    assert_eq!(desk.session().state().steps, STEPS);
+}
+
+#[test]
+fn what_was_chosen_is_there_again_the_next_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = store(folder.path());
+    let kept = folder.path().to_owned();
+    let open = |start| options(&kept, start);
+    let Some(mut desk) = Desk::with([1280.0, 800.0], 1.0, open(Start::Open(vec![path.clone()])), folder) else {
+        return;
+    };
+    desk.begin();
+    desk.click("Colour map");
+    desk.settle();
+    desk.click("turbo");
+    desk.press(Key::X);
+    desk.click("Side panel");
+    let look = desk.session().look().clone();
+    let Desk { harness, folder } = desk;
+    drop(harness);
+    let (settings, told) = SettingsFile::at(folder.path().join("settings")).load();
+    assert_eq!(told, None);
+    assert_eq!(settings.recent[0].path, path);
+    assert!(!settings.shows_side);
+
+    let mut desk = Desk::with([1280.0, 800.0], 1.0, open(Start::Nothing), folder).unwrap();
+    desk.harness.step();
+    desk.click("tornado.zarr");
+    desk.begin();
+    assert_eq!(desk.session().look().tf.color_map().name(), "turbo");
+    assert_eq!(desk.session().look().camera, look.camera);
+    assert!(desk.harness.query_by_label("Colour map").is_none(), "the panel is still away");
+}
+
+#[test]
+fn a_dense_screen_gets_all_its_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = Start::Open(vec![store(folder.path())]);
+    let Some(mut desk) = Desk::with([900.0, 600.0], 2.0, options(folder.path(), start), folder) else { return };
+    desk.begin();
+    desk.settle();
+    let picture = desk.place("Picture of");
+    let size = desk.session().shown().unwrap().request.size_px;
+    let pixels = |points: f32| (2.0 * points).round() as usize;
+    assert_eq!(size, (pixels(picture.width()), pixels(picture.height())));
+    desk.settle();
+    desk.save("dense.png");
+}
+
+#[test]
+fn a_machine_that_cannot_keep_up_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = Start::Open(vec![store(folder.path())]);
+    // The reference takes a while for each frame.
+    let dress = |series: &Series| {
+        let look = Look::default_for(series, TransferFunction::parse("viridis").unwrap()).unwrap();
+        Ok((Look { mode: tetreel::pipeline::RenderMode::Reference, ..look }, false))
+    };
+    let options = tetreel::ui::window::WindowOptions { dress: Arc::new(dress), ..options(folder.path(), start) };
+    let Some(mut desk) = Desk::with([1280.0, 800.0], 1.0, options, folder) else { return };
+    desk.begin();
+    desk.press(Key::L);
+    for _ in 0..16 {
+        desk.press(Key::CloseBracket);
+    }
+    desk.press(Key::Space);
+    desk.until("it is slower than asked", |session| shortfall(&session.state()).is_some());
+    assert_eq!(desk.session().state().dropped, 0, "every step is shown");
+    desk.harness.step();
+    desk.save("slow.png");
+    desk.press(Key::A);
+    assert_eq!(desk.session().state().settings.mode, Mode::RealTime);
+    desk.until("steps are dropped", |session| session.state().dropped > 0);
+    assert!(shortfall(&desk.session().state()).unwrap().contains("dropping"));
+}
