@@ -8,6 +8,7 @@ use crate::ingest::Origin;
 use crate::pipeline::{PipelinedOptions, Series};
 use crate::store::{Store, is_store};
 use crate::transfer::TransferFunction;
+use crate::ui::DEFAULT_TF;
 use crate::ui::opening::{Opened, OpeningOptions};
 use crate::ui::settings::SettingsFile;
 use crate::ui::window::{self, Dress, Start, WindowOptions};
@@ -117,7 +118,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
         let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
         Ok((look, args.camera.as_deref().is_some_and(says_where)))
     });
-    let is_default = scene.field.is_none() && scene.tf == SceneArgs::DEFAULT_TF && scene.range == Default::default();
+    let is_default = scene.field.is_none() && scene.tf == DEFAULT_TF && scene.range == Default::default();
     let restores = is_default && scene.camera.is_none();
     let opening =
         OpeningOptions { block_bytes: scene.block_memory.0, field: scene.field.clone(), ..Default::default() };

@@ -12,7 +12,7 @@ use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Se
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction};
-use crate::ui::{Look, mapped_range};
+use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use anyhow::{Context, bail};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(super) struct SceneArgs {
     #[arg(long)]
     pub(super) field: Option<FieldSelector>,
     /// Transfer function: MAP, MAP@POSITION:OPACITY,... or a file (docs/transfer-functions.md)
-    #[arg(long, value_name = "TF", default_value = SceneArgs::DEFAULT_TF)]
+    #[arg(long, value_name = "TF", default_value = DEFAULT_TF)]
     pub(super) tf: String,
     /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, log or log:LO,HI
     #[arg(long, value_name = "RANGE", default_value = "series", allow_hyphen_values = true)]
@@ -145,9 +145,6 @@ pub(super) struct Scene {
 }
 
 impl SceneArgs {
-    /// The transfer function of those who do not choose one.
-    pub(super) const DEFAULT_TF: &str = "viridis";
-
     /// What frames of a series look like, in images of this size.
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
         let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;

@@ -8,6 +8,9 @@ use crate::store::StoredField;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction, build_node_table};
 use std::sync::Arc;
 
+/// The transfer function of those who do not choose one.
+pub const DEFAULT_TF: &str = "viridis";
+
 /// All that frames of a field have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {

@@ -37,7 +37,7 @@ pub use action::Action;
 pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;
-pub use look::{Look, mapped_range};
+pub use look::{DEFAULT_TF, Look, mapped_range};
 pub use motion::{DEFAULT_TARGET_FPS, TARGET_FPS};
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;

@@ -4,6 +4,7 @@ mod axes;
 mod input;
 mod overlay;
 mod point;
+mod popups;
 mod preview;
 mod run;
 mod screen;
@@ -23,13 +24,13 @@ use super::following::Follower;
 use super::notice::{self, Notice, NoticeKind};
 use super::opening::{Opened, Opening, OpeningEnd, OpeningOptions};
 use super::settings::SettingsFile;
-use super::{Action, Look, Session, SessionOptions, SettingsKeeper, keys};
+use super::{Action, DEFAULT_TF, Look, Session, SessionOptions, SettingsKeeper};
 use crate::camera::CameraError;
 use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
 use crate::playback::{Clock, Command, Loop, Player};
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
-use crate::transfer::{ColorMap, TransferFunction};
+use crate::transfer::TransferFunction;
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
 use screen::Screen;
@@ -118,8 +119,7 @@ pub struct PlayerWindow {
 
 /// A series as it looks when nobody has said anything.
 fn plain(series: &Series) -> Result<(Look, bool), String> {
-    let tf = ColorMap::built_in("viridis").ok_or("there is no colour map viridis").map_err(str::to_owned)?;
-    let tf = TransferFunction::parse(tf.name()).map_err(|error| error.to_string())?;
+    let tf = TransferFunction::parse(DEFAULT_TF).map_err(|error| error.to_string())?;
     let look = Look::default_for(series, tf).map_err(|error: CameraError| error.to_string())?;
     Ok((look, false))
 }
@@ -344,7 +344,7 @@ impl PlayerWindow {
                 wish = welcome::opening(ui, opening.paths(), &opening.progress()).or(wish.take());
             });
         }
-        messages(ui, "window messages", &mut self.notices);
+        popups::messages(ui, "window messages", &mut self.notices);
         if self.session.is_some() {
             self.show_session(ui, &mut wish);
         } else {
@@ -353,7 +353,7 @@ impl PlayerWindow {
                 wish = welcome::show(ui, &mut self.path_box, recent).or(wish.take());
             });
         }
-        drop_hint(&ctx);
+        popups::drop_hint(&ctx);
         self.remember(&ctx);
         match wish {
             Some(Wish::Open(paths)) => {
@@ -404,7 +404,7 @@ impl PlayerWindow {
         let Some(session) = &mut self.session else { return };
         let ctx = ui.ctx().clone();
         let mut actions = input::pressed(&ctx);
-        notices(ui, session, &mut actions);
+        popups::notices(ui, session, &mut actions);
         egui::Panel::bottom("timeline").show(ui, |ui| {
             timeline::show(ui, session, &mut self.shows_side, &mut self.preview, &mut actions);
         });
@@ -421,7 +421,7 @@ impl PlayerWindow {
         let viewport = egui::CentralPanel::default()
             .frame(frame)
             .show(ui, |ui| viewport::show(ui, session, painted, self.overlays, &mut actions));
-        help(&ctx, session, &mut actions);
+        popups::help(&ctx, session, &mut actions);
         if !self.is_laid_out {
             // Panels do not know their sizes before they were laid out once, and a frame for a picture of another size would
             // be thrown away.
@@ -464,82 +464,5 @@ impl PlayerWindow {
 impl Drop for PlayerWindow {
     fn drop(&mut self) {
         self.remember_look();
-    }
-}
-
-/// Files over the window can be dropped.
-fn drop_hint(ctx: &egui::Context) {
-    if ctx.input(|input| input.raw.hovered_files.is_empty()) {
-        return;
-    }
-    egui::Window::new("drop").title_bar(false).anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO).show(ctx, |ui| {
-        ui.heading("Drop to open");
-    });
-}
-
-/// Messages about a session.
-fn notices(ui: &mut egui::Ui, session: &Session, actions: &mut Vec<Action>) {
-    let mut notices = session.notices().to_vec();
-    let read = messages(ui, "messages", &mut notices);
-    actions.extend(read.map(Action::Dismiss));
-}
-
-/// Messages, each with a button that puts it away; which one was.
-fn messages(ui: &mut egui::Ui, id: &'static str, notices: &mut Vec<Notice>) -> Option<usize> {
-    if notices.is_empty() {
-        return None;
-    }
-    let mut read = None;
-    // Over the picture: beside it they would change its size, and every message would cost a frame.
-    let area = egui::Area::new(egui::Id::unique(id))
-        .anchor(egui::Align2::LEFT_TOP, MESSAGES_AT)
-        .order(egui::Order::Foreground);
-    area.show(ui.ctx(), |ui| {
-        egui::Frame::popup(ui.style()).show(ui, |ui| messages_of(ui, notices, &mut read));
-    });
-    if let Some(index) = read {
-        notices.remove(index);
-    }
-    read
-}
-
-/// Below field and error, in points.
-const MESSAGES_AT: egui::Vec2 = egui::vec2(12.0, 56.0);
-
-fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) {
-    ui.set_max_width(700.0);
-    for (index, notice) in notices.iter().enumerate() {
-        ui.horizontal(|ui| {
-            let name = format!("Dismiss message {}", index + 1);
-            if widgets::icon(ui, "×", &name, true).clicked() {
-                *read = Some(index);
-            }
-            let color = match notice.kind {
-                NoticeKind::Error => ui.visuals().error_fg_color,
-                NoticeKind::Done => ui.visuals().text_color(),
-            };
-            let count = if notice.count > 1 { format!(" ({} times)", notice.count) } else { String::new() };
-            let text = egui::RichText::new(format!("{}{count}", notice.text)).color(color);
-            ui.add(egui::Label::new(text).wrap());
-        });
-    }
-}
-
-/// Keys and mouse, from the tables that they work by.
-fn help(ctx: &egui::Context, session: &Session, actions: &mut Vec<Action>) {
-    let mut is_open = session.help_is_open();
-    let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false).resizable(false);
-    window.anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO).show(ctx, |ui| {
-        egui::Grid::new("keys").num_columns(2).spacing([24.0, 4.0]).show(ui, |ui| {
-            let mouse = keys::MOUSE.iter().map(|&(what, does)| (what.to_owned(), does));
-            for (what, does) in keys::help().into_iter().chain(mouse) {
-                ui.strong(what);
-                ui.label(does);
-                ui.end_row();
-            }
-        });
-    });
-    if is_open != session.help_is_open() {
-        actions.push(Action::Help);
     }
 }

@@ -1,12 +1,12 @@
 //! The point under the mouse, and the one that was picked.
 
 use super::overlay::number;
-use super::widgets::icon;
+use super::widgets::{icon, still_plot};
 use crate::playback::Command;
 use crate::ui::{Action, Picked, Session};
 use eframe::egui;
 use egui::{Role, Ui, WidgetInfo};
-use egui_plot::{Line, Plot, PlotBounds, VLine};
+use egui_plot::{Line, PlotBounds, VLine};
 
 /// Height of the curve in points.
 const PLOT: f32 = 130.0;
@@ -70,20 +70,14 @@ fn curve(ui: &mut Ui, session: &Session, picked: &Picked, actions: &mut Vec<Acti
     let values = points.iter().map(|p| p[1]).filter(|v| v.is_finite());
     let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
     let [lo, hi] = if lo < hi { [lo, hi] } else { range.map(f64::from) };
-    let margin = 0.05 * (hi - lo).max(f64::MIN_POSITIVE);
-    let plot = Plot::new("point over time")
+    let ([first_shown, last_shown], [lo, hi]) = (span(first, last, 0.0), span(lo, hi, 0.05));
+    let plot = still_plot("point over time")
         .height(PLOT)
-        .allow_drag(false)
-        .allow_zoom(false)
-        .allow_scroll(false)
-        .allow_boxed_zoom(false)
-        .allow_double_click_reset(false)
-        .allow_axis_zoom_drag(false)
         .x_axis_formatter(|mark, _| number(mark.value))
         .y_axis_formatter(|mark, _| number(mark.value));
     let now = session.state().time;
     let shown = plot.show(ui, |plot| {
-        plot.set_plot_bounds(PlotBounds::from_min_max([first, lo - margin], [last.max(first + 1e-300), hi + margin]));
+        plot.set_plot_bounds(PlotBounds::from_min_max([first_shown, lo], [last_shown, hi]));
         // A curve has gaps where there is no value.
         for run in points.split(|p| !p[1].is_finite()).filter(|run| !run.is_empty()) {
             plot.line(Line::new("value", run.to_vec()).color(egui::Color32::from_rgb(90, 170, 255)));
@@ -97,5 +91,28 @@ fn curve(ui: &mut Ui, session: &Session, picked: &Picked, actions: &mut Vec<Acti
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Value of the point over time"));
     if let Some(at) = shown.inner.filter(|_| response.clicked() || response.dragged()) {
         actions.push(Action::Play(Command::SeekTime(at.x.clamp(first, last))));
+    }
+}
+
+/// From the least to the greatest with a margin on both sides, as a share of their distance; if there is none, room around them.
+fn span(lo: f64, hi: f64, margin: f64) -> [f64; 2] {
+    let distance = hi - lo;
+    let room = if distance > 0.0 && distance.is_normal() { margin * distance } else { 0.5 * lo.abs().max(1.0) };
+    [lo - room, hi + room]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_always_something_between_the_ends_of_a_plot() {
+        assert_eq!(span(1.0, 3.0, 0.05), [0.9, 3.1]);
+        assert_eq!(span(1.0, 3.0, 0.0), [1.0, 3.0]);
+        assert_eq!(span(0.0, 0.0, 0.0), [-0.5, 0.5]);
+        for at in [5.0, -1e30, 1e-320, 1e9] {
+            let [lo, hi] = span(at, at, 0.05);
+            assert!(lo < at && at < hi, "{at}");
+        }
     }
 }

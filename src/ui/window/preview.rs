@@ -7,6 +7,9 @@ use eframe::egui;
 use egui::{ColorImage, PopupAnchor, TextureHandle, TextureOptions, Tooltip};
 use std::sync::Arc;
 
+/// The picture in words.
+const ALT_TEXT: &str = "Small picture of the step";
+
 /// The small picture of the step under the mouse.
 #[derive(Default)]
 pub(super) struct Preview {
@@ -33,7 +36,7 @@ impl Preview {
         let id = over.id.with("preview");
         Tooltip::always_open(over.ctx.clone(), over.layer_id, id, PopupAnchor::Pointer).show(|ui| {
             if let Some((_, texture)) = shown {
-                ui.image((texture.id(), texture.size_vec2()));
+                ui.add(egui::Image::new((texture.id(), texture.size_vec2())).alt_text(ALT_TEXT));
             }
             ui.label(caption(session, step));
         });

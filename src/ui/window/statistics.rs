@@ -1,10 +1,11 @@
 //! What the last frame cost, and how fast frames come.
 
+use super::widgets::still_plot;
 use crate::playback::Mode;
 use crate::ui::{HISTORY_FRAMES, Session};
 use eframe::egui;
 use egui::{Role, WidgetInfo};
-use egui_plot::{Legend, Line, Plot};
+use egui_plot::{Legend, Line};
 
 /// A table of them, and how they were lately.
 pub(super) fn show(ui: &mut egui::Ui, session: &Session) {
@@ -23,19 +24,13 @@ const PLOT: f32 = 90.0;
 
 /// Milliseconds of the stages of the last frames, oldest on the left.
 fn plot(ui: &mut egui::Ui, session: &Session) {
-    let plot = Plot::new("costs of frames")
+    let plot = still_plot("costs of frames")
         .height(PLOT)
         .include_y(0.0)
         .include_x(HISTORY_FRAMES as f64)
         .include_x(0.0)
         .show_axes([false, true])
         .y_axis_formatter(|mark, _| format!("{} ms", super::overlay::number(mark.value)))
-        .allow_drag(false)
-        .allow_zoom(false)
-        .allow_scroll(false)
-        .allow_boxed_zoom(false)
-        .allow_double_click_reset(false)
-        .allow_axis_zoom_drag(false)
         .legend(Legend::default());
     let frames = session.history().frames();
     let first = HISTORY_FRAMES - frames.len();

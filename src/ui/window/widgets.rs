@@ -105,3 +105,14 @@ pub(super) fn symbol(ui: &mut Ui, symbol: Symbol, name: &str, is_on: bool) -> Re
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, name));
     response.on_hover_text(name)
 }
+
+/// A plot that stays where it is, whatever the mouse does.
+pub(super) fn still_plot<'a>(id: &str) -> egui_plot::Plot<'a> {
+    egui_plot::Plot::new(id)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .allow_double_click_reset(false)
+        .allow_axis_zoom_drag(false)
+}

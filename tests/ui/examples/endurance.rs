@@ -20,7 +20,6 @@ fn main() {
 #[cfg(target_os = "linux")]
 mod linux {
     use std::path::PathBuf;
-    use std::process::Command;
     use std::sync::Arc;
     use std::time::Instant;
     use tetreel::pipeline::{Backend, PipelinedOptions, Series};
@@ -30,10 +29,9 @@ mod linux {
     use tetreel::ui::settings::SettingsFile;
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::options;
-    use tetreel_ui_tests::screen::{Keysym, Screen, User, pause};
+    use tetreel_ui_tests::screen::{Keysym, User, on_a_screen, pause};
 
     const SIZE: (u32, u32) = (800, 500);
-    const IN_FRONT: &str = "TETREEL_TEST_WINDOW";
 
     pub(super) fn main() {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -41,11 +39,7 @@ mod linux {
             eprintln!("usage: endurance STORE.zarr cpu|gpu [FRAMES]");
             std::process::exit(2);
         };
-        if std::env::var_os(IN_FRONT).is_none() {
-            let screen = Screen::start(SIZE.0, SIZE.1).expect("a screen");
-            let mut window = Command::new(std::env::current_exe().expect("this program"));
-            window.args(&arguments).env(IN_FRONT, "1").env("DISPLAY", &screen.name).env_remove("WAYLAND_DISPLAY");
-            let status = window.status().expect("the window");
+        if let Some(status) = on_a_screen(SIZE).expect("a screen") {
             std::process::exit(status.code().unwrap_or(1));
         }
         let frames: u64 = rest.first().map_or(5000, |frames| frames.parse().expect("a number of frames"));

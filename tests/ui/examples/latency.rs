@@ -22,7 +22,6 @@ fn main() {
 mod linux {
     use egui::{Pos2, Rect, pos2, vec2};
     use std::path::Path;
-    use std::process::Command;
     use std::sync::atomic::{AtomicU64, Ordering};
     use std::sync::{Arc, Mutex};
     use std::time::{Duration, Instant};
@@ -33,10 +32,9 @@ mod linux {
     use tetreel::ui::settings::SettingsFile;
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::{Desk, options};
-    use tetreel_ui_tests::screen::{Keysym, Screen, User, pause};
+    use tetreel_ui_tests::screen::{Keysym, User, on_a_screen, pause};
 
     const SIZE: (u32, u32) = (1280, 720);
-    const IN_FRONT: &str = "TETREEL_TEST_WINDOW";
 
     /// What the window does meanwhile.
     #[derive(Default)]
@@ -53,11 +51,7 @@ mod linux {
             eprintln!("usage: latency STORE.zarr cpu|gpu [INPUTS]");
             std::process::exit(2);
         };
-        if std::env::var_os(IN_FRONT).is_none() {
-            let screen = Screen::start(SIZE.0, SIZE.1).expect("a screen");
-            let mut window = Command::new(std::env::current_exe().expect("this program"));
-            window.args(&arguments).env(IN_FRONT, "1").env("DISPLAY", &screen.name).env_remove("WAYLAND_DISPLAY");
-            let status = window.status().expect("the window");
+        if let Some(status) = on_a_screen(SIZE).expect("a screen") {
             std::process::exit(status.code().unwrap_or(1));
         }
         let inputs = rest.first().map_or(200, |inputs| inputs.parse().expect("a number of inputs"));

@@ -164,6 +164,16 @@ impl Desk {
         }
     }
 
+    /// Paints until there is something that is called so.
+    pub fn until_there(&mut self, label: &str) {
+        let begin = Instant::now();
+        while self.harness.query_by_label(label).is_none() {
+            self.harness.step();
+            assert!(begin.elapsed() < Duration::from_secs(60), "in vain: {label}");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
     /// Clicks what is called so.
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();

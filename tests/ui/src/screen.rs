@@ -1,7 +1,7 @@
 //! A screen in memory (Xvfb), and a user in front of it: keys, mouse and eyes, all through X, as for any program.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 use x11rb::connection::Connection;
 use x11rb::protocol::xproto::{
@@ -51,6 +51,26 @@ impl Drop for Screen {
         let _ = self.server.kill();
         let _ = self.server.wait();
     }
+}
+
+/// Tells the process that shows the window from the one that has started the screen.
+const IN_FRONT: &str = "TETREEL_TEST_WINDOW";
+
+/// Runs this program again, with the same arguments, on a screen of so many pixels. `None` in the program that runs there: it
+/// goes on. The screen is named in the environment, which a program should not change while it runs.
+///
+/// # Errors
+/// If there is no screen, or the program cannot be run.
+pub fn on_a_screen((width, height): (u32, u32)) -> Result<Option<ExitStatus>, String> {
+    if std::env::var_os(IN_FRONT).is_some() {
+        return Ok(None);
+    }
+    let screen = Screen::start(width, height)?;
+    let program = std::env::current_exe().map_err(|error| error.to_string())?;
+    let mut window = Command::new(program);
+    window.args(std::env::args_os().skip(1)).env(IN_FRONT, "1");
+    window.env("DISPLAY", &screen.name).env_remove("WAYLAND_DISPLAY");
+    window.status().map(Some).map_err(|error| error.to_string())
 }
 
 /// Keys by their names in X.

@@ -81,7 +81,7 @@ fn the_timeline_shows_the_values_of_each_step_and_a_small_picture_under_the_mous
         std::thread::sleep(Duration::from_millis(5));
         assert!(begin.elapsed() < Duration::from_secs(60), "no preview");
     }
-    desk.settle();
+    desk.until_there("Small picture of the step");
     desk.save("preview.png");
     let before = desk.step();
     desk.harness.drag_at(strip.center());

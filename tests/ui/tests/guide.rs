@@ -74,8 +74,7 @@ fn the_tour() {
 
     let slider = desk.place("Step slider");
     desk.harness.hover_at(egui::pos2(egui::lerp(slider.x_range(), 0.35), slider.center().y));
-    desk.settle();
-    std::thread::sleep(std::time::Duration::from_secs(1));
+    desk.until_there("Small picture of the step");
     desk.settle();
     shot(&mut desk, "guide_timeline");
     desk.harness.hover_at(egui::pos2(5.0, 300.0));

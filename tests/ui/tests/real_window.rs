@@ -18,7 +18,6 @@ mod linux {
     use egui::{Pos2, Rect};
     use std::panic::AssertUnwindSafe;
     use std::path::Path;
-    use std::process::Command;
     use std::sync::{Arc, Mutex};
     use std::time::{Duration, Instant};
     use tetreel::camera::Camera;
@@ -30,31 +29,20 @@ mod linux {
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::{self, Desk, STEPS, options, store};
     use tetreel_ui_tests::is_required;
-    use tetreel_ui_tests::screen::{Keysym, Screen, User, pause};
+    use tetreel_ui_tests::screen::{Keysym, User, on_a_screen, pause};
 
     /// Of screen and window, in pixels.
     const SIZE: (u32, u32) = (1280, 800);
-    /// Tells the process that shows the window from the one that has started the screen.
-    const IN_FRONT: &str = "TETREEL_TEST_WINDOW";
 
     pub(super) fn main() {
-        if std::env::var_os(IN_FRONT).is_some() {
-            return play();
-        }
-        let screen = match Screen::start(SIZE.0, SIZE.1) {
-            Ok(screen) => screen,
+        match on_a_screen(SIZE) {
+            Ok(None) => play(),
+            Ok(Some(status)) => assert!(status.success(), "the test in front of the screen failed: {status}"),
             Err(why) => {
                 println!("SKIPPED (window): {why}");
                 assert!(!is_required("window"), "the test of the real window may not be skipped here");
-                return;
             }
-        };
-        // The screen is named in the environment, which a program should not change while it runs.
-        let mut window = Command::new(std::env::current_exe().unwrap());
-        window.env(IN_FRONT, "1").env("DISPLAY", &screen.name).env_remove("WAYLAND_DISPLAY");
-        let status = window.status().unwrap();
-        assert!(status.success(), "the test in front of the screen failed: {status}");
-        println!("a real window was played, scrubbed, coloured and photographed");
+        }
     }
 
     /// Where things are in the window.
@@ -137,6 +125,7 @@ mod linux {
             Ok((Look { backend: Backend::Gpu, ..look }, is_chosen))
         };
         in_front_of(WindowOptions { dress: Arc::new(on_gpu), ..options }, lose_the_gpu);
+        println!("a real window was played, scrubbed, coloured and photographed, and has survived the loss of its GPU");
     }
 
     /// Opens a window, and has a user in front of it until the user is done.
