@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 /// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work that looks at it between two units.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +22,18 @@ impl Cancel {
     /// Whether the work should stop.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Of 100: niceness 10 where there is such a thing, below normal on Windows.
+const BACKGROUND_PRIORITY: u8 = 23;
+
+/// Lets this thread give way to others from now on that want the same core, as those do that paint a window. Where the system
+/// does not allow it, all stay equals.
+pub fn give_way() {
+    if let Ok(priority) = ThreadPriorityValue::try_from(BACKGROUND_PRIORITY) {
+        // A courtesy: without it everything works, only less smoothly.
+        let _ = ThreadPriority::Crossplatform(priority).set_for_current();
     }
 }
 

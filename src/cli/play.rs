@@ -129,7 +129,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
         follows,
         plays,
         opening,
-        threads: PipelinedOptions::default(),
+        threads: PipelinedOptions { give_way: true, ..Default::default() },
         background,
         screenshot_folder: std::path::absolute(".").unwrap_or_else(|_| PathBuf::from(".")),
         gpu: scene.gpu(),

@@ -17,7 +17,7 @@ use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
 use super::series::Series;
 use super::stages::{Shared, decode_all, order_all, render_all};
 use super::{Decode, FrameRequest, Order, Pipeline, PipelineError, Renderers};
-use crate::task::ThreadLimit;
+use crate::task::{self, ThreadLimit};
 use crossbeam::channel::{Receiver, bounded};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
@@ -30,13 +30,16 @@ use std::time::{Duration, Instant};
 pub struct PipelinedOptions {
     /// Threads that render on the CPU, and as many that prepare; `None`: as many as rayon's own pool has, which then renders.
     pub threads: Option<usize>,
+    /// Whether those threads give way to others ([`task::give_way`]): to the one that paints a window. They are then no other
+    /// work's.
+    pub give_way: bool,
     /// Bytes for frames of an unchanged view, kept for the next round of a loop; 0 keeps none.
     pub frame_cache_bytes: u64,
 }
 
 impl Default for PipelinedOptions {
     fn default() -> Self {
-        Self { threads: None, frame_cache_bytes: 256 << 20 }
+        Self { threads: None, give_way: false, frame_cache_bytes: 256 << 20 }
     }
 }
 
@@ -73,9 +76,15 @@ struct Threads {
     render: JoinHandle<Renderers>,
 }
 
-fn pool(threads: Option<usize>, name: &'static str) -> io::Result<ThreadPool> {
-    let count = threads.unwrap_or_else(rayon::current_num_threads);
+fn pool(options: &PipelinedOptions, name: &'static str) -> io::Result<ThreadPool> {
+    let count = options.threads.unwrap_or_else(rayon::current_num_threads);
     let builder = ThreadPoolBuilder::new().num_threads(count).thread_name(move |i| format!("{name} {i}"));
+    let gives_way = options.give_way;
+    let builder = builder.start_handler(move |_| {
+        if gives_way {
+            task::give_way();
+        }
+    });
     builder.build().map_err(io::Error::other)
 }
 
@@ -97,8 +106,9 @@ impl Pipelined {
             pool: FramePool::default(),
             thread_limit: ThreadLimit::none(),
         };
-        let preparing = Arc::new(pool(options.threads, "prepare")?);
-        let rendering = options.threads.map(|_| pool(options.threads, "render")).transpose()?;
+        let preparing = Arc::new(pool(options, "prepare")?);
+        let has_its_own = options.threads.is_some() || options.give_way;
+        let rendering = has_its_own.then(|| pool(options, "render")).transpose()?;
         let (to_order, from_decode) = bounded(PREPARATIONS);
         let (to_render, from_order) = bounded(PREPARATIONS);
         let (to_owner, deliveries) = bounded(1);

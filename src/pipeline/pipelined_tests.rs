@@ -50,7 +50,7 @@ fn rendered_alone(series: &Arc<Series>, requests: &[FrameRequest]) -> Vec<(usize
 }
 
 fn options(threads: usize, frame_cache_bytes: u64) -> PipelinedOptions {
-    PipelinedOptions { threads: Some(threads), frame_cache_bytes }
+    PipelinedOptions { threads: Some(threads), frame_cache_bytes, ..Default::default() }
 }
 
 fn start(series: &Arc<Series>, options: &PipelinedOptions) -> Pipelined {

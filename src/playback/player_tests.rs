@@ -34,7 +34,7 @@ fn base(series: &Series) -> FrameRequest {
 impl Theatre {
     fn open(times: Vec<f64>, settings: Settings) -> Self {
         let (series, log) = logged(times.len());
-        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 };
+        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() };
         let pipelined = Pipelined::start(Pipeline::new(series.clone()), &options, || ()).unwrap();
         let clock = Clock::with_settings(TimeAxis { values: times }, settings).unwrap();
         let base = base(&series);

@@ -37,7 +37,7 @@ struct Desk {
 
 impl Desk {
     fn of(series: Arc<Series>, folder: &Path) -> Self {
-        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 };
+        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() };
         let clock = Clock::new(series.times().clone());
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
         let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();

@@ -1,6 +1,7 @@
 //! The window: shows a [`Session`], and turns what the user does into [`Action`]s.
 
 mod axes;
+mod blit;
 mod input;
 mod overlay;
 mod point;
@@ -31,6 +32,7 @@ use crate::playback::{Clock, Command, Loop, Player};
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
 use crate::transfer::TransferFunction;
+use blit::Backdrop;
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
 use screen::Screen;
@@ -175,6 +177,8 @@ impl PlayerWindow {
     /// the GPU of `render_state` are shown from where they are.
     pub fn attach(&mut self, ctx: &egui::Context, render_state: Option<&RenderState>) {
         self.waker.attach(ctx);
+        // Else the window is painted again and again as long as the mouse moves over a button.
+        ctx.all_styles_mut(|style| style.interaction.show_tooltips_only_when_still = false);
         if let Some(name) = self.path.as_ref().and_then(|path| path.file_name()).filter(|_| self.title.is_none()) {
             self.title = Some(format!("{} - tetreel", name.to_string_lossy()));
         }
@@ -403,24 +407,30 @@ impl PlayerWindow {
     fn show_session(&mut self, ui: &mut egui::Ui, wish: &mut Option<Wish>) {
         let Some(session) = &mut self.session else { return };
         let ctx = ui.ctx().clone();
+        // Behind everything, of which the places are not known yet.
+        let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.max_rect());
+        let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
         let mut actions = input::pressed(&ctx);
         popups::notices(ui, session, &mut actions);
-        egui::Panel::bottom("timeline").show(ui, |ui| {
+        egui::Panel::bottom("timeline").frame(panel).show(ui, |ui| {
             timeline::show(ui, session, &mut self.shows_side, &mut self.preview, &mut actions);
         });
         if self.shows_side {
-            let panel = egui::Panel::right("side").default_size(side::WIDTH).resizable(true);
-            panel.show(ui, |ui| {
+            let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).resizable(true);
+            side.show(ui, |ui| {
                 let recent = &self.keeper.settings().recent;
                 *wish = side::open(ui, &mut self.path_box, recent).or(wish.take());
                 self.side.show(ui, session, &mut self.overlays, &mut actions);
             });
         }
-        let frame = egui::Frame::NONE.fill(widgets::color(session.background()));
         let painted = self.screen.painted();
         let viewport = egui::CentralPanel::default()
-            .frame(frame)
+            .frame(egui::Frame::NONE)
             .show(ui, |ui| viewport::show(ui, session, painted, self.overlays, &mut actions));
+        let viewport = viewport.inner;
+        let (background, panels) = (widgets::color(session.background()), ui.visuals().panel_fill);
+        let behind = Backdrop { window: whole, viewport, background, panels };
+        ui.painter().set(backdrop, self.screen.behind(&behind));
         popups::help(&ctx, session, &mut actions);
         if !self.is_laid_out {
             // Panels do not know their sizes before they were laid out once, and a frame for a picture of another size would
@@ -434,8 +444,8 @@ impl PlayerWindow {
             // The first pass has followed; this one is for what it has changed.
             return;
         }
-        let (width, height) = viewport.inner;
-        session.set_viewport(width, height);
+        let size = (viewport.size() * ctx.pixels_per_point()).round().max(egui::Vec2::ZERO);
+        session.set_viewport(size.x as usize, size.y as usize);
         self.follow(&ctx, actions);
     }
 
@@ -443,8 +453,11 @@ impl PlayerWindow {
         let Some(session) = &mut self.session else { return };
         let now = self.started.elapsed();
         if !actions.is_empty() {
-            // The widgets show what was.
-            ctx.request_repaint();
+            // The widgets show what was: they are laid out again before they are painted, if there may be another pass.
+            ctx.request_discard("the user did something");
+            if !ctx.will_discard() {
+                ctx.request_repaint();
+            }
         }
         actions.into_iter().for_each(|action| session.act(action, now));
         let (is_new, wait) = session.tick(now);

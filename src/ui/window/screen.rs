@@ -1,12 +1,14 @@
 //! What is on the screen: a frame that was converted and sent there, or one that is on the window's GPU already.
 
+use super::blit::{Backdrop, Blit, BoundPicture};
+use super::viewport;
 use crate::pipeline::{FrameTime, SharedFrame, WindowGpu};
 use crate::render::gpu::context::Context;
 use crate::ui::Session;
 use crate::ui::picture::{Picture, PictureMaker};
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
-use egui::{Color32, ColorImage, TextureHandle, TextureId, TextureOptions, Vec2, vec2};
+use egui::{Shape, Vec2, vec2};
 use std::io;
 use std::sync::Arc;
 
@@ -14,7 +16,9 @@ use std::sync::Arc;
 struct WindowScreen {
     render_state: RenderState,
     context: Arc<Context>,
-    id: Option<TextureId>,
+    blit: Arc<Blit>,
+    /// Where pictures of frames of the CPU go.
+    cpu: Option<wgpu::Texture>,
 }
 
 /// Which frame a picture is of.
@@ -28,16 +32,16 @@ struct Source {
 }
 
 /// The picture that is on the screen.
-enum Shown {
-    OfCpu(FrameTime),
-    /// Held until another is bound: its memory must not be rendered to while it is painted.
-    OfGpu(FrameTime, SharedFrame),
+struct Shown {
+    painted: Painted,
+    picture: BoundPicture,
+    /// One that is on the GPU is held until another is bound: its memory must not be rendered to while it is painted.
+    frame: Option<SharedFrame>,
 }
 
 /// The screen.
 pub(super) struct Screen {
-    pictures: PictureMaker<Source, ColorImage>,
-    cpu: Option<TextureHandle>,
+    pictures: PictureMaker<Source, Picture>,
     gpu: Option<WindowScreen>,
     shown: Option<Shown>,
     /// What this pass was still laid out with.
@@ -52,7 +56,7 @@ pub(super) struct Screen {
 /// A picture to be painted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Painted {
-    pub(super) texture: TextureId,
+    /// In pixels of its own.
     pub(super) size: Vec2,
     /// What it shows.
     pub(super) time: FrameTime,
@@ -61,20 +65,8 @@ pub(super) struct Painted {
 impl Screen {
     /// An empty screen; `made` is called when there is something to take over.
     pub(super) fn start(made: impl Fn() + Send + 'static) -> io::Result<Self> {
-        let form = |Picture { size, pixels }: Picture| {
-            ColorImage::new(size, pixels.into_iter().map(|[r, g, b, _]| Color32::from_rgb(r, g, b)).collect())
-        };
-        let pictures = PictureMaker::start(form, made)?;
-        Ok(Self {
-            pictures,
-            cpu: None,
-            gpu: None,
-            shown: None,
-            retired: None,
-            newest: 0,
-            taken: 0,
-            background: [0.0; 3],
-        })
+        let pictures = PictureMaker::start(|picture| picture, made)?;
+        Ok(Self { pictures, gpu: None, shown: None, retired: None, newest: 0, taken: 0, background: [0.0; 3] })
     }
 
     /// The window has this GPU: frames that are rendered on it are shown from where they are.
@@ -83,12 +75,13 @@ impl Screen {
         let context = Arc::new(Context::of_window(adapter, device.clone(), queue.clone()));
         gpu.set(context.clone());
         self.detach();
-        self.gpu = Some(WindowScreen { render_state: render_state.clone(), context, id: None });
+        let blit = Arc::new(Blit::new(render_state));
+        self.gpu = Some(WindowScreen { render_state: render_state.clone(), context, blit, cpu: None });
     }
 
     /// The window is gone, and what was on its GPU.
     pub(super) fn detach(&mut self) {
-        (self.cpu, self.gpu, self.shown) = (None, None, None);
+        (self.gpu, self.shown) = (None, None);
     }
 
     /// Shows nothing until something else comes.
@@ -110,15 +103,20 @@ impl Screen {
 
     /// What is to be painted.
     pub(super) fn painted(&self) -> Option<Painted> {
-        match self.shown.as_ref()? {
-            Shown::OfCpu(time) => {
-                let texture = self.cpu.as_ref()?;
-                Some(Painted { texture: texture.id(), size: texture.size_vec2(), time: *time })
+        self.shown.as_ref().map(|shown| shown.painted)
+    }
+
+    /// What is painted behind the widgets.
+    pub(super) fn behind(&self, backdrop: &Backdrop) -> Shape {
+        let Backdrop { window, viewport, background, panels } = *backdrop;
+        match &self.shown {
+            Some(shown) if viewport.is_positive() => {
+                let place = viewport::placed(viewport, shown.painted.size);
+                Shape::Callback(shown.picture.clone().paint(backdrop, place))
             }
-            Shown::OfGpu(time, frame) => {
-                let size = frame.texture.as_ref()?.texture().size();
-                let size = vec2(size.width as f32, size.height as f32);
-                Some(Painted { texture: self.gpu.as_ref()?.id?, size, time: *time })
+            _ => {
+                let fills = [(window, panels), (viewport, background)];
+                Shape::Vec(fills.map(|(rect, color)| Shape::rect_filled(rect, 0.0, color)).into())
             }
         }
     }
@@ -140,13 +138,12 @@ impl Screen {
             && source.number > self.taken
             && (source.turns == session.turns() || session.state().frame == Some(source.time))
         {
-            self.upload(ctx, image);
             self.taken = source.number;
-            self.shown = Some(Shown::OfCpu(source.time));
+            self.shown = self.gpu.as_mut().map(|gpu| gpu.upload(&image, source.time));
         }
         let mut is_elsewhere = false;
         let background = session.background();
-        if is_new || (background != self.background && matches!(self.shown, Some(Shown::OfCpu(_)))) {
+        if is_new || (background != self.background && self.shown.as_ref().is_some_and(|s| s.frame.is_none())) {
             self.newest += 1;
             let source = Source { number: self.newest, turns: session.turns(), time: shown.request.time };
             if self.bind(&shown.frame, source.time) {
@@ -168,25 +165,42 @@ impl Screen {
     /// Shows a frame from where it is, if that is the window's GPU.
     fn bind(&mut self, frame: &SharedFrame, time: FrameTime) -> bool {
         let Some(texture) = &frame.texture else { return false };
-        let Some(gpu) = self.gpu.as_mut().filter(|gpu| Arc::ptr_eq(&gpu.context, texture.context())) else {
+        let Some(gpu) = self.gpu.as_ref().filter(|gpu| Arc::ptr_eq(&gpu.context, texture.context())) else {
             return false;
         };
-        let view = texture.texture().create_view(&wgpu::TextureViewDescriptor::default());
-        let mut renderer = gpu.render_state.renderer.write();
-        let (device, filter) = (&gpu.render_state.device, wgpu::FilterMode::Linear);
-        match gpu.id {
-            Some(id) => renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, id),
-            None => gpu.id = Some(renderer.register_native_texture(device, &view, filter)),
-        }
-        drop(renderer);
-        self.shown = Some(Shown::OfGpu(time, frame.clone()));
+        self.shown = Some(gpu.bound(texture.texture(), time, Some(frame.clone())));
         true
     }
+}
 
-    fn upload(&mut self, ctx: &egui::Context, image: ColorImage) {
-        match &mut self.cpu {
-            Some(texture) => texture.set(image, TextureOptions::LINEAR),
-            None => self.cpu = Some(ctx.load_texture("frame", image, TextureOptions::LINEAR)),
-        }
+impl WindowScreen {
+    fn bound(&self, texture: &wgpu::Texture, time: FrameTime, frame: Option<SharedFrame>) -> Shown {
+        let size = texture.size();
+        let painted = Painted { size: vec2(size.width as f32, size.height as f32), time };
+        Shown { painted, picture: self.blit.bind(&self.render_state.device, texture), frame }
+    }
+
+    /// Sends a picture to the GPU, in the memory of the last one if it is as large.
+    fn upload(&mut self, picture: &Picture, time: FrameTime) -> Shown {
+        let [width, height] = picture.size.map(|n| n as u32);
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        let RenderState { device, queue, .. } = &self.render_state;
+        let texture = self.cpu.take().filter(|texture| texture.size() == size).unwrap_or_else(|| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("picture"),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba8Unorm,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            })
+        });
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None };
+        queue.write_texture(texture.as_image_copy(), picture.pixels.as_flattened(), layout, size);
+        let shown = self.bound(&texture, time, None);
+        self.cpu = Some(texture);
+        shown
     }
 }

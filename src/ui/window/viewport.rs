@@ -6,27 +6,21 @@ use super::{overlay, point};
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::emath::GuiRounding;
-use egui::{Pos2, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use egui::{Pos2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec2;
 
-/// Shows the picture in what is left of `ui`; returns the size of that place in pixels of the screen.
+/// Shows what goes over the picture in what is left of `ui`, and returns that place.
 pub(super) fn show(
     ui: &mut Ui,
     session: &Session,
     painted: Option<Painted>,
     overlays: overlay::Overlays,
     actions: &mut Vec<Action>,
-) -> (usize, usize) {
+) -> Rect {
     let pixels_per_point = ui.pixels_per_point();
     let rect = ui.available_rect_before_wrap().round_to_pixels(pixels_per_point);
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let size = rect.size() * pixels_per_point;
     if rect.is_positive() {
-        if let Some(painted) = painted {
-            let whole = Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0));
-            let place = placed(rect, painted.size);
-            ui.painter().with_clip_rect(rect).image(painted.texture, place, whole, egui::Color32::WHITE);
-        }
         overlay::show(ui, rect, session, painted, overlays);
         let place = painted.map(|painted| placed(rect, painted.size));
         mouse(ui, &response, rect, actions);
@@ -38,12 +32,12 @@ pub(super) fn show(
         }
     }
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, overlay::description(session, painted)));
-    (size.x.round().max(0.0) as usize, size.y.round().max(0.0) as usize)
+    rect
 }
 
 /// Where an image of this size goes: the view angle is vertical, so heights fit; sideways it is cut, or leaves room. A
 /// rounding to whole pixels is no reason to do either.
-fn placed(rect: Rect, image: egui::Vec2) -> Rect {
+pub(super) fn placed(rect: Rect, image: egui::Vec2) -> Rect {
     let width = rect.height() * image.x / image.y;
     // Half a pixel of either side of the image, seen in the width.
     let rounding = width * (0.5 / image.x + 0.5 / image.y);
@@ -107,6 +101,7 @@ fn mouse(ui: &Ui, response: &egui::Response, rect: Rect, actions: &mut Vec<Actio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui::pos2;
 
     #[test]
     fn pictures_fill_the_height_and_keep_their_shape() {

@@ -51,7 +51,7 @@ mod linux {
         };
         let options = WindowOptions {
             dress: Arc::new(dress),
-            threads: PipelinedOptions { frame_cache_bytes: 0, ..Default::default() },
+            threads: PipelinedOptions { give_way: true, frame_cache_bytes: 0, ..Default::default() },
             size: Some([SIZE.0 as f32, SIZE.1 as f32]),
             settings: SettingsFile::nowhere(),
             ..options(folder.path(), Start::Open(vec![PathBuf::from(store)]))

@@ -62,7 +62,7 @@ pub fn options(folder: &Path, start: Start) -> WindowOptions {
         follows: false,
         plays: false,
         opening: OpeningOptions { cache: ImportCache::at(folder.join("cache")), ..Default::default() },
-        threads: PipelinedOptions { threads: Some(1), frame_cache_bytes: 0 },
+        threads: PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() },
         background: Some(BACKGROUND),
         size: Some([1280.0, 800.0]),
         screenshot_folder: folder.to_owned(),

@@ -118,7 +118,8 @@ impl User {
 
     fn fake(&self, kind: u8, detail: u8, (x, y): (i16, i16)) -> Outcome<()> {
         self.connection.xtest_fake_input(kind, detail, 0, self.root, x, y, 0)?;
-        self.connection.flush()?;
+        // Answered only when the screen has done it: what a program has sent that ends at once may be lost, and a key stay down.
+        self.connection.get_input_focus()?.reply()?;
         Ok(())
     }
 

@@ -1,0 +1,152 @@
+//! Paints the picture of a step, and what is around it (`shaders/picture.wgsl`).
+//!
+//! The painter of the widgets could do it as well, but its one shader for everything is costly where a processor stands in for
+//! the GPU, and nearly all pixels of the window are these: without them a window of 1280 x 720 is painted in a third of the
+//! time there (docs/performance.md).
+
+use eframe::egui;
+use eframe::egui_wgpu::{self, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor, wgpu};
+use egui::{Color32, PaintCallback, PaintCallbackInfo, Rect};
+use std::sync::Arc;
+
+/// What the shader knows beside the texture, as it has it.
+type Place = [[f32; 4]; 4];
+
+/// What pictures are painted with on one device.
+pub(super) struct Blit {
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    place: wgpu::Buffer,
+}
+
+/// What is behind the widgets of a window: rectangles in points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Backdrop {
+    pub(super) window: Rect,
+    /// Where the picture is shown, or a part of it.
+    pub(super) viewport: Rect,
+    /// In the viewport where no picture is.
+    pub(super) background: Color32,
+    /// Around the viewport.
+    pub(super) panels: Color32,
+}
+
+/// One picture, ready to be painted.
+#[derive(Clone)]
+pub(super) struct BoundPicture {
+    blit: Arc<Blit>,
+    group: wgpu::BindGroup,
+}
+
+impl Blit {
+    pub(super) fn new(render_state: &RenderState) -> Self {
+        let RenderState { device, target_format, .. } = render_state;
+        let module = device.create_shader_module(wgpu::include_wgsl!("../../../shaders/picture.wgsl"));
+        let linear = f64::from(u8::from(target_format.is_srgb()));
+        let constants = [("LINEAR", linear)];
+        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("picture"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: None,
+                compilation_options: options.clone(),
+                buffers: &[],
+            },
+            primitive: Default::default(),
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: None,
+                compilation_options: options,
+                targets: &[Some((*target_format).into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let filter = wgpu::FilterMode::Linear;
+        let sampler = wgpu::SamplerDescriptor { mag_filter: filter, min_filter: filter, ..Default::default() };
+        let place = wgpu::BufferDescriptor {
+            label: Some("place of the picture"),
+            size: size_of::<Place>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        Self {
+            layout: pipeline.get_bind_group_layout(0),
+            pipeline,
+            sampler: device.create_sampler(&sampler),
+            place: device.create_buffer(&place),
+        }
+    }
+
+    /// A texture that is to be painted: opaque, or premultiplied.
+    pub(super) fn bind(self: &Arc<Self>, device: &wgpu::Device, texture: &wgpu::Texture) -> BoundPicture {
+        let view = texture.create_view(&Default::default());
+        let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("picture"),
+            layout: &self.layout,
+            entries: &[
+                entry(0, self.place.as_entire_binding()),
+                entry(1, wgpu::BindingResource::TextureView(&view)),
+                entry(2, wgpu::BindingResource::Sampler(&self.sampler)),
+            ],
+        });
+        BoundPicture { blit: self.clone(), group }
+    }
+}
+
+impl BoundPicture {
+    /// Paints it where it is to be.
+    pub(super) fn paint(self, backdrop: &Backdrop, place: Rect) -> PaintCallback {
+        let Backdrop { window, viewport, background, panels } = *backdrop;
+        let corners = |rect: Rect| {
+            let at = |corner: egui::Pos2| (corner - place.min) / place.size();
+            let (min, max) = (at(rect.min), at(rect.max));
+            [min.x, min.y, max.x, max.y]
+        };
+        let colors = [background, panels].map(|color| color.to_normalized_gamma_f32());
+        let place = [colors[0], colors[1], corners(window), corners(viewport)];
+        egui_wgpu::Callback::new_paint_callback(window, Placed { picture: self, place })
+    }
+}
+
+struct Placed {
+    picture: BoundPicture,
+    place: Place,
+}
+
+impl CallbackTrait for Placed {
+    fn prepare(
+        &self,
+        _: &wgpu::Device,
+        queue: &wgpu::Queue,
+        _: &ScreenDescriptor,
+        _: &mut wgpu::CommandEncoder,
+        _: &mut CallbackResources,
+    ) -> Vec<wgpu::CommandBuffer> {
+        queue.write_buffer(&self.picture.blit.place, 0, bytemuck::bytes_of(&self.place));
+        Vec::new()
+    }
+
+    fn paint(&self, _: PaintCallbackInfo, pass: &mut wgpu::RenderPass<'static>, _: &CallbackResources) {
+        pass.set_pipeline(&self.picture.blit.pipeline);
+        pass.set_bind_group(0, &self.picture.group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_shader_is_valid() {
+        let module = naga::front::wgsl::parse_str(include_str!("../../../shaders/picture.wgsl")).unwrap();
+        let flags = naga::valid::ValidationFlags::all();
+        let validated = naga::valid::Validator::new(flags, Default::default()).validate(&module);
+        validated.unwrap();
+    }
+}
