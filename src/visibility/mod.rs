@@ -1,8 +1,10 @@
-//! What a scene does not need: the set of active cells.
+//! What a scene does not need, and the order of what it does: active cells, faces by depth.
 
 mod cell_set;
+mod drawn_faces;
 
 pub use cell_set::CellSet;
+pub use drawn_faces::DrawnFaces;
 
 use crate::mesh::Topology;
 use crate::task::Cancel;
