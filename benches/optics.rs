@@ -46,6 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             view: Camera::default_for(bounds)?.view(256, 256)?,
             table: Arc::new(table),
             optics: OpticsKind::Exact,
+            faces: None,
+            k_buffer: Default::default(),
             early_termination: true,
             thread_limit: Default::default(),
             for_window: false,

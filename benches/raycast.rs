@@ -32,6 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         table: Arc::new(table),
         compressed: None,
         optics: Default::default(),
+        faces: None,
+        k_buffer: Default::default(),
         early_termination: true,
         thread_limit: Default::default(),
         for_window: false,

@@ -12,6 +12,7 @@
 //! | 1b | [`field`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
+//! | 3b | [`lod`] |
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
@@ -33,6 +34,7 @@ pub mod files;
 pub mod image;
 pub mod import;
 pub mod ingest;
+pub mod lod;
 pub mod mesh;
 pub mod moments;
 pub mod node_table;

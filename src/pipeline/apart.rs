@@ -50,7 +50,14 @@ impl Series {
         let blocks = Arc::new(BlockCache::new(block_bytes));
         let own = self.source.with_blocks(blocks.clone());
         let source = Box::new(Apart { player: self.clone(), own });
-        Arc::new(Self { mesh: self.mesh.clone(), times: self.times.clone(), field: self.field.clone(), source, blocks })
+        Arc::new(Self {
+            mesh: self.mesh.clone(),
+            times: self.times.clone(),
+            field: self.field.clone(),
+            source,
+            blocks,
+            rankings: Default::default(),
+        })
     }
 }
 

@@ -29,6 +29,8 @@ fn one_tet() -> RenderJob {
         table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
         compressed: None,
         optics: Default::default(),
+        faces: None,
+        k_buffer: Default::default(),
         early_termination: true,
         cancel: Default::default(),
         thread_limit: Default::default(),

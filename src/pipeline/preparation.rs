@@ -93,6 +93,8 @@ impl Order {
             view,
             table: request.table.clone(),
             optics: request.optics,
+            faces: None,
+            k_buffer: Default::default(),
             early_termination: true,
             cancel: cancel.clone(),
             thread_limit: ThreadLimit::none(),

@@ -1,10 +1,13 @@
 //! One field of a store, opened for playing.
 
+use super::rankings::Rankings;
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
+use crate::lod::Interval;
 use crate::mesh::Mesh;
+use crate::moments::VertexStatistics;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::Cancel;
 use std::sync::Arc;
@@ -28,6 +31,21 @@ pub(super) trait StepSource: Send + Sync {
     /// Whether a step can be decoded without reading anything.
     fn is_resident(&self, _step: usize) -> bool {
         false
+    }
+
+    /// The coefficients of variation that were stored, if they are of these steps.
+    fn vertex_importance(&self) -> Option<Vec<f32>> {
+        None
+    }
+
+    /// Mean and variance of every vertex, if they were stored.
+    fn vertex_statistics(&self) -> Option<VertexStatistics> {
+        None
+    }
+
+    /// So many intervals that were chosen at import.
+    fn intervals(&self, _count: usize) -> Option<Vec<Interval>> {
+        None
     }
 
     /// Another source of the same steps, with its blocks in `blocks`.
@@ -55,6 +73,19 @@ impl StepSource for FieldReader {
         FieldReader::is_resident(self, step)
     }
 
+    fn vertex_importance(&self) -> Option<Vec<f32>> {
+        FieldReader::vertex_importance(self)
+    }
+
+    fn vertex_statistics(&self) -> Option<VertexStatistics> {
+        // What is damaged is computed again.
+        FieldReader::vertex_statistics(self).ok().flatten()
+    }
+
+    fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
+        FieldReader::intervals(self, count)
+    }
+
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
         Box::new(FieldReader::with_blocks(self, blocks))
     }
@@ -67,6 +98,7 @@ pub struct Series {
     pub(super) field: StoredField,
     pub(super) source: Box<dyn StepSource>,
     pub(super) blocks: Arc<BlockCache>,
+    pub(super) rankings: Rankings,
 }
 
 impl Series {
@@ -112,7 +144,14 @@ impl Series {
             None => FieldSelector { name: first()?, component: None },
         };
         let (reader, times) = open_at_rest(store, &selector, &blocks)?;
-        Ok(Self { mesh, times, field: reader.info().clone(), source: Box::new(reader), blocks })
+        Ok(Self {
+            mesh,
+            times,
+            field: reader.info().clone(),
+            source: Box::new(reader),
+            blocks,
+            rankings: Rankings::default(),
+        })
     }
 
     /// The blocks of steps that are in memory.

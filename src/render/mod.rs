@@ -17,7 +17,7 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
-use crate::visibility::CellSet;
+use crate::visibility::{CellSet, DrawnFaces};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -32,6 +32,10 @@ pub struct RenderJob {
     pub compressed: Option<CompressedStep>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
     pub active: Arc<CellSet>,
+    /// The faces to draw, for renderers that draw faces instead of cells.
+    pub faces: Option<Arc<DrawnFaces>>,
+    /// How the fragments of those faces come into order.
+    pub k_buffer: KBuffer,
     /// Camera and image size.
     pub view: View,
     /// Transfer function.
@@ -49,6 +53,22 @@ pub struct RenderJob {
     pub for_window: bool,
     /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
     pub stats: FrameStats,
+}
+
+/// How a renderer that draws faces brings the fragments of a pixel into order: faces come sorted by their centroids, which
+/// is nearly the order of their fragments, and a buffer of the `k` nearest of them does the rest (dissertation 6.1.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct KBuffer {
+    /// Fragments that a pixel holds back before the nearest is composited, 2..=32.
+    pub k: u8,
+    /// Whether pixels for which that was not enough are resolved again by sorting all of their fragments.
+    pub exact_order: bool,
+}
+
+impl Default for KBuffer {
+    fn default() -> Self {
+        Self { k: 8, exact_order: true }
+    }
 }
 
 /// A step of a series in codec `vq`.

@@ -14,6 +14,14 @@ pub struct FrameStats {
     pub cells_active: u64,
     /// Cells of the mesh.
     pub cells_total: u64,
+    /// Faces that are drawn, by renderers that draw faces: those of the level of detail.
+    pub faces_drawn: u64,
+    /// Faces of the mesh, where faces are drawn.
+    pub faces_total: u64,
+    /// Times that faces were sorted by depth for the frame.
+    pub face_sorts: u64,
+    /// Times that faces were needed in depth order and nothing had to be sorted for it.
+    pub face_sorts_skipped: u64,
     /// Faces through which rays may enter the active cells.
     pub entry_faces: u64,
     /// Entries found: (pixel, face) pairs.

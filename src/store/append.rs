@@ -3,6 +3,7 @@
 use super::array::StoredArray;
 use super::field::{Coding, StoredField};
 use super::folder::FolderSink;
+use super::importance::LOD;
 use super::layout::{self, FIELDS, TIME};
 use super::staging::Staging;
 use super::writer::{Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
@@ -163,7 +164,7 @@ fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> F
 /// Whether a file stays as it is. What is not known here does.
 fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     let within = |key: &str, group: &str| key.strip_prefix(group).is_some_and(|rest| rest.starts_with('/'));
-    if key == "zarr.json" || within(key, TIME) {
+    if key == "zarr.json" || within(key, TIME) || within(key, LOD) {
         return false;
     }
     let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };

@@ -193,9 +193,9 @@ pub struct FieldReader {
     values: Values,
     /// The cache that the reader was given.
     cache: Option<Arc<BlockCache>>,
-    root: PathBuf,
-    storage: Storage,
-    source: Arc<Folder>,
+    pub(super) root: PathBuf,
+    pub(super) storage: Storage,
+    pub(super) source: Arc<Folder>,
 }
 
 enum Values {

@@ -5,6 +5,7 @@
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from) |
+//! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
@@ -13,12 +14,13 @@
 //! [`StoreWriter`] writes beside the final place and moves the whole store there at the end; to add steps it begins with links to
 //! the files of the store that is there ([`StoreWriter::append`]), and [`Store::refreshed`] opens what has grown. [`Store`] reads: metadata,
 //! times and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing,
-//! damaged or other one is derived again (faces, neighbours) or not there (moments).
+//! damaged or other one is derived again (faces, neighbours) or not there (moments, level of detail: who needs them computes them).
 
 mod append;
 mod array;
 mod field;
 mod folder;
+mod importance;
 mod info;
 mod layout;
 mod lock;

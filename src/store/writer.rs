@@ -3,6 +3,7 @@
 use super::MAGNITUDE_CODEC;
 use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
+use super::importance;
 use super::layout::{
     self, DERIVED_ATTRIBUTE, DERIVED_VERSION, FIELDS, FieldAttributes, FieldsAttributes, RootAttributes, Storage, TIME,
 };
@@ -226,6 +227,7 @@ impl FieldWriter {
             to.write(ERRORS_PER_VERTEX, column(vertices), ["vertex", ""], mesh::derived())?;
         }
         let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &self.storage, &group, &statistics)?;
+        let bytes = bytes + importance::write(&self.root, &self.storage, &self.folder, moments, &statistics)?;
         Ok(WrittenField { bytes, value_bytes: self.sink.bytes, quality })
     }
 }

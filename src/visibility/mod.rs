@@ -1,8 +1,21 @@
-//! What a scene does not need: the set of active cells.
+//! What a scene does not need, and the order of what it does: active cells, faces by depth.
 
 mod cell_set;
+mod depth_order;
+mod drawn_faces;
+mod face_selection;
+#[cfg(test)]
+mod order_tests;
+mod parts;
+mod pool;
+mod radix;
 
 pub use cell_set::CellSet;
+pub use depth_order::DepthOrder;
+pub use drawn_faces::DrawnFaces;
+pub use face_selection::FaceSelection;
+pub use pool::Pool;
+pub use radix::ascending_bits;
 
 use crate::mesh::Topology;
 use crate::task::Cancel;

@@ -6,6 +6,7 @@ mod common;
 mod exr;
 mod floors;
 mod import;
+mod lod;
 mod mesh;
 mod meshes;
 mod pipeline;

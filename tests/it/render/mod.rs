@@ -54,6 +54,8 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         table: Arc::new(table),
         compressed: None,
         optics: Default::default(),
+        faces: None,
+        k_buffer: Default::default(),
         early_termination: true,
         thread_limit: Default::default(),
         for_window: false,

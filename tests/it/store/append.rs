@@ -60,9 +60,9 @@ fn grown(ends: &[usize], out: &Path, codec: Option<CodecChoice>) -> Store {
     Store::open(out).unwrap()
 }
 
-/// Content of all files but those that may differ: the moments, and the attributes with the counter and the quality.
+/// Content of all files but those that may differ: the moments and what is made of them, and the attributes with the counter and the quality.
 fn comparable(store: &Path) -> BTreeMap<String, Vec<u8>> {
-    let differs = |name: &str| name == "zarr.json" || name.contains("/moments/c/");
+    let differs = |name: &str| name == "zarr.json" || name.contains("/moments/c/") || name.contains("/global/c/");
     contents(store).into_iter().filter(|(name, _)| !differs(name)).collect()
 }
 
@@ -97,11 +97,18 @@ fn assert_same(grown: &Store, whole: &Store, interruptions: usize, first: usize)
             near(db(a.snr_db), db(b.snr_db), 10.0 * bound * 2.0 + 1e3 * f64::EPSILON);
             near(a.over_sigma.max, b.over_sigma.max, b.over_sigma.max * (bound + 4.0 * f64::EPSILON));
         }
-        let [a, b] = [grown, whole].map(|store| reader(store, &b.name).vertex_statistics().unwrap().unwrap());
+        let name = b.name.clone();
+        let [a, b] = [grown, whole].map(|store| reader(store, &name).vertex_statistics().unwrap().unwrap());
         let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!((bits(&a.mean), &a.finite_count), (bits(&b.mean), &b.finite_count));
         for (a, b) in a.variance.iter().zip(&b.variance) {
             assert!(a.is_nan() && b.is_nan() || (a - b).abs() <= bound * b, "{a:e} instead of {b:e}");
+        }
+        let [a, b] = [grown, whole].map(|store| reader(store, &name).vertex_importance().unwrap());
+        // The root of a share is half of it; each is rounded to f32.
+        let bound = 0.5 * bound + f64::from(f32::EPSILON);
+        for (a, b) in a.iter().zip(&b).map(|(&a, &b)| (f64::from(a), f64::from(b))) {
+            assert!((a - b).abs() <= bound * b, "{a:e} instead of {b:e}");
         }
     }
 }

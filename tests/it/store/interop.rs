@@ -37,8 +37,9 @@ fn zarrs_reads_every_array() {
     let store = imported(dir.path());
     let storage = Arc::new(zarrs::filesystem::FilesystemStore::new(store.path()).unwrap());
     let paths = arrays(store.path(), "");
-    // Mesh 8 (the grid has cells to turn), time 2, ten fields with ranges and moments, eight of them with values.
-    assert_eq!(paths.len(), 8 + 2 + 2 * 10 + 8, "{paths:?}");
+    // Mesh 8 (the grid has cells to turn), time 2, ten fields with ranges, moments and two arrays for the level of
+    // detail, eight of them with values.
+    assert_eq!(paths.len(), 8 + 2 + 4 * 10 + 8, "{paths:?}");
     for path in paths {
         let array = zarrs::array::Array::open(storage.clone(), &path).unwrap();
         array.retrieve_array_subset::<zarrs::array::ArrayBytes<'_>>(&array.subset_all()).unwrap();

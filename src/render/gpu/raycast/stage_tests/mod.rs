@@ -80,6 +80,8 @@ fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> Re
         table: Arc::new(NodeTable::new(nodes).unwrap()),
         compressed: None,
         optics: Default::default(),
+        faces: None,
+        k_buffer: Default::default(),
         early_termination: false,
         cancel: Default::default(),
         thread_limit: Default::default(),

@@ -1,0 +1,30 @@
+//! Level of detail: which faces are drawn when not all of them can be.
+//!
+//! Sample-based, as in Callahan's dissertation (6.1.4): a [`Ranking`] puts the interior faces in order once, and a frame draws
+//! the first of them. [`importance`] is the global strategy (6.1.4.2): faces whose scalars change much over time come first, one
+//! ranking for the whole series. [`Ranking::by_strata`] is the local one (6.1.4.1): faces are drawn at random from a histogram of
+//! their scalars at one step, and each [`Interval`] of the series has its own ranking. [`select()`] takes the first faces that
+//! belong to the active cells, and all faces of their surface; [`Controller`] says how many, so that a frame rate is held.
+//!
+//! # Deviations from the dissertation
+//! 1. The coefficient of variation is divided by max(|mean|, 1 % of the series' range), not by the mean
+//!    ([`CovDenominator`](crate::moments::CovDenominator), where the plain formula is, too): means near zero make it rounding
+//!    noise. Where nothing ever changes it is 0.
+//! 2. Equal importances are in the order of a hash of their ids. Ids follow the vertices along a curve: in the order of ids, a
+//!    part of the faces that stand still would be those of one corner of the mesh.
+//! 3. The surface of the active cells is drawn whole at every level: it bounds the first and the last gap on a ray.
+
+mod controller;
+mod importance;
+mod intervals;
+mod ranking;
+mod selection;
+mod strata;
+#[cfg(test)]
+mod tests;
+
+pub use controller::Controller;
+pub use importance::importance;
+pub use intervals::{Interval, Partition, interval_at, step_change};
+pub use ranking::{Ranking, list_change};
+pub use selection::{Selector, select};

@@ -1,0 +1,113 @@
+//! The faces of a level of detail.
+
+use super::Ranking;
+use super::ranking::share;
+use crate::mesh::{Mesh, Topology};
+use crate::visibility::{CellSet, FaceSelection, Pool};
+use std::sync::Arc;
+
+/// The faces that are drawn at level of detail `fraction` (0 to 1; NaN counts as 1): the first of `ranking` that lie between two
+/// active cells, as many as are this fraction of all such faces, rounded; and all faces between an active cell and an inactive one
+/// or the outside. Faces without an active cell are none of them.
+///
+/// [`Selector`] does the same from frame to frame.
+///
+/// # Panics
+/// If `ranking` or `active` are of another mesh.
+pub fn select(topology: &Topology, ranking: &Ranking, fraction: f64, active: &CellSet) -> FaceSelection {
+    let mut parts = Parts::default();
+    parts.set(topology, active);
+    let mut out = FaceSelection::default();
+    parts.choose(ranking, fraction, &mut out);
+    out
+}
+
+/// The faces of the active cells.
+#[derive(Debug, Default)]
+struct Parts {
+    surface: FaceSelection,
+    inner: FaceSelection,
+    inner_count: usize,
+    all_active: bool,
+}
+
+impl Parts {
+    fn set(&mut self, topology: &Topology, active: &CellSet) {
+        assert_eq!(active.universe(), topology.tets.len(), "a set of the cells of this mesh");
+        self.surface.set_boundary_of(active, &topology.face_cells, &mut self.inner);
+        self.inner_count = self.inner.count();
+        self.all_active = active.count() == active.universe();
+    }
+
+    fn choose(&self, ranking: &Ranking, fraction: f64, out: &mut FaceSelection) {
+        assert_eq!(ranking.universe(), self.inner.universe(), "a ranking of this mesh");
+        let mut left = share(fraction, self.inner_count);
+        out.copy_from(&self.surface);
+        out.is_complete = left == self.inner_count;
+        out.all_cells_active = self.all_active;
+        if out.is_complete {
+            out.insert_all(&self.inner);
+        } else if self.all_active {
+            // All interior faces lie between active cells.
+            ranking.faces()[..left].iter().for_each(|&face| out.insert(face));
+        } else {
+            for &face in ranking.faces() {
+                if left == 0 {
+                    break;
+                }
+                if self.inner.contains(face) {
+                    out.insert(face);
+                    left -= 1;
+                }
+            }
+        }
+    }
+}
+
+/// [`select()`] from frame to frame: does again only what has changed, in the same memory (a bit for each face, three times).
+#[derive(Debug, Default)]
+pub struct Selector {
+    /// What the parts are of.
+    of: Option<(Arc<Mesh>, Arc<CellSet>)>,
+    parts: Parts,
+    last: Option<(Arc<Ranking>, f64, Arc<FaceSelection>)>,
+    pool: Pool<FaceSelection>,
+}
+
+impl Selector {
+    /// Nothing selected yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The faces to draw; the same [`Arc`] as before if nothing has changed.
+    ///
+    /// # Panics
+    /// As [`select()`].
+    pub fn select(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        ranking: &Arc<Ranking>,
+        fraction: f64,
+        active: &Arc<CellSet>,
+    ) -> Arc<FaceSelection> {
+        let is_same = |(of, cells): &(Arc<Mesh>, Arc<CellSet>)| {
+            Arc::ptr_eq(of, mesh) && (Arc::ptr_eq(cells, active) || cells == active)
+        };
+        if !self.of.as_ref().is_some_and(is_same) {
+            (self.of, self.last) = (None, None);
+            self.parts.set(&mesh.topology, active);
+            self.of = Some((mesh.clone(), active.clone()));
+        }
+        if let Some((of, at, selection)) = &self.last
+            && *at == fraction
+            && Arc::ptr_eq(of, ranking)
+        {
+            return selection.clone();
+        }
+        let Self { parts, pool, .. } = self;
+        let selection = pool.make(|out| parts.choose(ranking, fraction, out));
+        self.last = Some((ranking.clone(), fraction, selection.clone()));
+        selection
+    }
+}

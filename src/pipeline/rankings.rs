@@ -1,0 +1,174 @@
+//! Which faces of a series come first at a level of detail.
+
+use super::series::Series;
+use crate::error::FileResult;
+use crate::lod::{Interval, Partition, Ranking, importance, interval_at, step_change};
+use crate::moments::{CovDenominator, Moments};
+use crate::task::Cancel;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How faces are ranked (dissertation 6.1.4).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sampling {
+    /// By how much their scalars change over time: one ranking for all steps.
+    Global(CovDenominator),
+    /// By strata of the scalars of one step in each interval.
+    Local(Partition),
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self::Global(CovDenominator::default())
+    }
+}
+
+/// What a ranking depends on beside the series.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Key {
+    Global(CovDenominator),
+    /// The step whose scalars are sampled.
+    Step(usize),
+}
+
+/// Rankings in memory: four bytes a face each.
+const MOST: usize = 8;
+
+/// The rankings of a series that were asked for, made when they first are.
+#[derive(Debug, Default)]
+pub(super) struct Rankings(Mutex<Kept>);
+
+#[derive(Debug, Default)]
+struct Kept {
+    /// What the order within a stratum comes from.
+    by_hash: Option<Arc<Ranking>>,
+    /// The intervals of the partition asked for last.
+    intervals: Option<(Partition, Arc<[Interval]>)>,
+    /// Those used last are last.
+    rankings: Vec<(Key, Arc<Ranking>)>,
+}
+
+impl Series {
+    /// The ranking of the faces at a step, the same [`Arc`] for all steps that share it. What the store has not is computed when
+    /// it is first asked for, which takes about a tenth of a second for a million cells, or as long as decoding the whole
+    /// series does ([`Partition::Greedy`], or a store without statistics). Eight rankings are kept. `None` if `cancel` was
+    /// raised.
+    ///
+    /// # Errors
+    /// If a step that is needed cannot be decoded.
+    pub fn ranking(&self, step: usize, sampling: Sampling, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
+        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = match sampling {
+            Sampling::Global(denominator) => Key::Global(denominator),
+            Sampling::Local(partition) => {
+                let Some(intervals) = self.intervals_in(&mut kept, partition, cancel)? else { return Ok(None) };
+                Key::Step(interval_at(&intervals, step).map_or(0, |interval| interval.sampled))
+            }
+        };
+        if let Some(at) = kept.rankings.iter().position(|(of, _)| *of == key) {
+            let found = kept.rankings.remove(at);
+            let ranking = found.1.clone();
+            kept.rankings.push(found);
+            return Ok(Some(ranking));
+        }
+        let topology = &self.mesh.topology;
+        let ranking = match key {
+            Key::Global(denominator) => {
+                let Some(vertices) = self.vertex_importance(denominator, cancel)? else { return Ok(None) };
+                Ranking::by_importance(topology, &importance(topology, &vertices))
+            }
+            Key::Step(step) => {
+                let mut scalars = vec![0.0; self.vertices()];
+                if !self.decode_step(step, &mut scalars, cancel)? {
+                    return Ok(None);
+                }
+                kept.by_hash.get_or_insert_with(|| Arc::new(Ranking::by_hash(topology))).in_strata(topology, &scalars)
+            }
+        };
+        if kept.rankings.len() == MOST {
+            kept.rankings.remove(0);
+        }
+        let ranking = Arc::new(ranking);
+        kept.rankings.push((key, ranking.clone()));
+        Ok(Some(ranking))
+    }
+
+    /// The intervals of a partition of the series. `None` if `cancel` was raised.
+    ///
+    /// # Errors
+    /// As [`Self::ranking`].
+    pub fn intervals(&self, partition: Partition, cancel: &Cancel) -> FileResult<Option<Arc<[Interval]>>> {
+        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        self.intervals_in(&mut kept, partition, cancel)
+    }
+
+    fn intervals_in(
+        &self,
+        kept: &mut Kept,
+        partition: Partition,
+        cancel: &Cancel,
+    ) -> FileResult<Option<Arc<[Interval]>>> {
+        if let Some((of, intervals)) = &kept.intervals
+            && *of == partition
+        {
+            return Ok(Some(intervals.clone()));
+        }
+        let stored = match partition {
+            Partition::Regular(count) => self.source.intervals(count),
+            _ => None,
+        };
+        let steps = self.times.len();
+        let intervals = match (stored, partition) {
+            (Some(intervals), _) => intervals,
+            (None, Partition::Greedy(_)) => {
+                let mut changes = Vec::with_capacity(steps);
+                let mut before = Vec::new();
+                let whole = self.for_each_step(cancel, |values| {
+                    changes.push(step_change(&before, values));
+                    before.clear();
+                    before.extend_from_slice(values);
+                })?;
+                if !whole {
+                    return Ok(None);
+                }
+                partition.intervals(steps, &changes)
+            }
+            (None, _) => partition.intervals(steps, &[]),
+        };
+        let intervals: Arc<[Interval]> = intervals.into();
+        kept.intervals = Some((partition, intervals.clone()));
+        Ok(Some(intervals))
+    }
+
+    /// Coefficients of variation: those of the store, or from its statistics, or from all steps.
+    fn vertex_importance(&self, denominator: CovDenominator, cancel: &Cancel) -> FileResult<Option<Vec<f32>>> {
+        if denominator == CovDenominator::default()
+            && let Some(stored) = self.source.vertex_importance()
+        {
+            return Ok(Some(stored));
+        }
+        let statistics = match self.source.vertex_statistics() {
+            Some(statistics) => statistics,
+            None => {
+                let mut moments = Moments::new(self.vertices());
+                if !self.for_each_step(cancel, |values| _ = moments.add_step(values))? {
+                    return Ok(None);
+                }
+                moments.vertex_statistics()
+            }
+        };
+        let cov = statistics.coefficient_of_variation(self.field.range, denominator);
+        Ok(Some(cov.into_iter().map(|c| c as f32).collect()))
+    }
+
+    /// Hands over every step; whether it came to the end before `cancel` was raised.
+    fn for_each_step(&self, cancel: &Cancel, mut take: impl FnMut(&[f32])) -> FileResult<bool> {
+        let mut values = vec![0.0; self.vertices()];
+        for step in 0..self.times.len() {
+            if !self.decode_step(step, &mut values, cancel)? {
+                return Ok(false);
+            }
+            take(&values);
+        }
+        Ok(true)
+    }
+}

@@ -1,0 +1,97 @@
+//! What the level of detail of a field is made of, in a store.
+//!
+//! | array of `lod/FOLDER` | |
+//! |---|---|
+//! | `global` | f32 [vertices]: coefficient of variation of every vertex over all steps, with the usual denominator; infinities as f32 has them |
+//! | `local_N` | u64 [N, 3]: first step, end and sampled step of N intervals |
+//!
+//! Rankings are not stored: that of two million faces is 8 MB, and those of six intervals and the whole would take more than 64
+//! raw steps of the same mesh. They are made of these arrays and the scalars of one step, in less time than it takes to notice.
+//! Both arrays are derived, have a version, and say of how many steps they are; whatever does not fit is not there.
+
+use super::FieldReader;
+use super::array::StoredArray;
+use super::layout::{self, DERIVED_ATTRIBUTE, Storage};
+use super::mesh::{ArrayWriter, column};
+use crate::codec::{Chunking, ElementType};
+use crate::error::FileResult;
+use crate::lod::{Interval, Partition};
+use crate::moments::{CovDenominator, Moments, VertexStatistics};
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Group of the level of detail.
+pub(super) const LOD: &str = "lod";
+/// Version of its arrays.
+const LOD_VERSION: u64 = 1;
+/// Attribute with the number of steps.
+const STEPS_ATTRIBUTE: &str = "steps";
+const GLOBAL: &str = "global";
+
+fn local(count: usize) -> String {
+    format!("local_{count}")
+}
+
+/// Writes what there is to know of a field whose steps are complete; returns the bytes of the chunks.
+pub(super) fn write(
+    root: &Path,
+    storage: &Storage,
+    folder: &str,
+    moments: &Moments,
+    statistics: &VertexStatistics,
+) -> FileResult<u64> {
+    let group = format!("{LOD}/{folder}");
+    layout::write_group(root, storage, LOD, &Map::new())?;
+    layout::write_group(root, storage, &group, &Map::new())?;
+    let steps = moments.steps().len();
+    let attributes = Map::from_iter([
+        (DERIVED_ATTRIBUTE.to_owned(), json!(LOD_VERSION)),
+        (STEPS_ATTRIBUTE.to_owned(), json!(steps)),
+    ]);
+    let cov = statistics.coefficient_of_variation(moments.series().range, CovDenominator::default());
+    let cov: Vec<f32> = cov.into_iter().map(|c| c as f32).collect();
+    let partition = Partition::default();
+    let intervals = partition.intervals(steps, &[]);
+    let rows: Vec<[u64; 3]> = intervals.iter().map(|i| [i.first, i.end, i.sampled].map(|n| n as u64)).collect();
+    let mut to = ArrayWriter::new(root, storage, &group);
+    to.write(GLOBAL, column(&cov), ["vertex", ""], attributes.clone())?;
+    to.write(&local(partition.count()), &rows, ["interval", "first_end_sampled"], attributes)?;
+    Ok(to.sink.bytes)
+}
+
+impl FieldReader {
+    /// The coefficient of variation of every vertex with the usual denominator, as it was computed at import; `None` if the store
+    /// has none of this version and of these steps, or a damaged one.
+    pub fn vertex_importance(&self) -> Option<Vec<f32>> {
+        let array = self.open_lod(GLOBAL, ElementType::F32, 1)?;
+        let array = array.expect_shape(&self.root, &[self.vertex_count() as u64]).ok()?;
+        let values = array.read::<f32, 1>(&self.root, &*self.source).ok()?.into_flattened();
+        // No coefficient of variation is negative or NaN.
+        values.iter().all(|&cov| cov >= 0.0).then_some(values)
+    }
+
+    /// The `count` intervals of the series that were chosen at import, as [`Self::vertex_importance`].
+    pub fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
+        let array = self.open_lod(&local(count), ElementType::U64, 2)?;
+        let rows = array.read::<u64, 3>(&self.root, &*self.source).ok()?;
+        let interval = |row: [u64; 3]| {
+            let [first, end, sampled] = row.map(|n| usize::try_from(n).ok());
+            Some(Interval { first: first?, end: end?, sampled: sampled? })
+        };
+        let intervals = rows.into_iter().map(interval).collect::<Option<Vec<_>>>()?;
+        let mut next = 0;
+        let follows =
+            |i: &Interval| std::mem::replace(&mut next, i.end) == i.first && i.first <= i.sampled && i.sampled < i.end;
+        let are_sound = intervals.iter().all(follows) && next == self.step_count();
+        (are_sound && intervals.len() <= count.max(1)).then_some(intervals)
+    }
+
+    fn open_lod(&self, name: &str, element: ElementType, rank: usize) -> Option<StoredArray> {
+        let key = format!("{LOD}/{}/{name}", self.info().folder);
+        let array = StoredArray::open(&self.root, &self.storage, &key, element, Chunking::Whole, rank).ok()?;
+        let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
+        let is_current =
+            number(DERIVED_ATTRIBUTE) == Some(LOD_VERSION) && number(STEPS_ATTRIBUTE) == Some(self.step_count() as u64);
+        is_current.then_some(array)
+    }
+}
