@@ -1,3 +1,6 @@
 //! Renderers on the CPU.
 
+mod prepared;
+mod ray;
 pub mod raycast;
+mod tiles;
