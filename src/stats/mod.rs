@@ -14,6 +14,14 @@ pub struct FrameStats {
     pub cells_active: u64,
     /// Cells of the mesh.
     pub cells_total: u64,
+    /// Faces drawn, by a renderer that draws faces.
+    pub faces_drawn: u64,
+    /// Faces of the mesh.
+    pub faces_total: u64,
+    /// Places found where a ray passes through a face that is drawn.
+    pub fragments: u64,
+    /// Pixels that were resolved again from all of their fragments, since the buffer had not put them in order.
+    pub pixels_resolved_again: u64,
     /// Faces through which rays may enter the active cells.
     pub entry_faces: u64,
     /// Entries found: (pixel, face) pairs.
@@ -26,7 +34,8 @@ pub struct FrameStats {
     pub rays_hit: u64,
     /// Rays stopped early because nothing behind could be seen.
     pub rays_stopped_early: u64,
-    /// Path pieces skipped because they lay before what was already composited (overlapping cells).
+    /// Path pieces skipped because they lay before what was already composited (overlapping cells); fragments dropped
+    /// because they did (faces drawn).
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
@@ -63,6 +72,8 @@ impl FrameStats {
     pub fn add_counts(&mut self, part: &FrameStats) {
         self.entries += part.entries;
         self.steps += part.steps;
+        self.fragments += part.fragments;
+        self.pixels_resolved_again += part.pixels_resolved_again;
         self.segments += part.segments;
         self.rays_hit += part.rays_hit;
         self.rays_stopped_early += part.rays_stopped_early;

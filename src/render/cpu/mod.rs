@@ -1,5 +1,6 @@
 //! Renderers on the CPU.
 
+pub mod havs;
 mod prepared;
 mod ray;
 pub mod raycast;

@@ -57,7 +57,6 @@ pub(in crate::render::cpu) struct EyeCell {
     /// The vertex of the cell (0..4) that is not on the face of the entry.
     pub(in crate::render::cpu) opposite: u32,
     /// In front of the eye.
-    #[expect(dead_code, reason = "for rays that do not stop at every face")]
     pub(in crate::render::cpu) exit: Crossing,
 }
 

@@ -1,0 +1,232 @@
+//! One tile: faces in the order of the list, a buffer of fragments for each pixel.
+
+use super::super::ray::Ray;
+use super::super::raycast::entries::EyeCell;
+use super::super::tiles::TilePixel;
+use super::TILE_PX;
+use super::bins::{Bounds, FaceBins};
+use super::fragment::{Fragment, sort_in_window};
+use super::light::{RayLight, RayOptics};
+use super::raster::{Face, Faces, TileRays};
+use super::resolve::resolve_again;
+use crate::camera::View;
+use crate::mesh::NONE;
+use crate::optics::Integrator;
+use crate::render::KBuffer;
+use crate::stats::FrameStats;
+use crate::task::Cancel;
+use pulp::NullaryFnOnce;
+
+/// What all tiles of a frame read.
+pub(super) struct Scene<'a, I> {
+    pub(super) faces: Faces<'a>,
+    pub(super) bins: &'a FaceBins,
+    pub(super) view: &'a View,
+    pub(super) table: &'a I,
+    /// Active cells that may contain the eye.
+    pub(super) eye_cells: &'a [u32],
+    pub(super) k_buffer: KBuffer,
+    /// Whether the list has all faces of the active cells.
+    pub(super) is_complete: bool,
+    pub(super) early_termination: bool,
+    /// Depths closer than that may be in the wrong order.
+    pub(super) tie: f64,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl<I: Integrator> Scene<'_, I> {
+    /// Near distance, or where a ray in parallel projection begins.
+    pub(super) fn near_distance(&self) -> f64 {
+        if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
+    }
+
+    pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, I> {
+        let (tie, early_termination) = (self.tie, self.early_termination);
+        RayOptics { table: self.table, length_per_depth: ray.length_per_depth, tie, early_termination }
+    }
+
+    /// Where a ray begins that begins within the active cells. With a complete list that is where it enters the cell at the
+    /// eye, behind it: the fragment that is there in any case. Else the cell's exit may not be drawn, and the ray begins at
+    /// the eye with the scalar there.
+    pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
+        let EyeCell { entry, exit, .. } = EyeCell::new(self.faces.topology, self.faces.source.vertices, ray, cell)?;
+        let (depth, scalar) = if self.is_complete || entry.depth >= 0.0 || exit.depth <= entry.depth {
+            (entry.depth, entry.scalar)
+        } else {
+            (0.0, entry.scalar + (exit.scalar - entry.scalar) * (-entry.depth / (exit.depth - entry.depth)))
+        };
+        Some(Fragment { depth, scalar, near: NONE, far: cell })
+    }
+}
+
+/// Fragments that a pixel takes up beyond the `k` that it holds back, before they are sorted and composited.
+const BATCH: usize = 24;
+/// Faces that are made ready at a time, so that memory is waited for once.
+const FACES_AT_ONCE: usize = 32;
+const PIXELS: usize = TILE_PX * TILE_PX;
+
+/// Buffers of a tile, used again from tile to tile.
+pub(super) struct TileScratch {
+    /// Room for k + [`BATCH`] fragments of each pixel, in the order of their arrival behind those held back.
+    slots: Vec<Fragment>,
+    counts: [u32; PIXELS],
+    /// How many of them are held back, and sorted.
+    held: [u32; PIXELS],
+    /// Pixels without room.
+    full: Vec<u16>,
+    faces: Vec<Face>,
+    /// Fragments of the pixels that are resolved again.
+    pub(super) again: Vec<(u32, Fragment)>,
+}
+
+impl Default for TileScratch {
+    fn default() -> Self {
+        let (counts, held) = ([0; PIXELS], [0; PIXELS]);
+        Self { slots: Vec::new(), counts, held, full: Vec::new(), faces: Vec::new(), again: Vec::new() }
+    }
+}
+
+/// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
+pub(super) struct RenderTile<'a, I: Integrator> {
+    pub(super) scene: &'a Scene<'a, I>,
+    pub(super) tile: usize,
+    pub(super) scratch: &'a mut TileScratch,
+    pub(super) pixels: &'a mut [TilePixel],
+}
+
+impl<I: Integrator> NullaryFnOnce for RenderTile<'_, I> {
+    type Output = FrameStats;
+
+    #[inline(always)]
+    fn call(self) -> FrameStats {
+        let Self { scene, tile, scratch, pixels } = self;
+        let rect = scene.bins.grid.rect(tile);
+        let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
+        let rays = TileRays::new(scene.view, bounds);
+        let mut lights = [RayLight::<I::Place>::new(scene.near_distance()); PIXELS];
+        let mut stats = draw_in_list_order(scene, tile, &rays, scratch, &mut lights);
+        let mut again = [0u32; TILE_PX];
+        for row in 0..rect.height {
+            for column in 0..rect.width {
+                let light = &lights[row * TILE_PX + column];
+                let is_in_order = light.out_of_order == 0 && (light.is_whole() || !scene.is_complete);
+                again[row] |= u32::from(scene.k_buffer.exact_order && !is_in_order) << column;
+                stats.out_of_order += u64::from(light.out_of_order);
+            }
+        }
+        if again != [0; TILE_PX] {
+            stats.pixels_resolved_again += again.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
+            resolve_again(scene, tile, &rays, &again, scratch, &mut lights);
+        }
+        for row in 0..rect.height {
+            for column in 0..rect.width {
+                let light = &lights[row * TILE_PX + column];
+                stats.segments += u64::from(light.segments);
+                stats.rays_stopped_early += u64::from(light.is_opaque);
+                stats.rays_hit += u64::from(light.last.0 > f64::NEG_INFINITY);
+                pixels[row * rect.width + column] = light.pixel();
+            }
+        }
+        stats
+    }
+}
+
+/// Faces in the order of the list, fragments through a buffer of k.
+#[inline(always)]
+fn draw_in_list_order<I: Integrator>(
+    scene: &Scene<'_, I>,
+    tile: usize,
+    rays: &TileRays,
+    scratch: &mut TileScratch,
+    lights: &mut [RayLight<I::Place>; PIXELS],
+) -> FrameStats {
+    let k = usize::from(scene.k_buffer.k);
+    let room = k + BATCH;
+    let Bounds { x0, x1, y0, y1 } = rays.bounds;
+    let TileScratch { slots, counts, held, full, faces, .. } = scratch;
+    slots.resize(PIXELS * room, Fragment::UNUSED);
+    counts.fill(0);
+    held.fill(0);
+    full.clear();
+    for &cell in scene.eye_cells {
+        for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
+            let pixel = (row - y0) * TILE_PX + column - x0;
+            // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
+            if let Some(start) = scene.start_at_eye(&Ray::of_pixel(scene.view, column, row), cell)
+                && (counts[pixel] as usize) < BATCH
+            {
+                slots[pixel * room + counts[pixel] as usize] = start;
+                counts[pixel] += 1;
+            }
+        }
+    }
+    let mut stats = FrameStats::default();
+    let mut opaque = 0;
+    let mut chunk = 0;
+    let mut ids: &[u32] = &[];
+    let all = [u32::MAX; TILE_PX];
+    loop {
+        faces.clear();
+        while faces.is_empty() && chunk <= scene.bins.chunk_count() {
+            let some = ids.split_off(..ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
+            faces.extend(some.iter().filter_map(|&face| Face::new(&scene.faces, rays, face)));
+            if ids.is_empty() {
+                let nobody_sees = opaque == (x1 - x0) * (y1 - y0)
+                    && (!scene.k_buffer.exact_order || scene.bins.nearest_from(chunk) > furthest(lights));
+                let ends = nobody_sees || chunk == scene.bins.chunk_count() || scene.cancel.is_cancelled();
+                ids = if ends { &[] } else { scene.bins.faces(chunk, tile) };
+                chunk = if ends { scene.bins.chunk_count() + 1 } else { chunk + 1 };
+            }
+        }
+        let is_last = faces.is_empty();
+        let mut next = faces.iter();
+        loop {
+            // A face has at most one fragment for a pixel: the room of each is looked at face by face.
+            if let Some(face) = next.next() {
+                face.hits(scene.view, scene.faces.source.vertices, rays, &all, |pixel, fragment| {
+                    let count = counts[pixel] as usize;
+                    slots[pixel * room + count] = fragment;
+                    counts[pixel] = count as u32 + 1;
+                    if count + 1 == room {
+                        full.push(pixel as u16);
+                    }
+                });
+                if full.is_empty() {
+                    continue;
+                }
+            } else if is_last {
+                full.extend((0..PIXELS as u16).filter(|&pixel| counts[usize::from(pixel)] > 0));
+            }
+            for pixel in full.drain(..) {
+                let pixel = usize::from(pixel);
+                let count = counts[pixel] as usize;
+                let fragments = &mut slots[pixel * room..][..count];
+                sort_in_window(fragments, held[pixel] as usize, k, scene.tie);
+                let leaving = if is_last { count } else { count.saturating_sub(k) };
+                let light = &mut lights[pixel];
+                let was_opaque = light.is_opaque;
+                let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
+                let optics = scene.optics(&ray);
+                for fragment in &fragments[..leaving] {
+                    light.advance(&optics, fragment);
+                }
+                opaque += usize::from(light.is_opaque && !was_opaque);
+                stats.fragments += (count - held[pixel] as usize) as u64;
+                fragments.copy_within(leaving.., 0);
+                (counts[pixel], held[pixel]) = ((count - leaving) as u32, (count - leaving) as u32);
+            }
+            if next.len() == 0 {
+                break;
+            }
+        }
+        if is_last {
+            return stats;
+        }
+    }
+}
+
+/// The furthest last fragment of the rays of a tile.
+#[inline(never)]
+fn furthest<P: Copy>(lights: &[RayLight<P>; PIXELS]) -> f64 {
+    lights.iter().fold(f64::NEG_INFINITY, |most, light| most.max(light.last.0))
+}

@@ -1,0 +1,1 @@
+//! What the face renderer does beside its image.
