@@ -15,7 +15,7 @@ use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_t
 use tetreel::visibility::{CellSet, DrawnFaces};
 
 const FRAMES: usize = 9;
-const CELLS: usize = 1_000_000;
+const CELLS: u64 = 1_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let base = scene("viridis@0:0.05,1:0.5")?;

@@ -11,12 +11,16 @@ use crate::task::Cancel;
 use rayon::prelude::*;
 
 /// Fewest faces of a chunk: enough to hide the cost of its lists.
-const CHUNK_MIN: usize = 16 * 1024;
+const CHUNK_MIN: usize = 4 * 1024;
 /// Most chunks: each has a counter for every tile.
 const CHUNKS_MAX: usize = 128;
 
-/// Where a vertex is in the image, in pixels from the middle of the first one; NaN if it is not in front of the eye.
-pub(super) type ScreenPoint = [f32; 2];
+/// Faces whose corners are asked for before the first is looked at.
+const LOADED_AT_ONCE: usize = 64;
+
+/// Where a vertex is in the image, in pixels from the middle of the first one (NaN if it is not in front of the eye), and
+/// its depth; four numbers for the sake of one load.
+pub(super) type ScreenPoint = [f32; 4];
 
 /// Places of all vertices in the image.
 pub(super) fn project(view: &View, vertices: &[ViewVertex], cancel: &Cancel, out: &mut Vec<ScreenPoint>) {
@@ -24,9 +28,11 @@ pub(super) fn project(view: &View, vertices: &[ViewVertex], cancel: &Cancel, out
     let project = |v: &ViewVertex| {
         let h = if view.perspective { v.w } else { 1.0 };
         if h <= 0.0 || cancel.is_cancelled() {
-            return [f32::NAN; 2];
+            return [f32::NAN, f32::NAN, v.w as f32, 0.0];
         }
-        [to_px(v.x / h, view.half_width, view.width_px), to_px(-v.y / h, view.half_height, view.height_px)]
+        let (x, y) =
+            (to_px(v.x / h, view.half_width, view.width_px), to_px(-v.y / h, view.half_height, view.height_px));
+        [x, y, v.w as f32, 0.0]
     };
     vertices.par_iter().with_min_len(4096).map(project).collect_into_vec(out);
 }
@@ -61,9 +67,9 @@ impl BoxSource<'_> {
         let range = |axis: usize, first: usize, end: usize| {
             let pad = 1e-3 + end as f32 * (1.0 / (1u32 << 22) as f32);
             let (lo, hi) = (least(a[axis], least(b[axis], c[axis])) - pad, most(a[axis], most(b[axis], c[axis])) + pad);
-            // Casts of numbers beyond the integers end at the last one; rounding towards zero is up below it.
-            let from = if lo > 0.0 { lo.ceil() as usize } else { 0 };
-            let to = if hi >= 0.0 { hi as usize + 1 } else { 0 };
+            // Casts of numbers beyond the integers end at the last one. A pixel exactly at an end lies a pad outside.
+            let from = if lo > 0.0 { lo as i32 as usize + 1 } else { 0 };
+            let to = if hi > 0.0 { hi as i32 as usize + 1 } else { 0 };
             (from.max(first), to.min(end))
         };
         let ((x0, x1), (y0, y1)) = (range(0, clip.x0, clip.x1), range(1, clip.y0, clip.y1));
@@ -97,8 +103,8 @@ pub(super) struct FaceBins {
     pub(super) grid: TileGrid,
     chunks: Vec<Chunk>,
     used: usize,
-    /// Least depth of a corner of a face in each chunk or behind it.
-    nearest_from: Vec<f64>,
+    /// Least depth of a corner of a face in each chunk or behind it, rounded to f32.
+    nearest_from: Vec<f32>,
 }
 
 #[derive(Debug, Default)]
@@ -107,9 +113,17 @@ struct Chunk {
     starts: Vec<u32>,
     /// Ids.
     faces: Vec<u32>,
-    /// Tiles of each face of the chunk: columns and rows, ends excluded; while it is filled.
-    tiles: Vec<[u32; 4]>,
-    nearest: f64,
+    /// Faces of the chunk that can be seen, while it is filled.
+    tiles: Vec<FaceTiles>,
+    nearest: f32,
+}
+
+/// The first and last column and row of tiles that a face's box meets.
+#[derive(Debug)]
+struct FaceTiles {
+    face: u32,
+    columns: [u32; 2],
+    rows: [u32; 2],
 }
 
 impl FaceBins {
@@ -130,7 +144,8 @@ impl FaceBins {
 
     /// No face of this chunk or a later one has a place nearer than that; infinite behind the last chunk.
     pub(super) fn nearest_from(&self, chunk: usize) -> f64 {
-        self.nearest_from[chunk]
+        let rounded = f64::from(self.nearest_from[chunk]);
+        rounded - rounded.abs() * f64::from(f32::EPSILON)
     }
 
     /// Sorts the faces `drawn` (ids) into the tiles; some of them if `cancel` is raised.
@@ -146,7 +161,7 @@ impl FaceBins {
             chunk.fill(source, grid, faces, if cancel.is_cancelled() { &[] } else { drawn });
         });
         self.nearest_from.clear();
-        self.nearest_from.resize(self.used + 1, f64::INFINITY);
+        self.nearest_from.resize(self.used + 1, f32::INFINITY);
         for chunk in (0..self.used).rev() {
             self.nearest_from[chunk] = self.nearest_from[chunk + 1].min(self.chunks[chunk].nearest);
         }
@@ -157,26 +172,18 @@ impl Chunk {
     fn fill(&mut self, source: BoxSource<'_>, grid: TileGrid, faces: &[[u32; 3]], drawn: &[u32]) {
         let image = Bounds { x0: 0, x1: source.view.width_px, y0: 0, y1: source.view.height_px };
         let columns = grid.columns;
-        let tiles_of = |[x0, x1, y0, y1]: [u32; 4]| {
-            (y0 as usize..y1 as usize).flat_map(move |y| (x0 as usize..x1 as usize).map(move |x| y * columns + x))
-        };
-        self.nearest = f64::INFINITY;
+        self.nearest = f32::INFINITY;
         self.tiles.clear();
         self.starts.clear();
         self.starts.resize(grid.tile_count() + 1, 0);
-        for &face in drawn {
-            let ids = faces[face as usize];
-            let found = source.bounds(ids, image);
-            let tiles = found.map_or([0; 4], |b| {
-                let tile = |px: usize| (px / TILE_PX) as u32;
-                [tile(b.x0), tile(b.x1 - 1) + 1, tile(b.y0), tile(b.y1 - 1) + 1]
-            });
-            if found.is_some() {
-                self.nearest = ids.iter().fold(self.nearest, |least, &v| least.min(source.vertices[v as usize].w));
+        for drawn in drawn.chunks(LOADED_AT_ONCE) {
+            // The faces lie anywhere in memory: all are asked for before the first is looked at.
+            let mut loaded = [[0; 3]; LOADED_AT_ONCE];
+            for (loaded, &face) in loaded.iter_mut().zip(drawn) {
+                *loaded = faces[face as usize];
             }
-            self.tiles.push(tiles);
-            for tile in tiles_of(tiles) {
-                self.starts[tile + 1] += 1;
+            for (&face, &ids) in drawn.iter().zip(&loaded) {
+                self.count(source, image, columns, face, ids);
             }
         }
         for tile in 0..grid.tile_count() {
@@ -184,16 +191,35 @@ impl Chunk {
         }
         self.faces.clear();
         self.faces.resize(self.starts[grid.tile_count()] as usize, 0);
-        for (&face, &tiles) in drawn.iter().zip(&self.tiles) {
-            for tile in tiles_of(tiles) {
+        for &FaceTiles { face, columns: [x0, x1], rows: [y0, y1] } in &self.tiles {
+            for y in y0 as usize..=y1 as usize {
                 // `starts[tile]` serves as the cursor and ends where the next tile starts; shifted back below.
-                self.faces[self.starts[tile] as usize] = face;
-                self.starts[tile] += 1;
+                for cursor in &mut self.starts[y * columns..][x0 as usize..=x1 as usize] {
+                    self.faces[*cursor as usize] = face;
+                    *cursor += 1;
+                }
             }
         }
         for tile in (0..grid.tile_count()).rev() {
             self.starts[tile + 1] = self.starts[tile];
         }
         self.starts[0] = 0;
+    }
+
+    /// Counts a face for each tile that its box meets.
+    #[inline(always)]
+    fn count(&mut self, source: BoxSource<'_>, image: Bounds, columns: usize, face: u32, ids: [u32; 3]) {
+        let Some(b) = source.bounds(ids, image) else { return };
+        for v in ids {
+            self.nearest = least(self.nearest, source.screen[v as usize][2]);
+        }
+        let tile = |px: usize| (px / TILE_PX) as u32;
+        let [x0, x1, y0, y1] = [tile(b.x0), tile(b.x1 - 1), tile(b.y0), tile(b.y1 - 1)];
+        self.tiles.push(FaceTiles { face, columns: [x0, x1], rows: [y0, y1] });
+        for y in y0 as usize..=y1 as usize {
+            for count in &mut self.starts[y * columns + 1..][x0 as usize..=x1 as usize] {
+                *count += 1;
+            }
+        }
     }
 }

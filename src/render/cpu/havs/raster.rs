@@ -23,12 +23,14 @@ use super::bins::{Bounds, BoxSource};
 use super::fragment::Fragment;
 use super::sides::Sides;
 use crate::camera::View;
-use crate::mesh::Topology;
+use crate::mesh::{NONE, Topology};
 use crate::visibility::CellSet;
 
 /// Pixels at a time.
 pub(super) const LANES: usize = 8;
 type Lanes = [f64; LANES];
+/// A byte of 1 for each.
+const ONES: u64 = 0x0101_0101_0101_0101;
 
 /// What all tiles of a frame read to find hits.
 pub(super) struct Faces<'a> {
@@ -37,6 +39,18 @@ pub(super) struct Faces<'a> {
     pub(super) active: Option<&'a CellSet>,
     pub(super) sides: &'a Sides,
     pub(super) source: BoxSource<'a>,
+}
+
+/// Corners of a face, and the cells in front of it and behind it.
+pub(super) type Loaded = ([u32; 3], [u32; 2]);
+
+impl Faces<'_> {
+    /// What is known of a face without a view.
+    #[inline(always)]
+    pub(super) fn load(&self, face: Option<u32>) -> Loaded {
+        let Some(face) = face else { return ([0; 3], [NONE; 2]) };
+        (self.topology.faces[face as usize], self.sides.cells(self.topology, self.active, face))
+    }
 }
 
 /// The rays of a tile.
@@ -93,12 +107,23 @@ pub(super) struct Face {
 }
 
 impl Face {
-    /// `None` if no ray of the tile meets the face, or no active cell is at it.
+    pub(super) const UNUSED: Self = Self {
+        ids: [0; 3],
+        cells: [NONE; 2],
+        bounds: Bounds { x0: 0, x1: 0, y0: 0, y1: 0 },
+        middle: [0.0; 3],
+        per_dx: [0.0; 3],
+        per_dy: [0.0; 3],
+        depth: [0.0; 3],
+        scalar: [0.0; 3],
+        certain: 0.0,
+        at_eye: false,
+    };
+
+    /// Makes this a face that the rays of a tile may meet; false, and no face, if they do not.
     #[inline(always)]
-    pub(super) fn new(faces: &Faces<'_>, rays: &TileRays, face: u32) -> Option<Self> {
-        let ids = faces.topology.faces[face as usize];
-        let bounds = faces.source.bounds(ids, rays.bounds)?;
-        let cells = faces.sides.cells(faces.topology, faces.active, face);
+    pub(super) fn set(&mut self, faces: &Faces<'_>, rays: &TileRays, &(ids, cells): &Loaded) -> bool {
+        let Some(bounds) = faces.source.bounds(ids, rays.bounds) else { return false };
         let perspective = faces.source.view.perspective;
         let corners = ids.map(|v| faces.source.vertices[v as usize]);
         let [cx, cy] = rays.centre;
@@ -118,7 +143,7 @@ impl Face {
         let edge = |p: usize, q: usize| x[p] * y[q] - x[q] * y[p];
         let edge_dx = |p: usize, q: usize| h[q] * y[p] - h[p] * y[q];
         let edge_dy = |p: usize, q: usize| h[p] * x[q] - h[q] * x[p];
-        Some(Self {
+        *self = Self {
             ids,
             cells,
             bounds,
@@ -129,41 +154,41 @@ impl Face {
             scalar: corners.map(|v| v.s),
             certain,
             at_eye: perspective && !(h[0] > 0.0 && h[1] > 0.0 && h[2] > 0.0),
-        })
+        };
+        true
     }
 
     /// Gives `hit` each pixel of the tile (row times [`super::TILE_PX`] plus column) whose ray hits the face in front of the
-    /// eye, with the fragment. `wanted`: a bit per column for each row.
+    /// eye, with the fragment.
     #[inline(always)]
     pub(super) fn hits(
         &self,
         view: &View,
         vertices: &[ViewVertex],
         rays: &TileRays,
-        wanted: &[u32; super::TILE_PX],
         mut hit: impl FnMut(usize, Fragment),
     ) {
-        let (x0, y0) = (rays.bounds.x0, rays.bounds.y0);
-        let rows = wanted.iter().enumerate().take(self.bounds.y1 - y0).skip(self.bounds.y0 - y0);
-        for (row, wanted) in rows {
-            let dy = rays.dy[row];
+        let Bounds { x0, x1, y0, y1 } = self.bounds;
+        let (first, end) = (x0 - rays.bounds.x0, x1 - rays.bounds.x0);
+        for row in y0 - rays.bounds.y0..y1 - rays.bounds.y0 {
+            let dy = rays.dy[row & (super::TILE_PX - 1)];
             let [e0, e1, e2] = [0, 1, 2].map(|i| self.middle[i] + dy * self.per_dy[i]);
-            let (mut column, end) = (self.bounds.x0 - x0, self.bounds.x1 - x0);
+            let mut column = first;
             while column < end {
                 let dx: &Lanes = rays.dx[column..].first_chunk().unwrap_or(&[0.0; LANES]);
                 let at = |e: f64, per_dx: f64| -> Lanes { std::array::from_fn(|l| e + dx[l] * per_dx) };
                 let e = [at(e0, self.per_dx[0]), at(e1, self.per_dx[1]), at(e2, self.per_dx[2])];
-                let asked = ((1u32 << (end - column).min(LANES)) - 1) & (wanted >> column);
+                let asked = ONES >> (8 * (LANES - (end - column).min(LANES)));
                 let (inside, outside) = self.sides_of(&e);
                 let mut certain = inside & asked;
-                let mut doubtful = asked & !inside & !outside;
+                let mut doubtful = asked & !(inside | outside);
                 if self.at_eye {
                     doubtful |= std::mem::take(&mut certain);
                 }
                 if certain != 0 {
                     let (depth, scalar) = self.depth_and_scalar(&e);
                     while certain != 0 {
-                        let l = certain.trailing_zeros() as usize & (LANES - 1);
+                        let l = (certain.trailing_zeros() as usize / 8) & (LANES - 1);
                         certain &= certain - 1;
                         let turned = usize::from(e[0][l] < 0.0);
                         let (near, far) = (self.cells[turned], self.cells[1 - turned]);
@@ -174,9 +199,10 @@ impl Face {
                     }
                 }
                 while doubtful != 0 {
-                    let l = doubtful.trailing_zeros() as usize;
+                    let l = doubtful.trailing_zeros() as usize / 8;
                     doubtful &= doubtful - 1;
-                    if let Some(fragment) = self.careful_hit(view, vertices, x0 + column + l, y0 + row) {
+                    let (i, j) = (rays.bounds.x0 + column + l, rays.bounds.y0 + row);
+                    if let Some(fragment) = self.careful_hit(view, vertices, i, j) {
                         hit(row * super::TILE_PX + column + l, fragment);
                     }
                 }
@@ -185,10 +211,10 @@ impl Face {
         }
     }
 
-    /// Pixels certainly hit and certainly missed, as bits.
+    /// Pixels certainly hit and certainly missed: a byte of 1 each.
     #[inline(always)]
-    fn sides_of(&self, [e0, e1, e2]: &[Lanes; 3]) -> (u32, u32) {
-        let (mut inside, mut outside) = (0u64, 0u64);
+    fn sides_of(&self, [e0, e1, e2]: &[Lanes; 3]) -> (u64, u64) {
+        let (mut inside, mut outside) = ([0u8; LANES], [0u8; LANES]);
         for l in 0..LANES {
             let (a, b, c) = (e0[l], e1[l], e2[l]);
             let least = if a < b { a } else { b };
@@ -198,11 +224,10 @@ impl Face {
             // The least of three of one sign and the most of them otherwise, and the other way round.
             let all = if least > -most { least } else { -most };
             let some = if -least < most { -least } else { most };
-            // The sign bit is set where the bound is exceeded.
-            inside |= ((self.certain - all).to_bits() >> 63) << l;
-            outside |= ((self.certain - some).to_bits() >> 63) << l;
+            inside[l] = u8::from(all > self.certain);
+            outside[l] = u8::from(some > self.certain);
         }
-        (inside as u32, outside as u32)
+        (u64::from_le_bytes(inside), u64::from_le_bytes(outside))
     }
 
     /// Of all pixels, as [`hit`](super::super::ray::hit) has them; of no meaning where the face is not hit.

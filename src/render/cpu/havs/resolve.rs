@@ -74,17 +74,23 @@ fn collect<I: Integrator>(
 ) {
     out.clear();
     let Bounds { x0, y0, .. } = rays.bounds;
+    let is_wanted = |pixel: usize| wanted[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
+    let mut face = Face::UNUSED;
     for &cell in scene.eye_cells {
-        for pixel in (0..TILE_PX * TILE_PX).filter(|p| wanted[p / TILE_PX] >> (p % TILE_PX) & 1 == 1) {
+        for pixel in (0..TILE_PX * TILE_PX).filter(|&pixel| is_wanted(pixel)) {
             let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
             out.extend(scene.start_at_eye(&ray, cell).map(|start| (pixel as u32, start)));
         }
     }
     for chunk in 0..scene.bins.chunk_count() {
-        for face in scene.bins.faces(chunk, tile).iter().filter_map(|&id| Face::new(&scene.faces, rays, id)) {
-            face.hits(scene.view, scene.faces.source.vertices, rays, wanted, |pixel, fragment| {
-                out.push((pixel as u32, fragment));
-            });
+        for &id in scene.bins.faces(chunk, tile) {
+            if face.set(&scene.faces, rays, &scene.faces.load(Some(id))) {
+                face.hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+                    if is_wanted(pixel) {
+                        out.push((pixel as u32, fragment));
+                    }
+                });
+            }
         }
     }
 }

@@ -45,12 +45,13 @@ impl<I: Integrator> Scene<'_, I> {
         RayOptics { table: self.table, length_per_depth: ray.length_per_depth, tie, early_termination }
     }
 
-    /// Where a ray begins that begins within the active cells. With a complete list that is where it enters the cell at the
-    /// eye, behind it: the fragment that is there in any case. Else the cell's exit may not be drawn, and the ray begins at
-    /// the eye with the scalar there.
+    /// Where a ray begins that begins within the active cells: at the eye, with the scalar there, since the next fragment may
+    /// be another one than the cell's exit. If it is sure to be that, the ray begins where it enters the cell, behind the
+    /// eye, as the ray caster has it.
     pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
         let EyeCell { entry, exit, .. } = EyeCell::new(self.faces.topology, self.faces.source.vertices, ray, cell)?;
-        let (depth, scalar) = if self.is_complete || entry.depth >= 0.0 || exit.depth <= entry.depth {
+        let exit_is_next = self.is_complete && self.k_buffer.exact_order;
+        let (depth, scalar) = if exit_is_next || entry.depth >= 0.0 || exit.depth <= entry.depth {
             (entry.depth, entry.scalar)
         } else {
             (0.0, entry.scalar + (exit.scalar - entry.scalar) * (-entry.depth / (exit.depth - entry.depth)))
@@ -60,7 +61,7 @@ impl<I: Integrator> Scene<'_, I> {
 }
 
 /// Fragments that a pixel takes up beyond the `k` that it holds back, before they are sorted and composited.
-const BATCH: usize = 24;
+const BATCH: usize = 16;
 /// Faces that are made ready at a time, so that memory is waited for once.
 const FACES_AT_ONCE: usize = 32;
 const PIXELS: usize = TILE_PX * TILE_PX;
@@ -74,7 +75,7 @@ pub(super) struct TileScratch {
     held: [u32; PIXELS],
     /// Pixels without room.
     full: Vec<u16>,
-    faces: Vec<Face>,
+    faces: [Face; FACES_AT_ONCE],
     /// Fragments of the pixels that are resolved again.
     pub(super) again: Vec<(u32, Fragment)>,
 }
@@ -82,7 +83,14 @@ pub(super) struct TileScratch {
 impl Default for TileScratch {
     fn default() -> Self {
         let (counts, held) = ([0; PIXELS], [0; PIXELS]);
-        Self { slots: Vec::new(), counts, held, full: Vec::new(), faces: Vec::new(), again: Vec::new() }
+        Self {
+            slots: Vec::new(),
+            counts,
+            held,
+            full: Vec::new(),
+            faces: [Face::UNUSED; FACES_AT_ONCE],
+            again: Vec::new(),
+        }
     }
 }
 
@@ -164,12 +172,18 @@ fn draw_in_list_order<I: Integrator>(
     let mut opaque = 0;
     let mut chunk = 0;
     let mut ids: &[u32] = &[];
-    let all = [u32::MAX; TILE_PX];
     loop {
-        faces.clear();
-        while faces.is_empty() && chunk <= scene.bins.chunk_count() {
+        let mut ready = 0;
+        while ready == 0 && chunk <= scene.bins.chunk_count() {
             let some = ids.split_off(..ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
-            faces.extend(some.iter().filter_map(|&face| Face::new(&scene.faces, rays, face)));
+            // All loads of a kind before the first use: the faces of a tile lie anywhere in memory.
+            let mut loaded = [scene.faces.load(None); FACES_AT_ONCE];
+            for (loaded, &face) in loaded.iter_mut().zip(some) {
+                *loaded = scene.faces.load(Some(face));
+            }
+            for loaded in &loaded[..some.len()] {
+                ready += usize::from(faces[ready % FACES_AT_ONCE].set(&scene.faces, rays, loaded));
+            }
             if ids.is_empty() {
                 let nobody_sees = opaque == (x1 - x0) * (y1 - y0)
                     && (!scene.k_buffer.exact_order || scene.bins.nearest_from(chunk) > furthest(lights));
@@ -178,12 +192,12 @@ fn draw_in_list_order<I: Integrator>(
                 chunk = if ends { scene.bins.chunk_count() + 1 } else { chunk + 1 };
             }
         }
-        let is_last = faces.is_empty();
-        let mut next = faces.iter();
+        let is_last = ready == 0;
+        let mut next = faces[..ready].iter();
         loop {
             // A face has at most one fragment for a pixel: the room of each is looked at face by face.
             if let Some(face) = next.next() {
-                face.hits(scene.view, scene.faces.source.vertices, rays, &all, |pixel, fragment| {
+                face.hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
                     let count = counts[pixel] as usize;
                     slots[pixel * room + count] = fragment;
                     counts[pixel] = count as u32 + 1;

@@ -2,6 +2,9 @@
 
 mod behaviour;
 mod complete;
+mod oracle;
+mod random;
+mod some_faces;
 
 use super::*;
 use crate::meshes::noise;
