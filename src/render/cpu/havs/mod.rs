@@ -24,8 +24,9 @@
 //! **Order.** A fragment nearer than the last one that left is counted and dropped. With a complete list the cells say
 //! more: each fragment must leave the cell that the one before entered. Where they do not, or one was dropped, and exact
 //! order is asked for, the pixel is drawn again: a complete list by following its fragments from cell to cell, which is
-//! what the ray caster does, an incomplete one by sorting all of them. Depths within rounding are put in order by the cells, an exit before an
-//! entry. So a complete list in exact order gives the ray caster's image, however flat the cells are.
+//! what the ray caster does, an incomplete one by sorting all of them. Depths within rounding are put in order by the
+//! cells, an exit before an entry. So a complete list in exact order gives the ray caster's image, however flat the cells
+//! are.
 //!
 //! Depths are f64: cells of boundary layers are thinner than f32 tells depths apart.
 //!

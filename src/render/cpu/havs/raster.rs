@@ -261,3 +261,7 @@ impl Face {
         is_seen.then_some(Fragment { depth: found.depth, scalar: found.scalar, near, far })
     }
 }
+
+#[cfg(test)]
+#[path = "raster_tests.rs"]
+mod tests;

@@ -35,6 +35,11 @@ pub(super) struct Scene<'a, I> {
 }
 
 impl<I: Integrator> Scene<'_, I> {
+    /// Fragments that a pixel has room for.
+    fn room(&self) -> usize {
+        usize::from(self.k_buffer.k) + BATCH
+    }
+
     /// Near distance, or where a ray in parallel projection begins.
     pub(super) fn near_distance(&self) -> f64 {
         if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
@@ -148,34 +153,85 @@ fn draw_in_list_order<I: Integrator>(
     scratch: &mut TileScratch,
     lights: &mut [RayLight<I::Place>; PIXELS],
 ) -> FrameStats {
-    let k = usize::from(scene.k_buffer.k);
-    let room = k + BATCH;
-    let Bounds { x0, x1, y0, y1 } = rays.bounds;
-    let TileScratch { slots, counts, held, full, faces, .. } = scratch;
-    slots.resize(PIXELS * room, Fragment::UNUSED);
-    counts.fill(0);
-    held.fill(0);
-    full.clear();
-    for &cell in scene.eye_cells {
-        for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
-            let pixel = (row - y0) * TILE_PX + column - x0;
-            // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
-            if let Some(start) = scene.start_at_eye(&Ray::of_pixel(scene.view, column, row), cell)
-                && (counts[pixel] as usize) < BATCH
-            {
-                slots[pixel * room + counts[pixel] as usize] = start;
-                counts[pixel] += 1;
-            }
-        }
-    }
+    let room = scene.room();
+    scratch.slots.resize(PIXELS * room, Fragment::UNUSED);
+    scratch.counts.fill(0);
+    scratch.held.fill(0);
+    scratch.full.clear();
+    begin_at_eye(scene, rays, scratch);
     let mut stats = FrameStats::default();
     let mut opaque = 0;
-    let mut chunk = 0;
-    let mut ids: &[u32] = &[];
+    let mut queue = FaceQueue { next_chunk: 0, ids: &[] };
     loop {
+        let ready = queue.take(scene, tile, rays, &mut scratch.faces, |next_chunk| {
+            let Bounds { x0, x1, y0, y1 } = rays.bounds;
+            opaque == (x1 - x0) * (y1 - y0)
+                && (!scene.k_buffer.exact_order || scene.bins.nearest_from(next_chunk) > furthest(lights))
+        });
+        let is_last = ready == 0;
+        let mut next = 0;
+        loop {
+            let TileScratch { slots, counts, full, faces, .. } = &mut *scratch;
+            if next < ready {
+                // A face has at most one fragment for a pixel: the room of each is looked at face by face.
+                faces[next].hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+                    let count = counts[pixel] as usize;
+                    slots[pixel * room + count] = fragment;
+                    counts[pixel] = count as u32 + 1;
+                    if count + 1 == room {
+                        full.push(pixel as u16);
+                    }
+                });
+                next += 1;
+            } else if is_last {
+                full.extend((0..PIXELS as u16).filter(|&pixel| counts[usize::from(pixel)] > 0));
+            }
+            while let Some(pixel) = scratch.full.pop() {
+                let light = &mut lights[usize::from(pixel)];
+                let was_opaque = light.is_opaque;
+                stats.fragments += let_go(scene, rays, scratch, usize::from(pixel), light, is_last);
+                opaque += usize::from(light.is_opaque && !was_opaque);
+            }
+            if next >= ready {
+                break;
+            }
+        }
+        if is_last {
+            return stats;
+        }
+    }
+}
+
+/// The faces of a tile that are still to come.
+struct FaceQueue<'a> {
+    next_chunk: usize,
+    ids: &'a [u32],
+}
+
+impl<'a> FaceQueue<'a> {
+    /// Makes the next faces ready that the rays may meet; returns how many, none at the end of the list. Asks at each chunk
+    /// of the list whether nobody sees what comes from there on.
+    #[inline(always)]
+    fn take<I>(
+        &mut self,
+        scene: &Scene<'a, I>,
+        tile: usize,
+        rays: &TileRays,
+        faces: &mut [Face; FACES_AT_ONCE],
+        nobody_sees: impl Fn(usize) -> bool,
+    ) -> usize {
+        let chunks = scene.bins.chunk_count();
         let mut ready = 0;
-        while ready == 0 && chunk <= scene.bins.chunk_count() {
-            let some = ids.split_off(..ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
+        while ready == 0 {
+            if self.ids.is_empty() {
+                if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
+                    self.next_chunk = chunks;
+                    break;
+                }
+                self.ids = scene.bins.faces(self.next_chunk, tile);
+                self.next_chunk += 1;
+            }
+            let some = self.ids.split_off(..self.ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
             // All loads of a kind before the first use: the faces of a tile lie anywhere in memory.
             let mut loaded = [scene.faces.load(None); FACES_AT_ONCE];
             for (loaded, &face) in loaded.iter_mut().zip(some) {
@@ -184,59 +240,55 @@ fn draw_in_list_order<I: Integrator>(
             for loaded in &loaded[..some.len()] {
                 ready += usize::from(faces[ready % FACES_AT_ONCE].set(&scene.faces, rays, loaded));
             }
-            if ids.is_empty() {
-                let nobody_sees = opaque == (x1 - x0) * (y1 - y0)
-                    && (!scene.k_buffer.exact_order || scene.bins.nearest_from(chunk) > furthest(lights));
-                let ends = nobody_sees || chunk == scene.bins.chunk_count() || scene.cancel.is_cancelled();
-                ids = if ends { &[] } else { scene.bins.faces(chunk, tile) };
-                chunk = if ends { scene.bins.chunk_count() + 1 } else { chunk + 1 };
-            }
         }
-        let is_last = ready == 0;
-        let mut next = faces[..ready].iter();
-        loop {
-            // A face has at most one fragment for a pixel: the room of each is looked at face by face.
-            if let Some(face) = next.next() {
-                face.hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
-                    let count = counts[pixel] as usize;
-                    slots[pixel * room + count] = fragment;
-                    counts[pixel] = count as u32 + 1;
-                    if count + 1 == room {
-                        full.push(pixel as u16);
-                    }
-                });
-                if full.is_empty() {
-                    continue;
-                }
-            } else if is_last {
-                full.extend((0..PIXELS as u16).filter(|&pixel| counts[usize::from(pixel)] > 0));
+        ready
+    }
+}
+
+/// The first fragments of rays that begin within the active cells.
+#[inline(never)]
+fn begin_at_eye<I: Integrator>(scene: &Scene<'_, I>, rays: &TileRays, scratch: &mut TileScratch) {
+    let (room, Bounds { x0, x1, y0, y1 }) = (scene.room(), rays.bounds);
+    for &cell in scene.eye_cells {
+        for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
+            let pixel = (row - y0) * TILE_PX + column - x0;
+            let count = &mut scratch.counts[pixel];
+            // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
+            if let Some(start) = scene.start_at_eye(&Ray::of_pixel(scene.view, column, row), cell)
+                && (*count as usize) < BATCH
+            {
+                scratch.slots[pixel * room + *count as usize] = start;
+                *count += 1;
             }
-            for pixel in full.drain(..) {
-                let pixel = usize::from(pixel);
-                let count = counts[pixel] as usize;
-                let fragments = &mut slots[pixel * room..][..count];
-                sort_in_window(fragments, held[pixel] as usize, k, scene.tie);
-                let leaving = if is_last { count } else { count.saturating_sub(k) };
-                let light = &mut lights[pixel];
-                let was_opaque = light.is_opaque;
-                let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
-                let optics = scene.optics(&ray);
-                for fragment in &fragments[..leaving] {
-                    light.advance(&optics, fragment);
-                }
-                opaque += usize::from(light.is_opaque && !was_opaque);
-                stats.fragments += (count - held[pixel] as usize) as u64;
-                fragments.copy_within(leaving.., 0);
-                (counts[pixel], held[pixel]) = ((count - leaving) as u32, (count - leaving) as u32);
-            }
-            if next.len() == 0 {
-                break;
-            }
-        }
-        if is_last {
-            return stats;
         }
     }
+}
+
+/// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns how many
+/// fragments had arrived.
+#[inline(always)]
+fn let_go<I: Integrator>(
+    scene: &Scene<'_, I>,
+    rays: &TileRays,
+    scratch: &mut TileScratch,
+    pixel: usize,
+    light: &mut RayLight<I::Place>,
+    is_last: bool,
+) -> u64 {
+    let k = usize::from(scene.k_buffer.k);
+    let (count, held) = (scratch.counts[pixel] as usize, scratch.held[pixel] as usize);
+    let fragments = &mut scratch.slots[pixel * scene.room()..][..count];
+    sort_in_window(fragments, held, k, scene.tie);
+    let leaving = if is_last { count } else { count.saturating_sub(k) };
+    let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
+    let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
+    for fragment in &fragments[..leaving] {
+        light.advance(&optics, fragment);
+    }
+    fragments.copy_within(leaving.., 0);
+    let left = (count - leaving) as u32;
+    (scratch.counts[pixel], scratch.held[pixel]) = (left, left);
+    (count - held) as u64
 }
 
 /// The furthest last fragment of the rays of a tile.
