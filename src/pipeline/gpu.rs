@@ -162,9 +162,12 @@ impl Gpu {
                     self.beyond = Some((job.mesh.clone(), job.view, error.clone()));
                     return Err(error);
                 }
-                RenderError::NoGpu(_) | RenderError::ScalarCount { .. } | RenderError::CellCount { .. } => {
-                    return Err(error);
-                }
+                RenderError::NoGpu(_)
+                | RenderError::ScalarCount { .. }
+                | RenderError::CellCount { .. }
+                | RenderError::NoFaces
+                | RenderError::NoSuchFace { .. }
+                | RenderError::BadK(_) => return Err(error),
             }
         }
     }

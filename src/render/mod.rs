@@ -1,8 +1,8 @@
 //! From scalars and a view to a frame.
 //!
 //! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to.
-//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU. [`mod@probe`] says
-//! what is seen at a place in the image.
+//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`]
+//! draws faces, all or some of them. [`mod@probe`] says what is seen at a place in the image.
 
 pub mod cpu;
 pub mod gpu;
@@ -99,6 +99,20 @@ pub enum RenderError {
         /// Cells of the mesh.
         cells: usize,
     },
+    /// A renderer that draws faces has been given none.
+    #[error("no faces were chosen for a renderer that draws faces")]
+    NoFaces,
+    /// Faces to draw and mesh do not belong together.
+    #[error("face {face} was to be drawn of a mesh of {faces} faces")]
+    NoSuchFace {
+        /// Id of the face.
+        face: u32,
+        /// Faces of the mesh.
+        faces: usize,
+    },
+    /// The buffer that puts fragments in order cannot have this size.
+    #[error("a buffer of {0} fragments; choose 2 to 32")]
+    BadK(u8),
     /// There is no GPU to render on.
     #[error("no GPU: {0}")]
     NoGpu(String),

@@ -22,6 +22,10 @@ pub struct FrameStats {
     pub face_sorts: u64,
     /// Times that faces were needed in depth order and nothing had to be sorted for it.
     pub face_sorts_skipped: u64,
+    /// Places found where a ray passes through a face that is drawn.
+    pub fragments: u64,
+    /// Pixels that were resolved again from all of their fragments, since the buffer had not put them in order.
+    pub pixels_resolved_again: u64,
     /// Faces through which rays may enter the active cells.
     pub entry_faces: u64,
     /// Entries found: (pixel, face) pairs.
@@ -34,7 +38,8 @@ pub struct FrameStats {
     pub rays_hit: u64,
     /// Rays stopped early because nothing behind could be seen.
     pub rays_stopped_early: u64,
-    /// Path pieces skipped because they lay before what was already composited (overlapping cells).
+    /// Path pieces skipped because they lay before what was already composited (overlapping cells); fragments dropped
+    /// because they did (faces drawn).
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
@@ -71,6 +76,8 @@ impl FrameStats {
     pub fn add_counts(&mut self, part: &FrameStats) {
         self.entries += part.entries;
         self.steps += part.steps;
+        self.fragments += part.fragments;
+        self.pixels_resolved_again += part.pixels_resolved_again;
         self.segments += part.segments;
         self.rays_hit += part.rays_hit;
         self.rays_stopped_early += part.rays_stopped_early;

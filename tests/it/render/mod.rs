@@ -4,6 +4,7 @@ mod closed_form;
 mod depth;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod havs;
 mod raycast;
 mod table3d;
 

@@ -1,6 +1,6 @@
 //! Ray casting by cell walk: per pixel, from face to face through the active cells.
 //!
-//! 1. **view transform** ([`view`]): vertices to view coordinates, once per frame.
+//! 1. **view transform** ([`ray`]): vertices to view coordinates, once per frame.
 //! 2. **entries** ([`entries`]): faces between an active cell and an inactive one or the outside, binned into tiles; per
 //!    pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
 //!    mechanism.
@@ -9,7 +9,7 @@
 //! **Why no ray is lost or doubled.** A pixel's ray is made the origin of a plane by shearing the vertices along it; a
 //! face is hit if the origin lies in its sheared triangle. Sheared coordinates are a function of vertex and pixel alone, so
 //! all cells see the same planar points, and the sign of an edge function of two of them is exact, with zeros decided by
-//! shifting the ray by (d, d^2), d -> 0 ([`view::accurate_edge`]). Of the four sheared faces of a tet, generic points lie
+//! shifting the ray by (d, d^2), d -> 0 ([`ray::accurate_edge`]). Of the four sheared faces of a tet, generic points lie
 //! in none or in two with opposite orientation (the boundary of a tet is a closed surface: its degree over any point of
 //! the plane is zero). So the faces hit by a ray pair up inside each tet: they form paths from a front-facing to a back-facing face of
 //! the active sub-complex's surface, each walk ends there, whatever rounding does to the shape of slivers, and entries
@@ -27,33 +27,27 @@
 pub(in crate::render) mod entries;
 pub(in crate::render) mod pre_integrated;
 mod simd;
-mod view;
 mod walk;
 
 use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use super::prepared::Table;
+use super::ray::{self, ViewVertex};
+use super::tiles::{self, TILE_PX, TilePixel};
 use crate::camera::View;
 use crate::mesh::Mesh;
-use crate::optics::exact::ExactTable;
-use crate::optics::table3d::{Table3d, Table3dResolution};
-use crate::optics::{Integrator, OpticsKind};
+use crate::optics::Integrator;
+use crate::optics::table3d::Table3dResolution;
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 use entries::{EntryFace, TileBins};
 use pre_integrated::PreIntegrated;
-use rayon::prelude::*;
-use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use view::ViewVertex;
-use walk::{Scene, TilePixel, TileScratch};
-
-/// Tiles are squares of this many pixels: small enough to balance load, large enough that neighbouring rays share cells
-/// in cache.
-const TILE_PX: usize = 16;
+use walk::{Scene, TileScratch};
 
 /// Cells so near to the eye, local units, may be the first on a ray: view coordinates are rounded by some 2^-53 of the local
 /// box's diameter, which is below 4.
-const EYE_TOLERANCE: f64 = 1e-12;
+pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
 
 /// The CPU ray caster.
 #[derive(Default)]
@@ -85,21 +79,6 @@ struct ActiveJob {
     started: Instant,
     /// Milliseconds that the frame took before it came here.
     ms_before: f64,
-}
-
-/// The job's transfer function, prepared.
-enum Table {
-    Exact(ExactTable),
-    Table3d(Arc<Table3d>),
-}
-
-impl Table {
-    fn is_clear(&self) -> bool {
-        match self {
-            Self::Exact(table) => table.is_clear(),
-            Self::Table3d(table) => table.is_clear(),
-        }
-    }
 }
 
 impl Raycast {
@@ -137,11 +116,8 @@ impl Renderer for Raycast {
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
-        let table = match job.optics {
-            OpticsKind::Exact => Table::Exact(ExactTable::new(&job.table, job.mesh.positions.scale)),
-            OpticsKind::Table3d => Table::Table3d(self.pre_integrated.get(&job)),
-        };
-        view::transform(&view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
+        let table = Table::of(&job, &mut self.pre_integrated);
+        ray::transform(&view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
         let eye_cells = if everything_clear {
@@ -195,7 +171,6 @@ impl Renderer for Raycast {
 impl Raycast {
     /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
     fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
-        let (started, tile_count) = (Instant::now(), self.bins.tile_count());
         let scene = Scene {
             mesh: &active.job.mesh,
             active: &active.job.active,
@@ -207,48 +182,15 @@ impl Raycast {
             eye_cells: &active.eye_cells,
             early_termination: active.job.early_termination,
         };
-        let (bins, scratch, avx2) = (&self.bins, &self.scratch, !self.portable);
-        let thread_limit = &active.job.thread_limit;
-        // Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that
-        // what is done is always a prefix, and no thread waits for others before the end of the slice.
-        let mut handed_out = active.next_tile;
-        let goes_on = || started.elapsed() < budget && !active.job.cancel.is_cancelled();
-        let counts = self.tile_pixels[active.next_tile * TILE_PX * TILE_PX..]
-            .chunks_exact_mut(TILE_PX * TILE_PX)
-            .zip(active.next_tile..tile_count)
-            .take_while(|&(_, tile)| tile == active.next_tile || goes_on())
-            .inspect(|_| handed_out += 1)
-            .par_bridge()
-            .map(|(pixels, tile)| {
-                let _turn = thread_limit.turn();
-                // A thread of the pool has a scratch of its own: the lock is never waited for.
-                let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
-                let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                simd::render_tile(avx2, &scene, bins, tile, &mut scratch, pixels)
-            })
-            .reduce(FrameStats::default, |mut sum, part| {
-                sum.add_counts(&part);
-                sum
+        let (bins, avx2) = (&self.bins, !self.portable);
+        let (first, pixels) = (active.next_tile, &mut self.tile_pixels);
+        let (counts, end) =
+            tiles::render_tiles(&active.job, pixels, &self.scratch, first, budget, |tile, scratch, out| {
+                simd::render_tile(avx2, &scene, bins, tile, scratch, out)
             });
         self.frame.stats.add_counts(&counts);
-        let tiles = active.next_tile..handed_out;
-        copy_tiles(&mut self.frame, &self.bins, &self.tile_pixels, tiles, active.job.mesh.positions.scale);
-        handed_out
-    }
-}
-
-/// Copies tiles from their own order into the planes of the frame; `depth_scale` is the world length of a local one.
-fn copy_tiles(frame: &mut Frame, bins: &TileBins, tile_pixels: &[TilePixel], tiles: Range<usize>, depth_scale: f64) {
-    let width = frame.color.width;
-    for tile in tiles {
-        let rect = bins.rect(tile);
-        let pixels = &tile_pixels[tile * TILE_PX * TILE_PX..];
-        for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
-            let at = (rect.y + row) * width + rect.x;
-            for (i, pixel) in line.iter().enumerate() {
-                frame.color.pixels[at + i] = pixel.rgba;
-                frame.depth.pixels[at + i] = (pixel.depth * depth_scale) as f32;
-            }
-        }
+        let scale = active.job.mesh.positions.scale;
+        tiles::copy_tiles(&mut self.frame, &self.bins.grid, &self.tile_pixels, first..end, scale);
+        end
     }
 }

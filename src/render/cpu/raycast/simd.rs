@@ -4,8 +4,9 @@
 //! them. It contracts no multiplication and addition to one, so the image is the same to the last bit; a test compares.
 #![allow(unsafe_code, reason = "calling code for a processor feature is unsafe; the feature is asked for first")]
 
+use super::super::tiles::TilePixel;
 use super::entries::TileBins;
-use super::walk::{Scene, TilePixel, TileScratch, render_tile_inlined};
+use super::walk::{Scene, TileScratch, render_tile_inlined};
 use crate::optics::Integrator;
 use crate::stats::FrameStats;
 

@@ -1,7 +1,9 @@
 //! From an entry through the active cells to the exit.
 
-use super::entries::{Crossing, EntryFace, PixelRect, TileBins, crossing, face_of};
-use super::view::{Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
+use super::super::prepared::first_visible;
+use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, crossing, edge, hit, signed_edge, uncertainty};
+use super::super::tiles::{PixelRect, TilePixel};
+use super::entries::{EntryFace, EyeCell, TileBins, face_of};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::{Accumulator, Integrator};
@@ -19,18 +21,6 @@ pub(super) struct Scene<'a, I> {
     pub(super) entry_faces: &'a [EntryFace],
     pub(super) eye_cells: &'a [u32],
     pub(super) early_termination: bool,
-}
-
-/// What a ray has seen.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TilePixel {
-    pub(super) rgba: [f32; 4],
-    /// Local depth of the first visible place; infinite if there is none.
-    pub(super) depth: f64,
-}
-
-impl TilePixel {
-    pub(super) const CLEAR: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
 }
 
 /// Buffers of a tile, used again from tile to tile.
@@ -56,7 +46,7 @@ pub(super) fn render_tile_inlined<I: Integrator>(
     scratch: &mut TileScratch,
     pixels: &mut [TilePixel],
 ) -> FrameStats {
-    let rect = bins.rect(tile);
+    let rect = bins.grid.rect(tile);
     pixels.fill(TilePixel::CLEAR);
     let mut stats = FrameStats::default();
     find_starts(scene, bins, tile, rect, &mut scratch.starts);
@@ -109,19 +99,8 @@ fn find_starts<I>(scene: &Scene<'_, I>, bins: &TileBins, tile: usize, rect: Pixe
 
 /// The ray's start in a cell that it enters behind (or at) the eye and leaves in front of it.
 fn start_at_eye<I>(scene: &Scene<'_, I>, ray: &Ray, cell: u32) -> Option<Start> {
-    let mut start = None;
-    let mut leaves_in_front = false;
-    for opposite in 0..4 {
-        let face = face_of(&scene.mesh.topology, cell, opposite);
-        let [p, q, r] = face.vertices;
-        if let Some(c) = crossing(ray, scene.vertices, [p, q, r]) {
-            let start_here = Start { depth: c.depth, cell, opposite: face.opposite };
-            start = (!c.is_in_front([p, q, r])).then_some(start_here);
-        } else if let Some(c) = crossing(ray, scene.vertices, [p, r, q]) {
-            leaves_in_front = c.is_in_front([p, r, q]);
-        }
-    }
-    start.filter(|_| leaves_in_front)
+    let at_eye = EyeCell::new(&scene.mesh.topology, scene.vertices, ray, cell)?;
+    Some(Start { depth: at_eye.entry.depth, cell, opposite: at_eye.opposite })
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.
@@ -300,12 +279,4 @@ impl<'a, I: Integrator> Walk<'a, I> {
         self.segments += pieces;
         (self.front, self.composited) = (to.0, true);
     }
-}
-
-/// Depth where a segment from one (depth, scalar) place to another becomes visible; infinite if it does not.
-#[cold]
-#[inline(never)]
-fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64, f64)) -> f64 {
-    let share = table.clear_share(from.1, to.1);
-    if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
 }

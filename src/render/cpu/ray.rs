@@ -52,6 +52,7 @@ pub(super) struct Sheared {
 }
 
 impl Ray {
+    #[inline]
     pub(super) fn of_pixel(view: &View, i: usize, j: usize) -> Self {
         let (px, py) = view.ray(i, j);
         Self { px, py, perspective: view.perspective, length_per_depth: view.length_per_depth(px, py) }
@@ -134,4 +135,39 @@ pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f
     let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
     let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);
     (wp * p.w + wq * q.w + wr * r.w, p.s + wq * (q.s - p.s) + wr * (r.s - p.s))
+}
+
+/// A face that a ray passes through from its front.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing {
+    pub(super) corners: [Sheared; 3],
+    /// Edge functions opposite the corners.
+    pub(super) edges: [f64; 3],
+    pub(super) depth: f64,
+    pub(super) scalar: f64,
+}
+
+impl Crossing {
+    /// Whether the face is hit in front of the eye; `ids` are those of the corners. The same for both cells at it, whatever
+    /// the order of its corners there: the terms of the weighted depth are summed in the order of the ids. Else a ray whose
+    /// eye is within rounding of a face would start on both sides of it, or on none.
+    pub(super) fn is_in_front(&self, ids: [u32; 3]) -> bool {
+        let mut terms: [(u32, f64); 3] = std::array::from_fn(|i| (ids[i], self.edges[i].max(0.0) * self.corners[i].w));
+        terms.sort_unstable_by_key(|term| term.0);
+        terms[0].1 + terms[1].1 + terms[2].1 > 0.0
+    }
+}
+
+/// Where the ray passes through a triangle whose corners it sees counter-clockwise.
+#[inline]
+pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Option<Crossing> {
+    let corners = ids.map(|v| ray.shear(&vertices[v as usize]));
+    let [p, q, r] = &corners;
+    let signed =
+        [signed_edge(q, r, ids[1], ids[2]), signed_edge(r, p, ids[2], ids[0]), signed_edge(p, q, ids[0], ids[1])];
+    signed.iter().all(|edge| edge.1).then(|| {
+        let edges = signed.map(|edge| edge.0);
+        let (depth, scalar) = hit(edges, p, q, r);
+        Crossing { corners, edges, depth, scalar }
+    })
 }

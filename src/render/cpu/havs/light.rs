@@ -1,0 +1,142 @@
+//! Compositing the fragments of a ray.
+
+use super::super::prepared::first_visible;
+use super::super::tiles::TilePixel;
+use super::fragment::Fragment;
+use crate::mesh::NONE;
+use crate::optics::{Accumulator, Integrator};
+
+/// What is the same for all fragments of a ray.
+pub(super) struct RayOptics<'a, I> {
+    pub(super) table: &'a I,
+    pub(super) length_per_depth: f64,
+    /// Depths closer than that may be in the wrong order.
+    pub(super) tie: f64,
+    pub(super) early_termination: bool,
+}
+
+/// A ray that has come as far as its last fragment.
+#[derive(Clone, Copy)]
+pub(super) struct RayLight<P> {
+    light: Accumulator,
+    /// Place in the table, if the last segment was composited up to the last fragment.
+    place: Option<P>,
+    /// Depth and scalar of the last fragment.
+    pub(super) last: (f64, f64),
+    /// The active cell behind it.
+    far: u32,
+    /// Depth up to which the ray has been composited, or the near distance.
+    front: f64,
+    /// Depth of the first visible place.
+    visible_from: f64,
+    pub(super) segments: u32,
+    /// Fragments nearer than one composited before.
+    pub(super) out_of_order: u32,
+    /// The ray did not pass from each cell into the next.
+    is_broken: bool,
+    /// Nothing behind the last fragment can be seen.
+    pub(super) is_opaque: bool,
+}
+
+impl<P: Copy> RayLight<P> {
+    pub(super) fn new(near_distance: f64) -> Self {
+        Self {
+            light: Accumulator::CLEAR,
+            place: None,
+            last: (f64::NEG_INFINITY, 0.0),
+            far: NONE,
+            front: near_distance,
+            visible_from: f64::INFINITY,
+            segments: 0,
+            out_of_order: 0,
+            is_broken: false,
+            is_opaque: false,
+        }
+    }
+
+    /// Goes on to a fragment that ought not to lie in front of the last one.
+    #[inline(always)]
+    pub(super) fn advance<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, to: &Fragment) {
+        if to.depth < self.last.0 {
+            if to.near != self.far || to.depth < self.last.0 - optics.tie {
+                self.out_of_order += 1;
+            } else {
+                // Put in its place by the cell between the two: within rounding there is nothing to integrate.
+                self.far = to.far;
+            }
+            return;
+        }
+        if self.is_opaque {
+            return;
+        }
+        self.is_broken |= to.near != self.far;
+        if self.far == NONE {
+            self.place = None;
+        } else {
+            self.composite(optics, to);
+        }
+        (self.last, self.far) = ((to.depth, to.scalar), to.far);
+        self.is_opaque = optics.early_termination && self.light.is_opaque();
+    }
+
+    /// Goes through one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if
+    /// the ray ends within it.
+    pub(super) fn follow<'f, I: Integrator<Place = P>>(
+        &mut self,
+        optics: &RayOptics<'_, I>,
+        path: impl Iterator<Item = &'f Fragment>,
+    ) -> bool {
+        self.place = None;
+        self.last.0 = f64::NEG_INFINITY;
+        for to in path {
+            if self.last.0 == f64::NEG_INFINITY {
+                self.last = (to.depth, to.scalar);
+            } else if to.depth > self.last.0 {
+                self.composite(optics, to);
+                self.last = (to.depth, to.scalar);
+            }
+            if optics.early_termination && self.light.is_opaque() {
+                self.is_opaque = true;
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Composites the segment from the last fragment to this one, or the part of it behind what there is.
+    #[inline(always)]
+    fn composite<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, to: &Fragment) {
+        let mut from = self.last;
+        if from.0 < self.front {
+            self.place = None;
+            if to.depth <= self.front {
+                return;
+            }
+            let share = (self.front - from.0) / (to.depth - from.0);
+            from = (self.front, from.1 + share * (to.scalar - from.1));
+        }
+        if to.depth <= from.0 {
+            // The scalar may be another one.
+            self.place = None;
+            return;
+        }
+        let place = self.place.get_or_insert_with(|| optics.table.enter(from.1));
+        let length = (to.depth - from.0) * optics.length_per_depth;
+        let pieces = optics.table.segment(place, from.1, to.scalar, length, &mut self.light) as u32;
+        // A table may show light before the transfer function has any: the ray is then asked again.
+        if self.visible_from == f64::INFINITY && pieces > 0 {
+            self.visible_from = first_visible(optics.table, from, (to.depth, to.scalar));
+        }
+        self.segments += pieces;
+        self.front = to.depth;
+    }
+
+    /// Whether the ray, at its end, has passed from each cell into the next, or has become opaque before it did not.
+    pub(super) fn is_whole(&self) -> bool {
+        !self.is_broken && (self.is_opaque || self.far == NONE)
+    }
+
+    pub(super) fn pixel(&self) -> TilePixel {
+        TilePixel { rgba: self.light.pixel(), depth: self.visible_from }
+    }
+}

@@ -1,0 +1,243 @@
+//! Drawing faces instead of cells: hardware-assisted visibility sorting (HAVS) on the CPU (dissertation 6.1.3).
+//!
+//! The job lists the faces to draw, each once, sorted by the depth of their centroids; that need not be all of them (level
+//! of detail). Per pixel they give fragments, nearly in the order of their depths, and a buffer of the k nearest of them
+//! (the k-buffer) sets most of what is wrong right:
+//!
+//! ```text
+//! vertices to view coordinates and to the image
+//! for each chunk of the list, in parallel:  tiles that the box of each face meets            bins
+//! for each tile, in parallel:
+//!   for each face, in the order of the list:                                                 tile
+//!     for each pixel whose ray hits it:  fragment = depth, scalar, cell left, cell entered   raster
+//!       insert it into the pixel's buffer by depth                                           fragment
+//!       more than k there: the nearest leaves; if the ray is within an active cell behind    light
+//!         the last one that left, integrate from that one to this one
+//!   what is left leaves the buffers in order
+//!   for each pixel where that was not the right order: again, from all fragments             resolve
+//! ```
+//!
+//! **Gaps.** Between two fragments that follow each other there is matter if an active cell is behind the nearer one. With a
+//! complete list the farther one is the exit of that cell. With an incomplete one the gap spans several cells; faces
+//! between an active cell and none are always drawn, so that holes and the outline stay.
+//!
+//! **Order.** A fragment nearer than the last one that left is counted and dropped. With a complete list the cells say
+//! more: each fragment must leave the cell that the one before entered. Where they do not, or one was dropped, and exact
+//! order is asked for, the pixel is drawn again: a complete list by following its fragments from cell to cell, which is
+//! what the ray caster does, an incomplete one by sorting all of them. Depths within rounding are put in order by the
+//! cells, an exit before an entry. So a complete list in exact order gives the ray caster's image, however flat the cells
+//! are.
+//!
+//! Depths are f64: cells of boundary layers are thinner than f32 tells depths apart.
+//!
+//! Deviations for speed:
+//! 1. A buffer takes up a batch of fragments before they are sorted into the k before each and leave: the same ones leave
+//!    in the same order.
+//! 2. Edge functions are linear over a tile, for eight pixels at a time; in doubt they are computed by their definition
+//!    ([`raster`]).
+//! 3. A tile whose rays are all opaque is left when no face behind in the list has a corner in front of where they are.
+//! 4. It is compiled for the widest registers that the processor has; the image is the same.
+
+mod bins;
+mod fragment;
+mod light;
+mod raster;
+mod resolve;
+mod sides;
+mod tile;
+
+use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use super::prepared::Table;
+use super::ray::{self, ViewVertex};
+use super::raycast::EYE_TOLERANCE;
+use super::raycast::entries::cells_at_eye;
+use super::raycast::pre_integrated::PreIntegrated;
+use super::tiles::{self, TILE_PX, TilePixel};
+use crate::camera::View;
+use crate::optics::Integrator;
+use crate::stats::FrameStats;
+use crate::visibility::DrawnFaces;
+use bins::{BoxSource, FaceBins, ScreenPoint};
+use pulp::Simd;
+use raster::Faces;
+use rayon::prelude::*;
+use sides::Sides;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use tile::{RenderTile, Scene, TileScratch};
+
+/// The face renderer.
+#[derive(Default)]
+pub struct Havs {
+    frame: Frame,
+    vertices: Vec<ViewVertex>,
+    screen: Vec<ScreenPoint>,
+    sides: Sides,
+    bins: FaceBins,
+    /// Pixels tile by tile, each tile's rows together.
+    tile_pixels: Vec<TilePixel>,
+    /// One for each thread.
+    scratch: Vec<Mutex<TileScratch>>,
+    active_job: Option<ActiveJob>,
+    /// The pre-integrated table of the last job that asked for one.
+    pre_integrated: PreIntegrated,
+    /// Use no instructions that not every processor of its kind has.
+    portable: bool,
+}
+
+/// What a job under way needs beyond the buffers.
+struct ActiveJob {
+    job: RenderJob,
+    is_complete: bool,
+    view: View,
+    table: Table,
+    eye_cells: Vec<u32>,
+    all_active: bool,
+    tie: f64,
+    next_tile: usize,
+    started: Instant,
+    /// Milliseconds that the frame took before it came here.
+    ms_before: f64,
+}
+
+impl Havs {
+    /// A renderer without a job.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The same renderer without instructions that only newer processors have; its images are the same.
+    pub fn portable() -> Self {
+        Self { portable: true, ..Self::default() }
+    }
+
+    /// View coordinates, places in the image, and the faces of each tile.
+    fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &DrawnFaces) {
+        ray::transform(view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
+        bins::project(view, &self.vertices, &job.cancel, &mut self.screen);
+        self.sides.update(&job.mesh);
+        let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
+        self.bins.fill(source, &job.mesh.topology.faces, &drawn.faces, &job.cancel);
+    }
+}
+
+/// The faces of a job.
+///
+/// # Errors
+/// If there are none, if one is not of the mesh, or if k is out of range.
+fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces>, RenderError> {
+    let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
+    let faces = job.mesh.topology.faces.len();
+    match drawn.faces.par_iter().with_min_len(1 << 16).max() {
+        Some(&face) if face as usize >= faces => return Err(RenderError::NoSuchFace { face, faces }),
+        _ => {}
+    }
+    let k = job.k_buffer.k;
+    if (2..=32).contains(&k) { Ok(drawn) } else { Err(RenderError::BadK(k)) }
+}
+
+impl Renderer for Havs {
+    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
+        job.check()?;
+        let drawn = checked_faces(&job)?;
+        let started = Instant::now();
+        let view = job.local_view();
+        self.frame.clear(view.width_px, view.height_px);
+        let table = Table::of(&job, &mut self.pre_integrated);
+        let cells_active = job.active.count();
+        let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
+        let eye_cells = if everything_clear {
+            self.bins.clear();
+            Vec::new()
+        } else {
+            self.place_faces(&job, &view, &drawn);
+            cells_at_eye(&job, &view, EYE_TOLERANCE)
+        };
+        self.frame.stats = FrameStats {
+            cells_active: cells_active as u64,
+            cells_total: job.active.universe() as u64,
+            faces_drawn: if everything_clear { 0 } else { drawn.faces.len() as u64 },
+            faces_total: job.mesh.topology.faces.len() as u64,
+            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
+            ..job.stats.clone()
+        };
+        self.tile_pixels.resize(self.bins.grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
+        self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
+        // The mesh lies within a local box of diameter 2 sqrt(3).
+        let tie = fragment::tie(view.eye.length() + 2.0);
+        let ms_before = job.stats.ms_decode + job.stats.ms_order;
+        let (is_complete, all_active) = (drawn.is_complete, cells_active == job.active.universe());
+        self.active_job = Some(ActiveJob {
+            job,
+            is_complete,
+            view,
+            table,
+            eye_cells,
+            all_active,
+            tie,
+            next_tile: 0,
+            started,
+            ms_before,
+        });
+        Ok(())
+    }
+
+    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
+        let Some(active) = self.active_job.take() else { return Ok(Advance::Done(&self.frame)) };
+        if active.job.cancel.is_cancelled() {
+            // Perhaps since before its tiles were known.
+            self.active_job = Some(active);
+            return Ok(Advance::Partial(&self.frame));
+        }
+        let slice_started = Instant::now();
+        let next_tile = match &active.table {
+            Table::Exact(table) => self.render_tiles(&active, table, budget),
+            Table::Table3d(table) => self.render_tiles(&active, &**table, budget),
+        };
+        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
+        self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
+        // A tile that was under way when the job was cancelled is not what it should be.
+        if next_tile >= self.bins.grid.tile_count() && !active.job.cancel.is_cancelled() {
+            return Ok(Advance::Done(&self.frame));
+        }
+        self.active_job = Some(ActiveJob { next_tile, ..active });
+        Ok(Advance::Partial(&self.frame))
+    }
+
+    fn take_frame(&mut self, replacement: Frame) -> Frame {
+        std::mem::replace(&mut self.frame, replacement)
+    }
+}
+
+impl Havs {
+    /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
+    fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
+        let job = &active.job;
+        let scene = Scene {
+            faces: Faces {
+                topology: &job.mesh.topology,
+                active: (!active.all_active).then_some(&*job.active),
+                sides: &self.sides,
+                source: BoxSource { view: &active.view, vertices: &self.vertices, screen: &self.screen },
+            },
+            bins: &self.bins,
+            view: &active.view,
+            table,
+            eye_cells: &active.eye_cells,
+            k_buffer: job.k_buffer,
+            is_complete: active.is_complete,
+            early_termination: job.early_termination,
+            tie: active.tie,
+            cancel: &job.cancel,
+        };
+        let portable = self.portable;
+        let (first, pixels) = (active.next_tile, &mut self.tile_pixels);
+        let (counts, end) = tiles::render_tiles(job, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
+            let work = RenderTile { scene: &scene, tile, scratch, pixels };
+            if portable { pulp::Scalar.vectorize(work) } else { pulp::Arch::new().dispatch(work) }
+        });
+        self.frame.stats.add_counts(&counts);
+        tiles::copy_tiles(&mut self.frame, &self.bins.grid, &self.tile_pixels, first..end, job.mesh.positions.scale);
+        end
+    }
+}

@@ -1,0 +1,114 @@
+//! Hits found eight pixels at a time against the definition, pixel by pixel.
+
+use super::super::super::ray::transform;
+use super::super::bins::project;
+use super::*;
+use crate::camera::{Camera, Projection};
+use crate::mesh::{Mesh, RawMesh};
+use crate::synth::random::SplitMix64;
+use crate::task::Cancel;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// A pixel, and what its ray meets there.
+type Hit = (usize, Fragment);
+
+/// The hits of all faces of a mesh in one tile, as drawn, and by the definition in every pixel.
+fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64) -> (Vec<Hit>, Vec<Hit>) {
+    let never = Cancel::new();
+    let (mut vertices, mut screen, mut sides) = (Vec::new(), Vec::new(), Sides::default());
+    let scalars: Vec<f32> = mesh.positions.local.iter().map(|p| p.x + 0.5 * p.y).collect();
+    transform(view, &mesh.positions.local, &scalars, &never, &mut vertices);
+    project(view, &vertices, &never, &mut screen);
+    sides.update(mesh);
+    let source = BoxSource { view, vertices: &vertices, screen: &screen };
+    let faces = Faces { topology: &mesh.topology, active: None, sides: &sides, source };
+    let bounds = Bounds { x0: 0, x1: view.width_px, y0: 0, y1: view.height_px };
+    let rays = TileRays::new(view, bounds);
+    let (mut drawn, mut defined) = (Vec::new(), Vec::new());
+    for id in 0..mesh.topology.faces.len() as u32 {
+        let mut face = Face::UNUSED;
+        if face.set(&faces, &rays, &faces.load(Some(id))) {
+            face.middle[0] += perturb;
+            face.hits(view, &vertices, &rays, |pixel, fragment| drawn.push((pixel, fragment)));
+        }
+        let (ids, cells) = faces.load(Some(id));
+        let at_eye = view.perspective && ids.iter().any(|&v| vertices[v as usize].w <= 0.0);
+        let face = Face { ids, cells, at_eye, ..Face::UNUSED };
+        for (row, column) in (0..view.height_px).flat_map(|j| (0..view.width_px).map(move |i| (j, i))) {
+            let found = face.careful_hit(view, &vertices, column, row);
+            // Without the flag a face behind the eye would count.
+            let found = found.filter(|_| !view.perspective || ids.iter().any(|&v| vertices[v as usize].w > 0.0));
+            defined.extend(found.map(|fragment| (row * super::super::TILE_PX + column, fragment)));
+        }
+    }
+    (drawn, defined)
+}
+
+/// Cells between random points, flattened to slivers of 2^-`flatness`.
+fn random_mesh(random: &mut SplitMix64, flatness: i32) -> Option<Arc<Mesh>> {
+    let flat = 2f64.powi(-flatness);
+    let mut point =
+        || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), flat * random.between(-1.0, 1.0));
+    let points = (0..20).map(|_| point()).collect();
+    let tets = (0..12).map(|_| std::array::from_fn(|_| random.below(20) as u32)).collect();
+    Mesh::build(RawMesh { points, tets }).ok().map(|(mesh, _)| Arc::new(mesh))
+}
+
+/// Meshes and views: near, within, far away, from the edge of a flat mesh, in both projections.
+fn scenes() -> Vec<(Arc<Mesh>, View)> {
+    let mut random = SplitMix64::new(11);
+    let mut scenes = Vec::new();
+    for i in 0..200 {
+        let Some(mesh) = random_mesh(&mut random, [0, 0, 10, 24][i % 4]) else { continue };
+        let distance = [0.3, 2.0, 5.0, 1e4][i / 4 % 4];
+        let mut component = || random.between(-1.0, 1.0);
+        let mut direction = DVec3::new(component(), component(), component());
+        if i % 5 == 0 {
+            direction.z = 0.0;
+        }
+        let position = distance * direction.normalize_or(DVec3::X);
+        let angle = if distance < 1.0 { 100.0 } else { 120.0 / distance };
+        let perspective = Projection::Perspective { view_angle: angle };
+        let projection = if i % 3 == 0 { Projection::Parallel { scale: 1.0 } } else { perspective };
+        let camera = Camera { position, focal_point: DVec3::ZERO, view_up: DVec3::Z, projection, near: 0.0 };
+        let mut view = camera.view(16, 13).unwrap();
+        view.eye = (view.eye - mesh.positions.origin) / mesh.positions.scale;
+        scenes.push((mesh, view));
+    }
+    scenes
+}
+
+fn sorted(mut hits: Vec<Hit>) -> Vec<Hit> {
+    hits.sort_by(|(p, a), (q, b)| p.cmp(q).then(a.near.cmp(&b.near)).then(a.far.cmp(&b.far)));
+    hits
+}
+
+/// Whether all hits are the same, at the same places but for the accuracy of three weights (2^-20 each) of depths and
+/// scalars of magnitude `most`.
+fn agree((drawn, defined): (Vec<Hit>, Vec<Hit>), most: f64) -> bool {
+    let (drawn, defined) = (sorted(drawn), sorted(defined));
+    let bound = 6.0 / (1 << 20) as f64 * most;
+    let same = |(p, a): &Hit, (q, b): &Hit| {
+        let place = (a.depth - b.depth).abs().max((a.scalar - b.scalar).abs());
+        (p, a.near, a.far) == (q, b.near, b.far) && place <= bound
+    };
+    drawn.len() == defined.len() && drawn.iter().zip(&defined).all(|(a, b)| same(a, b))
+}
+
+#[test]
+fn every_ray_hits_the_same_faces_as_by_the_definition() {
+    let mut hits = 0;
+    for (i, (mesh, view)) in scenes().iter().enumerate() {
+        let both = both(mesh, view, 0.0);
+        hits += both.1.len();
+        assert!(agree(both, view.eye.length() + 2.0), "scene {i}: {view:?}");
+    }
+    assert!(hits > 20_000, "{hits} hits");
+}
+
+#[test]
+fn the_comparison_notices_an_edge_that_is_off_by_a_thousandth() {
+    let other = scenes().iter().filter(|(mesh, view)| !agree(both(mesh, view, 1e-3), view.eye.length() + 2.0)).count();
+    assert!(other > 50, "{other} scenes");
+}

@@ -1,0 +1,111 @@
+//! Pixels for which a buffer of k fragments was not enough, from all of their fragments.
+
+use super::super::ray::Ray;
+use super::TILE_PX;
+use super::bins::Bounds;
+use super::fragment::{Fragment, sort_all};
+use super::light::RayLight;
+use super::raster::{Face, TileRays};
+use super::tile::{Scene, TileScratch};
+use crate::mesh::NONE;
+use crate::optics::Integrator;
+
+/// Pixels that are resolved at a time: bounds the memory.
+const PIXELS_AT_ONCE: u32 = 64;
+
+/// Resolves the pixels `again` (a bit per column for each row) from all of their fragments.
+///
+/// A complete list is not sorted but followed: the fragments of a ray form paths from an entry through cell after cell to
+/// an exit, and depths order the paths alone, as in the ray caster.
+#[cold]
+#[inline(never)]
+pub(super) fn resolve_again<I: Integrator>(
+    scene: &Scene<'_, I>,
+    tile: usize,
+    rays: &TileRays,
+    again: &[u32; TILE_PX],
+    scratch: &mut TileScratch,
+    lights: &mut [RayLight<I::Place>; TILE_PX * TILE_PX],
+) {
+    let mut rest = *again;
+    while rest != [0; TILE_PX] && !scene.cancel.is_cancelled() {
+        let mut wanted = [0; TILE_PX];
+        let mut count = 0;
+        for (wanted, rest) in wanted.iter_mut().zip(&mut rest) {
+            if count < PIXELS_AT_ONCE {
+                (*wanted, *rest) = (*rest, 0);
+                count += wanted.count_ones();
+            }
+        }
+        let fragments = &mut scratch.again;
+        collect(scene, tile, rays, &wanted, fragments);
+        // Stable: the fragments of a pixel stay in the order of the list.
+        fragments.sort_by_key(|(pixel, _)| *pixel);
+        let mut of_pixel = Vec::new();
+        for run in fragments.chunk_by(|a, b| a.0 == b.0) {
+            let pixel = run[0].0 as usize;
+            of_pixel.clear();
+            of_pixel.extend(run.iter().map(|(_, fragment)| *fragment));
+            sort_all(&mut of_pixel, scene.tie);
+            let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
+            let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
+            let mut light = RayLight::new(scene.near_distance());
+            if scene.is_complete {
+                for path in paths(&of_pixel) {
+                    if !light.follow(&optics, path) {
+                        break;
+                    }
+                }
+            } else {
+                of_pixel.iter().for_each(|fragment| light.advance(&optics, fragment));
+            }
+            lights[pixel] = light;
+        }
+    }
+}
+
+/// All fragments of the pixels `wanted`, in the order of the list.
+fn collect<I: Integrator>(
+    scene: &Scene<'_, I>,
+    tile: usize,
+    rays: &TileRays,
+    wanted: &[u32; TILE_PX],
+    out: &mut Vec<(u32, Fragment)>,
+) {
+    out.clear();
+    let Bounds { x0, y0, .. } = rays.bounds;
+    let is_wanted = |pixel: usize| wanted[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
+    let mut face = Face::UNUSED;
+    for &cell in scene.eye_cells {
+        for pixel in (0..TILE_PX * TILE_PX).filter(|&pixel| is_wanted(pixel)) {
+            let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
+            out.extend(scene.start_at_eye(&ray, cell).map(|start| (pixel as u32, start)));
+        }
+    }
+    for chunk in 0..scene.bins.chunk_count() {
+        for &id in scene.bins.faces(chunk, tile) {
+            if face.set(&scene.faces, rays, &scene.faces.load(Some(id))) {
+                face.hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+                    if is_wanted(pixel) {
+                        out.push((pixel as u32, fragment));
+                    }
+                });
+            }
+        }
+    }
+}
+
+/// The paths of a ray through a complete list, in the order of their entries: the fragments come sorted by depth.
+fn paths(fragments: &[Fragment]) -> impl Iterator<Item = impl Iterator<Item = &Fragment>> {
+    let mut by_near: Vec<&Fragment> = fragments.iter().filter(|f| f.near != NONE).collect();
+    by_near.sort_by_key(|f| f.near);
+    fragments.iter().filter(|f| f.near == NONE && f.far != NONE).map(move |start| {
+        let by_near = by_near.clone();
+        let next = move |here: &&Fragment| {
+            let found = by_near.binary_search_by_key(&here.far, |f| f.near).ok().filter(|_| here.far != NONE)?;
+            Some(by_near[found])
+        };
+        // No path has more fragments than there are: should cells go round in a circle, it ends all the same.
+        std::iter::successors(Some(start), next).take(fragments.len())
+    })
+}

@@ -1,0 +1,298 @@
+//! One tile: faces in the order of the list, a buffer of fragments for each pixel.
+
+use super::super::ray::Ray;
+use super::super::raycast::entries::EyeCell;
+use super::super::tiles::TilePixel;
+use super::TILE_PX;
+use super::bins::{Bounds, FaceBins};
+use super::fragment::{Fragment, sort_in_window};
+use super::light::{RayLight, RayOptics};
+use super::raster::{Face, Faces, TileRays};
+use super::resolve::resolve_again;
+use crate::camera::View;
+use crate::mesh::NONE;
+use crate::optics::Integrator;
+use crate::render::KBuffer;
+use crate::stats::FrameStats;
+use crate::task::Cancel;
+use pulp::NullaryFnOnce;
+
+/// What all tiles of a frame read.
+pub(super) struct Scene<'a, I> {
+    pub(super) faces: Faces<'a>,
+    pub(super) bins: &'a FaceBins,
+    pub(super) view: &'a View,
+    pub(super) table: &'a I,
+    /// Active cells that may contain the eye.
+    pub(super) eye_cells: &'a [u32],
+    pub(super) k_buffer: KBuffer,
+    /// Whether the list has all faces of the active cells.
+    pub(super) is_complete: bool,
+    pub(super) early_termination: bool,
+    /// Depths closer than that may be in the wrong order.
+    pub(super) tie: f64,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl<I: Integrator> Scene<'_, I> {
+    /// Fragments that a pixel has room for.
+    fn room(&self) -> usize {
+        usize::from(self.k_buffer.k) + BATCH
+    }
+
+    /// Near distance, or where a ray in parallel projection begins.
+    pub(super) fn near_distance(&self) -> f64 {
+        if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
+    }
+
+    pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, I> {
+        let (tie, early_termination) = (self.tie, self.early_termination);
+        RayOptics { table: self.table, length_per_depth: ray.length_per_depth, tie, early_termination }
+    }
+
+    /// Where a ray begins that begins within the active cells: at the eye, with the scalar there, since the next fragment may
+    /// be another one than the cell's exit. If it is sure to be that, the ray begins where it enters the cell, behind the
+    /// eye, as the ray caster has it.
+    pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
+        let EyeCell { entry, exit, .. } = EyeCell::new(self.faces.topology, self.faces.source.vertices, ray, cell)?;
+        let exit_is_next = self.is_complete && self.k_buffer.exact_order;
+        let (depth, scalar) = if exit_is_next || entry.depth >= 0.0 || exit.depth <= entry.depth {
+            (entry.depth, entry.scalar)
+        } else {
+            (0.0, entry.scalar + (exit.scalar - entry.scalar) * (-entry.depth / (exit.depth - entry.depth)))
+        };
+        Some(Fragment { depth, scalar, near: NONE, far: cell })
+    }
+}
+
+/// Fragments that a pixel takes up beyond the `k` that it holds back, before they are sorted and composited.
+const BATCH: usize = 16;
+/// Faces that are made ready at a time, so that memory is waited for once.
+const FACES_AT_ONCE: usize = 32;
+const PIXELS: usize = TILE_PX * TILE_PX;
+
+/// Buffers of a tile, used again from tile to tile.
+pub(super) struct TileScratch {
+    /// Room for k + [`BATCH`] fragments of each pixel, in the order of their arrival behind those held back.
+    slots: Vec<Fragment>,
+    counts: [u32; PIXELS],
+    /// How many of them are held back, and sorted.
+    held: [u32; PIXELS],
+    /// Pixels without room.
+    full: Vec<u16>,
+    faces: [Face; FACES_AT_ONCE],
+    /// Fragments of the pixels that are resolved again.
+    pub(super) again: Vec<(u32, Fragment)>,
+}
+
+impl Default for TileScratch {
+    fn default() -> Self {
+        let (counts, held) = ([0; PIXELS], [0; PIXELS]);
+        Self {
+            slots: Vec::new(),
+            counts,
+            held,
+            full: Vec::new(),
+            faces: [Face::UNUSED; FACES_AT_ONCE],
+            again: Vec::new(),
+        }
+    }
+}
+
+/// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
+pub(super) struct RenderTile<'a, I: Integrator> {
+    pub(super) scene: &'a Scene<'a, I>,
+    pub(super) tile: usize,
+    pub(super) scratch: &'a mut TileScratch,
+    pub(super) pixels: &'a mut [TilePixel],
+}
+
+impl<I: Integrator> NullaryFnOnce for RenderTile<'_, I> {
+    type Output = FrameStats;
+
+    #[inline(always)]
+    fn call(self) -> FrameStats {
+        let Self { scene, tile, scratch, pixels } = self;
+        let rect = scene.bins.grid.rect(tile);
+        let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
+        let rays = TileRays::new(scene.view, bounds);
+        let mut lights = [RayLight::<I::Place>::new(scene.near_distance()); PIXELS];
+        let mut stats = draw_in_list_order(scene, tile, &rays, scratch, &mut lights);
+        let mut again = [0u32; TILE_PX];
+        for row in 0..rect.height {
+            for column in 0..rect.width {
+                let light = &lights[row * TILE_PX + column];
+                let is_in_order = light.out_of_order == 0 && (light.is_whole() || !scene.is_complete);
+                again[row] |= u32::from(scene.k_buffer.exact_order && !is_in_order) << column;
+                stats.out_of_order += u64::from(light.out_of_order);
+            }
+        }
+        if again != [0; TILE_PX] {
+            stats.pixels_resolved_again += again.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
+            resolve_again(scene, tile, &rays, &again, scratch, &mut lights);
+        }
+        for row in 0..rect.height {
+            for column in 0..rect.width {
+                let light = &lights[row * TILE_PX + column];
+                stats.segments += u64::from(light.segments);
+                stats.rays_stopped_early += u64::from(light.is_opaque);
+                stats.rays_hit += u64::from(light.last.0 > f64::NEG_INFINITY);
+                pixels[row * rect.width + column] = light.pixel();
+            }
+        }
+        stats
+    }
+}
+
+/// Faces in the order of the list, fragments through a buffer of k.
+#[inline(always)]
+fn draw_in_list_order<I: Integrator>(
+    scene: &Scene<'_, I>,
+    tile: usize,
+    rays: &TileRays,
+    scratch: &mut TileScratch,
+    lights: &mut [RayLight<I::Place>; PIXELS],
+) -> FrameStats {
+    let room = scene.room();
+    scratch.slots.resize(PIXELS * room, Fragment::UNUSED);
+    scratch.counts.fill(0);
+    scratch.held.fill(0);
+    scratch.full.clear();
+    begin_at_eye(scene, rays, scratch);
+    let mut stats = FrameStats::default();
+    let mut opaque = 0;
+    let mut queue = FaceQueue { next_chunk: 0, ids: &[] };
+    loop {
+        let ready = queue.take(scene, tile, rays, &mut scratch.faces, |next_chunk| {
+            let Bounds { x0, x1, y0, y1 } = rays.bounds;
+            opaque == (x1 - x0) * (y1 - y0)
+                && (!scene.k_buffer.exact_order || scene.bins.nearest_from(next_chunk) > furthest(lights))
+        });
+        let is_last = ready == 0;
+        let mut next = 0;
+        loop {
+            let TileScratch { slots, counts, full, faces, .. } = &mut *scratch;
+            if next < ready {
+                // A face has at most one fragment for a pixel: the room of each is looked at face by face.
+                faces[next].hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+                    let count = counts[pixel] as usize;
+                    slots[pixel * room + count] = fragment;
+                    counts[pixel] = count as u32 + 1;
+                    if count + 1 == room {
+                        full.push(pixel as u16);
+                    }
+                });
+                next += 1;
+            } else if is_last {
+                full.extend((0..PIXELS as u16).filter(|&pixel| counts[usize::from(pixel)] > 0));
+            }
+            while let Some(pixel) = scratch.full.pop() {
+                let light = &mut lights[usize::from(pixel)];
+                let was_opaque = light.is_opaque;
+                stats.fragments += let_go(scene, rays, scratch, usize::from(pixel), light, is_last);
+                opaque += usize::from(light.is_opaque && !was_opaque);
+            }
+            if next >= ready {
+                break;
+            }
+        }
+        if is_last {
+            return stats;
+        }
+    }
+}
+
+/// The faces of a tile that are still to come.
+struct FaceQueue<'a> {
+    next_chunk: usize,
+    ids: &'a [u32],
+}
+
+impl<'a> FaceQueue<'a> {
+    /// Makes the next faces ready that the rays may meet; returns how many, none at the end of the list. Asks at each chunk
+    /// of the list whether nobody sees what comes from there on.
+    #[inline(always)]
+    fn take<I>(
+        &mut self,
+        scene: &Scene<'a, I>,
+        tile: usize,
+        rays: &TileRays,
+        faces: &mut [Face; FACES_AT_ONCE],
+        nobody_sees: impl Fn(usize) -> bool,
+    ) -> usize {
+        let chunks = scene.bins.chunk_count();
+        let mut ready = 0;
+        while ready == 0 {
+            if self.ids.is_empty() {
+                if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
+                    self.next_chunk = chunks;
+                    break;
+                }
+                self.ids = scene.bins.faces(self.next_chunk, tile);
+                self.next_chunk += 1;
+            }
+            let some = self.ids.split_off(..self.ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
+            // All loads of a kind before the first use: the faces of a tile lie anywhere in memory.
+            let mut loaded = [scene.faces.load(None); FACES_AT_ONCE];
+            for (loaded, &face) in loaded.iter_mut().zip(some) {
+                *loaded = scene.faces.load(Some(face));
+            }
+            for loaded in &loaded[..some.len()] {
+                ready += usize::from(faces[ready % FACES_AT_ONCE].set(&scene.faces, rays, loaded));
+            }
+        }
+        ready
+    }
+}
+
+/// The first fragments of rays that begin within the active cells.
+#[inline(never)]
+fn begin_at_eye<I: Integrator>(scene: &Scene<'_, I>, rays: &TileRays, scratch: &mut TileScratch) {
+    let (room, Bounds { x0, x1, y0, y1 }) = (scene.room(), rays.bounds);
+    for &cell in scene.eye_cells {
+        for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
+            let pixel = (row - y0) * TILE_PX + column - x0;
+            let count = &mut scratch.counts[pixel];
+            // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
+            if let Some(start) = scene.start_at_eye(&Ray::of_pixel(scene.view, column, row), cell)
+                && (*count as usize) < BATCH
+            {
+                scratch.slots[pixel * room + *count as usize] = start;
+                *count += 1;
+            }
+        }
+    }
+}
+
+/// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns how many
+/// fragments had arrived.
+#[inline(always)]
+fn let_go<I: Integrator>(
+    scene: &Scene<'_, I>,
+    rays: &TileRays,
+    scratch: &mut TileScratch,
+    pixel: usize,
+    light: &mut RayLight<I::Place>,
+    is_last: bool,
+) -> u64 {
+    let k = usize::from(scene.k_buffer.k);
+    let (count, held) = (scratch.counts[pixel] as usize, scratch.held[pixel] as usize);
+    let fragments = &mut scratch.slots[pixel * scene.room()..][..count];
+    sort_in_window(fragments, held, k, scene.tie);
+    let leaving = if is_last { count } else { count.saturating_sub(k) };
+    let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
+    let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
+    for fragment in &fragments[..leaving] {
+        light.advance(&optics, fragment);
+    }
+    fragments.copy_within(leaving.., 0);
+    let left = (count - leaving) as u32;
+    (scratch.counts[pixel], scratch.held[pixel]) = (left, left);
+    (count - held) as u64
+}
+
+/// The furthest last fragment of the rays of a tile.
+#[inline(never)]
+fn furthest<P: Copy>(lights: &[RayLight<P>; PIXELS]) -> f64 {
+    lights.iter().fold(f64::NEG_INFINITY, |most, light| most.max(light.last.0))
+}
