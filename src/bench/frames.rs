@@ -116,12 +116,17 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         camera_moves: bench.motion.camera,
         size: [size.0, size.1],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
-        mode: if bench.request.mode == RenderMode::Reference { "reference" } else { "raycast" }.to_owned(),
-        lod: 1.0,
+        mode: match bench.request.mode {
+            RenderMode::Reference => "reference",
+            RenderMode::Havs => "havs",
+            RenderMode::Auto | RenderMode::Raycast => "raycast",
+        }
+        .to_owned(),
+        lod: if bench.request.mode == RenderMode::Havs { bench.request.faces.lod } else { 1.0 },
         // The reference integrates exactly whatever was asked for.
         optics: match bench.request.mode {
             RenderMode::Reference => OpticsKind::Exact,
-            RenderMode::Auto | RenderMode::Raycast => bench.request.optics,
+            RenderMode::Auto | RenderMode::Raycast | RenderMode::Havs => bench.request.optics,
         }
         .to_string(),
         codec: pipeline.field().codec.clone(),

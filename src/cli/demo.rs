@@ -61,6 +61,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         opacity_kind: Default::default(),
         unit_distance: None,
         camera: Some(CAMERA.to_owned()),
+        faces: Default::default(),
         mode: Default::default(),
         backend: Default::default(),
         #[cfg(feature = "gpu")]

@@ -7,7 +7,8 @@ use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series};
+use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series};
+use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
@@ -38,9 +39,11 @@ pub(super) struct SceneArgs {
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto, raycast, or reference (float64, slow)
+    /// auto, raycast, havs (faces through a k-buffer; on the CPU), or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
+    #[command(flatten)]
+    pub(super) faces: FaceArgs,
     /// auto (the GPU if there is one), cpu, or gpu
     #[arg(long, value_name = "BACKEND", default_value = "auto")]
     pub(super) backend: Backend,
@@ -54,6 +57,38 @@ pub(super) struct SceneArgs {
     /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
+}
+
+/// Which faces are drawn, and how they come into order.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct FaceArgs {
+    /// Level of detail of havs: the share of interior faces that is drawn, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value = "1", allow_hyphen_values = true, value_parser = parse_lod)]
+    lod: f64,
+    /// Which faces havs draws first: global (those that change most over time), plain (the same by the dissertation's formula),
+    /// or regular, logarithmic, greedy (strata of scalars in each interval; :N intervals, 6 if not said)
+    #[arg(long, value_name = "SAMPLING", default_value = "global")]
+    sampling: Sampling,
+    /// Fragments that havs keeps in order at a time, 2 to 32
+    #[arg(long, value_name = "K", default_value_t = KBuffer::default().k, value_parser = clap::value_parser!(u8).range(2..=32))]
+    k: u8,
+    /// Leave pixels whose fragments came out of order as they are (havs)
+    #[arg(long)]
+    inexact_order: bool,
+}
+
+impl Default for FaceArgs {
+    fn default() -> Self {
+        let FaceDetail { lod, sampling, k_buffer: KBuffer { k, exact_order } } = FaceDetail::default();
+        Self { lod, sampling, k, inexact_order: !exact_order }
+    }
+}
+
+impl FaceArgs {
+    fn detail(&self) -> FaceDetail {
+        let k_buffer = KBuffer { k: self.k, exact_order: !self.inexact_order };
+        FaceDetail { lod: self.lod, sampling: self.sampling, k_buffer }
+    }
 }
 
 /// How large its images are.
@@ -114,6 +149,11 @@ impl FromStr for SizePx {
     }
 }
 
+fn parse_lod(text: &str) -> Result<f64, String> {
+    let is_share = |lod: &f64| (0.0..=1.0).contains(lod);
+    text.parse().ok().filter(is_share).ok_or_else(|| "a level of detail is a number from 0 to 1".to_owned())
+}
+
 fn parse_length(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
@@ -148,8 +188,15 @@ impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
         let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
-        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
-            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
+        let cpu_only = [(RenderMode::Reference, "reference"), (RenderMode::Havs, "havs")];
+        if let Some((_, name)) = cpu_only.iter().find(|(mode, _)| *mode == self.mode)
+            && self.backend == Backend::Gpu
+        {
+            bail!("--mode {name} is rendered on the CPU only; leave --backend gpu out");
+        }
+        let faces = self.faces.detail();
+        if self.mode != RenderMode::Havs && faces != FaceDetail::default() {
+            bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
         }
         let look = Look::default_for(series, tf)?;
         let framing = look.camera.fit_to_aspect(size.0, size.1);
@@ -163,6 +210,7 @@ impl SceneArgs {
             opacity_kind: self.opacity_kind,
             unit_distance: self.unit_distance.unwrap_or(look.unit_distance),
             mode: self.mode,
+            faces,
             backend: self.backend,
             optics: self.optics,
             ..look
@@ -221,9 +269,9 @@ impl Scene {
     pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
         let time = time.into();
         let table = self.table(time)?;
-        let Look { camera, mode, optics, backend, .. } = self.look;
+        let Look { camera, mode, faces, optics, backend, .. } = self.look;
         let request = FrameRequest::new(time, camera, table, (self.size.0, self.size.1));
-        Ok(FrameRequest { mode, optics, backend, ..request })
+        Ok(FrameRequest { mode, faces, optics, backend, ..request })
     }
 
     /// What is known of the GPU by now.

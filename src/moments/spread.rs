@@ -1,7 +1,9 @@
 //! What the accumulated moments say about each vertex.
 
+use serde::Serialize;
+
 /// What the coefficient of variation is divided by.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum CovDenominator {
     /// max(|mean|, `share` of the series range): finite wherever the mean is near zero. Default: 1 %.
     Floored {

@@ -3,6 +3,7 @@
 use super::RenderMode;
 #[cfg(feature = "gpu")]
 use super::gpu::Gpu;
+use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -41,6 +42,7 @@ impl FromStr for Backend {
 #[derive(Default)]
 pub(super) struct Renderers {
     raycast: Raycast,
+    havs: Havs,
     reference: Reference,
     #[cfg(feature = "gpu")]
     pub(super) gpu: Gpu,
@@ -49,7 +51,7 @@ pub(super) struct Renderers {
 impl Renderers {
     /// Forgets what a renderer that panicked may have left behind; the GPU is looked for again.
     pub(super) fn begin_afresh(&mut self) {
-        (self.raycast, self.reference) = Default::default();
+        (self.raycast, self.havs, self.reference) = Default::default();
         #[cfg(feature = "gpu")]
         self.gpu.begin_afresh();
     }
@@ -107,6 +109,7 @@ impl Renderers {
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let renderer: &mut dyn Renderer = match mode {
             RenderMode::Reference => &mut self.reference,
+            RenderMode::Havs => &mut self.havs,
             RenderMode::Auto | RenderMode::Raycast => {
                 self.check(backend)?;
                 #[cfg(feature = "gpu")]

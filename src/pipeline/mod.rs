@@ -30,7 +30,7 @@ pub use frames::SharedFrame;
 pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
-pub use request::{FrameRequest, PipelineError, RenderMode};
+pub use request::{FaceDetail, FrameRequest, PipelineError, RenderMode};
 pub use series::Series;
 pub use time::FrameTime;
 #[cfg(feature = "gpu")]

@@ -2,13 +2,15 @@
 
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, FrameRequest, PipelineError, RenderMode};
+use super::{Backend, FaceDetail, FrameRequest, PipelineError, RenderMode};
+use crate::camera::View;
 use crate::codec::vq;
+use crate::lod::Selector;
 use crate::mesh::Mesh;
 use crate::render::{CompressedStep, RenderJob};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
-use crate::visibility::{CellSet, finite_cells_unless};
+use crate::visibility::{CellSet, DepthOrder, DrawnFaces, finite_cells_unless};
 use std::sync::{Arc, Weak};
 use std::time::Instant;
 
@@ -47,7 +49,8 @@ impl Decode {
         let mut stats = FrameStats::default();
         let scalars = self.steps.show(series, request.time, cancel, &mut stats)?.ok_or(PipelineError::Cancelled)?;
         // A mixture of two steps is not in any block, and the CPU has no use for one.
-        let is_for_gpu = request.backend != Backend::Cpu && request.mode != RenderMode::Reference;
+        let is_for_gpu =
+            request.backend != Backend::Cpu && matches!(request.mode, RenderMode::Auto | RenderMode::Raycast);
         let block = match request.time.toward() {
             None if is_for_gpu => series.source.vq_block(request.time.step())?,
             _ => None,
@@ -66,6 +69,9 @@ pub(super) struct Order {
     /// The last set, and the scalars that it is for. Those are told by their place: while there is a weak reference to it, no
     /// others get it.
     last: Option<(Weak<Vec<f32>>, Arc<CellSet>)>,
+    /// For modes that draw faces.
+    selector: Selector,
+    depth: DepthOrder,
 }
 
 impl Order {
@@ -84,6 +90,10 @@ impl Order {
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
         let Decoded { scalars, compressed, mut stats } = decoded;
         let active = self.active_cells(&series.mesh, &scalars, cancel).ok_or(PipelineError::Cancelled)?;
+        let faces = match request.mode {
+            RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
+            RenderMode::Auto | RenderMode::Raycast | RenderMode::Reference => None,
+        };
         stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         Ok(RenderJob {
             mesh: series.mesh.clone(),
@@ -93,14 +103,34 @@ impl Order {
             view,
             table: request.table.clone(),
             optics: request.optics,
-            faces: None,
-            k_buffer: Default::default(),
+            faces,
+            k_buffer: request.faces.k_buffer,
             early_termination: true,
             cancel: cancel.clone(),
             thread_limit: ThreadLimit::none(),
             for_window: request.for_window,
             stats,
         })
+    }
+
+    /// The faces to draw, front to back.
+    fn faces(
+        &mut self,
+        series: &Series,
+        request: &FrameRequest,
+        view: &View,
+        active: &Arc<CellSet>,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Arc<DrawnFaces>, PipelineError> {
+        let FaceDetail { lod, sampling, .. } = request.faces;
+        let ranking = series.ranking(request.time.step(), sampling, cancel)?.ok_or(PipelineError::Cancelled)?;
+        let selection = self.selector.select(&series.mesh, &ranking, lod, active);
+        let (sorts, skipped) = (self.depth.sorts(), self.depth.sorts_skipped());
+        let drawn = self.depth.order(&series.mesh, view.forward, &selection, cancel);
+        stats.face_sorts = self.depth.sorts() - sorts;
+        stats.face_sorts_skipped = self.depth.sorts_skipped() - skipped;
+        drawn.ok_or(PipelineError::Cancelled)
     }
 
     /// The cells with four finite scalars; `None` if cancelled.

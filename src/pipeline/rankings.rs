@@ -5,10 +5,12 @@ use crate::error::FileResult;
 use crate::lod::{Interval, Partition, Ranking, importance, interval_at, step_change};
 use crate::moments::{CovDenominator, Moments};
 use crate::task::Cancel;
+use serde::Serialize;
+use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How faces are ranked (dissertation 6.1.4).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Sampling {
     /// By how much their scalars change over time: one ranking for all steps.
     Global(CovDenominator),
@@ -19,6 +21,31 @@ pub enum Sampling {
 impl Default for Sampling {
     fn default() -> Self {
         Self::Global(CovDenominator::default())
+    }
+}
+
+impl FromStr for Sampling {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
+        let no_number = || format!("'{text}': after the colon comes the number of intervals, 1 or more");
+        let count = count.map(|n| n.parse().ok().filter(|&n: &usize| n > 0).ok_or_else(no_number)).transpose()?;
+        let intervals = count.unwrap_or(Partition::USUAL);
+        match name {
+            "regular" => Ok(Self::Local(Partition::Regular(intervals))),
+            "logarithmic" => Ok(Self::Local(Partition::Logarithmic(intervals))),
+            "greedy" => Ok(Self::Local(Partition::Greedy(intervals))),
+            "global" | "plain" if count.is_some() => {
+                Err(format!("'{name}' is one ranking for all steps; leave ':' out"))
+            }
+            "global" => Ok(Self::default()),
+            "plain" => Ok(Self::Global(CovDenominator::Plain)),
+            _ => Err(format!(
+                "there is no sampling '{text}'; choose global, plain, regular, logarithmic or greedy, the last three with \
+                 :N for a number of intervals"
+            )),
+        }
     }
 }
 

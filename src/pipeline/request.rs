@@ -1,11 +1,11 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
-use super::{Backend, FrameTime};
+use super::{Backend, FrameTime, Sampling};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::render::RenderError;
+use crate::render::{KBuffer, RenderError};
 use serde::{Deserialize, Serialize, Serializer};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -19,6 +19,8 @@ pub enum RenderMode {
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
     Raycast,
+    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail; on the CPU whatever the backend.
+    Havs,
     /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
@@ -30,9 +32,28 @@ impl FromStr for RenderMode {
         match text {
             "auto" => Ok(Self::Auto),
             "raycast" => Ok(Self::Raycast),
+            "havs" => Ok(Self::Havs),
             "reference" => Ok(Self::Reference),
-            _ => Err(format!("there is no mode '{text}'; choose auto, raycast or reference")),
+            _ => Err(format!("there is no mode '{text}'; choose auto, raycast, havs or reference")),
         }
+    }
+}
+
+/// Which faces are drawn, and how they come into order, in modes that draw faces ([`RenderMode::Havs`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FaceDetail {
+    /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
+    /// are.
+    pub lod: f64,
+    /// Which of them come first.
+    pub sampling: Sampling,
+    /// How their fragments come into order.
+    pub k_buffer: KBuffer,
+}
+
+impl Default for FaceDetail {
+    fn default() -> Self {
+        Self { lod: 1.0, sampling: Sampling::default(), k_buffer: KBuffer::default() }
     }
 }
 
@@ -50,6 +71,8 @@ pub struct FrameRequest {
     pub size_px: (usize, usize),
     /// Which renderer.
     pub mode: RenderMode,
+    /// Which faces are drawn, where faces are.
+    pub faces: FaceDetail,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
     /// Where it is rendered.
@@ -65,15 +88,15 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (mode, optics, backend, for_window) = Default::default();
-        Self { time: time.into(), camera, table, size_px, mode, optics, backend, for_window }
+        let (mode, faces, optics, backend, for_window) = Default::default();
+        Self { time: time.into(), camera, table, size_px, mode, faces, optics, backend, for_window }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
         // By address first: tables are long, and mostly the same one.
         let same_table = Arc::ptr_eq(&self.table, &other.table) || self.table == other.table;
-        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.optics, r.backend, r.for_window);
+        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window);
         same_table && rest(self) == rest(other)
     }
 }

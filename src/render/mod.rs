@@ -18,6 +18,7 @@ use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::visibility::{CellSet, DrawnFaces};
+use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -57,7 +58,7 @@ pub struct RenderJob {
 
 /// How a renderer that draws faces brings the fragments of a pixel into order: faces come sorted by their centroids, which
 /// is nearly the order of their fragments, and a buffer of the `k` nearest of them does the rest (dissertation 6.1.3).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct KBuffer {
     /// Fragments that a pixel holds back before the nearest is composited, 2..=32.
     pub k: u8,

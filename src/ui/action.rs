@@ -64,6 +64,8 @@ pub enum Action {
     Backend(Backend),
     /// Which renderer.
     Renderer(RenderMode),
+    /// Draw this share of the interior faces, 0 to 1, where faces are drawn.
+    LevelOfDetail(f64),
     /// How segments of a ray are integrated.
     Optics(OpticsKind),
     /// Frames per second that are aimed at while the camera moves.

@@ -3,7 +3,7 @@
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{Node, NodeTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FrameRequest, FrameTime, RenderMode, Series};
+use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::store::StoredField;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction, build_node_table};
 use std::sync::Arc;
@@ -26,6 +26,8 @@ pub struct Look {
     pub unit_distance: f64,
     /// Which renderer.
     pub mode: RenderMode,
+    /// Which faces are drawn, where faces are.
+    pub faces: FaceDetail,
     /// Where it runs.
     pub backend: Backend,
     /// How segments are integrated.
@@ -60,10 +62,11 @@ impl Look {
     /// If the mesh has no extent that a camera can frame.
     pub fn default_for(series: &Series, tf: TransferFunction) -> Result<Self, CameraError> {
         let bounds = series.mesh().positions.world_bounds();
-        let (range, opacity_kind, mode, backend, optics) = Default::default();
+        let (range, opacity_kind, mode, faces, backend, optics) = Default::default();
+        let camera = Camera::default_for(bounds)?;
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-        Ok(Self { camera: Camera::default_for(bounds)?, tf, range, opacity_kind, unit_distance, mode, backend, optics })
+        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics })
     }
 
     /// The table over a range.
@@ -103,9 +106,9 @@ impl Requests {
             self.problem = Some(format!("field {}: {error}", field.name));
             Arc::new(clear())
         });
-        let Look { mode, optics, backend, camera, .. } = *look;
+        let Look { mode, faces, optics, backend, camera, .. } = *look;
         let for_window = self.for_window;
-        FrameRequest { mode, optics, backend, for_window, ..FrameRequest::new(time, camera, table, size) }
+        FrameRequest { mode, faces, optics, backend, for_window, ..FrameRequest::new(time, camera, table, size) }
     }
 
     fn table(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Arc<NodeTable>, TransferError> {

@@ -48,6 +48,7 @@ impl Desk {
             opacity_kind: Default::default(),
             unit_distance: 0.01,
             mode: Default::default(),
+            faces: Default::default(),
             backend: Backend::Cpu,
             optics: Default::default(),
         };

@@ -70,6 +70,7 @@ impl Session {
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
             Action::Optics(optics) => self.look.optics = optics,
+            Action::LevelOfDetail(lod) => self.look.faces.lod = lod,
             Action::TargetRate(fps) if fps.is_nan() => {}
             Action::TargetRate(fps) => self.target_fps = fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()),
             Action::ImageScale(scale) => {

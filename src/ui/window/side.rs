@@ -237,6 +237,7 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let modes = [
         (RenderMode::Auto, "best renderer"),
         (RenderMode::Raycast, "ray caster"),
+        (RenderMode::Havs, "faces (CPU)"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
     if choice(ui, "Renderer", &mut mode, &modes) {
@@ -257,12 +258,18 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if fps != before {
         actions.push(Action::TargetRate(fps));
     }
-    // It becomes a control with the first renderer that can leave cells out.
-    let mut all = 100.0;
+    let has_levels = mode == RenderMode::Havs;
+    let before = if has_levels { 100.0 * session.look().faces.lod } else { 100.0 };
+    let mut percent = before;
     ui.horizontal(|ui| {
-        let value = DragValue::new(&mut all).suffix(" %");
-        let response = ui.add_enabled(false, value).on_disabled_hover_text("The ray caster always draws all cells");
+        let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %");
+        let response = ui.add_enabled(has_levels, value);
+        let response =
+            response.on_disabled_hover_text("The ray caster always draws all cells; choose the renderer of faces");
         ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Level of detail"));
         ui.label("level of detail");
     });
+    if percent != before {
+        actions.push(Action::LevelOfDetail(percent / 100.0));
+    }
 }
