@@ -407,8 +407,8 @@ impl PlayerWindow {
     fn show_session(&mut self, ui: &mut egui::Ui, wish: &mut Option<Wish>) {
         let Some(session) = &mut self.session else { return };
         let ctx = ui.ctx().clone();
-        // Behind everything, of which the places are not known yet.
-        let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.max_rect());
+        // Behind everything that follows, of which the places are not known yet.
+        let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.available_rect_before_wrap());
         let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
         let mut actions = input::pressed(&ctx);
         popups::notices(ui, session, &mut actions);

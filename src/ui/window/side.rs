@@ -12,6 +12,7 @@ use crate::transfer::{ColorMap, MappedRange, RangePolicy};
 use crate::ui::settings::RecentFile;
 use crate::ui::{Action, IMAGE_SCALES, Session, TARGET_FPS};
 use eframe::egui;
+use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 
 /// Width of the panel in points, unless it is dragged.
@@ -60,7 +61,9 @@ impl Side {
 pub(super) fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
     let mut wanted = None;
     ui.add_space(4.0);
-    ui.menu_button("Open...", |ui| {
+    // A path can be typed only in what stays open when it is clicked.
+    let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+    MenuButton::new("Open...").config(stays).ui(ui, |ui| {
         ui.label("Drop a file on the window, or name one:");
         wanted = path_box.show(ui);
         if !recent.is_empty() {

@@ -114,6 +114,22 @@ fn every_control_has_a_name() {
 }
 
 #[test]
+fn another_file_is_named_in_the_menu_while_one_is_played() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.click("Open...");
+    // As a hand does, not by the focus alone.
+    desk.click("Path to open");
+    desk.click("Path to open");
+    desk.harness.get_by_label("Path to open").type_text("/nowhere/at/all.pvd");
+    desk.harness.step();
+    desk.harness.key_press(Key::Enter);
+    desk.harness.step();
+    desk.until("it says that there is no such file", |session| {
+        session.notices().iter().any(|notice| notice.text.contains("/nowhere/at/all.pvd"))
+    });
+}
+
+#[test]
 fn files_are_opened_by_name_and_what_cannot_be_opened_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let path = store(folder.path());

@@ -83,10 +83,12 @@ mod linux {
         camera: Option<Camera>,
         notices: Vec<String>,
         is_painted: bool,
+        passes: u64,
     }
 
     impl Seen {
         fn look(&mut self, window: &PlayerWindow) {
+            self.passes += 1;
             let Some(session) = window.session() else { return };
             let (state, look) = (session.state(), session.look());
             self.playing = state.playing;
@@ -157,6 +159,9 @@ mod linux {
         user.key(Keysym::RIGHT).unwrap();
         until("the next step", seen, |seen| seen.shown() == Some(1) && seen.is_painted);
         let lost = texture(&seen.lock().unwrap()).unwrap().context().clone();
+        // What is lost between the image that the screen gave and its return ends the program: wgpu's swapchain then panics while
+        // it is dropped.
+        until_at_rest(seen);
         lost.lose();
         // Something happens, and the window notices.
         user.point(320.0, 320.0).unwrap();
@@ -175,6 +180,20 @@ mod linux {
             let seen = || seen.lock().unwrap().notices.clone();
             assert!(begin.elapsed() < Duration::from_secs(60), "in vain: {what}; {:?}", seen());
             pause(5);
+        }
+    }
+
+    /// Waits until nothing has been painted for longer than painting takes.
+    fn until_at_rest(seen: &Mutex<Seen>) {
+        let passes = || seen.lock().unwrap().passes;
+        let (mut before, begin) = (passes(), Instant::now());
+        loop {
+            pause(1500);
+            match passes() {
+                now if now == before => return,
+                now => before = now,
+            }
+            assert!(begin.elapsed() < Duration::from_secs(60), "it is painted without end");
         }
     }
 
