@@ -116,15 +116,15 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         camera_moves: bench.motion.camera,
         size: [size.0, size.1],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
-        mode: match bench.request.mode {
+        mode: match bench.request.drawn_by() {
             RenderMode::Reference => "reference",
             RenderMode::Havs => "havs",
             RenderMode::Auto | RenderMode::Raycast => "raycast",
         }
         .to_owned(),
-        lod: if bench.request.mode == RenderMode::Havs { bench.request.faces.lod } else { 1.0 },
+        lod: if bench.request.drawn_by() == RenderMode::Havs { bench.request.faces.lod } else { 1.0 },
         // The reference integrates exactly whatever was asked for.
-        optics: match bench.request.mode {
+        optics: match bench.request.drawn_by() {
             RenderMode::Reference => OpticsKind::Exact,
             RenderMode::Auto | RenderMode::Raycast | RenderMode::Havs => bench.request.optics,
         }

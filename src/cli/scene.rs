@@ -188,14 +188,15 @@ impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
         let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
-        let cpu_only = [(RenderMode::Reference, "reference"), (RenderMode::Havs, "havs")];
-        if let Some((_, name)) = cpu_only.iter().find(|(mode, _)| *mode == self.mode)
+        let faces = self.faces.detail();
+        let draws_faces = self.mode == RenderMode::Havs || self.mode == RenderMode::Auto && faces.lod < 1.0;
+        let cpu_only = [(self.mode == RenderMode::Reference, "--mode reference"), (draws_faces, "--mode havs")];
+        if let Some((_, name)) = cpu_only.iter().find(|(is_so, _)| *is_so)
             && self.backend == Backend::Gpu
         {
-            bail!("--mode {name} is rendered on the CPU only; leave --backend gpu out");
+            bail!("{name} is rendered on the CPU only; leave --backend gpu out");
         }
-        let faces = self.faces.detail();
-        if self.mode != RenderMode::Havs && faces != FaceDetail::default() {
+        if !draws_faces && faces != FaceDetail::default() {
             bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
         }
         let look = Look::default_for(series, tf)?;

@@ -159,7 +159,7 @@ impl Pipeline {
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
         let job = self.prepare_unless(request, cancel)?;
-        let drawn = self.renderers.render(job, request.mode, request.backend)?;
+        let drawn = self.renderers.render(job, request.drawn_by(), request.backend)?;
         drawn.ok_or(PipelineError::Cancelled)
     }
 

@@ -49,8 +49,7 @@ impl Decode {
         let mut stats = FrameStats::default();
         let scalars = self.steps.show(series, request.time, cancel, &mut stats)?.ok_or(PipelineError::Cancelled)?;
         // A mixture of two steps is not in any block, and the CPU has no use for one.
-        let is_for_gpu =
-            request.backend != Backend::Cpu && matches!(request.mode, RenderMode::Auto | RenderMode::Raycast);
+        let is_for_gpu = request.backend != Backend::Cpu && request.drawn_by() == RenderMode::Raycast;
         let block = match request.time.toward() {
             None if is_for_gpu => series.source.vq_block(request.time.step())?,
             _ => None,
@@ -90,9 +89,9 @@ impl Order {
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
         let Decoded { scalars, compressed, mut stats } = decoded;
         let active = self.active_cells(&series.mesh, &scalars, cancel).ok_or(PipelineError::Cancelled)?;
-        let faces = match request.mode {
+        let faces = match request.drawn_by() {
             RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
-            RenderMode::Auto | RenderMode::Raycast | RenderMode::Reference => None,
+            _ => None,
         };
         stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         Ok(RenderJob {

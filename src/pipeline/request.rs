@@ -14,7 +14,8 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RenderMode {
-    /// The fastest that is within the accuracy bounds: the ray caster.
+    /// The fastest that is within the accuracy bounds: the ray caster for all there is, faces below that
+    /// ([`FaceDetail::lod`] less than 1).
     #[default]
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
@@ -39,7 +40,7 @@ impl FromStr for RenderMode {
     }
 }
 
-/// Which faces are drawn, and how they come into order, in modes that draw faces ([`RenderMode::Havs`]).
+/// Which faces are drawn, and how they come into order, where faces are ([`FrameRequest::drawn_by`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FaceDetail {
     /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
@@ -90,6 +91,15 @@ impl FrameRequest {
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
         let (mode, faces, optics, backend, for_window) = Default::default();
         Self { time: time.into(), camera, table, size_px, mode, faces, optics, backend, for_window }
+    }
+
+    /// The renderer that draws it: what [`RenderMode::Auto`] comes to, else [`Self::mode`].
+    pub fn drawn_by(&self) -> RenderMode {
+        match self.mode {
+            RenderMode::Auto if self.faces.lod < 1.0 => RenderMode::Havs,
+            RenderMode::Auto => RenderMode::Raycast,
+            mode => mode,
+        }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.

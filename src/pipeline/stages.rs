@@ -171,7 +171,7 @@ fn render(
         return Ok((frame, true));
     }
     let job = RenderJob { thread_limit: shared.thread_limit.clone(), ..job };
-    let work = || renderers.render_to_keep(job, request.mode, request.backend, || shared.pool.spare());
+    let work = || renderers.render_to_keep(job, request.drawn_by(), request.backend, || shared.pool.spare());
     let rendered = match threads {
         Some(threads) => threads.install(work),
         None => work(),

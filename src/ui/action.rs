@@ -68,8 +68,10 @@ pub enum Action {
     LevelOfDetail(f64),
     /// How segments of a ray are integrated.
     Optics(OpticsKind),
-    /// Frames per second that are aimed at while the camera moves.
+    /// Frames per second that are aimed at while something moves.
     TargetRate(f64),
+    /// Whether that is done by the level of detail, and while playing, too.
+    HoldRate(bool),
     /// Pixels of the image per pixel of the screen, along a side.
     ImageScale(f64),
     /// The mouse is at this place of the picture, as shares of width and height from the left upper corner.

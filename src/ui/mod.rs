@@ -9,6 +9,7 @@
 //! own. While nothing changes, nothing is asked of the pipeline and the window is not painted.
 
 mod action;
+mod detail;
 pub mod following;
 mod history;
 mod insight;

@@ -4,6 +4,7 @@ mod act;
 mod insight;
 mod tick;
 
+use super::detail::Detail;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
@@ -33,8 +34,10 @@ pub struct SessionOptions {
     pub background: [f32; 3],
     /// Pixels of the image per pixel of the screen, along a side; within [`IMAGE_SCALES`].
     pub image_scale: f64,
-    /// Frames per second to aim at while the camera moves; within [`TARGET_FPS`](super::TARGET_FPS).
+    /// Frames per second to aim at while something moves; within [`TARGET_FPS`](super::TARGET_FPS).
     pub target_fps: f64,
+    /// Whether that is done by the level of detail, and while playing, too.
+    pub holds_rate: bool,
     /// Where images go.
     pub screenshot_folder: PathBuf,
 }
@@ -78,6 +81,8 @@ pub struct Session {
     /// Until then the user has a core for themselves.
     busy_until: Duration,
     target_fps: f64,
+    holds_rate: bool,
+    detail: Detail,
     /// Whether frames may stay on the GPU of the window.
     has_window_gpu: bool,
     notices: Vec<Notice>,
@@ -102,8 +107,8 @@ impl Session {
     /// If the system gives no threads.
     pub fn new(player: Player, options: SessionOptions, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let insight = Insight::of(player.pipelined().series().clone(), wake.clone())?;
-        let SessionOptions { store, look, camera_is_chosen, background, image_scale, target_fps, screenshot_folder } =
-            options;
+        let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
+        let SessionOptions { target_fps, holds_rate, screenshot_folder, .. } = options;
         Ok(Self {
             player,
             store,
@@ -124,6 +129,8 @@ impl Session {
             turns: 0,
             busy_until: Duration::ZERO,
             target_fps,
+            holds_rate,
+            detail: Detail::default(),
             has_window_gpu: false,
             notices: Vec::new(),
             help_is_open: false,
@@ -184,9 +191,14 @@ impl Session {
         &self.history
     }
 
-    /// Frames per second that are aimed at while the camera moves.
+    /// Frames per second that are aimed at while something moves.
     pub fn target_fps(&self) -> f64 {
         self.target_fps
+    }
+
+    /// Whether that is done by the level of detail, and while playing, too.
+    pub fn holds_rate(&self) -> bool {
+        self.holds_rate
     }
 
     /// How often a command has gone elsewhere: no frame that was delivered before the last one may come onto the screen any

@@ -59,6 +59,7 @@ impl Desk {
             background: [0.0; 3],
             image_scale: 1.0,
             target_fps: DEFAULT_TARGET_FPS,
+            holds_rate: false,
             screenshot_folder: folder.to_owned(),
         };
         let mut session = Session::new(Player::new(clock, pipelined), options, Arc::new(|| ())).unwrap();

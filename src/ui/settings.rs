@@ -95,8 +95,10 @@ pub struct Settings {
     pub background: [f32; 3],
     /// Pixels of the image per pixel of the screen, along a side.
     pub image_scale: f64,
-    /// Frames a second to aim at while the camera moves.
+    /// Frames a second to aim at while something moves.
     pub target_rate: f64,
+    /// Whether that is done by the level of detail, and while playing, too.
+    pub holds_rate: bool,
     /// Bytes of rendered frames that are kept.
     pub frame_cache_bytes: u64,
     /// Where the last image was saved to.
@@ -114,6 +116,7 @@ impl Default for Settings {
             background: [22.0 / 255.0, 24.0 / 255.0, 29.0 / 255.0],
             image_scale: 1.0,
             target_rate: 25.0,
+            holds_rate: false,
             frame_cache_bytes: PipelinedOptions::default().frame_cache_bytes,
             screenshot_folder: None,
         }
@@ -189,6 +192,7 @@ impl Settings {
         take(map, "background", &mut settings.background, &mut wrong);
         take(map, "image_scale", &mut settings.image_scale, &mut wrong);
         take(map, "target_rate", &mut settings.target_rate, &mut wrong);
+        take(map, "holds_rate", &mut settings.holds_rate, &mut wrong);
         take(map, "frame_cache_bytes", &mut settings.frame_cache_bytes, &mut wrong);
         take(map, "screenshot_folder", &mut settings.screenshot_folder, &mut wrong);
         (settings.within_bounds(), wrong)

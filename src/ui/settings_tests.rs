@@ -234,6 +234,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             background,
             image_scale: scale,
             target_rate: rate,
+            holds_rate: shows_side,
             frame_cache_bytes: bytes,
             screenshot_folder: None,
         };

@@ -70,9 +70,11 @@ impl Session {
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
             Action::Optics(optics) => self.look.optics = optics,
-            Action::LevelOfDetail(lod) => self.look.faces.lod = lod,
+            Action::LevelOfDetail(lod) if lod.is_nan() => {}
+            Action::LevelOfDetail(lod) => self.look.faces.lod = lod.clamp(0.0, 1.0),
             Action::TargetRate(fps) if fps.is_nan() => {}
             Action::TargetRate(fps) => self.target_fps = fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()),
+            Action::HoldRate(holds) => self.holds_rate = holds,
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
             }
@@ -118,7 +120,9 @@ impl Session {
     fn move_camera(&mut self, moved: impl FnOnce(&Camera) -> Result<Camera, CameraError>, now: Duration) {
         if let Ok(camera) = moved(&self.look.camera) {
             self.look.camera = camera;
-            self.motion.moved(now, self.full_frame_ms(), 1e3 / self.target_fps);
+            // Where the level of detail holds the rate, images need not be smaller.
+            let full_ms = self.full_frame_ms().filter(|_| !self.has_levels());
+            self.motion.moved(now, full_ms, 1e3 / self.target_fps);
         }
     }
 

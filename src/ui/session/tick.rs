@@ -1,8 +1,11 @@
 //! What a session does whenever its time comes.
 
 use super::{Session, Shown};
-use crate::pipeline::FrameRequest;
+use crate::pipeline::{FaceDetail, FrameRequest, RenderMode};
+use crate::playback::State;
+use crate::ui::detail::{Measured, Wanted};
 use crate::ui::jobs::{Done, Screenshot};
+use crate::ui::look::Look;
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;
 use std::time::Duration;
@@ -18,19 +21,23 @@ impl Session {
         // An image that is to be saved must be here.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
-        let is_asked = self.requests.for_window == for_window
-            && self.asked.as_ref().is_some_and(|(look, asked_size)| *look == self.look && *asked_size == size);
+        let look = self.look_in_motion(&state, size, now);
+        let is_asked = |(asked, asked_size): &(Look, _)| {
+            // Frames of another level are as good while more of them follow; at rest it is the one that was chosen.
+            let lod = if state.playing { asked.faces.lod } else { look.faces.lod };
+            let faces = FaceDetail { lod, ..look.faces };
+            *asked_size == size && *asked == Look { faces, ..look.clone() }
+        };
+        let is_asked = self.requests.for_window == for_window && self.asked.as_ref().is_some_and(is_asked);
         self.requests.for_window = for_window;
-        if !is_asked {
-            // Before the first frame there is nothing to draw again.
-            if self.asked.is_some() {
-                self.player.redraw();
-            }
-            self.asked = Some((self.look.clone(), size));
+        // Before the first frame there is nothing to draw again.
+        if !is_asked && self.asked.is_some() {
+            self.player.redraw();
         }
+        self.asked = Some((look.clone(), size));
         let series = self.series().clone();
-        let Self { player, requests, look, .. } = self;
-        let tick = player.tick(now, &mut |time| requests.make(look, series.field(), time, size));
+        let Self { player, requests, .. } = self;
+        let tick = player.tick(now, &mut |time| requests.make(&look, series.field(), time, size));
         if let Some(problem) = self.requests.problem.take() {
             self.fail(problem);
         }
@@ -43,6 +50,12 @@ impl Session {
                     self.history.add(now, &frame, delivery.is_kept);
                     let (width, height) = delivery.request.size_px;
                     self.ms_per_pixel = Some(frame.stats.ms_render / (width * height) as f64);
+                    if !delivery.is_kept && delivery.request.mode != RenderMode::Reference {
+                        let level = (frame.stats.faces_total > 0).then_some(delivery.request.faces.lod);
+                        let pixels = width * height;
+                        let ms = frame.stats.ms_decode + frame.stats.ms_order + frame.stats.ms_render;
+                        self.detail.measured(Measured { level, ms, pixels });
+                    }
                     self.shown = Some(Shown { frame, request: delivery.request, is_kept: delivery.is_kept });
                     is_new = true;
                 }
@@ -69,6 +82,21 @@ impl Session {
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
         let wait = tick.wait.into_iter().chain(self.motion.rest(now)).chain(busy).min();
         (is_new, wait)
+    }
+
+    /// Whether the renderer can hold a rate by the level of detail, and is to.
+    pub(super) fn has_levels(&self) -> bool {
+        self.holds_rate && matches!(self.look.mode, RenderMode::Auto | RenderMode::Havs)
+    }
+
+    /// The look of the next frames: with another level of detail while something moves and the rate is to be held, or where all
+    /// cells are drawn as fast.
+    fn look_in_motion(&mut self, state: &State, (width, height): (usize, usize), now: Duration) -> Look {
+        let moves = state.playing || self.motion.scale_at(now).is_some();
+        let held_ms = (moves && self.has_levels()).then_some(1e3 / self.target_fps);
+        let Look { mode, faces, .. } = self.look;
+        let lod = self.detail.level(Wanted { mode, most: faces.lod, held_ms, pixels: width * height });
+        Look { faces: FaceDetail { lod, ..faces }, ..self.look.clone() }
     }
 
     /// Of what is on the screen, once that is what it should be: in full, and of the camera as it is.

@@ -271,9 +271,17 @@ impl PlayerWindow {
         let settings = self.keeper.settings();
         let screenshot_folder = self.options.screenshot_folder.clone();
         let background = self.options.background.unwrap_or(settings.background);
-        let (image_scale, target_fps) = (settings.image_scale, settings.target_rate);
-        let options =
-            SessionOptions { store, look, camera_is_chosen, background, image_scale, target_fps, screenshot_folder };
+        let (image_scale, target_fps, holds_rate) = (settings.image_scale, settings.target_rate, settings.holds_rate);
+        let options = SessionOptions {
+            store,
+            look,
+            camera_is_chosen,
+            background,
+            image_scale,
+            target_fps,
+            holds_rate,
+            screenshot_folder,
+        };
         let player = Player::new(clock, pipelined);
         let mut session = Session::new(player, options, Arc::new(self.waker.wake())).map_err(no_threads)?;
         session.use_window_gpu(self.screen.context().is_some());
@@ -290,6 +298,7 @@ impl PlayerWindow {
         if let Some(session) = &self.session {
             settings.background = session.background();
             (settings.image_scale, settings.target_rate) = (session.image_scale(), session.target_fps());
+            settings.holds_rate = session.holds_rate();
         }
         let (told, wait) = self.keeper.tick(self.started.elapsed());
         if let Some(told) = told {

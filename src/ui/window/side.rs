@@ -261,16 +261,21 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if fps != before {
         actions.push(Action::TargetRate(fps));
     }
-    let has_levels = mode == RenderMode::Havs;
+    let has_levels = matches!(mode, RenderMode::Auto | RenderMode::Havs);
+    let mut holds = session.holds_rate();
+    let hold = ui.add_enabled(has_levels, egui::Checkbox::new(&mut holds, "hold it by level of detail"));
+    let why = "While it plays or the camera moves, draw only as many faces as this rate allows, instead of smaller images; at rest, all";
+    if hold.on_hover_text(why).changed() {
+        actions.push(Action::HoldRate(holds));
+    }
     let before = if has_levels { 100.0 * session.look().faces.lod } else { 100.0 };
     let mut percent = before;
     ui.horizontal(|ui| {
         let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %");
         let response = ui.add_enabled(has_levels, value);
-        let response =
-            response.on_disabled_hover_text("The ray caster always draws all cells; choose the renderer of faces");
+        let response = response.on_disabled_hover_text("This renderer always draws all cells");
         ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Level of detail"));
-        ui.label("level of detail");
+        ui.label("level of detail").on_hover_text("The share of the faces inside the volume that is drawn at most");
     });
     if percent != before {
         actions.push(Action::LevelOfDetail(percent / 100.0));

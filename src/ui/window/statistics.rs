@@ -57,6 +57,10 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         lines.push(("order", ms(stats.ms_order)));
         lines.push(("render", ms(stats.ms_render)));
         lines.push(("image", format!("{width} x {height}")));
+        if stats.faces_total > 0 {
+            let share = 100.0 * shown.request.faces.lod;
+            lines.push(("faces", format!("{} of {} ({share:.1} %)", stats.faces_drawn, stats.faces_total)));
+        }
         let place = if stats.on_gpu { "GPU" } else { "CPU" };
         lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
         lines.push(("active cells", format!("{} of {}", stats.cells_active, stats.cells_total)));
