@@ -39,7 +39,8 @@ pub(super) struct SceneArgs {
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto, raycast, havs (faces through a k-buffer; on the CPU), or reference (float64, slow)
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer; on the CPU), or reference (float64,
+    /// slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
     #[command(flatten)]
@@ -62,12 +63,13 @@ pub(super) struct SceneArgs {
 /// Which faces are drawn, and how they come into order.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct FaceArgs {
-    /// Level of detail of havs: the share of interior faces that is drawn, 0 to 1
+    /// Level of detail: the share of interior faces that is drawn, 0 to 1
     #[arg(long, value_name = "SHARE", default_value = "1", allow_hyphen_values = true, value_parser = parse_lod)]
     lod: f64,
-    /// Which faces havs draws first: global (those that change most over time), plain (the same by the dissertation's formula),
-    /// or regular, logarithmic, greedy (strata of scalars in each interval; :N intervals, 6 if not said)
-    #[arg(long, value_name = "SAMPLING", default_value = "global")]
+    /// Which faces havs draws first: error (by chance, more of those that would be missed), random, global (those that change
+    /// most over time), plain (the same by the dissertation's formula), or regular, logarithmic, greedy (strata of scalars in
+    /// each interval; :N intervals, 6 if not said)
+    #[arg(long, value_name = "SAMPLING", default_value = "error")]
     sampling: Sampling,
     /// Fragments that havs keeps in order at a time, 2 to 32
     #[arg(long, value_name = "K", default_value_t = KBuffer::default().k, value_parser = clap::value_parser!(u8).range(2..=32))]

@@ -1,10 +1,13 @@
 //! Level of detail: which faces are drawn when not all of them can be.
 //!
 //! Sample-based, as in Callahan's dissertation (6.1.4): a [`Ranking`] puts the interior faces in order once, and a frame draws
-//! the first of them. [`importance`] is the global strategy (6.1.4.2): faces whose scalars change much over time come first, one
-//! ranking for the whole series. [`Ranking::by_strata`] is the local one (6.1.4.1): faces are drawn at random from a histogram of
-//! their scalars at one step, and each [`Interval`] of the series has its own ranking. [`select()`] takes the first faces that
-//! belong to the active cells, and all faces of their surface; [`Controller`] says how many, so that a frame rate is held.
+//! the first of them. [`importance`] is its global strategy (6.1.4.2): faces whose scalars change much over time come first, one
+//! ranking for the whole series. [`Ranking::by_strata`] is its local one (6.1.4.1): faces are drawn at random from a histogram of
+//! their scalars at one step, and each [`Interval`] of the series has its own ranking. Neither is safe: on most series, at most
+//! levels, a random subset is closer to the whole image than either (figures in docs/performance.md). What is drawn unless
+//! somebody chooses is therefore a random subset that is denser where faces matter: [`sampling_density`],
+//! [`Ranking::by_density`]. [`select()`] takes the first faces that belong to the active cells, and all faces of their surface;
+//! [`Controller`] says how many, so that a frame rate is held.
 //!
 //! # Deviations from the dissertation
 //! 1. The coefficient of variation is divided by max(|mean|, 1 % of the series' range), not by the mean
@@ -12,10 +15,14 @@
 //!    noise. Where nothing ever changes it is 0.
 //! 2. Equal importances are in the order of a hash of their ids. Ids follow the vertices along a curve: in the order of ids, a
 //!    part of the faces that stand still would be those of one corner of the mesh.
-//! 3. The surface of the active cells is drawn whole at every level: it bounds the first and the last gap on a ray.
+//! 3. The ranking that is used unless another is chosen is neither of its two.
+//! 4. The surface of the active cells is drawn whole at every level: it bounds the first and the last gap on a ray.
 
 mod controller;
+#[cfg(test)]
+mod density_tests;
 mod importance;
+mod interpolation_error;
 mod intervals;
 mod ranking;
 mod selection;
@@ -25,6 +32,7 @@ mod tests;
 
 pub use controller::Controller;
 pub use importance::importance;
+pub use interpolation_error::sampling_density;
 pub use intervals::{Interval, Partition, interval_at, step_change};
 pub use ranking::{Ranking, list_change};
 pub use selection::{Selector, select};

@@ -123,7 +123,11 @@ impl Order {
         stats: &mut FrameStats,
     ) -> Result<Arc<DrawnFaces>, PipelineError> {
         let FaceDetail { lod, sampling, .. } = request.faces;
-        let ranking = series.ranking(request.time.step(), sampling, cancel)?.ok_or(PipelineError::Cancelled)?;
+        let ranking = if lod < 1.0 {
+            series.ranking(request.time.step(), sampling, cancel)?.ok_or(PipelineError::Cancelled)?
+        } else {
+            series.any_ranking()
+        };
         let selection = self.selector.select(&series.mesh, &ranking, lod, active);
         let (sorts, skipped) = (self.depth.sorts(), self.depth.sorts_skipped());
         let drawn = self.depth.order(&series.mesh, view.forward, &selection, cancel);

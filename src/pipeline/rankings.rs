@@ -2,26 +2,25 @@
 
 use super::series::Series;
 use crate::error::FileResult;
-use crate::lod::{Interval, Partition, Ranking, importance, interval_at, step_change};
+use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
 use crate::moments::{CovDenominator, Moments};
 use crate::task::Cancel;
 use serde::Serialize;
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How faces are ranked (dissertation 6.1.4).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+/// How faces are ranked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub enum Sampling {
-    /// By how much their scalars change over time: one ranking for all steps.
+    /// At random, more densely where leaving faces out shows: one ranking for all steps ([`sampling_density`]).
+    #[default]
+    Error,
+    /// At random.
+    Random,
+    /// By how much their scalars change over time: one ranking for all steps (dissertation 6.1.4.2).
     Global(CovDenominator),
-    /// By strata of the scalars of one step in each interval.
+    /// By strata of the scalars of one step in each interval (dissertation 6.1.4.1).
     Local(Partition),
-}
-
-impl Default for Sampling {
-    fn default() -> Self {
-        Self::Global(CovDenominator::default())
-    }
 }
 
 impl FromStr for Sampling {
@@ -36,14 +35,16 @@ impl FromStr for Sampling {
             "regular" => Ok(Self::Local(Partition::Regular(intervals))),
             "logarithmic" => Ok(Self::Local(Partition::Logarithmic(intervals))),
             "greedy" => Ok(Self::Local(Partition::Greedy(intervals))),
-            "global" | "plain" if count.is_some() => {
+            "error" | "random" | "global" | "plain" if count.is_some() => {
                 Err(format!("'{name}' is one ranking for all steps; leave ':' out"))
             }
-            "global" => Ok(Self::default()),
+            "error" => Ok(Self::Error),
+            "random" => Ok(Self::Random),
+            "global" => Ok(Self::Global(CovDenominator::default())),
             "plain" => Ok(Self::Global(CovDenominator::Plain)),
             _ => Err(format!(
-                "there is no sampling '{text}'; choose global, plain, regular, logarithmic or greedy, the last three with \
-                 :N for a number of intervals"
+                "there is no sampling '{text}'; choose error, random, global, plain, regular, logarithmic or greedy, the \
+                 last three with :N for a number of intervals"
             )),
         }
     }
@@ -52,10 +53,15 @@ impl FromStr for Sampling {
 /// What a ranking depends on beside the series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Key {
+    Error,
+    Random,
     Global(CovDenominator),
     /// The step whose scalars are sampled.
     Step(usize),
 }
+
+/// Steps that are looked at for [`Sampling::Error`], evenly spread: more change little, and take longer.
+const ERROR_STEPS: usize = 16;
 
 /// Rankings in memory: four bytes a face each.
 const MOST: usize = 8;
@@ -68,6 +74,7 @@ pub(super) struct Rankings(Mutex<Kept>);
 struct Kept {
     /// What the order within a stratum comes from.
     by_hash: Option<Arc<Ranking>>,
+    unordered: Option<Arc<Ranking>>,
     /// The intervals of the partition asked for last.
     intervals: Option<(Partition, Arc<[Interval]>)>,
     /// Those used last are last.
@@ -85,12 +92,24 @@ impl Series {
     pub fn ranking(&self, step: usize, sampling: Sampling, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
         let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
         let key = match sampling {
+            Sampling::Error => Key::Error,
+            Sampling::Random => Key::Random,
             Sampling::Global(denominator) => Key::Global(denominator),
             Sampling::Local(partition) => {
                 let Some(intervals) = self.intervals_in(&mut kept, partition, cancel)? else { return Ok(None) };
                 Key::Step(interval_at(&intervals, step).map_or(0, |interval| interval.sampled))
             }
         };
+        self.ranking_in(&mut kept, key, cancel)
+    }
+
+    /// A ranking for a level that draws all faces; made in no time.
+    pub fn any_ranking(&self) -> Arc<Ranking> {
+        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.unordered.get_or_insert_with(|| Arc::new(Ranking::unordered(&self.mesh.topology))).clone()
+    }
+
+    fn ranking_in(&self, kept: &mut Kept, key: Key, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
         if let Some(at) = kept.rankings.iter().position(|(of, _)| *of == key) {
             let found = kept.rankings.remove(at);
             let ranking = found.1.clone();
@@ -99,6 +118,11 @@ impl Series {
         }
         let topology = &self.mesh.topology;
         let ranking = match key {
+            Key::Error => {
+                let Some((scalars, steps)) = self.spread_steps(cancel)? else { return Ok(None) };
+                Ranking::by_density(topology, &sampling_density(&self.mesh, &scalars, steps))
+            }
+            Key::Random => Ranking::by_hash(topology),
             Key::Global(denominator) => {
                 let Some(vertices) = self.vertex_importance(denominator, cancel)? else { return Ok(None) };
                 Ranking::by_importance(topology, &importance(topology, &vertices))
@@ -164,6 +188,21 @@ impl Series {
         let intervals: Arc<[Interval]> = intervals.into();
         kept.intervals = Some((partition, intervals.clone()));
         Ok(Some(intervals))
+    }
+
+    /// The scalars of some steps from first to last, vertex by vertex, and how many steps they are. `None` if `cancel` was raised.
+    fn spread_steps(&self, cancel: &Cancel) -> FileResult<Option<(Vec<f32>, usize)>> {
+        let (last, vertices) = (self.times.len().saturating_sub(1), self.vertices());
+        let count = self.times.len().min(ERROR_STEPS);
+        let mut scalars = vec![0.0; count * vertices];
+        let mut values = vec![0.0; vertices];
+        for place in 0..count {
+            if !self.decode_step(place * last / (count - 1).max(1), &mut values, cancel)? {
+                return Ok(None);
+            }
+            scalars[place..].iter_mut().step_by(count).zip(&values).for_each(|(to, &value)| *to = value);
+        }
+        Ok(Some((scalars, count)))
     }
 
     /// Coefficients of variation: those of the store, or from its statistics, or from all steps.

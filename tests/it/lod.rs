@@ -80,12 +80,16 @@ fn rankings(series: &Series, samplings: &[Sampling]) -> Vec<Ranking> {
     samplings.iter().flat_map(|&sampling| steps.map(|step| of(step, sampling))).collect()
 }
 
-const SAMPLINGS: [Sampling; 5] = [
-    Sampling::Global(CovDenominator::Floored { share: 0.01 }),
+const GLOBAL: Sampling = Sampling::Global(CovDenominator::Floored { share: 0.01 });
+
+const SAMPLINGS: [Sampling; 7] = [
+    GLOBAL,
     Sampling::Global(CovDenominator::Plain),
     Sampling::Local(Partition::Regular(Partition::USUAL)),
     Sampling::Local(Partition::Logarithmic(3)),
     Sampling::Local(Partition::Greedy(3)),
+    Sampling::Error,
+    Sampling::Random,
 ];
 
 #[test]
@@ -98,7 +102,7 @@ fn rankings_are_shared_within_an_interval_and_differ_between_them() {
     assert!(
         std::sync::Arc::ptr_eq(&at(0, local), &at(4, local)) && !std::sync::Arc::ptr_eq(&at(4, local), &at(5, local))
     );
-    assert!(std::sync::Arc::ptr_eq(&at(0, Sampling::default()), &at(29, Sampling::default())));
+    assert!(std::sync::Arc::ptr_eq(&at(0, GLOBAL), &at(29, GLOBAL)));
     let change = list_change(&at(0, local), &at(5, local), 0.25);
     assert!(change > 0.0 && change < 1.0, "{change}");
     // What they are made of.
@@ -110,7 +114,7 @@ fn rankings_are_shared_within_an_interval_and_differ_between_them() {
     reader.decode_step(sampled, &mut scalars).unwrap();
     assert_eq!(*at(5, local), Ranking::by_strata(topology, &scalars));
     let stored = importance(topology, &reader.vertex_importance().unwrap());
-    assert_eq!(*at(0, Sampling::default()), Ranking::by_importance(topology, &stored));
+    assert_eq!(*at(0, GLOBAL), Ranking::by_importance(topology, &stored));
     // Nothing is left undone silently.
     let cancel = Cancel::new();
     cancel.cancel();

@@ -7,6 +7,7 @@ mod exr;
 mod floors;
 mod import;
 mod lod;
+mod lod_errors;
 mod mesh;
 mod meshes;
 mod pipeline;

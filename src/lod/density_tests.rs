@@ -1,0 +1,192 @@
+//! Sampling density beside its definition, and samples of a density.
+
+use super::*;
+use crate::mesh::{Mesh, NONE, test_meshes};
+use glam::DVec3;
+
+fn mesh() -> Mesh {
+    Mesh::build(test_meshes::kuhn_grid([5, 4, 3])).unwrap().0
+}
+
+fn at(mesh: &Mesh, vertex: usize) -> DVec3 {
+    mesh.positions.local[vertex].as_dvec3()
+}
+
+/// One step.
+fn density(mesh: &Mesh, scalar: impl Fn(DVec3) -> f64) -> Vec<f32> {
+    let scalars: Vec<f32> = (0..mesh.positions.local.len()).map(|v| scalar(at(mesh, v)) as f32).collect();
+    sampling_density(mesh, &scalars, 1)
+}
+
+fn interior(mesh: &Mesh) -> Vec<usize> {
+    (0..mesh.topology.faces.len()).filter(|&face| mesh.topology.face_cells[face][1] != NONE).collect()
+}
+
+fn area(mesh: &Mesh, face: usize) -> f64 {
+    let [p, q, r] = mesh.topology.faces[face].map(|v| at(mesh, v as usize));
+    0.5 * (q - p).cross(r - p).length()
+}
+
+/// The error at a face by its definition: where the segment between the two vertices meets the plane, by solving for the point in
+/// the basis of the triangle's sides; half way between them if it does not.
+fn naive_error(mesh: &Mesh, face: usize, scalar: &dyn Fn(usize) -> f64) -> f64 {
+    let corners = mesh.topology.faces[face].map(|v| v as usize);
+    let opposite = mesh.topology.face_cells[face].map(|cell| {
+        let tet = mesh.topology.tets[cell as usize];
+        tet.into_iter().map(|v| v as usize).find(|v| !corners.contains(v)).unwrap()
+    });
+    let [p, q, r] = corners.map(|v| at(mesh, v));
+    let [a, b] = opposite.map(|v| at(mesh, v));
+    // a + t (b - a) = p + u (q - p) + v (r - p)
+    let solved = glam::DMat3::from_cols(b - a, p - q, p - r).inverse() * (p - a);
+    let [t, u, v] = solved.to_array();
+    let t_clamped = t.clamp(0.0, 1.0);
+    assert_eq!(t, t_clamped, "the cells of this mesh are convex together in this direction");
+    let [u, v] = [u, v].map(|w| w.clamp(-1.0, 2.0));
+    let [on_p, on_q, on_r] = corners.map(scalar);
+    let on_face = on_p + u * (on_q - on_p) + v * (on_r - on_p);
+    let [on_a, on_b] = opposite.map(scalar);
+    (on_face - (on_a + t * (on_b - on_a))).abs()
+}
+
+#[test]
+fn the_density_is_the_fifth_root_of_area_times_squared_error() {
+    let mesh = mesh();
+    // Kinks everywhere, of different strength.
+    let scalar = |p: DVec3| (5.0 * p.x).sin() + p.y * p.z;
+    let value = |v: usize| f64::from(scalar(at(&mesh, v)) as f32);
+    let ours = density(&mesh, scalar);
+    let faces = interior(&mesh);
+    let errors: Vec<f64> = faces.iter().map(|&face| naive_error(&mesh, face, &value)).collect();
+    let mean = |of: &dyn Fn(usize) -> f64| (0..faces.len()).map(of).sum::<f64>() / faces.len() as f64;
+    let (mean_error, mean_area) = (mean(&|i| errors[i]), mean(&|i| area(&mesh, faces[i])));
+    for (&face, error) in faces.iter().zip(&errors) {
+        let square = (error / mean_error).powi(2) + 0.05f64.powi(2);
+        let expected = (area(&mesh, face) / mean_area * square).powf(0.2);
+        // Both are f64 of the same scalars and rounded once to f32.
+        assert!((f64::from(ours[face]) / expected - 1.0).abs() < 2.0 * f64::from(f32::EPSILON), "{face}");
+    }
+    assert!((0..ours.len()).all(|face| (ours[face] > 0.0) == faces.contains(&face)), "0 on the surface");
+    let other = density(&mesh, |p| (5.0 * p.y).sin() + p.y * p.z);
+    assert!(faces.iter().any(|&face| (other[face] / ours[face] - 1.0).abs() > 0.1), "the comparison notices");
+}
+
+#[test]
+fn where_scalars_are_linear_only_the_area_counts() {
+    let mesh = mesh();
+    let faces = interior(&mesh);
+    let relative = |density: &[f32], face: usize| f64::from(density[face]) / area(&mesh, face).powf(0.2);
+    let spread = |density: &[f32]| {
+        let all = || faces.iter().map(|&face| relative(density, face));
+        all().fold(0.0, f64::max) / all().fold(f64::INFINITY, f64::min)
+    };
+    // Exactly: powers of two.
+    assert!(spread(&density(&mesh, |_| 3.0)) < 1.0 + 1e-6);
+    assert!(spread(&density(&mesh, |p| p.x * p.y)) > 1.2, "the test can fail");
+    // A kink in the middle of a linear field: the faces near it are sampled more densely than those that lie elsewhere.
+    let kink = density(&mesh, |p| p.x.max(0.0));
+    let is_near = |face: usize| mesh.topology.faces[face].iter().any(|&v| at(&mesh, v as usize).x.abs() < 0.3);
+    let best =
+        |near: bool| faces.iter().filter(|&&f| is_near(f) == near).map(|&f| relative(&kink, f)).fold(0.0, f64::max);
+    assert!(best(true) > 1.5 * best(false), "{} {}", best(true), best(false));
+}
+
+#[test]
+fn steps_with_holes_are_left_out_and_extreme_scalars_stay_finite() {
+    let mesh = mesh();
+    let vertices = mesh.positions.local.len();
+    let first: Vec<f32> = (0..vertices).map(|v| (v * v % 17) as f32).collect();
+    let expected = sampling_density(&mesh, &first, 1);
+    // The second of two steps has no finite value: it does not count.
+    let holes: Vec<f32> = first.iter().flat_map(|&value| [value, f32::NAN]).collect();
+    assert_eq!(sampling_density(&mesh, &holes, 2), expected);
+    // Both count: the mean of squares is that of either where they are the same.
+    let twice: Vec<f32> = first.iter().flat_map(|&value| [value; 2]).collect();
+    assert_eq!(sampling_density(&mesh, &twice, 2), expected);
+    for scale in [1e-42, 1e-30, 1e30, f32::MAX / 17.0] {
+        let scaled: Vec<f32> = first.iter().map(|value| value * scale).collect();
+        let density = sampling_density(&mesh, &scaled, 1);
+        assert!(interior(&mesh).iter().all(|&face| density[face].is_finite() && density[face] > 0.0), "{scale}");
+    }
+    for value in [f32::NAN, f32::INFINITY, 0.0] {
+        let density = sampling_density(&mesh, &vec![value; vertices], 1);
+        assert!(interior(&mesh).iter().all(|&face| density[face].is_finite() && density[face] > 0.0), "{value}");
+    }
+    assert_eq!(sampling_density(&mesh, &[], 0).len(), mesh.topology.faces.len());
+}
+
+#[test]
+fn flat_cells_have_a_density() {
+    // Two cells over one face: one nearly without volume (none at all is refused by the mesh), then both; and a face that is
+    // nearly a line.
+    let (line, triangle) = ([1.0, 1e-9, 0.0], [0.0, 1.0, 0.0]);
+    for (corner, heights) in [(triangle, [1.0, -1e-9]), (triangle, [1e-9, -1e-9]), (line, [1.0, -1.0])] {
+        let tips = heights.map(|z| [0.2, 0.2, z]);
+        let raw = crate::mesh::RawMesh {
+            points: [[0.0; 3], [1.0, 0.0, 0.0], corner, tips[0], tips[1]].map(DVec3::from).to_vec(),
+            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            ..test_meshes::kuhn_grid([1, 1, 1])
+        };
+        let mesh = Mesh::build(raw).unwrap().0;
+        let scalars: Vec<f32> = (0..mesh.positions.local.len()).map(|v| v as f32).collect();
+        let density = sampling_density(&mesh, &scalars, 1);
+        assert!(interior(&mesh).iter().all(|&face| density[face].is_finite() && density[face] > 0.0), "{density:?}");
+        assert_eq!(interior(&mesh).len(), 1);
+    }
+}
+
+#[test]
+fn a_ranking_by_density_has_so_many_faces_of_each_density() {
+    let mesh = Mesh::build(test_meshes::kuhn_grid([16, 16, 16])).unwrap().0;
+    let topology = &mesh.topology;
+    // Three in a row, by the id: not in step with the order of the list.
+    let densities = [1.0f32, 2.0, 4.0];
+    let density: Vec<f32> = (0..topology.faces.len()).map(|face| densities[face / 7 % 3]).collect();
+    let ranking = Ranking::by_density(topology, &density);
+    let mut all = ranking.faces().to_vec();
+    all.sort_unstable();
+    assert_eq!(all, interior(&mesh).iter().map(|&face| face as u32).collect::<Vec<_>>());
+    let count = all.len() / 10;
+    let mut found = [0.0; 3];
+    ranking.faces()[..count].iter().for_each(|&face| found[face as usize / 7 % 3] += 1.0);
+    let of_class = |class: usize| all.iter().filter(|&&face| face as usize / 7 % 3 == class).count() as f64;
+    let total: f64 = (0..3).map(|class| of_class(class) * f64::from(densities[class])).sum();
+    for class in 0..3 {
+        let expected = count as f64 * of_class(class) * f64::from(densities[class]) / total;
+        // Chance would be off by the root of the number; it is stratified, so by less.
+        assert!((found[class] - expected).abs() < 3.0 * expected.sqrt(), "{} of {expected}", found[class]);
+    }
+    // Faces that must not be drawn come last.
+    let none: Vec<f32> = (0..topology.faces.len()).map(|face| if face % 2 == 0 { 0.0 } else { 1.0 }).collect();
+    let ranking = Ranking::by_density(topology, &none);
+    let odd = all.iter().filter(|&&face| face % 2 == 1).count();
+    assert!(ranking.faces()[..odd].iter().all(|face| face % 2 == 1));
+    // Nothing is worth more than anything: no NaN, and every face is there.
+    let nan = vec![f32::NAN; topology.faces.len()];
+    assert_eq!(Ranking::by_density(topology, &nan).faces().len(), all.len());
+}
+
+#[test]
+fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
+    let mesh = Mesh::build(test_meshes::kuhn_grid([16, 16, 16])).unwrap().0;
+    let topology = &mesh.topology;
+    let all = interior(&mesh);
+    // Of each 64 neighbours in the list, how many are in an eighth of the faces: 8, give or take.
+    let variance = |ranking: &Ranking| {
+        let mut drawn = vec![false; topology.faces.len()];
+        ranking.faces()[..all.len() / 8].iter().for_each(|&face| drawn[face as usize] = true);
+        let counts: Vec<f64> =
+            all.chunks_exact(64).map(|chunk| chunk.iter().filter(|&&face| drawn[face]).count() as f64).collect();
+        counts.iter().map(|count| (count - 8.0).powi(2)).sum::<f64>() / counts.len() as f64
+    };
+    let even = variance(&Ranking::by_density(topology, &vec![1.0; topology.faces.len()]));
+    // By lot: 64 * 1/8 * 7/8 = 7. Stratified: one of each 8 and nothing is left to chance but the ends.
+    let chance = variance(&Ranking::by_hash(topology));
+    assert!(even < 0.5 && (5.0..9.0).contains(&chance), "{even} {chance}");
+    // Of the kinds of faces that alternate in the list, the sample has as many of each.
+    let ranking = Ranking::by_density(topology, &vec![1.0; topology.faces.len()]);
+    let place = |face: u32| all.binary_search(&(face as usize)).unwrap();
+    let odd = ranking.faces()[..all.len() / 8].iter().filter(|&&face| place(face) % 2 == 1).count();
+    let half = (all.len() / 16) as f64;
+    assert!((odd as f64 - half).abs() < 4.0 * half.sqrt(), "{odd} of {half}");
+}
