@@ -2,6 +2,8 @@
 
 mod behaviour;
 mod complete;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod oracle;
 mod random;
 mod some_faces;

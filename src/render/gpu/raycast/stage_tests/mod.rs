@@ -103,9 +103,9 @@ fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let mut renderer = renderer(context);
     renderer.begin(job.clone()).unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
-    let vertices = words(renderer.scene.mesh.vertices.get(context).unwrap());
+    let vertices = words(renderer.scene.vertices.vertices.get(context).unwrap());
     let vertices = bytemuck::cast_slice::<_, [f32; 8]>(&vertices)[..job.mesh.positions.local.len()].to_vec();
-    let bins = words(renderer.scene.target.as_ref().unwrap().bins.get(context).unwrap());
+    let bins = words(renderer.scene.bins.get(context).unwrap());
     Prepared { params: renderer.active_job.as_ref().unwrap().params, vertices, bins }
 }
 
