@@ -206,6 +206,10 @@ fn find_exit(first: u32, count: u32, from_: u32, cell: u32) -> u32 {
     return NONE;
 }
 
+// Depths may be that far off for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
+// 2 at most.
+const NEAR_EYE: f32 = 1.0 / 1024.0;
+
 // Goes through the path that begins at fragment `start`; false if the ray ends within it.
 fn follow(first: u32, count: u32, start: u32) -> bool {
     begin_path(first + start);
@@ -217,7 +221,7 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
         if next == NONE {
             // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
             let from_eye = light.behind + light.last.x;
-            ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > face_params.tie;
+            ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > NEAR_EYE;
             return true;
         }
         let to = vec2(relative(depth_at(first + next)), scalar_at(first + next));

@@ -39,7 +39,7 @@ pub(super) struct SceneArgs {
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto, raycast, havs (faces through a k-buffer; on the CPU), or reference (float64, slow)
+    /// auto, raycast, havs (faces through a k-buffer), or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
     #[command(flatten)]
@@ -188,11 +188,8 @@ impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
         let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
-        let cpu_only = [(RenderMode::Reference, "reference"), (RenderMode::Havs, "havs")];
-        if let Some((_, name)) = cpu_only.iter().find(|(mode, _)| *mode == self.mode)
-            && self.backend == Backend::Gpu
-        {
-            bail!("--mode {name} is rendered on the CPU only; leave --backend gpu out");
+        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
+            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
         }
         let faces = self.faces.detail();
         if self.mode != RenderMode::Havs && faces != FaceDetail::default() {

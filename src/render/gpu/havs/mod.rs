@@ -24,25 +24,26 @@ mod bands;
 mod faces;
 mod pipelines;
 mod scene;
+#[cfg(test)]
+mod stage_tests;
+mod steps;
 
 use super::context::Context;
 use super::layout::{FaceParams, Lists, Params, TILE_PIXELS, depth_of, flags};
 use super::presenter::Presenter;
 use super::readback::{Slot, Words};
-use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
+use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, dispatch};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use bands::{Band, Places, bands};
-use pipelines::Pipelines;
-use scene::{Groups, Scene};
+use scene::Scene;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use steps::{ActiveJob, FACES_PER_GROUP, Flight, STEPS, Step, StepCost, stage};
 
-/// Faces of a workgroup.
-const FACES_PER_GROUP: u32 = 64;
 /// Bytes that all fragments of a band take at most, unless told otherwise.
 const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
 /// Relative error of a depth: weights are right to 2^-23 of themselves, and there are two; a depth is two weights times
@@ -50,52 +51,6 @@ const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
 const DEPTH_ERROR: f64 = 1.0 / (1u64 << 22) as f64;
 /// Error of view coordinates, relative to the distance (`raycast::stage_tests`).
 const TRANSFORM_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
-
-/// What the GPU is given to do, in this order; those from `StoreFaces` on again for each band.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    CountFaces,
-    CountStarts,
-    CountPieces,
-    Scan,
-    StoreFaces,
-    StoreStarts,
-    StorePieces,
-    Resolve,
-    /// All has been submitted.
-    End,
-}
-
-/// Number of steps before the end.
-const STEPS: usize = 8;
-
-impl Step {
-    /// Units of the first slice of all, before anything is known of their cost.
-    fn first_units(self) -> usize {
-        match self {
-            Self::CountFaces | Self::StoreFaces => 64,
-            _ => 32,
-        }
-    }
-}
-
-/// What a step costs: a unit is a workgroup.
-#[derive(Clone, Copy, Debug, Default)]
-struct StepCost {
-    unit: UnitCost,
-    /// Of the frame under way.
-    ms: f64,
-    units: usize,
-}
-
-/// Work that has been submitted.
-struct Flight {
-    step: Step,
-    units: usize,
-    submission: wgpu::SubmissionIndex,
-    /// Of pixels on their way: which slot has them, and whether they are the last of their tiles.
-    slot: Option<(usize, bool)>,
-}
 
 /// The face renderer.
 pub struct Havs {
@@ -114,46 +69,6 @@ pub struct Havs {
     sums: Vec<u32>,
     bands: Vec<Band>,
     bases: Vec<u32>,
-}
-
-/// What a job under way needs beyond the buffers.
-struct ActiveJob {
-    job: RenderJob,
-    params: Params,
-    face_params: FaceParams,
-    lists: Lists,
-    step: Step,
-    /// First unit of the step that has not been submitted.
-    next: usize,
-    /// Pieces of large faces.
-    pieces: u32,
-    /// Band under way.
-    band: usize,
-    started: Instant,
-    /// Milliseconds that the frame took before it came here.
-    ms_before: f64,
-}
-
-impl ActiveJob {
-    /// Units of a step.
-    fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
-        let band =
-            || bands.get(self.band).cloned().unwrap_or(Band { tiles: 0..0, pixels: 0..0, fragments: 0, skipped: 0 });
-        let is_empty = || band().fragments == 0;
-        let has_starts = self.face_params.eye_count > 0;
-        let groups = self.face_params.drawn_count.div_ceil(FACES_PER_GROUP) as usize;
-        match step {
-            Step::CountFaces => 0..groups,
-            Step::CountStarts if has_starts => 0..self.params.tile_count(),
-            Step::CountPieces => 0..self.pieces as usize,
-            Step::Scan => 0..1,
-            Step::StoreFaces if !is_empty() => 0..groups,
-            Step::StoreStarts if has_starts && !is_empty() => band().tiles,
-            Step::StorePieces if !is_empty() => 0..self.pieces as usize,
-            Step::Resolve => band().tiles,
-            Step::CountStarts | Step::StoreFaces | Step::StoreStarts | Step::StorePieces | Step::End => 0..0,
-        }
-    }
 }
 
 impl Havs {
@@ -462,26 +377,6 @@ impl Havs {
                 return Ok(false);
             }
         }
-    }
-}
-
-/// The pipeline of a step, and what it binds.
-fn stage<'a>(
-    step: Step,
-    pipelines: &'a Pipelines,
-    groups: &'a Groups,
-    optics: crate::optics::OpticsKind,
-) -> Option<(&'a wgpu::ComputePipeline, &'a wgpu::BindGroup)> {
-    match step {
-        Step::CountFaces => Some((&pipelines.count.faces, &groups.count)),
-        Step::CountStarts => Some((&pipelines.count.starts, &groups.count)),
-        Step::CountPieces => Some((&pipelines.count.pieces, &groups.count)),
-        Step::Scan => Some((&pipelines.scan, &groups.scan)),
-        Step::StoreFaces => Some((&pipelines.store.faces, &groups.store)),
-        Step::StoreStarts => Some((&pipelines.store.starts, &groups.store)),
-        Step::StorePieces => Some((&pipelines.store.pieces, &groups.store)),
-        Step::Resolve => pipelines.resolve(optics).map(|pipeline| (pipeline, &groups.resolve)),
-        Step::End => None,
     }
 }
 

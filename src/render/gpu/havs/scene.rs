@@ -83,10 +83,8 @@ impl Scene {
         face_params: &mut FaceParams,
     ) -> Result<(), RenderError> {
         self.bytes_sent = 0;
-        let mut made = self.make_pipelines(context, job);
-        if made.is_ok() {
-            made = made.and(self.update_buffers(context, job, drawn, eye_cells, params, face_params));
-        }
+        self.make_pipelines(context, job)?;
+        let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
         // Buffers may have been made anew before one was refused: the groups bind the old ones.
         if !matches!(made, Ok(false)) {
             self.groups = None;
@@ -98,17 +96,17 @@ impl Scene {
         Ok(())
     }
 
-    fn make_pipelines(&mut self, context: &Context, job: &RenderJob) -> Result<bool, RenderError> {
+    fn make_pipelines(&mut self, context: &Context, job: &RenderJob) -> Result<(), RenderError> {
         if self.pipelines.is_none() {
             self.pipelines = Some(Pipelines::new(context)?);
         }
         if self.transform.is_none() {
             self.transform = Some(Transform::new(context)?);
         }
-        if let Some(pipelines) = &mut self.pipelines {
-            pipelines.prepare_resolve(context, job.optics)?;
+        match &mut self.pipelines {
+            Some(pipelines) => pipelines.prepare_resolve(context, job.optics),
+            None => Ok(()),
         }
-        Ok(false)
     }
 
     /// Whether a buffer or a plane was made.

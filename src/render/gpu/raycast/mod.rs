@@ -19,7 +19,7 @@ mod pipelines;
 mod records;
 mod scene;
 #[cfg(test)]
-mod stage_tests;
+pub(super) mod stage_tests;
 
 use super::context::Context;
 use super::eye::{self, sides};

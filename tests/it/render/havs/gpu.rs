@@ -13,7 +13,7 @@ use tetreel::visibility::CellSet;
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
 
 /// The frame of a job, by one renderer that all tests share: whatever it did before must not matter.
-fn render(job: &RenderJob) -> Option<Frame> {
+pub fn render(job: &RenderJob) -> Option<Frame> {
     static RENDERER: OnceLock<Mutex<GpuHavs>> = OnceLock::new();
     let context = context()?;
     let renderer = RENDERER.get_or_init(|| Mutex::new(GpuHavs::new(context)));
@@ -286,4 +286,43 @@ fn depths_are_those_of_the_cpu() {
             assert!(both > 200, "{both} pixels");
         }
     }
+}
+
+#[test]
+fn eyes_next_to_edges_vertices_and_faces_lose_no_ray() {
+    if context().is_none() {
+        return;
+    }
+    let mesh = Arc::new(build(grid(4, 0.15, 3, |p| p.length() > 0.4)));
+    // Cells that are nearly opaque: a ray that is lost shows.
+    let opaque = table(&[(-1.5, [0.9, 0.1, 0.2], 6.0), (0.1, [0.1, 0.8, 0.3], 20.0), (1.5, [0.2, 0.3, 1.0], 60.0)]);
+    let random = |seed: u64, i: u64| DVec3::new(noise(seed, 3 * i), noise(seed, 3 * i + 1), noise(seed, 3 * i + 2));
+    let tets = &mesh.topology.tets;
+    let (mut worst, mut views) = (Worst::default(), 0);
+    for index in 0..150u64 {
+        let tet = tets[(index as usize * 7919) % tets.len()].map(|v| mesh.positions.world(v as usize));
+        // A vertex, a place on an edge, one in a face, moved a little.
+        let on_edge = tet[0].lerp(tet[1], 0.5 + 0.3 * noise(5, index));
+        let place = [tet[0], on_edge, on_edge.lerp(tet[2], 0.4)][index as usize % 3];
+        let offset = [0.0, 1e-9, 1e-8, 3e-8, 1e-7, 1e-6][index as usize / 3 % 6];
+        let position = place + offset * random(6, index);
+        let camera = Camera {
+            position,
+            focal_point: position + random(7, index).normalize(),
+            view_up: random(8, index),
+            projection: Projection::Perspective { view_angle: 90.0 },
+            near: 0.0,
+        };
+        if camera.view(24, 20).is_err() {
+            continue;
+        }
+        let job = job(&mesh, sample(&mesh, wave), &camera, (24, 20), opaque.clone());
+        // Eyes outside that look away see nothing.
+        if raycast(&job).pixels.iter().any(|p| p[3] > 0.0) {
+            worst.complete(&format!("place {index}, {offset:e} off"), &job, BOUND);
+            views += 1;
+        }
+    }
+    worst.report("eyes next to features");
+    assert!(views > 100, "{views} views");
 }

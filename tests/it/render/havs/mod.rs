@@ -3,7 +3,9 @@
 mod behaviour;
 mod complete;
 #[cfg(feature = "gpu")]
-mod gpu;
+pub mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_behaviour;
 mod oracle;
 mod random;
 mod some_faces;
