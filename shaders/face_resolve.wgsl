@@ -103,8 +103,35 @@ fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool
     return rank < pair(other, 1u).y;
 }
 
-// Shell sort: lists come nearly in order, and no list takes long.
+// Moves for each fragment, on average, after which insertion is given up.
+const PATIENCE: u32 = 4u;
+
+// Lists come nearly in order, since faces are stored nearly in the order of the list: insertion finds most fragments in their
+// places and looks at no more of them than their depths. Where that takes long, shell sort does not.
 fn sort(first: u32, count: u32, by_depth: bool) {
+    var moves = 0u;
+    for (var i = 1u; i < count; i++) {
+        // All before it are in order: the last of them is the greatest.
+        let depth = depth_at(first + i);
+        let rank = pair(first + i, 1u).y;
+        if comes_before(depth, rank, first + i - 1u, by_depth) {
+            let moving = load_stored(first + i);
+            var at = i;
+            while at > 0u && comes_before(depth, rank, first + at - 1u, by_depth) {
+                store(first + at, load_stored(first + at - 1u));
+                at -= 1u;
+            }
+            store(first + at, moving);
+            moves += i - at;
+            if moves > PATIENCE * (count + 16u) {
+                shell_sort(first, count, by_depth);
+                return;
+            }
+        }
+    }
+}
+
+fn shell_sort(first: u32, count: u32, by_depth: bool) {
     var gap = 1u;
     while gap < count / 3u {
         gap = 3u * gap + 1u;
