@@ -360,7 +360,7 @@ impl Havs {
             if step != Step::End && self.in_flight.len() < IN_FLIGHT {
                 let most = if step == Step::Resolve { GROUPS_MAX as usize } else { u32::MAX as usize };
                 let cost = self.costs[step as usize % STEPS].unit;
-                let count = cost.units_for(budget, step.first_units(), most);
+                let count = cost.units_for(budget, step.first_units(), most).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
                 self.submit_units(units)?;
                 continue;

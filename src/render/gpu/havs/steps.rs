@@ -39,6 +39,15 @@ impl Step {
             _ => 32,
         }
     }
+
+    /// Fewest units of a slice, whatever they cost: with less, most of the GPU has nothing to do, and a slice costs more than
+    /// what is in it.
+    pub(super) fn least_units(self) -> usize {
+        match self {
+            Self::CountFaces | Self::StoreFaces => 32,
+            _ => 4,
+        }
+    }
 }
 
 /// What a step costs: a unit is a workgroup.

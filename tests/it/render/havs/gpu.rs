@@ -326,3 +326,29 @@ fn eyes_next_to_edges_vertices_and_faces_lose_no_ray() {
     worst.report("eyes next to features");
     assert!(views > 100, "{views} views");
 }
+
+#[test]
+fn a_list_from_back_to_front_gives_the_same_image() {
+    if context().is_none() {
+        return;
+    }
+    // Dozens of fragments a pixel, all in the wrong order: insertion is given up.
+    let mesh = Arc::new(build(grid(16, 0.16, 1, |_| true)));
+    let base = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (40, 33), dense());
+    let reversed = |job: RenderJob| {
+        let drawn = job.faces.as_ref().unwrap();
+        let faces = drawn.faces.iter().rev().copied().collect();
+        RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete: drawn.is_complete })), ..job }
+    };
+    let mut worst = Worst::default();
+    for job in [with_all_faces(&base), with_some_faces(&base, 0.6, 3)] {
+        let (forth, back) = (render(&job).unwrap(), render(&reversed(job.clone())).unwrap());
+        assert!(forth.stats.fragments > 12 * forth.stats.rays_hit, "{:?}", forth.stats);
+        worst.compare("back to front", &back, &forth.color, BOUND);
+        let window = reversed(with_buffer(&job, 8, false));
+        let (gpu, cpu) = (render(&window).unwrap(), havs(&window));
+        worst.compare("back to front through a buffer", &gpu, &cpu.color, BOUND);
+        assert!(gpu.stats.out_of_order > gpu.stats.fragments / 4);
+    }
+    worst.report("back to front");
+}
