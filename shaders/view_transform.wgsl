@@ -8,13 +8,6 @@
 @group(0) @binding(2) var<storage, read> scalars: array<f32>;
 @group(0) @binding(3) var<storage, read_write> vertices: array<ViewVertex>;
 
-// A sum of two: value and rest.
-fn two_sum(a: f32, b: f32) -> vec2<f32> {
-    let sum = opaque(a + b);
-    let b_seen = opaque(sum - a);
-    return vec2(sum, (a - (sum - b_seen)) + (b - b_seen));
-}
-
 fn add(sum: vec2<f32>, term: f32) -> vec2<f32> {
     let next = two_sum(sum.x, term);
     return vec2(next.x, sum.y + next.y);

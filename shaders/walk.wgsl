@@ -28,11 +28,6 @@ const BROKEN: u32 = 6u;
 const COUNTERS: u32 = 8u;
 var<workgroup> counts: array<atomic<u32>, COUNTERS>;
 
-// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
-const OPAQUE: f32 = 1.0 / 131072.0;
-// Infinitely far, and before everything.
-const NOWHERE: f32 = 3.0e38;
-
 // The nearest starts of paths, in order: depths, and cell << 2 | opposite vertex of the face.
 struct Starts {
     depth: vec4<f32>,
@@ -159,7 +154,7 @@ fn is_active(cell: u32) -> bool {
     return (params.flags & ALL_ACTIVE) != 0u || (active_cells[cell >> 5u] >> (cell & 31u) & 1u) == 1u;
 }
 
-// A ray on its way: the face through which it enters the present cell, and what it has gathered.
+// A ray on its way: the face through which it enters the present cell. What it has gathered is in `light`.
 struct Walk {
     ray: Ray,
     cell: u32,
@@ -169,14 +164,6 @@ struct Walk {
     r: vec4<f32>,
     ids: vec3<u32>,
     edges: vec3<f32>,
-    // Depth and scalar where it does.
-    last: vec2<f32>,
-    // Whether the optics are at `last`.
-    placed: bool,
-    // Depth up to which the ray has been composited, or the near distance; as all depths of a path, from the ray's origin.
-    front: f32,
-    composited: bool,
-    visible_from: f32,
     steps: u32,
     out_of_order: u32,
     stopped_early: bool,
@@ -187,7 +174,8 @@ var<private> path: Walk;
 fn begin_path(depth: f32, face: u32) {
     let before = path.ray.origin;
     path.ray = ray_from(path.ray, depth);
-    path.front -= origin_behind(path.ray, before);
+    light.front -= origin_behind(path.ray, before);
+    light.behind = origin_behind(path.ray, ray_from(path.ray, 0.0).origin);
     path.cell = face >> 2u;
     path.opposite = face & 3u;
     path.ids = face_vertices(face >> 2u, face & 3u);
@@ -196,34 +184,8 @@ fn begin_path(depth: f32, face: u32) {
     path.q = start.q;
     path.r = start.r;
     path.edges = start.edges;
-    path.last = start.at;
-    path.placed = false;
-}
-
-// Composites the segment from the last place to the next, or the part of it behind `front`.
-fn composite(to: vec2<f32>) {
-    var from_ = path.last;
-    if from_.x < path.front {
-        path.placed = false;
-        if to.x <= path.front {
-            path.out_of_order += u32(path.composited);
-            return;
-        }
-        let share = (path.front - from_.x) / (to.x - from_.x);
-        from_ = vec2(path.front, from_.y + share * (to.y - from_.y));
-    }
-    if !path.placed {
-        optics_enter(from_.y);
-        path.placed = true;
-    }
-    let was_visible = optics.visible;
-    optics_segment(from_.y, to.y, (to.x - from_.x) * path.ray.length_per_depth);
-    if optics.visible && !was_visible {
-        let visible_from = from_.x + optics.visible_share * (to.x - from_.x);
-        path.visible_from = visible_from + origin_behind(path.ray, ray_from(path.ray, 0.0).origin);
-    }
-    path.front = to.x;
-    path.composited = true;
+    light.last = start.at;
+    light.placed = false;
 }
 
 // Walks through one cell; false at the end of the path or of the ray.
@@ -275,11 +237,12 @@ fn step_cell() -> bool {
     let exit = select(0u, 1u, tet.y == gone) + select(0u, 2u, tet.z == gone) + select(0u, 3u, tet.w == gone);
     let neighbour = cell_neighbour(path.cell, exit);
     let here = hit(path.edges, path.p, path.q, path.r);
-    if here.x > path.last.x {
-        composite(here);
-        path.last = here;
+    if here.x > light.last.x {
+        let is_behind = composite(here);
+        path.out_of_order += u32(!is_behind && light.composited);
+        light.last = here;
     }
-    if (params.flags & EARLY_TERMINATION) != 0u && optics.transmittance < OPAQUE {
+    if is_opaque() {
         path.stopped_early = true;
         return false;
     }
@@ -302,9 +265,7 @@ fn pixel_in_tile(thread: u32) -> vec2<u32> {
 fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     path = Walk();
     path.ray = ray_of_pixel(pixel);
-    path.front = params.near;
-    path.visible_from = NOWHERE;
-    optics_clear();
+    light_clear(path.ray.length_per_depth);
     var starts: Starts;
     let entries = find_starts(path.ray, tile, local, -NOWHERE, 0u, &starts);
     var going = entries > 0u;
@@ -326,7 +287,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
         going = starts.count > 0u;
     }
     textureStore(color_plane, pixel, optics.light);
-    textureStore(depth_plane, pixel, vec4(path.visible_from, 0.0, 0.0, 0.0));
+    textureStore(depth_plane, pixel, vec4(light.visible_from, 0.0, 0.0, 0.0));
     if entries > 0u {
         atomicAdd(&counts[STEPS], path.steps);
         atomicAdd(&counts[SEGMENTS], optics.pieces);

@@ -1,6 +1,6 @@
 // The pre-integrated table: segments are looked up by the scalars at their ends and their length. CPU twin:
 // optics/table3d.rs, where the table is described. Takes the place of optics_exact.wgsl: same functions, same `optics`.
-// In `table` the length varies fastest, then s0, then s1.
+// In `table` the length varies fastest, then s0, then s1. The composition declares `table3d`, its parameters.
 
 struct Table3dParams {
     // Entries of scalars below and above the range.
@@ -16,8 +16,6 @@ struct Table3dParams {
     scalars: u32,
     lengths: u32,
 }
-
-@group(0) @binding(11) var<uniform> table3d: Table3dParams;
 
 // Below this mean extinction the colour fades to black.
 const MEAN_MIN: f32 = 1e-37;

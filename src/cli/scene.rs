@@ -39,8 +39,7 @@ pub(super) struct SceneArgs {
     /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer; on the CPU), or reference (float64,
-    /// slow)
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
     #[command(flatten)]
@@ -192,11 +191,8 @@ impl SceneArgs {
         let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
         let faces = self.faces.detail();
         let draws_faces = self.mode == RenderMode::Havs || self.mode == RenderMode::Auto && faces.lod < 1.0;
-        let cpu_only = [(self.mode == RenderMode::Reference, "--mode reference"), (draws_faces, "--mode havs")];
-        if let Some((_, name)) = cpu_only.iter().find(|(is_so, _)| *is_so)
-            && self.backend == Backend::Gpu
-        {
-            bail!("{name} is rendered on the CPU only; leave --backend gpu out");
+        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
+            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
         }
         if !draws_faces && faces != FaceDetail::default() {
             bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");

@@ -107,25 +107,23 @@ impl Renderers {
         mode: RenderMode,
         backend: Backend,
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
+        if mode != RenderMode::Reference {
+            self.check(backend)?;
+            #[cfg(feature = "gpu")]
+            if self.gpu.is_wanted(backend)? {
+                match self.gpu.draw(&job, mode, backend) {
+                    Ok(false) => return Ok(None),
+                    Ok(true) => return Ok(self.gpu.renderer_in_use(mode)),
+                    Err(error) if backend == Backend::Gpu => return Err(error),
+                    // The CPU can do it, and the GPU has noted why it did not.
+                    Err(_) => {}
+                }
+            }
+        }
         let renderer: &mut dyn Renderer = match mode {
             RenderMode::Reference => &mut self.reference,
             RenderMode::Havs => &mut self.havs,
-            RenderMode::Auto | RenderMode::Raycast => {
-                self.check(backend)?;
-                #[cfg(feature = "gpu")]
-                if self.gpu.is_wanted(backend)? {
-                    match self.gpu.draw(&job, backend) {
-                        Ok(false) => return Ok(None),
-                        Ok(true) => {
-                            return Ok(self.gpu.renderer_in_use().map(|renderer| renderer as &mut dyn Renderer));
-                        }
-                        Err(error) if backend == Backend::Gpu => return Err(error),
-                        // The CPU can do it, and the GPU has noted why it did not.
-                        Err(_) => {}
-                    }
-                }
-                &mut self.raycast
-            }
+            RenderMode::Auto | RenderMode::Raycast => &mut self.raycast,
         };
         let is_drawn = renderer.render_unless_cancelled(job)?.is_some();
         Ok(is_drawn.then_some(renderer))

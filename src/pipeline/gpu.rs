@@ -1,9 +1,10 @@
 //! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
 
-use super::{Backend, WindowGpu};
+use super::{Backend, RenderMode, WindowGpu};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::gpu::havs::Havs;
 use crate::render::gpu::raycast::Raycast;
 use crate::render::{RenderError, RenderJob, Renderer};
 use std::sync::Arc;
@@ -11,7 +12,52 @@ use std::sync::Arc;
 /// Times that a frame is begun again on a new device before its failure counts.
 const RESTARTS_MAX: u64 = 2;
 
-/// The ray caster on the GPU, if there is one.
+/// The renderers on one GPU. Each is made when it is first needed.
+struct Renderers {
+    context: Arc<Context>,
+    raycast: Option<Raycast>,
+    havs: Option<Havs>,
+}
+
+impl Renderers {
+    fn new(context: Arc<Context>) -> Box<Self> {
+        Box::new(Self { context, raycast: None, havs: None })
+    }
+
+    /// The one that draws faces or the one that draws cells.
+    fn of(&mut self, mode: RenderMode) -> &mut dyn Renderer {
+        let context = || self.context.clone();
+        match mode {
+            RenderMode::Havs => self.havs.get_or_insert_with(|| Havs::new(context())),
+            RenderMode::Auto | RenderMode::Raycast | RenderMode::Reference => {
+                self.raycast.get_or_insert_with(|| Raycast::new(context()))
+            }
+        }
+    }
+}
+
+/// A job that was beyond the GPU, as far as it matters for that, and why.
+struct Beyond {
+    mesh: Arc<Mesh>,
+    view: View,
+    mode: RenderMode,
+    faces: usize,
+    error: RenderError,
+}
+
+impl Beyond {
+    /// Whether a job like that one would be beyond the GPU too.
+    fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
+        Arc::ptr_eq(&self.mesh, &job.mesh) && self.view == job.view && self.mode == mode && self.faces == faces_of(job)
+    }
+}
+
+/// Faces that a job draws.
+fn faces_of(job: &RenderJob) -> usize {
+    job.faces.as_ref().map_or(0, |drawn| drawn.faces.len())
+}
+
+/// The GPU that frames are rendered on, if there is one.
 pub(in crate::pipeline) struct Gpu {
     options: ContextOptions,
     /// [`Context::new`], or in tests one that gives devices of no use.
@@ -19,8 +65,8 @@ pub(in crate::pipeline) struct Gpu {
     /// The GPU of the window that shows the frames comes before all others.
     window: WindowGpu,
     state: State,
-    /// Mesh and view of the last job that was beyond it: the next like it would be too.
-    beyond: Option<(Arc<Mesh>, View, RenderError)>,
+    /// The last job that was beyond it: the next like it would be too.
+    beyond: Option<Beyond>,
     /// Why the last frame that should have been rendered here was not.
     problem: Option<RenderError>,
 }
@@ -32,7 +78,7 @@ enum State {
     /// None but perhaps software.
     NoHardware(RenderError),
     Absent(RenderError),
-    Ready(Box<Raycast>),
+    Ready(Box<Renderers>),
 }
 
 impl Default for Gpu {
@@ -67,7 +113,7 @@ impl Gpu {
     /// The GPU in use, if one has been needed so far.
     pub(in crate::pipeline) fn context(&self) -> Option<&Arc<Context>> {
         match &self.state {
-            State::Ready(renderer) => Some(renderer.context()),
+            State::Ready(renderers) => Some(&renderers.context),
             State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
         }
     }
@@ -85,21 +131,21 @@ impl Gpu {
         let is_named = !self.options.adapter.is_empty();
         match backend {
             Backend::Cpu => Ok(false),
-            Backend::Gpu => self.renderer(false).map(|_| true),
+            Backend::Gpu => self.renderers(false).map(|_| true),
             // A GPU that was asked for by name and is not there is a mistake; one that was lost for good is not.
-            Backend::Auto if is_named => match self.renderer(false) {
+            Backend::Auto if is_named => match self.renderers(false) {
                 Err(error @ RenderError::NoGpu(_)) => Err(error),
                 found => Ok(found.is_ok()),
             },
-            Backend::Auto => Ok(self.renderer(true).is_ok_and(|r| r.context().adapter().is_hardware)),
+            Backend::Auto => Ok(self.renderers(true).is_ok_and(|r| r.context.adapter().is_hardware)),
         }
     }
 
-    fn renderer(&mut self, hardware_only: bool) -> Result<&mut Raycast, RenderError> {
+    fn renderers(&mut self, hardware_only: bool) -> Result<&mut Renderers, RenderError> {
         if let Some(of_window) = self.window.get() {
             let is_in_use = self.context().is_some_and(|context| Arc::ptr_eq(context, &of_window));
             if !is_in_use {
-                (self.state, self.beyond) = (State::Ready(Box::new(Raycast::new(of_window))), None);
+                (self.state, self.beyond) = (State::Ready(Renderers::new(of_window)), None);
             }
         }
         let is_new = match &self.state {
@@ -110,40 +156,42 @@ impl Gpu {
         if is_new {
             let options = ContextOptions { hardware_only, ..self.options.clone() };
             self.state = match (self.open)(&options) {
-                Ok(context) => State::Ready(Box::new(Raycast::new(Arc::new(context)))),
+                Ok(context) => State::Ready(Renderers::new(Arc::new(context))),
                 Err(error) if hardware_only => State::NoHardware(error),
                 Err(error) => State::Absent(error),
             };
         }
         match &mut self.state {
-            State::Ready(renderer) => Ok(renderer),
+            State::Ready(renderers) => Ok(renderers),
             State::NoHardware(error) | State::Absent(error) => Err(error.clone()),
             State::NotLookedFor => Err(RenderError::NoGpu("it has not been looked for".to_owned())),
         }
     }
 
-    /// Renders a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
+    /// Renders a job in a mode, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
     /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
     ///
     /// # Errors
     /// Of the last device, or that the job is beyond the GPU.
-    pub(in crate::pipeline) fn draw(&mut self, job: &RenderJob, backend: Backend) -> Result<bool, RenderError> {
+    pub(in crate::pipeline) fn draw(
+        &mut self,
+        job: &RenderJob,
+        mode: RenderMode,
+        backend: Backend,
+    ) -> Result<bool, RenderError> {
         let hardware_only = backend == Backend::Auto && self.options.adapter.is_empty();
-        let drawn = self.draw_again(job, hardware_only);
+        let drawn = self.draw_again(job, mode, hardware_only);
         self.problem = drawn.as_ref().err().cloned();
         drawn
     }
 
-    fn draw_again(&mut self, job: &RenderJob, hardware_only: bool) -> Result<bool, RenderError> {
-        if let Some((mesh, view, error)) = &self.beyond
-            && Arc::ptr_eq(mesh, &job.mesh)
-            && *view == job.view
-        {
-            return Err(error.clone());
+    fn draw_again(&mut self, job: &RenderJob, mode: RenderMode, hardware_only: bool) -> Result<bool, RenderError> {
+        if let Some(beyond) = self.beyond.as_ref().filter(|beyond| beyond.holds_for(job, mode)) {
+            return Err(beyond.error.clone());
         }
         let mut job = job.clone();
         loop {
-            let error = match self.renderer(hardware_only)?.render_unless_cancelled(job.clone()) {
+            let error = match self.renderers(hardware_only)?.of(mode).render_unless_cancelled(job.clone()) {
                 Ok(frame) => return Ok(frame.is_some()),
                 Err(error) => error,
             };
@@ -151,7 +199,7 @@ impl Gpu {
                 RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
                     self.state = State::NotLookedFor;
                     // Software does not stand in for hardware that has been lost, unless it was asked for.
-                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderer(hardware_only).is_err() {
+                    if job.stats.gpu_restarts == RESTARTS_MAX || self.renderers(hardware_only).is_err() {
                         // Without a device to go on with, the loss of this one is what has happened.
                         self.state = State::Absent(error.clone());
                         return Err(error);
@@ -159,7 +207,8 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    self.beyond = Some((job.mesh.clone(), job.view, error.clone()));
+                    let (faces, error) = (faces_of(&job), error.clone());
+                    self.beyond = Some(Beyond { mesh: job.mesh, view: job.view, mode, faces, error: error.clone() });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)
@@ -172,10 +221,10 @@ impl Gpu {
         }
     }
 
-    /// The renderer on the device in use.
-    pub(in crate::pipeline) fn renderer_in_use(&mut self) -> Option<&mut Raycast> {
+    /// The renderer of a mode on the device in use.
+    pub(in crate::pipeline) fn renderer_in_use(&mut self, mode: RenderMode) -> Option<&mut dyn Renderer> {
         match &mut self.state {
-            State::Ready(renderer) => Some(renderer),
+            State::Ready(renderers) => Some(renderers.of(mode)),
             State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
         }
     }

@@ -20,7 +20,7 @@ pub enum RenderMode {
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
     Raycast,
-    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail; on the CPU whatever the backend.
+    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
     Havs,
     /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,

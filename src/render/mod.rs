@@ -2,7 +2,7 @@
 //!
 //! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to.
 //! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`]
-//! draws faces, all or some of them. [`mod@probe`] says what is seen at a place in the image.
+//! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
 
 pub mod cpu;
 pub mod gpu;

@@ -145,9 +145,15 @@ mod gpu {
         if context().is_none() {
             return;
         }
+        for mode in [RenderMode::Raycast, RenderMode::Havs] {
+            lose_in_the_middle(mode);
+        }
+    }
+
+    fn lose_in_the_middle(mode: RenderMode) {
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
-        let request = FrameRequest { backend: Backend::Gpu, ..request };
+        let request = FrameRequest { backend: Backend::Gpu, mode, ..request };
         let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
         let mut animate = |name: &str, lost_after: Option<usize>| {
             let mut restarts = Vec::new();
@@ -201,6 +207,26 @@ mod gpu {
         assert!(matches!(refused, Err(PipelineError::Render(RenderError::BeyondGpu { .. }))));
         // Not asked, not mentioned.
         pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request }).unwrap();
+    }
+
+    #[test]
+    fn one_pipeline_draws_cells_and_faces_on_one_gpu() {
+        if context().is_none() {
+            return;
+        }
+        let temp = tempfile::tempdir().unwrap();
+        let (mut pipeline, request) = jet(temp.path());
+        let mut frame = |mode: RenderMode, backend: Backend| {
+            pipeline.render(&FrameRequest { mode, backend, ..request.clone() }).unwrap().clone()
+        };
+        let cells = frame(RenderMode::Raycast, Backend::Gpu);
+        for _ in 0..2 {
+            let faces = frame(RenderMode::Havs, Backend::Gpu);
+            assert!(faces.stats.on_gpu && faces.stats.fragments > 0 && faces.stats.steps == 0);
+            crate::render::assert_within("faces and cells", &faces.color, &cells.color);
+            assert_eq!(frame(RenderMode::Raycast, Backend::Gpu).color, cells.color);
+            assert!(!frame(RenderMode::Havs, Backend::Cpu).stats.on_gpu);
+        }
     }
 
     #[test]

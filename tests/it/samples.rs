@@ -1,7 +1,7 @@
 //! Real series, from file to frames. Skipped, with a word, where the samples are absent.
 
 use crate::common::samples;
-use crate::series::{assert_agrees_from_all_sides, assert_frame_agrees, ingested, table_for};
+use crate::series::{assert_agrees_from_all_sides, assert_faces_agree, assert_frame_agrees, ingested, table_for};
 use std::path::Path;
 use tetreel::camera::Camera;
 use tetreel::codec::vq::VqOptions;
@@ -41,6 +41,7 @@ fn the_blunt_fin_is_drawn_as_the_reference_draws_it() {
     let table = table_for(&pipeline, "viridis@0:0.02,1:0.5");
     let job = pipeline.prepare(&FrameRequest::new(0, camera, table, (128, 128))).unwrap();
     assert!(assert_frame_agrees("blunt fin", &job) > 0.5);
+    assert_faces_agree("blunt fin", &job);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Whole series, from file or generator to frames: the fast renderers against the judge.
 
+#[cfg(feature = "gpu")]
+use crate::render::havs;
 use crate::render::{assert_within, raycast, reference};
 use glam::DVec3;
 use std::path::Path;
@@ -54,6 +56,10 @@ fn cameras(bounds: (DVec3, DVec3)) -> [Camera; 4] {
     [outside, along_x, parallel, inside]
 }
 
+/// Share of the inner faces that are drawn when not all are.
+#[cfg(feature = "gpu")]
+const SOME_FACES: f64 = 0.1;
+
 /// The CPU against the judge, the GPU, where there is one, against the CPU. Returns the largest opacity.
 pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
     let (fast, judge) = (raycast(job), reference(job));
@@ -66,6 +72,21 @@ pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
     judge.pixels.iter().fold(0.0, |most, p| most.max(p[3]))
 }
 
+/// Faces on the GPU, where there is one: all of them against the ray caster, some against the CPU.
+#[cfg(feature = "gpu")]
+pub fn assert_faces_agree(name: &str, job: &RenderJob) {
+    let Some(frame) = havs::gpu::render(&havs::with_all_faces(job)) else { return };
+    assert_within(&format!("{name}: faces on the GPU"), &frame.color, &raycast(job));
+    assert_eq!((frame.stats.broken_paths, frame.stats.out_of_order), (0, 0), "{name}");
+    let some = havs::with_some_faces(job, SOME_FACES, 1);
+    let (gpu, cpu) = (havs::gpu::render(&some).map(|frame| frame.color), havs::havs(&some).color);
+    assert_within(&format!("{name}: some faces on the GPU"), &gpu.unwrap_or_default(), &cpu);
+}
+
+/// Without the feature there is nothing to compare.
+#[cfg(not(feature = "gpu"))]
+pub fn assert_faces_agree(_: &str, _: &RenderJob) {}
+
 /// Four transfer functions, four cameras, the steps given.
 pub fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize]) {
     let selector: FieldSelector = field.parse().unwrap();
@@ -76,7 +97,11 @@ pub fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize])
         for (c, camera) in cameras(pipeline.mesh().positions.world_bounds()).into_iter().enumerate() {
             for &step in steps {
                 let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (128, 128))).unwrap();
-                seen = seen.max(assert_frame_agrees(&format!("{field}, {tf}, camera {c}, step {step}"), &job));
+                let name = format!("{field}, {tf}, camera {c}, step {step}");
+                seen = seen.max(assert_frame_agrees(&name, &job));
+                if tf == TRANSFER_FUNCTIONS[0] && step == steps[0] {
+                    assert_faces_agree(&name, &job);
+                }
             }
         }
     }

@@ -39,6 +39,96 @@ pub mod flags {
     pub const EARLY_TERMINATION: u32 = 2;
     /// No cell is inactive.
     pub const ALL_ACTIVE: u32 = 4;
+
+    /// Of [`FaceParams::flags`](super::FaceParams): all faces of the active cells are drawn.
+    pub const COMPLETE: u32 = 1;
+    /// Of [`FaceParams::flags`](super::FaceParams): fragments are put in order whatever it takes.
+    pub const EXACT_ORDER: u32 = 2;
+}
+
+/// Pixels of a tile.
+pub const TILE_PIXELS: usize = TILE_PX * TILE_PX;
+
+/// Words of a face: corners, ascending; the cells in front of it and behind it for a ray that sees them counter-clockwise.
+pub const FACE_WORDS: usize = 5;
+
+/// Words of a cell at the eye, for the face renderer: the cell, bits (`shaders/lib/faces.wgsl`), corners, ascending.
+pub const EYE_WORDS: usize = 6;
+
+/// Bytes of a fragment: depth as a sum of two, scalar, rank, the cells left and entered.
+pub const FRAGMENT_BYTES: u64 = 24;
+
+/// Words of a piece of a large face: its place in the list, a tile.
+pub const PIECE_WORDS: u64 = 2;
+
+/// Places in the lists of the face renderer, in words (`shaders/lib/faces.wgsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lists {
+    /// Tiles of the image.
+    pub tiles: u64,
+}
+
+impl Lists {
+    /// Words before the first tile's; the first of them is the number of pieces.
+    pub const HEAD: u64 = 4;
+
+    /// Fragments of each tile.
+    pub fn sums(self) -> u64 {
+        Self::HEAD
+    }
+
+    /// Where the first fragment of each tile is, before the tile's first pixel.
+    pub fn bases(self) -> u64 {
+        Self::HEAD + self.tiles
+    }
+
+    /// For each pixel of each tile how many fragments it has, then where they begin in the tile, then where they end.
+    pub fn pixels(self) -> u64 {
+        Self::HEAD + 2 * self.tiles
+    }
+
+    /// Pieces of large faces.
+    pub fn pieces(self) -> u64 {
+        self.pixels() + TILE_PIXELS as u64 * self.tiles
+    }
+}
+
+/// What the stages of the face renderer need beyond [`Params`]; written for each slice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FaceParams {
+    /// Faces of the list.
+    pub drawn_count: u32,
+    /// Cells at the eye: their records come behind the list.
+    pub eye_count: u32,
+    /// First unit of the slice: face, piece or tile.
+    pub first: u32,
+    /// The one behind its last.
+    pub end: u32,
+    /// First tile of the band.
+    pub first_tile: u32,
+    /// The one behind its last.
+    pub end_tile: u32,
+    /// First pixel of each tile; other than 0 in a band within one tile.
+    pub first_pixel: u32,
+    /// The one behind the last.
+    pub end_pixel: u32,
+    /// Faces of a binding.
+    pub face_part: u32,
+    /// Fragments of the first binding.
+    pub fragment_part: u32,
+    /// Pieces that there is room for.
+    pub piece_capacity: u32,
+    /// Fragments that the buffer of a pixel holds back.
+    pub k: u32,
+    /// Depths closer than that may be in the wrong order.
+    pub tie: f32,
+    /// Bits of [`flags`].
+    pub flags: u32,
+    /// Nothing.
+    pub unused_0: u32,
+    /// Nothing.
+    pub unused_1: u32,
 }
 
 /// Parameters of a frame, as all stages see them.

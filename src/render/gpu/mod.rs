@@ -10,11 +10,31 @@ pub mod shaders;
 mod shader_tests;
 
 #[cfg(feature = "gpu")]
+mod buffers;
+#[cfg(feature = "gpu")]
 pub mod context;
+#[cfg(feature = "gpu")]
+mod decode;
+#[cfg(feature = "gpu")]
+mod eye;
 #[cfg(feature = "gpu")]
 mod frame_texture;
 #[cfg(feature = "gpu")]
+pub mod havs;
+#[cfg(feature = "gpu")]
+mod pipelines;
+#[cfg(feature = "gpu")]
+mod presenter;
+#[cfg(feature = "gpu")]
 pub mod raycast;
+#[cfg(feature = "gpu")]
+mod readback;
+#[cfg(feature = "gpu")]
+mod slices;
+#[cfg(feature = "gpu")]
+mod table;
+#[cfg(feature = "gpu")]
+mod target;
 #[cfg(feature = "gpu")]
 pub use frame_texture::FrameTexture;
 

@@ -1,6 +1,6 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
-use super::layout::{self, Params, VqStep};
+use super::layout::{self, FaceParams, Lists, Params, VqStep};
 use super::shaders::{RECORD_PARTS_MAX, RecordSplit, STAGES, Stage};
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -99,8 +99,39 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
     macro_rules! step_offsets {
         ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(VqStep, $field))),*] };
     }
-    let rust = step_offsets!(vertex_count, row_8, row_64, means, exponents, first, second, per_word_log2);
-    assert_eq!(members(&module(Stage::DecodeVq), "VqStep"), (rust, size_of::<VqStep>()));
+    let rust_step = step_offsets!(vertex_count, row_8, row_64, means, exponents, first, second, per_word_log2);
+    assert_eq!(members(&module(Stage::DecodeVq), "VqStep"), (rust_step, size_of::<VqStep>()));
+}
+
+#[test]
+fn the_parameters_of_the_face_renderer_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(FaceParams, $field))),*] };
+    }
+    let rust = rust_offsets!(
+        drawn_count,
+        eye_count,
+        first,
+        end,
+        first_tile,
+        end_tile,
+        first_pixel,
+        end_pixel,
+        face_part,
+        fragment_part,
+        piece_capacity,
+        k,
+        tie,
+        flags,
+        unused_0,
+        unused_1,
+    );
+    let mut checked = 0;
+    for stage in STAGES.into_iter().filter(|stage| stage.name().starts_with("face")) {
+        assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
+        checked += 1;
+    }
+    assert_eq!(checked, 9);
 }
 
 #[test]
@@ -115,6 +146,20 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
         }
     };
     let walk = Stage::Walk(crate::optics::OpticsKind::Exact);
+    let resolve = Stage::FaceResolve(crate::optics::OpticsKind::Exact);
+    for (name, rust) in [
+        ("TILE_PIXELS", layout::TILE_PIXELS as f64),
+        ("FACE_WORDS", layout::FACE_WORDS as f64),
+        ("EYE_WORDS", layout::EYE_WORDS as f64),
+        ("FRAGMENT_PAIRS", layout::FRAGMENT_BYTES as f64 / 8.0),
+        ("PIECE_WORDS", layout::PIECE_WORDS as f64),
+        ("LISTS_HEAD", Lists::HEAD as f64),
+        ("COMPLETE", f64::from(layout::flags::COMPLETE)),
+        ("EXACT_ORDER", f64::from(layout::flags::EXACT_ORDER)),
+        ("COUNTERS", layout::COUNTERS as f64),
+    ] {
+        assert_eq!(value(resolve, name), rust, "{name}");
+    }
     for (name, rust) in [
         ("TILE_PX", layout::TILE_PX as f64),
         ("PAIR_WORDS", layout::PAIR_WORDS as f64),

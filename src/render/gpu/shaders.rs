@@ -3,7 +3,16 @@
 use crate::optics::OpticsKind;
 use std::fmt;
 
-/// A stage of the ray caster: one entry point in one file.
+/// What becomes of the fragments that are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// They are counted.
+    Count,
+    /// They are stored.
+    Store,
+}
+
+/// A stage of a renderer: one entry point in one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// A step from its compressed block.
@@ -20,10 +29,20 @@ pub enum Stage {
     Walk(OpticsKind),
     /// To where a window samples it.
     Present,
+    /// Faces against the pixels of their boxes.
+    Faces(Pass),
+    /// Large faces, tile by tile.
+    FacePieces(Pass),
+    /// Rays that begin in a cell.
+    FaceStarts(Pass),
+    /// From fragments per pixel to places.
+    FaceScan,
+    /// Fragments put in order, and composited.
+    FaceResolve(OpticsKind),
 }
 
 /// All stages.
-pub const STAGES: [Stage; 8] = [
+pub const STAGES: [Stage; 17] = [
     Stage::DecodeVq,
     Stage::ViewTransform,
     Stage::EntriesCount,
@@ -32,6 +51,15 @@ pub const STAGES: [Stage; 8] = [
     Stage::Walk(OpticsKind::Exact),
     Stage::Walk(OpticsKind::Table3d),
     Stage::Present,
+    Stage::Faces(Pass::Count),
+    Stage::FacePieces(Pass::Count),
+    Stage::FaceStarts(Pass::Count),
+    Stage::FaceScan,
+    Stage::Faces(Pass::Store),
+    Stage::FacePieces(Pass::Store),
+    Stage::FaceStarts(Pass::Store),
+    Stage::FaceResolve(OpticsKind::Exact),
+    Stage::FaceResolve(OpticsKind::Table3d),
 ];
 
 /// How the records of cells are split over bindings.
@@ -75,40 +103,85 @@ impl Stage {
             Self::EntriesStore => "entries_store",
             Self::Walk(_) => "walk",
             Self::Present => "present",
+            Self::Faces(_) => "faces",
+            Self::FacePieces(_) => "face_pieces",
+            Self::FaceStarts(_) => "face_starts",
+            Self::FaceScan => "face_scan",
+            Self::FaceResolve(_) => "face_resolve",
         }
     }
 
     /// The whole shader.
     pub fn source(self, split: RecordSplit) -> String {
-        const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
-        const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
-        const BOXES: &str = include_str!("../../../shaders/lib/boxes.wgsl");
-        const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
-        const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
-        const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
-        const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
         let constants = Constants(split).to_string();
-        let parts: &[&str] = match self {
-            Self::DecodeVq => &[include_str!("../../../shaders/decode_vq.wgsl")],
-            Self::ViewTransform => &[FRAME, include_str!("../../../shaders/view_transform.wgsl")],
-            Self::EntriesCount => {
-                &[&constants, FRAME, CELLS, BOXES, include_str!("../../../shaders/entries_count.wgsl")]
+        let constants = constants.as_str();
+        match self {
+            Self::DecodeVq => include_str!("../../../shaders/decode_vq.wgsl").to_owned(),
+            Self::ViewTransform => {
+                [lib::FRAME, lib::SUMS, include_str!("../../../shaders/view_transform.wgsl")].concat()
             }
-            Self::EntriesScan => &[FRAME, include_str!("../../../shaders/entries_scan.wgsl")],
-            Self::EntriesStore => {
-                &[&constants, FRAME, CELLS, BOXES, include_str!("../../../shaders/entries_store.wgsl")]
-            }
-            Self::Present => &[include_str!("../../../shaders/present.wgsl")],
+            Self::EntriesCount => entering(constants, include_str!("../../../shaders/entries_count.wgsl")),
+            Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
+            Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
             Self::Walk(optics) => {
-                let optics = match optics {
-                    OpticsKind::Exact => EXACT,
-                    OpticsKind::Table3d => TABLE3D,
-                };
-                &[&constants, FRAME, CELLS, RAY, MATH, optics, include_str!("../../../shaders/walk.wgsl")]
+                let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
+                [constants, &gathering(optics, 11), &walk].concat()
             }
-        };
-        parts.concat()
+            Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
+            Self::Faces(pass) => finding(pass, include_str!("../../../shaders/faces.wgsl")),
+            Self::FacePieces(pass) => finding(pass, include_str!("../../../shaders/face_pieces.wgsl")),
+            Self::FaceStarts(pass) => finding(pass, include_str!("../../../shaders/face_starts.wgsl")),
+            Self::FaceScan => [lib::FRAME, lib::FACES, include_str!("../../../shaders/face_scan.wgsl")].concat(),
+            Self::FaceResolve(optics) => {
+                let resolve = [lib::FACES, include_str!("../../../shaders/face_resolve.wgsl")].concat();
+                [gathering(optics, 10), resolve].concat()
+            }
+        }
     }
+}
+
+/// Parts that stages are made of.
+mod lib {
+    pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
+    pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
+    pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
+    pub(super) const BOXES: &str = include_str!("../../../shaders/lib/boxes.wgsl");
+    pub(super) const ITEMS: &str = include_str!("../../../shaders/lib/items.wgsl");
+    pub(super) const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
+    pub(super) const CROSSING: &str = include_str!("../../../shaders/lib/crossing.wgsl");
+    pub(super) const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
+    pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
+    pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
+    pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
+    pub(super) const FACES: &str = include_str!("../../../shaders/lib/faces.wgsl");
+    pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");
+    pub(super) const FRAGMENTS_COUNT: &str = include_str!("../../../shaders/lib/fragments_count.wgsl");
+    pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");
+}
+
+/// A stage that integrates along rays. `table3d`: the binding of that table's parameters.
+fn gathering(optics: OpticsKind, table3d: u32) -> String {
+    let optics = match optics {
+        OpticsKind::Exact => lib::EXACT.to_owned(),
+        OpticsKind::Table3d => {
+            format!("{}\n@group(0) @binding({table3d}) var<uniform> table3d: Table3dParams;\n", lib::TABLE3D)
+        }
+    };
+    [lib::FRAME, lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
+}
+
+/// A stage that finds fragments.
+fn finding(pass: Pass, stage: &str) -> String {
+    let kept = match pass {
+        Pass::Count => lib::FRAGMENTS_COUNT,
+        Pass::Store => lib::FRAGMENTS_STORE,
+    };
+    [lib::FRAME, lib::FACES, lib::SUMS, lib::BOXES, lib::RAY, lib::FACE_HITS, kept, stage].concat()
+}
+
+/// A stage that finds entries.
+fn entering(constants: &str, stage: &str) -> String {
+    [constants, lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS, stage].concat()
 }
 
 /// Constants that the host decides on.

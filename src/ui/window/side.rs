@@ -240,7 +240,7 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let modes = [
         (RenderMode::Auto, "best renderer"),
         (RenderMode::Raycast, "ray caster"),
-        (RenderMode::Havs, "faces (CPU)"),
+        (RenderMode::Havs, "faces"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
     if choice(ui, "Renderer", &mut mode, &modes) {

@@ -2,6 +2,8 @@
 
 use super::{Place, STEPS, render};
 use serde_json::Value;
+#[cfg(feature = "gpu")]
+use tetreel::image::ExrImage;
 use tetreel::image::{RgbaImage, read_exr, read_png};
 
 /// Pixels that differ.
@@ -95,16 +97,24 @@ fn frames_of_both_backends_are_the_same_picture() {
         return;
     }
     let place = Place::with_slab();
-    let run = |backend: &str| {
-        let file = format!("{backend}.exr");
-        place.ok(&render(&["-o", &file, "--exr", "raw", "--steps", "3", "--backend", backend, "--stats", "s.json"]));
-        let stats = std::fs::read_to_string(place.path("s.json")).unwrap();
-        assert_eq!(stats.contains("\"on_gpu\": true"), backend == "gpu", "{stats}");
-        read_exr(&place.path(&file)).unwrap()
-    };
-    let (cpu, gpu) = (run("cpu"), run("gpu"));
-    crate::render::assert_within("GPU against CPU", &gpu.color, &cpu.color);
-    assert!(cpu.color.pixels.iter().any(|p| p[3] > 0.1));
+    for how in [&["--mode", "raycast"][..], &["--mode", "havs"], &["--mode", "havs", "--lod", "0.3", "--inexact-order"]]
+    {
+        let run = |backend: &str| frame_of(&place, backend, how);
+        let (cpu, gpu) = (run("cpu"), run("gpu"));
+        crate::render::assert_within(&format!("{how:?}: GPU against CPU"), &gpu.color, &cpu.color);
+        assert!(cpu.color.pixels.iter().any(|p| p[3] > 0.1));
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn frame_of(place: &Place, backend: &str, how: &[&str]) -> ExrImage {
+    let file = format!("{backend}.exr");
+    let mut args = vec!["-o", &file, "--exr", "raw", "--steps", "3", "--backend", backend, "--stats", "s.json"];
+    args.extend(how);
+    place.ok(&render(&args));
+    let stats = std::fs::read_to_string(place.path("s.json")).unwrap();
+    assert_eq!(stats.contains("\"on_gpu\": true"), backend == "gpu", "{stats}");
+    read_exr(&place.path(&file)).unwrap()
 }
 
 #[test]

@@ -62,6 +62,8 @@ use pulp::Simd;
 use raster::Faces;
 use rayon::prelude::*;
 use sides::Sides;
+#[cfg(feature = "gpu")]
+pub(in crate::render) use sides::is_outward;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tile::{RenderTile, Scene, TileScratch};
@@ -125,7 +127,7 @@ impl Havs {
 ///
 /// # Errors
 /// If there are none, if one is not of the mesh, or if k is out of range.
-fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces>, RenderError> {
+pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces>, RenderError> {
     let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
     let faces = job.mesh.topology.faces.len();
     match drawn.faces.par_iter().with_min_len(1 << 16).max() {

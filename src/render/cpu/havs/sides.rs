@@ -43,7 +43,7 @@ impl Sides {
 }
 
 /// Whether the ascending corners of a face are counter-clockwise seen from outside of its first cell.
-fn is_outward(topology: &Topology, face: usize) -> bool {
+pub(in crate::render) fn is_outward(topology: &Topology, face: usize) -> bool {
     let corners = topology.faces[face];
     let tet = topology.tets[topology.face_cells[face][0] as usize];
     let opposite = (0..4).find(|&i| !corners.contains(&tet[i])).unwrap_or(0);

@@ -15,45 +15,27 @@
 //! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
 //! differs from the last in camera, step or table only.
 
-mod buffers;
-mod decode;
 mod pipelines;
-mod readback;
+mod records;
 mod scene;
 #[cfg(test)]
-mod stage_tests;
-mod target;
+pub(super) mod stage_tests;
 
-use super::FrameTexture;
 use super::context::Context;
-use super::layout::{Params, TILE_PX, depth_of};
-use crate::camera::View;
-use crate::mesh::FACE_VERTICES;
-use crate::render::cpu::raycast::entries::cells_at_eye;
+use super::eye::{self, sides};
+use super::layout::{Params, depth_of};
+use super::presenter::Presenter;
+use super::readback::Slot;
+use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
-use glam::DVec3;
-use pipelines::Present;
-use readback::Slot;
 use scene::Scene;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Buffers on their way back: one is read, one is written, one waits.
-const SLOTS: usize = 3;
-/// Slices under way at a time: the GPU has the next when it is done with one.
-const IN_FLIGHT: usize = 2;
-/// Workgroups of a dispatch in one dimension; WebGPU's limit.
-const GROUPS_MAX: u32 = 65_535;
-/// The longest that the GPU is given work at once: what is cancelled ends after it, and other users of the GPU have a turn.
-const SLICE: Duration = Duration::from_millis(15);
 /// Tiles of the first slice of all, before anything is known of their cost.
 const FIRST_TILES: usize = 32;
-
-/// Cells so near to the eye, local units, may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
-/// extent, which is 2, and a cell too many only costs time.
-const EYE_TOLERANCE: f64 = 1.0 / (1u64 << 20) as f64;
 
 /// The GPU ray caster.
 pub struct Raycast {
@@ -64,30 +46,9 @@ pub struct Raycast {
     in_flight: VecDeque<usize>,
     frame: Frame,
     active_job: Option<ActiveJob>,
-    /// Made for the first frame of a window.
-    present: Option<Present>,
-    /// Milliseconds of a tile.
-    cost: TileCost,
-}
-
-/// Milliseconds of a tile, as far as they are known. Tiles differ: those at the rim of an image are mostly empty.
-#[derive(Clone, Copy, Debug, Default)]
-struct TileCost {
-    /// Of the last slice.
-    last: Option<f64>,
-    /// On average over the last frame.
-    mean: Option<f64>,
-}
-
-impl TileCost {
-    /// Tiles that take no longer than `ms`. A slice of empty tiles says little about the next one.
-    fn tiles_in(self, ms: f64) -> usize {
-        let per_tile = self.last.into_iter().chain(self.mean).reduce(f64::max);
-        let tiles = per_tile.map_or(FIRST_TILES as f64, |per_tile| ms / per_tile.max(1e-6));
-        // Without a whole frame to go by, no leaps.
-        let most = if self.mean.is_some() { GROUPS_MAX as usize } else { 2 * FIRST_TILES };
-        (tiles as usize).clamp(1, most)
-    }
+    presenter: Presenter,
+    /// Of a tile.
+    cost: UnitCost,
 }
 
 /// What a job under way needs beyond the buffers.
@@ -116,8 +77,8 @@ impl Raycast {
             in_flight: VecDeque::with_capacity(SLOTS),
             frame: Frame::default(),
             active_job: None,
-            present: None,
-            cost: TileCost::default(),
+            presenter: Presenter::new(),
+            cost: UnitCost::default(),
         }
     }
 
@@ -139,24 +100,25 @@ impl Raycast {
     /// Submits view transform and entries.
     fn submit_preparation(&mut self) -> Result<(), RenderError> {
         let Some(active) = &self.active_job else { return Ok(()) };
-        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, .. } = &self.scene
+        let Scene {
+            transform: Some(transform),
+            pipelines: Some(pipelines),
+            target: Some(target),
+            groups: Some(groups),
+            params,
+            bins,
+            ..
+        } = &self.scene
         else {
             return Ok(());
         };
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.clear_buffer(target.bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
-        let stamps = |begin: Option<u32>, end: Option<u32>| {
-            target.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
-                query_set: &times.queries,
-                beginning_of_pass_write_index: begin,
-                end_of_pass_write_index: end,
-            })
-        };
+        encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
         let decoder = &self.scene.scalars.decoder;
         if decoder.pending_vertices() > 0 {
             self.frame.stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            let timestamp_writes = stamps(Some(6), Some(7));
+            let timestamp_writes = target.stamps(6);
             let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
             decoder.record(&mut encoder.begin_compute_pass(&descriptor));
         }
@@ -164,13 +126,13 @@ impl Raycast {
         for (label, timestamp_writes, group, stages) in [
             (
                 "view transform",
-                stamps(Some(0), Some(1)),
+                target.stamps(0),
                 &groups.transform,
-                &[(&pipelines.view_transform, vertices.div_ceil(256))][..],
+                &[(&transform.pipeline, vertices.div_ceil(256))][..],
             ),
             (
                 "entries",
-                stamps(Some(2), Some(3)),
+                target.stamps(2),
                 &groups.entries,
                 &[
                     (&pipelines.entries_count, items.div_ceil(64)),
@@ -195,7 +157,8 @@ impl Raycast {
     /// Submits the walk of the next `count` tiles.
     fn submit_tiles(&mut self, count: usize) -> Result<(), RenderError> {
         let Some(active) = &mut self.active_job else { return Ok(()) };
-        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, .. } = &self.scene
+        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, bins, .. } =
+            &self.scene
         else {
             return Ok(());
         };
@@ -203,11 +166,7 @@ impl Raycast {
         active.params.first_tile = tiles.start as u32;
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let timestamp_writes = target.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
-            query_set: &times.queries,
-            beginning_of_pass_write_index: Some(4),
-            end_of_pass_write_index: Some(5),
-        });
+        let timestamp_writes = target.stamps(4);
         {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
@@ -219,7 +178,8 @@ impl Raycast {
         let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();
         let slot = &mut self.slots[free];
         active.next_tile = tiles.end;
-        slot.record(&self.context, &mut encoder, target, tiles, self.frame.texture.is_none())?;
+        let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64));
+        slot.record(&self.context, &mut encoder, target, tiles, self.frame.texture.is_none(), total)?;
         let submission = self.context.queue.submit([encoder.finish()]);
         slot.submitted(&self.context, submission)?;
         self.in_flight.push_back(free);
@@ -241,7 +201,7 @@ impl Raycast {
         let short = self.slots[slot].collect(
             context,
             |slice| {
-                let needed = slice.pairs_needed();
+                let needed = slice.total();
                 if needed > capacity {
                     return Some(needed);
                 }
@@ -284,46 +244,10 @@ impl Raycast {
         self.submit_preparation()
     }
 
-    /// A texture for the frame if the job is for this GPU's window: the one that there is if it fits.
-    fn prepare_texture(&mut self, job: &RenderJob) -> Result<(), RenderError> {
-        let size_px = (job.view.width_px, job.view.height_px);
-        let last = self.frame.texture.take();
-        if !job.for_window || !self.context.is_of_window() {
-            self.frame.clear(size_px.0, size_px.1);
-            return Ok(());
-        }
-        self.frame.clear(0, 0);
-        if self.present.is_none() {
-            self.present = Some(Present::new(&self.context)?);
-        }
-        self.frame.texture = Some(match last.filter(|texture| texture.fits(&self.context, size_px)) {
-            Some(texture) => texture,
-            None => FrameTexture::new(&self.context, size_px)?,
-        });
-        Ok(())
-    }
-
-    /// Has a finished frame copied to its texture. Whoever samples that does it after the copy, on the same queue.
-    fn present(&mut self) {
-        if let (Some(texture), Some(present), Some(target)) =
-            (&mut self.frame.texture, &self.present, &self.scene.target)
-        {
-            present.submit(&self.context, &target.color, texture);
-        }
-    }
-
-    /// Tiles that fit into `budget`, shared by the slices under way.
-    fn slice_tiles(&self, budget: Duration) -> usize {
-        if budget == Duration::MAX {
-            return GROUPS_MAX as usize;
-        }
-        self.cost.tiles_in(budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64)
-    }
-
     fn work(&mut self, budget: Duration) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
         loop {
-            let tiles = self.slice_tiles(budget);
+            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
             let Some(active) = &self.active_job else { return Ok(true) };
             if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
                 self.submit_tiles(tiles)?;
@@ -335,35 +259,14 @@ impl Raycast {
             self.collect_slice()?;
             let Some(active) = &self.active_job else { return Ok(true) };
             let done = active.tiles_done >= active.tile_count;
-            if done {
-                self.present();
+            if done && let Some(target) = &self.scene.target {
+                self.presenter.present(&self.context, &target.color, &mut self.frame);
             }
             if done || slice_started.elapsed() >= budget {
                 return Ok(done);
             }
         }
     }
-}
-
-/// Starts at least so many workgroups, in rows if there are more than a row may have.
-fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
-    let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
-    pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
-}
-
-/// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly
-/// inside, neither if it is in the face's plane.
-fn sides(job: &RenderJob, local_view: &View, cell: u32) -> u32 {
-    let tet = job.mesh.topology.tets[cell as usize];
-    let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
-    let at = |v: u32| coord(job.mesh.positions.local[v as usize].as_dvec3());
-    let side_of = |i: usize| {
-        let [a, b, c] = FACE_VERTICES[i].map(|v| at(tet[v]));
-        // Positive for a point below a triangle that is seen counter-clockwise from above: inside the cell.
-        let volume = robust::orient3d(a, b, c, coord(local_view.eye));
-        u32::from(volume < 0.0) << i | u32::from(volume > 0.0) << (4 + i)
-    };
-    (0..4).map(side_of).sum()
 }
 
 impl Renderer for Raycast {
@@ -386,18 +289,18 @@ impl Renderer for Raycast {
                 .beyond("the eye is too far from the mesh, or the view too wide, for single precision".to_owned())
         };
         let mut params = Params::of_view(&view).ok_or_else(far)?;
-        let is_empty = self.scene.is_clear(&job) || cells_active == 0;
+        let is_empty = self.scene.table.is_clear(&job) || cells_active == 0;
         if is_empty {
             // All pixels are clear, and here.
             self.frame.clear(view.width_px, view.height_px);
         } else {
-            self.prepare_texture(&job)?;
-            let eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
-            let eye_cells: Vec<_> = eye_cells.into_iter().map(|c| [c, sides(&job, &view, c)]).collect();
+            self.presenter.prepare(&self.context, &job, &mut self.frame)?;
+            let eye_cells: Vec<_> =
+                eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
             self.scene.update(&self.context, &job, &eye_cells, &mut params)?;
             self.frame.stats.entry_faces = u64::from(params.face_count);
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
-            let tile_count = view.width_px.div_ceil(TILE_PX) * view.height_px.div_ceil(TILE_PX);
+            let tile_count = params.tile_count();
             let ms_before = job.stats.ms_decode + job.stats.ms_order;
             let active =
                 ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, walk_ms: 0.0, started, ms_before };
@@ -441,21 +344,5 @@ impl Renderer for Raycast {
 
     fn slice(&self) -> Duration {
         SLICE
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn empty_tiles_do_not_make_the_next_slice_long() {
-        assert_eq!(TileCost::default().tiles_in(7.5), FIRST_TILES);
-        let empty = Some(1e-4);
-        assert_eq!(TileCost { last: empty, mean: None }.tiles_in(7.5), 2 * FIRST_TILES);
-        assert_eq!(TileCost { last: empty, mean: Some(0.5) }.tiles_in(7.5), 15);
-        assert_eq!(TileCost { last: Some(3.0), mean: Some(0.5) }.tiles_in(7.5), 2);
-        assert_eq!(TileCost { last: Some(100.0), mean: None }.tiles_in(7.5), 1);
-        assert_eq!(TileCost { last: empty, mean: Some(0.0) }.tiles_in(1e9), GROUPS_MAX as usize);
     }
 }

@@ -1,18 +1,16 @@
 //! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
 
-use super::buffers::{GpuScalars, GrowingBuffer, MeshBuffers};
-use super::pipelines::{Pipelines, bind_group};
-use super::target::Target;
+use super::pipelines::Pipelines;
+use super::records::Records;
 use crate::mesh::Mesh;
-use crate::node_table::NodeTable;
-use crate::optics::exact::ExactTable;
-use crate::optics::table3d::Table3dParams;
-use crate::optics::{OpticsKind, ScalarMap};
 use crate::render::cpu::raycast::entries;
-use crate::render::cpu::raycast::pre_integrated::PreIntegrated;
+use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{Params, flags};
+use crate::render::gpu::layout::{PAIR_WORDS, Params, flags};
+use crate::render::gpu::pipelines::{Transform, bind_group};
 use crate::render::gpu::shaders::RecordSplit;
+use crate::render::gpu::table::Table;
+use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
 use crate::visibility::CellSet;
 use std::sync::Arc;
@@ -27,19 +25,6 @@ struct Domain {
     packed: Vec<u32>,
 }
 
-/// The transfer function.
-struct Table {
-    of: Option<(Arc<NodeTable>, f64)>,
-    exact: Option<ExactTable>,
-    pre_integrated: PreIntegrated,
-    /// What the buffers' contents are for.
-    sent: Option<(ScalarMap, OpticsKind)>,
-    buffer: GrowingBuffer,
-    /// What the pre-integrated table needs beside its entries.
-    parameters: GrowingBuffer,
-    interval_count: u32,
-}
-
 /// Groups of what the stages bind.
 pub(super) struct Groups {
     pub(super) transform: wgpu::BindGroup,
@@ -50,12 +35,16 @@ pub(super) struct Groups {
 /// All that the stages read and write.
 pub(super) struct Scene {
     pub(super) params: GrowingBuffer,
-    pub(super) mesh: MeshBuffers,
+    pub(super) vertices: VertexBuffers,
+    records: Records,
     pub(super) scalars: GpuScalars,
     domain: Domain,
-    table: Table,
+    pub(super) table: Table,
+    pub(super) transform: Option<Transform>,
     pub(super) pipelines: Option<Pipelines>,
     pub(super) target: Option<Target>,
+    /// Ends of the tiles' lists, their sum, the lists.
+    pub(super) bins: GrowingBuffer,
     pub(super) groups: Option<Groups>,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
@@ -66,7 +55,8 @@ impl Scene {
         let storage = GrowingBuffer::storage;
         Self {
             params: GrowingBuffer::uniform("parameters"),
-            mesh: MeshBuffers::new(),
+            vertices: VertexBuffers::new(),
+            records: Records::new(),
             scalars: GpuScalars::new(),
             domain: Domain {
                 of: None,
@@ -75,35 +65,18 @@ impl Scene {
                 faces: Vec::new(),
                 packed: Vec::new(),
             },
-            table: Table {
-                of: None,
-                exact: None,
-                pre_integrated: PreIntegrated::default(),
-                sent: None,
-                buffer: storage("table"),
-                parameters: GrowingBuffer::uniform("parameters of the table"),
-                interval_count: 0,
-            },
+            table: Table::new(),
+            transform: None,
             pipelines: None,
             target: None,
+            bins: storage("lists of entries"),
             groups: None,
             bytes_sent: 0,
         }
     }
 
-    /// Whether no scalar can be seen with the job's table.
-    pub(super) fn is_clear(&mut self, job: &RenderJob) -> bool {
-        let scale = job.mesh.positions.scale;
-        let same = |(table, s): &(Arc<NodeTable>, f64)| Arc::ptr_eq(table, &job.table) && *s == scale;
-        if !self.table.of.as_ref().is_some_and(same) {
-            self.table.exact = Some(ExactTable::new(&job.table, scale));
-            self.table.sent = None;
-            self.table.of = Some((job.table.clone(), scale));
-        }
-        self.table.exact.as_ref().is_none_or(ExactTable::is_clear)
-    }
-
-    /// Brings everything to the GPU that is not there yet, and completes the parameters. [`Self::is_clear`] has been asked.
+    /// Brings everything to the GPU that is not there yet, and completes the parameters. [`Table::is_clear`] has
+    /// been asked.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -138,21 +111,32 @@ impl Scene {
         if let Some(pipelines) = &mut self.pipelines {
             pipelines.prepare_walk(context, job.optics)?;
         }
-        let (made, sent) = self.mesh.upload(context, &job.mesh, split)?;
+        if self.transform.is_none() {
+            self.transform = Some(Transform::new(context)?);
+            stale = true;
+        }
+        let (made, sent) = self.vertices.upload(context, &job.mesh)?;
         if made {
             self.scalars.forget();
         }
         stale |= made;
         self.bytes_sent += sent;
-        let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.mesh.scalars)?;
+        let (made, sent) = self.records.upload(context, &job.mesh, split)?;
+        stale |= made;
         self.bytes_sent += sent;
-        stale |= self.update_table(context, job, prescale, params)?;
+        let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
+        self.bytes_sent += sent;
+        let (made, sent) = self.table.update(context, job, prescale, params)?;
+        stale |= made;
+        self.bytes_sent += sent;
         stale |= self.update_domain(context, job, eye_cells)?;
         let size_px = (params.size_px[0] as usize, params.size_px[1] as usize);
+        let mut is_resized = false;
         if self.target.as_ref().is_none_or(|t| t.size_px != size_px) {
             self.target = None;
             self.target = Some(Target::new(context, size_px)?);
             stale = true;
+            is_resized = true;
         }
         params.vertex_count = job.mesh.positions.local.len() as u32;
         params.face_count = self.domain.faces.len() as u32;
@@ -164,16 +148,13 @@ impl Scene {
         if job.active.count() == job.active.universe() {
             params.flags |= flags::ALL_ACTIVE;
         }
-        if let Some(target) = &mut self.target {
-            // Every face in two tiles, every cell at the eye in all: often enough, and corrected if not.
-            let tiles = target.tile_count() as u64;
-            let pairs = 2 * u64::from(params.face_count) + tiles * (eye_cells.len() as u64 + 1);
-            if target.bins.bytes() == 0 {
-                target.reserve_pairs(context, pairs)?;
-                stale = true;
-            }
-            params.pair_capacity = target.pair_capacity();
+        // Every face in two tiles, every cell at the eye in all: often enough, and corrected if not.
+        let tiles = params.tile_count() as u64;
+        let pairs = 2 * u64::from(params.face_count) + tiles * (eye_cells.len() as u64 + 1);
+        if is_resized || self.pair_capacity(tiles) == 0 {
+            stale |= self.reserve_pairs(context, tiles, pairs)?;
         }
+        params.pair_capacity = self.pair_capacity(tiles);
         if stale || self.groups.is_none() {
             self.make_groups(context)?;
         }
@@ -182,50 +163,21 @@ impl Scene {
 
     /// Room for more pairs of tile and item than there was.
     pub(super) fn grow_lists(&mut self, context: &Context, pairs: u64, params: &mut Params) -> Result<(), RenderError> {
-        if let Some(target) = &mut self.target {
-            target.reserve_pairs(context, pairs + pairs / 4)?;
-            params.pair_capacity = target.pair_capacity();
-        }
+        let tiles = params.tile_count() as u64;
+        self.reserve_pairs(context, tiles, pairs + pairs / 4)?;
+        params.pair_capacity = self.pair_capacity(tiles);
         self.make_groups(context)
     }
 
-    /// The table of the job's optics, seen through the map of its scalars.
-    fn update_table(
-        &mut self,
-        context: &Context,
-        job: &RenderJob,
-        prescale: f64,
-        params: &mut Params,
-    ) -> Result<bool, RenderError> {
-        let table = &mut self.table;
-        let map = ScalarMap::of_table(&job.table, prescale);
-        (params.scalar_offset, params.scalar_scale) = (map.offset as f32, map.scale as f32);
-        let mut made = table.parameters.reserve(context, size_of::<Table3dParams>() as u64)?;
-        if made || table.sent != Some((map, job.optics)) {
-            table.sent = None;
-            let pre_integrated;
-            let packed;
-            let words: &[[f32; 4]] = match (job.optics, &table.exact) {
-                (OpticsKind::Table3d, _) => {
-                    pre_integrated = table.pre_integrated.get(job);
-                    let of_shader = pre_integrated.params(map);
-                    self.bytes_sent += table.parameters.write(context, 0, bytemuck::bytes_of(&of_shader))?;
-                    bytemuck::cast_slice(pre_integrated.entries())
-                }
-                (OpticsKind::Exact, Some(exact)) => {
-                    packed = exact.packed(map);
-                    table.interval_count = (packed.len() / 3) as u32;
-                    &packed
-                }
-                (OpticsKind::Exact, None) => &[],
-            };
-            made |= table.buffer.reserve(context, size_of_val(words) as u64)?;
-            self.bytes_sent += table.buffer.write(context, 0, bytemuck::cast_slice(words))?;
-            // A table whose integration was cancelled is not one.
-            table.sent = (!job.cancel.is_cancelled()).then_some((map, job.optics));
-        }
-        params.interval_count = table.interval_count;
-        Ok(made)
+    /// Room for `pairs` pairs of tile and item beside what `tiles` need; whether the buffer was made for that.
+    fn reserve_pairs(&mut self, context: &Context, tiles: u64, pairs: u64) -> Result<bool, RenderError> {
+        self.bins.reserve(context, 4 * (tiles + 1 + PAIR_WORDS * pairs))
+    }
+
+    /// Pairs that there is room for.
+    fn pair_capacity(&self, tiles: u64) -> u32 {
+        let words = (self.bins.bytes() / 4).saturating_sub(tiles + 1);
+        u32::try_from(words / PAIR_WORDS).unwrap_or(u32::MAX)
     }
 
     fn update_domain(
@@ -264,16 +216,18 @@ impl Scene {
     }
 
     fn make_groups(&mut self, context: &Context) -> Result<(), RenderError> {
-        let (Some(pipelines), Some(target)) = (&self.pipelines, &self.target) else { return Ok(()) };
+        let (Some(transform), Some(pipelines), Some(target)) = (&self.transform, &self.pipelines, &self.target) else {
+            return Ok(());
+        };
         let get = |buffer: &GrowingBuffer| buffer.get(context).cloned();
-        let (params, vertices) = (get(&self.params)?, get(&self.mesh.vertices)?);
-        let [first, second, third] = &self.mesh.records;
+        let (params, vertices) = (get(&self.params)?, get(&self.vertices.vertices)?);
+        let [first, second, third] = &self.records.parts;
         let records = [get(first)?, get(second)?, get(third)?];
-        let bins = get(&target.bins)?;
+        let bins = get(&self.bins)?;
         let group = |label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]| {
             bind_group(context, label, layout, resources)
         };
-        let (positions, scalars) = (get(&self.mesh.positions)?, get(&self.mesh.scalars)?);
+        let (positions, scalars) = (get(&self.vertices.positions)?, get(&self.vertices.scalars)?);
         let (items, active) = (get(&self.domain.items)?, get(&self.domain.active)?);
         let (table, counters) = (get(&self.table.buffer)?, get(&target.counters)?);
         let table_parameters = get(&self.table.parameters)?;
@@ -299,7 +253,7 @@ impl Scene {
         ];
         let of_transform = [whole(&params), whole(&positions), whole(&scalars), whole(&vertices)];
         self.groups = Some(Groups {
-            transform: group("transform", &pipelines.transform_layout, &of_transform),
+            transform: transform.group(context, &of_transform),
             entries: group("entries", &pipelines.entries_layout, &of_entries),
             walk: group("walk", &pipelines.walk_layout, &of_walk),
         });

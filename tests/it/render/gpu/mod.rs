@@ -39,7 +39,7 @@ pub fn render(job: &RenderJob) -> Option<Frame> {
 }
 
 /// A GPU of its own with these options, for tests that count what it makes or that break it.
-fn own_context(options: &ContextOptions) -> Option<Arc<Context>> {
+pub fn own_context(options: &ContextOptions) -> Option<Arc<Context>> {
     context()?;
     Some(Arc::new(Context::new(options).unwrap()))
 }

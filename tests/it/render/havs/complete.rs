@@ -4,12 +4,12 @@ use super::*;
 use crate::meshes::{build, grid, sample};
 use tetreel::visibility::CellSet;
 
-type Shape = Box<dyn Fn(DVec3) -> bool>;
+pub type Shape = Box<dyn Fn(DVec3) -> bool>;
 
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
 
 /// Cameras along axes and diagonals, through vertices and edges, both projections.
-fn cameras() -> Vec<Camera> {
+pub fn cameras() -> Vec<Camera> {
     let mut cameras = Vec::new();
     for direction in [DVec3::X, -DVec3::Y, DVec3::Z, DVec3::ONE, DVec3::new(1.0, -2.0, 0.5), DVec3::new(1.0, 1.0, 0.0)]
     {
@@ -74,9 +74,9 @@ fn convex_meshes_agree_with_the_ray_caster() {
     }
 }
 
-#[test]
-fn holes_and_separate_parts_agree_with_the_ray_caster() {
-    let shapes: [(&str, Shape); 4] = [
+/// Which cubes of a grid are there, by their middles.
+pub fn shapes() -> [(&'static str, Shape); 4] {
+    [
         ("hole", Box::new(|c: DVec3| c.length() > 0.5)),
         ("two parts", Box::new(|c: DVec3| c.x.abs() > 0.3)),
         (
@@ -84,8 +84,12 @@ fn holes_and_separate_parts_agree_with_the_ray_caster() {
             Box::new(|c: DVec3| ((c + DVec3::ONE) * 4.0).floor().as_ivec3().element_sum() % 2 == 0),
         ),
         ("shell", Box::new(|c: DVec3| c.abs().max_element() > 0.6)),
-    ];
-    for (name, keep) in shapes {
+    ]
+}
+
+#[test]
+fn holes_and_separate_parts_agree_with_the_ray_caster() {
+    for (name, keep) in shapes() {
         for jitter in [0.0, 0.16] {
             let mesh = Arc::new(build(grid(8, jitter, 7, &keep)));
             let mut worst = Worst::default();
@@ -100,7 +104,7 @@ fn holes_and_separate_parts_agree_with_the_ray_caster() {
 }
 
 /// A box of slivers, or of layers that become thinner towards one side.
-fn layered(squash: f64, thinnest: f64) -> (Arc<Mesh>, Vec<f32>, NodeTable) {
+pub fn layered(squash: f64, thinnest: f64) -> (Arc<Mesh>, Vec<f32>, NodeTable) {
     let mut raw = grid(8, 0.16, 5, |c| c.length() > 0.35);
     // Heights from 0 to 1 become those of layers between `thinnest` and 1.
     let place = |z: f64| if thinnest == 1.0 { z } else { thinnest.powf(0.5 - 0.5 * z) * 2.0 - 1.0 };
@@ -114,6 +118,14 @@ fn layered(squash: f64, thinnest: f64) -> (Arc<Mesh>, Vec<f32>, NodeTable) {
     (Arc::new(mesh), scalars, table)
 }
 
+/// Cameras on all sides of layers, both projections.
+pub fn cameras_of_layers() -> Vec<Camera> {
+    let mut positions = vec![DVec3::new(0.5, 0.3, 4.0), DVec3::new(2.0, 1.0, 3.0), DVec3::new(3.0, 2.0, 0.1)];
+    positions.extend([DVec3::new(0.5, 0.3, -4.0), DVec3::new(-3.0, 2.0, -1.5), DVec3::new(0.0, 0.0, -5.0)]);
+    let both = |position| [PERSPECTIVE, Projection::Parallel { scale: 1.27 }].map(|p| camera(position, p));
+    positions.into_iter().flat_map(both).collect()
+}
+
 #[test]
 fn slivers_and_boundary_layers_agree_with_the_ray_caster() {
     for (name, squash, thinnest) in [
@@ -124,26 +136,22 @@ fn slivers_and_boundary_layers_agree_with_the_ray_caster() {
     ] {
         let (mesh, scalars, table) = layered(squash, thinnest);
         let mut worst = Worst::default();
-        let mut positions = vec![DVec3::new(0.5, 0.3, 4.0), DVec3::new(2.0, 1.0, 3.0), DVec3::new(3.0, 2.0, 0.1)];
-        positions.extend([DVec3::new(0.5, 0.3, -4.0), DVec3::new(-3.0, 2.0, -1.5), DVec3::new(0.0, 0.0, -5.0)]);
-        for (i, &position) in positions.iter().enumerate() {
-            for projection in [PERSPECTIVE, Projection::Parallel { scale: 1.27 }] {
-                let job = job(&mesh, scalars.clone(), &camera(position, projection), (65, 65), table.clone());
-                worst.compare(&format!("{name}, camera {i}, {projection:?}"), &job);
-            }
+        for (i, camera) in cameras_of_layers().iter().enumerate() {
+            let job = job(&mesh, scalars.clone(), camera, (65, 65), table.clone());
+            worst.compare(&format!("{name}, camera {i}, {:?}", camera.projection), &job);
         }
         worst.report(name);
         assert!(worst.out_of_order > 0 && worst.again > 0, "{name}: nothing was out of order: nothing proved");
     }
 }
 
-#[test]
-fn cameras_inside_agree_with_the_ray_caster() {
+/// Eyes in cells, on a vertex, a face and an edge.
+pub fn inside() -> Vec<(String, RenderJob)> {
     let shapes: [(&str, Shape); 2] =
         [("box", Box::new(|_: DVec3| true)), ("hole", Box::new(|c: DVec3| c.length() > 0.5))];
+    let mut jobs = Vec::new();
     for (name, keep) in shapes {
         let mesh = Arc::new(build(grid(6, 0.16, 9, keep)));
-        let mut worst = Worst::default();
         let on_vertex = mesh.positions.world(mesh.positions.local.len() / 2);
         let tet = mesh.topology.tets[100].map(|v| mesh.positions.world(v as usize));
         let (on_face, on_edge) = ((tet[0] + tet[1] + tet[2]) / 3.0, (tet[0] + tet[1]) / 2.0);
@@ -158,18 +166,27 @@ fn cameras_inside_agree_with_the_ray_caster() {
                     near,
                 };
                 let job = job(&mesh, sample(&mesh, wave), &camera, (48, 48), dense());
-                worst.compare(&format!("{name}, eye {i}, angle {angle}, near {near}"), &job);
+                jobs.push((format!("{name}, eye {i}, angle {angle}, near {near}"), job));
             }
         }
-        worst.report(name);
     }
+    jobs
 }
 
 #[test]
-fn an_eye_in_the_plane_of_faces_agrees_with_the_ray_caster() {
+fn cameras_inside_agree_with_the_ray_caster() {
+    let mut worst = Worst::default();
+    for (name, job) in inside() {
+        worst.compare(&name, &job);
+    }
+    worst.report("cameras inside");
+}
+
+/// Eyes in the planes of faces of a regular mesh.
+pub fn in_planes() -> Vec<(String, RenderJob)> {
     let mesh = Arc::new(build(grid(3, 0.0, 1, |_| true)));
     let scalars = sample(&mesh, |p| p.x + 2.0 * p.y * p.z);
-    let mut worst = Worst::default();
+    let mut jobs = Vec::new();
     for (eye, focal) in [
         (DVec3::new(0.0, 0.0, -0.2), DVec3::new(0.0, 0.0, -1.0)),
         (DVec3::new(0.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 1.0)),
@@ -180,8 +197,17 @@ fn an_eye_in_the_plane_of_faces_agrees_with_the_ray_caster() {
             let view_up = if (focal - eye).cross(DVec3::Z).length() < 1e-9 { DVec3::Y } else { DVec3::Z };
             let projection = Projection::Perspective { view_angle: angle };
             let camera = Camera { position: eye, focal_point: focal, view_up, projection, near: 0.0 };
-            worst.compare(&format!("{eye}, {angle}"), &job(&mesh, scalars.clone(), &camera, (101, 67), dense()));
+            jobs.push((format!("{eye}, {angle}"), job(&mesh, scalars.clone(), &camera, (101, 67), dense())));
         }
+    }
+    jobs
+}
+
+#[test]
+fn an_eye_in_the_plane_of_faces_agrees_with_the_ray_caster() {
+    let mut worst = Worst::default();
+    for (name, job) in in_planes() {
+        worst.compare(&name, &job);
     }
     worst.report("eyes in planes");
 }

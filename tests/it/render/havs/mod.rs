@@ -2,6 +2,10 @@
 
 mod behaviour;
 mod complete;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_behaviour;
 mod oracle;
 mod random;
 mod some_faces;

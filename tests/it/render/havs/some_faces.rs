@@ -22,7 +22,7 @@ fn cameras() -> [Camera; 4] {
     ]
 }
 
-fn jobs() -> Vec<RenderJob> {
+pub fn jobs() -> Vec<RenderJob> {
     let mut jobs = Vec::new();
     for mesh in [grid(5, 0.16, 1, |_| true), grid(6, 0.16, 7, |c| c.length() > 0.5)].map(|raw| Arc::new(build(raw))) {
         for camera in cameras() {

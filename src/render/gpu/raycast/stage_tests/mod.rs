@@ -19,7 +19,7 @@ use glam::DVec3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// The GPU of this machine, if there is one; says if not.
-fn context() -> Option<Arc<Context>> {
+pub(in crate::render::gpu) fn context() -> Option<Arc<Context>> {
     static CONTEXT: OnceLock<Result<Arc<Context>, String>> = OnceLock::new();
     let made = || Context::new(&ContextOptions::default()).map(Arc::new).map_err(|e| e.to_string());
     CONTEXT.get_or_init(made).clone().map_err(|why| common::skip("gpu", &why)).ok()
@@ -36,7 +36,7 @@ fn renderer(context: &Arc<Context>) -> MutexGuard<'static, Raycast> {
 const CUBES: usize = 4;
 
 /// A mesh without symmetries, its vertices moved and every `missing`-th of its cubes gone, at `offset` of the world.
-fn mesh(seed: u64, missing: usize, offset: DVec3) -> Arc<Mesh> {
+pub(in crate::render::gpu) fn mesh(seed: u64, missing: usize, offset: DVec3) -> Arc<Mesh> {
     let keep = |[x, y, z]: [usize; 3]| missing == 0 || (x + 3 * y + 7 * z) % missing != 1;
     let mut raw = jittered(kuhn_grid_of([CUBES; 3], keep), &mut Random(seed));
     raw.points.iter_mut().for_each(|p| *p += offset);
@@ -44,7 +44,7 @@ fn mesh(seed: u64, missing: usize, offset: DVec3) -> Arc<Mesh> {
 }
 
 /// Views of a mesh at `offset`: outside, parallel, close with a wide angle, inside, and from very far.
-fn cameras(offset: DVec3) -> Vec<(&'static str, Camera)> {
+pub(in crate::render::gpu) fn cameras(offset: DVec3) -> Vec<(&'static str, Camera)> {
     let middle = offset + DVec3::splat(0.5 * CUBES as f64);
     let look = |from: DVec3, to: DVec3, projection| Camera {
         position: middle + from,
@@ -68,7 +68,7 @@ fn wave(p: DVec3) -> f64 {
     (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
 }
 
-fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> RenderJob {
+pub(in crate::render::gpu) fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> RenderJob {
     let scalars: Vec<_> = mesh.positions.local.iter().map(|p| wave(2.0 * p.as_dvec3()) as f32).collect();
     let nodes = [(-1.2, [0.1, 0.2, 0.9], 0.1), (0.2, [0.2, 0.9, 0.3], 0.5), (1.3, [1.0, 0.4, 0.1], 0.2)];
     let nodes = nodes.map(|(scalar, rgb, tau)| Node { scalar, rgb, tau }).to_vec();
@@ -103,13 +103,13 @@ fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let mut renderer = renderer(context);
     renderer.begin(job.clone()).unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
-    let vertices = words(renderer.scene.mesh.vertices.get(context).unwrap());
+    let vertices = words(renderer.scene.vertices.vertices.get(context).unwrap());
     let vertices = bytemuck::cast_slice::<_, [f32; 8]>(&vertices)[..job.mesh.positions.local.len()].to_vec();
-    let bins = words(renderer.scene.target.as_ref().unwrap().bins.get(context).unwrap());
+    let bins = words(renderer.scene.bins.get(context).unwrap());
     Prepared { params: renderer.active_job.as_ref().unwrap().params, vertices, bins }
 }
 
-fn read_back(context: &Context, buffer: &wgpu::Buffer) -> Vec<u32> {
+pub(in crate::render::gpu) fn read_back(context: &Context, buffer: &wgpu::Buffer) -> Vec<u32> {
     let device = &context.device;
     let staging = device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("stage under test"),
@@ -128,14 +128,14 @@ fn read_back(context: &Context, buffer: &wgpu::Buffer) -> Vec<u32> {
 }
 
 /// Right, up and depth of a place from the eye: the definition of view coordinates.
-fn seen(view: &View, place: DVec3) -> DVec3 {
+pub(in crate::render::gpu) fn seen(view: &View, place: DVec3) -> DVec3 {
     let d = place - view.eye;
     DVec3::new(view.right.dot(d), view.up.dot(d), view.forward.dot(d))
 }
 
 /// How the ray of a pixel meets a triangle, by the definition in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Meeting {
+pub(in crate::render::gpu) enum Meeting {
     /// Not at all, or from behind.
     None,
     /// From its front (counter-clockwise), at this depth.
@@ -150,7 +150,7 @@ enum Meeting {
 const DOUBT: f64 = 1.0 / (1u64 << 19) as f64;
 
 /// Corners in view coordinates, counter-clockwise from the front.
-fn meet(view: &View, (i, j): (usize, usize), corners: [DVec3; 3]) -> Meeting {
+pub(in crate::render::gpu) fn meet(view: &View, (i, j): (usize, usize), corners: [DVec3; 3]) -> Meeting {
     let (px, py) = view.ray(i, j);
     let [a, b, c] = corners.map(|v| {
         let h = if view.perspective { v.z } else { 1.0 };
@@ -183,12 +183,12 @@ fn is_open(job: &RenderJob, cell: u32, opposite: usize) -> bool {
 }
 
 /// All active cells.
-fn active_cells(job: &RenderJob) -> Vec<u32> {
+pub(in crate::render::gpu) fn active_cells(job: &RenderJob) -> Vec<u32> {
     (0..job.active.universe() as u32).filter(|&cell| job.active.contains(cell)).collect()
 }
 
 /// Whether the eye is strictly inside a cell.
-fn has_eye(job: &RenderJob, view: &View, cell: u32) -> bool {
+pub(in crate::render::gpu) fn has_eye(job: &RenderJob, view: &View, cell: u32) -> bool {
     view.perspective
         && (0..4).all(|opposite| {
             let [a, b, c] = face(job, view, cell, opposite);

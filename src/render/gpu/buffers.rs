@@ -1,15 +1,11 @@
 //! What lies in the GPU's memory, and how it gets there.
 
+use super::context::Context;
 use super::decode::BlockDecoder;
+use super::layout::VIEW_VERTEX_BYTES;
 use crate::mesh::Mesh;
-use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::VIEW_VERTEX_BYTES;
-use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
 use crate::render::{RenderError, RenderJob};
 use std::sync::{Arc, Weak};
-
-/// Records are made and sent in pieces of this many cells, so that no second copy of a large mesh is held.
-const CELLS_PER_PIECE: usize = 1 << 18;
 
 /// A buffer that grows: it is made anew only when it is too small.
 #[derive(Debug)]
@@ -81,60 +77,37 @@ impl GrowingBuffer {
     }
 }
 
-/// A mesh in the GPU's memory, with room for what belongs to its vertices.
+/// The vertices of a mesh in the GPU's memory, with room for what belongs to them.
 #[derive(Debug)]
-pub(super) struct MeshBuffers {
-    pub(super) of: Option<Arc<Mesh>>,
+pub(super) struct VertexBuffers {
+    of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
+    /// In view coordinates.
     pub(super) vertices: GrowingBuffer,
-    pub(super) records: [GrowingBuffer; 3],
 }
 
-impl MeshBuffers {
+impl VertexBuffers {
     pub(super) fn new() -> Self {
         Self {
             of: None,
             positions: GrowingBuffer::storage("positions"),
             scalars: GrowingBuffer::storage("scalars"),
             vertices: GrowingBuffer::storage("view vertices"),
-            records: ["cells, first part", "cells, second part", "cells, third part"].map(GrowingBuffer::storage),
         }
     }
 
-    /// Brings a mesh to the GPU unless it is there. Returns whether a buffer was made, and the bytes sent.
-    pub(super) fn upload(
-        &mut self,
-        context: &Context,
-        mesh: &Arc<Mesh>,
-        split: RecordSplit,
-    ) -> Result<(bool, u64), RenderError> {
+    /// Brings the vertices of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
+    pub(super) fn upload(&mut self, context: &Context, mesh: &Arc<Mesh>) -> Result<(bool, u64), RenderError> {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
         }
         self.of = None;
-        let (vertices, cells) = (mesh.positions.local.len() as u64, mesh.topology.tets.len());
+        let vertices = mesh.positions.local.len() as u64;
         let mut made = self.positions.reserve(context, 12 * vertices)?;
         made |= self.scalars.reserve(context, 4 * vertices)?;
         made |= self.vertices.reserve(context, VIEW_VERTEX_BYTES * vertices)?;
-        let mut sent = self.positions.write(context, 0, bytemuck::cast_slice(&mesh.positions.local))?;
-        let mut piece = Vec::with_capacity(2 * CELLS_PER_PIECE.min(cells));
-        for (part, buffer) in (0u32..).zip(&mut self.records) {
-            let range = split.cells_of(part, cells);
-            made |= buffer.reserve(context, RECORD_BYTES * range.len() as u64)?;
-            for from in range.clone().step_by(CELLS_PER_PIECE) {
-                let to = (from + CELLS_PER_PIECE).min(range.end);
-                piece.clear();
-                for cell in from..to {
-                    piece.push(mesh.topology.tets[cell]);
-                    piece.push(mesh.topology.neighbours[cell].map(|n| n.0));
-                }
-                let offset = RECORD_BYTES * (from - range.start) as u64;
-                sent += buffer.write(context, offset, bytemuck::cast_slice(&piece))?;
-                // Frees the staging memory of the piece before the next.
-                context.queue.submit([]);
-            }
-        }
+        let sent = self.positions.write(context, 0, bytemuck::cast_slice(&mesh.positions.local))?;
         self.of = Some(mesh.clone());
         Ok((made, sent))
     }

@@ -1,10 +1,10 @@
-//! What depends on the size of the image: its planes, its tiles' lists and counters.
+//! What depends on the size of the image: its planes, its tiles' counters.
 
 use super::buffers::GrowingBuffer;
+use super::context::Context;
+use super::layout::{COUNTERS, TILE_PX};
 use super::readback::TIMESTAMPS;
 use crate::render::RenderError;
-use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{COUNTERS, PAIR_WORDS, TILE_PX};
 use std::ops::Range;
 
 /// Timestamps of the stages.
@@ -20,8 +20,6 @@ pub(super) struct Target {
     pub(super) color: wgpu::Texture,
     pub(super) depth: wgpu::Texture,
     pub(super) counters: GrowingBuffer,
-    /// Ends of the tiles' lists, their sum, the lists.
-    pub(super) bins: GrowingBuffer,
     pub(super) times: Option<Times>,
 }
 
@@ -64,7 +62,7 @@ impl Target {
         let mut counters = GrowingBuffer::storage("counters");
         let tiles = size_px.0.div_ceil(TILE_PX) * size_px.1.div_ceil(TILE_PX);
         counters.reserve(context, 4 * (COUNTERS * tiles) as u64)?;
-        Ok(Self { size_px, color, depth, counters, bins: GrowingBuffer::storage("lists of entries"), times })
+        Ok(Self { size_px, color, depth, counters, times })
     }
 
     pub(super) fn columns(&self) -> usize {
@@ -75,15 +73,13 @@ impl Target {
         self.columns() * self.size_px.1.div_ceil(TILE_PX)
     }
 
-    /// Room for `pairs` pairs of tile and item; whether the buffer was made for that.
-    pub(super) fn reserve_pairs(&mut self, context: &Context, pairs: u64) -> Result<bool, RenderError> {
-        self.bins.reserve(context, 4 * (self.tile_count() as u64 + 1 + PAIR_WORDS * pairs))
-    }
-
-    /// Pairs that there is room for.
-    pub(super) fn pair_capacity(&self) -> u32 {
-        let words = (self.bins.bytes() / 4).saturating_sub(self.tile_count() as u64 + 1);
-        u32::try_from(words / PAIR_WORDS).unwrap_or(u32::MAX)
+    /// What writes the times at which a pass begins and ends to timestamp `first` and the one behind it.
+    pub(super) fn stamps(&self, first: u32) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        self.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
+            query_set: &times.queries,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        })
     }
 
     /// Rows of pixels that the tiles touch.

@@ -1,9 +1,9 @@
 //! Finished tiles on their way back: a ring of buffers, so that the GPU works on one slice while another is read.
 
 use super::buffers::GrowingBuffer;
+use super::context::Context;
+use super::layout::{COUNTERS, FAR, TILE_PX};
 use super::target::Target;
-use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{COUNTERS, FAR, TILE_PX};
 use crate::render::{Frame, RenderError};
 use crate::stats::FrameStats;
 use std::ops::Range;
@@ -59,8 +59,7 @@ pub(super) struct Slot {
     tiles: Range<usize>,
     has_pixels: bool,
     submission: Option<wgpu::SubmissionIndex>,
-    /// What became of the mapping, once something has. Another thread that waits for the device may be the one to hear of it.
-    mapped: Arc<(Mutex<Option<bool>>, Condvar)>,
+    mapped: Mapped,
 }
 
 impl Slot {
@@ -74,7 +73,8 @@ impl Slot {
         }
     }
 
-    /// Appends the copies of counters and times of `tiles` to what the slice does, and if they are wanted of their pixels.
+    /// Appends the copies of counters and times of `tiles` to what the slice does, if they are wanted
+    /// of their pixels, and of the word at a place of `total`.
     pub(super) fn record(
         &mut self,
         context: &Context,
@@ -82,6 +82,7 @@ impl Slot {
         target: &Target,
         tiles: Range<usize>,
         has_pixels: bool,
+        total: Option<(&wgpu::Buffer, u64)>,
     ) -> Result<(), RenderError> {
         let places = Places::of(target, has_pixels);
         self.buffer.reserve(context, places.end)?;
@@ -103,8 +104,9 @@ impl Slot {
         }
         let (from, bytes) = (COUNTER_BYTES * tiles.start as u64, COUNTER_BYTES * tiles.len() as u64);
         encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
-        let total_at = 4 * target.tile_count() as u64;
-        encoder.copy_buffer_to_buffer(target.bins.get(context)?, total_at, buffer, places.total, 4);
+        if let Some((total, at)) = total {
+            encoder.copy_buffer_to_buffer(total, at, buffer, places.total, 4);
+        }
         if let Some(times) = &target.times {
             encoder.resolve_query_set(&times.queries, 0..TIMESTAMPS, &times.resolved, 0);
             encoder.copy_buffer_to_buffer(&times.resolved, 0, buffer, places.timestamps, 8 * u64::from(TIMESTAMPS));
@@ -119,13 +121,7 @@ impl Slot {
         context: &Context,
         submission: wgpu::SubmissionIndex,
     ) -> Result<(), RenderError> {
-        *self.mapped.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        let mapped = self.mapped.clone();
-        self.buffer.get(context)?.map_async(wgpu::MapMode::Read, .., move |result| {
-            let (state, changed) = &*mapped;
-            *state.lock().unwrap_or_else(PoisonError::into_inner) = Some(result.is_ok());
-            changed.notify_all();
-        });
+        map(self.buffer.get(context)?, &self.mapped);
         self.submission = Some(submission);
         Ok(())
     }
@@ -142,11 +138,7 @@ impl Slot {
         context.check()?;
         let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
         waited.map_err(|e| failed(e.to_string()))?;
-        let (state, changed) = &*self.mapped;
-        let state = state.lock().unwrap_or_else(PoisonError::into_inner);
-        let waiting = changed.wait_timeout_while(state, CALLBACK_PATIENCE, |state| state.is_none());
-        let mapped = waiting.unwrap_or_else(PoisonError::into_inner).0.take();
-        if mapped != Some(true) {
+        if !has_been_mapped(&self.mapped) {
             return Err(failed("an image could not be read back".to_owned()));
         }
         let buffer = self.buffer.get(context)?;
@@ -158,6 +150,70 @@ impl Slot {
         buffer.unmap();
         Ok(result)
     }
+}
+
+/// A few words that the CPU has to see before it goes on.
+pub(super) struct Words {
+    buffer: GrowingBuffer,
+}
+
+impl Words {
+    pub(super) fn new() -> Self {
+        Self { buffer: GrowingBuffer::readback("words read back") }
+    }
+
+    /// Waits for all that is under way, and appends `count` words from word `at` of a buffer to `out`.
+    pub(super) fn read(
+        &mut self,
+        context: &Context,
+        from: &wgpu::Buffer,
+        at: u64,
+        count: u64,
+        out: &mut Vec<u32>,
+    ) -> Result<(), RenderError> {
+        let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
+        self.buffer.reserve(context, 4 * count)?;
+        let buffer = self.buffer.get(context)?;
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(from, 4 * at, buffer, 0, 4 * count);
+        let submission = context.queue.submit([encoder.finish()]);
+        let mapped: Mapped = Arc::default();
+        map(buffer, &mapped);
+        let waited = context.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
+        context.check()?;
+        waited.map_err(|e| failed(e.to_string()))?;
+        if !has_been_mapped(&mapped) {
+            return Err(failed("counts could not be read back".to_owned()));
+        }
+        {
+            let bytes = buffer.get_mapped_range(..4 * count).map_err(|e| failed(e.to_string()))?;
+            out.extend(bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])));
+        }
+        buffer.unmap();
+        Ok(())
+    }
+}
+
+/// What became of a mapping, once something has. Another thread that waits for the device may be the one to hear of it.
+type Mapped = Arc<(Mutex<Option<bool>>, Condvar)>;
+
+/// Has a buffer mapped once all that has been submitted is done.
+fn map(buffer: &wgpu::Buffer, mapped: &Mapped) {
+    *mapped.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    let mapped = mapped.clone();
+    buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+        let (state, changed) = &*mapped;
+        *state.lock().unwrap_or_else(PoisonError::into_inner) = Some(result.is_ok());
+        changed.notify_all();
+    });
+}
+
+/// Waits until it is known what became of a mapping, for [`CALLBACK_PATIENCE`] at most; whether it worked.
+fn has_been_mapped(mapped: &Mapped) -> bool {
+    let (state, changed) = &**mapped;
+    let state = state.lock().unwrap_or_else(PoisonError::into_inner);
+    let waiting = changed.wait_timeout_while(state, CALLBACK_PATIENCE, |state| state.is_none());
+    waiting.unwrap_or_else(PoisonError::into_inner).0.take() == Some(true)
 }
 
 /// A slice that has come back.
@@ -174,8 +230,8 @@ impl SliceData<'_> {
         u32::from_le_bytes([self.bytes[at], self.bytes[at + 1], self.bytes[at + 2], self.bytes[at + 3]])
     }
 
-    /// Pairs of tile and item that the frame needs room for.
-    pub(super) fn pairs_needed(&self) -> u64 {
+    /// The word that came with the slice.
+    pub(super) fn total(&self) -> u64 {
         u64::from(self.word(self.places.total))
     }
 

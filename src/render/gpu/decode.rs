@@ -1,10 +1,11 @@
 //! Steps of codec `vq` decoded on the GPU: a block is sent once for its 64 steps, each step is 32 bytes of parameters.
 
 use super::buffers::GrowingBuffer;
+use super::context::Context;
+use super::layout::VqStep;
 use super::pipelines::Decode;
+use super::slices::dispatch;
 use crate::codec::vq::{GROUPS, Indices, group_of_step};
-use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::VqStep;
 use crate::render::{CompressedStep, RenderError};
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -130,7 +131,7 @@ impl BlockDecoder {
         if let (Some(decode), Some((group, _))) = (&self.decode, &self.group) {
             pass.set_bind_group(0, group, &[]);
             pass.set_pipeline(&decode.pipeline);
-            super::dispatch(pass, self.places.vertex_count.div_ceil(256));
+            dispatch(pass, self.places.vertex_count.div_ceil(256));
         }
     }
 }

@@ -1,0 +1,353 @@
+// Face resolve: the fragments of each pixel are put in order and composited. CPU twins: render/cpu/havs/fragment.rs,
+// light.rs, resolve.rs; the essay in render/cpu/havs/mod.rs says what the orders mean.
+//
+// - In exact order, all faces: sorted by depth, then followed from entries through cell after cell to exits; depths order the
+//   paths alone.
+// - In exact order, some faces: sorted by depth, neighbours within rounding by their cells.
+// - Else: sorted by rank, the order of the list, then as far as a buffer of k fragments does it.
+//
+// A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> face_params: FaceParams;
+@group(0) @binding(2) var<storage, read> lists: array<u32>;
+@group(0) @binding(3) var<storage, read_write> fragments_0: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> fragments_1: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> active_cells: array<u32>;
+@group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> counters: array<u32>;
+@group(0) @binding(8) var color_plane: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(9) var depth_plane: texture_storage_2d<r32float, write>;
+
+// Counters of a tile, in the order of walk.wgsl.
+const SEGMENTS: u32 = 1u;
+const RAYS_HIT: u32 = 3u;
+const STOPPED_EARLY: u32 = 4u;
+const OUT_OF_ORDER: u32 = 5u;
+const BROKEN: u32 = 6u;
+const COUNTERS: u32 = 8u;
+var<workgroup> counts: array<atomic<u32>, COUNTERS>;
+
+// As it is stored.
+struct Stored {
+    depth: vec2<u32>,
+    scalar_rank: vec2<u32>,
+    cells: vec2<u32>,
+}
+
+fn pair(slot: u32, i: u32) -> vec2<u32> {
+    let part = face_params.fragment_part;
+    if slot < part {
+        return fragments_0[FRAGMENT_PAIRS * slot + i];
+    }
+    return fragments_1[FRAGMENT_PAIRS * (slot - part) + i];
+}
+
+fn load_stored(slot: u32) -> Stored {
+    let part = face_params.fragment_part;
+    if slot < part {
+        let at = FRAGMENT_PAIRS * slot;
+        return Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u]);
+    }
+    let at = FRAGMENT_PAIRS * (slot - part);
+    return Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u]);
+}
+
+fn store(slot: u32, stored: Stored) {
+    let part = face_params.fragment_part;
+    if slot < part {
+        let at = FRAGMENT_PAIRS * slot;
+        fragments_0[at] = stored.depth;
+        fragments_0[at + 1u] = stored.scalar_rank;
+        fragments_0[at + 2u] = stored.cells;
+    } else {
+        let at = FRAGMENT_PAIRS * (slot - part);
+        fragments_1[at] = stored.depth;
+        fragments_1[at + 1u] = stored.scalar_rank;
+        fragments_1[at + 2u] = stored.cells;
+    }
+}
+
+fn active_or_none(cell: u32) -> u32 {
+    if cell == NONE || (params.flags & ALL_ACTIVE) != 0u || (active_cells[cell >> 5u] >> (cell & 31u) & 1u) == 1u {
+        return cell;
+    }
+    return NONE;
+}
+
+fn depth_at(slot: u32) -> vec2<f32> {
+    return bitcast<vec2<f32>>(pair(slot, 0u));
+}
+
+fn scalar_at(slot: u32) -> f32 {
+    return bitcast<f32>(pair(slot, 1u).x);
+}
+
+// The active cells left and entered; NONE where there is none.
+fn cells_at(slot: u32) -> vec2<u32> {
+    let cells = pair(slot, 2u);
+    return vec2(active_or_none(cells.x), active_or_none(cells.y));
+}
+
+// Whether one fragment comes before another: by depth, equal ones by rank; or by rank.
+fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool {
+    if by_depth {
+        let there = depth_at(other);
+        if depth.x != there.x {
+            return depth.x < there.x;
+        }
+        if depth.y != there.y {
+            return depth.y < there.y;
+        }
+    }
+    return rank < pair(other, 1u).y;
+}
+
+// Moves for each fragment, on average, after which insertion is given up.
+const PATIENCE: u32 = 4u;
+
+// Lists come nearly in order, since faces are stored nearly in the order of the list: insertion finds most fragments in their
+// places and looks at no more of them than their depths. Where that takes long, shell sort does not.
+fn sort(first: u32, count: u32, by_depth: bool) {
+    var moves = 0u;
+    for (var i = 1u; i < count; i++) {
+        // All before it are in order: the last of them is the greatest.
+        let depth = depth_at(first + i);
+        let rank = pair(first + i, 1u).y;
+        if comes_before(depth, rank, first + i - 1u, by_depth) {
+            let moving = load_stored(first + i);
+            var at = i;
+            while at > 0u && comes_before(depth, rank, first + at - 1u, by_depth) {
+                store(first + at, load_stored(first + at - 1u));
+                at -= 1u;
+            }
+            store(first + at, moving);
+            moves += i - at;
+            if moves > PATIENCE * (count + 16u) {
+                shell_sort(first, count, by_depth);
+                return;
+            }
+        }
+    }
+}
+
+fn shell_sort(first: u32, count: u32, by_depth: bool) {
+    var gap = 1u;
+    while gap < count / 3u {
+        gap = 3u * gap + 1u;
+    }
+    while gap > 0u {
+        for (var i = gap; i < count; i++) {
+            let moving = load_stored(first + i);
+            let depth = bitcast<vec2<f32>>(moving.depth);
+            var at = i;
+            while at >= gap && comes_before(depth, moving.scalar_rank.y, first + at - gap, by_depth) {
+                store(first + at, load_stored(first + at - gap));
+                at -= gap;
+            }
+            if at != i {
+                store(first + at, moving);
+            }
+        }
+        gap /= 3u;
+    }
+}
+
+// Whether the fragment (depth, cells) belongs in front of another that came before it.
+fn is_before(depth: vec2<f32>, cells: vec2<u32>, other: u32) -> bool {
+    let there = depth_at(other);
+    let by = (depth.x - there.x) + (depth.y - there.y);
+    if abs(by) > face_params.tie {
+        return by < 0.0;
+    }
+    let here = vec2(active_or_none(cells.x), active_or_none(cells.y));
+    let left = cells_at(other);
+    if here.y != NONE && here.y == left.x {
+        return true;
+    }
+    if left.y != NONE && left.y == here.x {
+        return false;
+    }
+    let exits = here.y == NONE && left.x == NONE;
+    let enters = left.y == NONE && here.x == NONE;
+    if exits != enters {
+        return exits;
+    }
+    return by < 0.0;
+}
+
+// Sorts each fragment into the `window` before it.
+fn sort_in_window(first: u32, count: u32, window: u32) {
+    for (var i = 1u; i < count; i++) {
+        let moving = load_stored(first + i);
+        let depth = bitcast<vec2<f32>>(moving.depth);
+        let stop = max(i, window) - window;
+        var at = i;
+        while at > stop && is_before(depth, moving.cells, first + at - 1u) {
+            store(first + at, load_stored(first + at - 1u));
+            at -= 1u;
+        }
+        if at != i {
+            store(first + at, moving);
+        }
+    }
+}
+
+struct Rays {
+    hit: bool,
+    stopped_early: bool,
+    broken: bool,
+    out_of_order: u32,
+}
+var<private> ray_counts: Rays;
+
+// Depth from which those of the present path are counted, as a sum of two.
+var<private> origin: vec2<f32>;
+
+fn relative(depth: vec2<f32>) -> f32 {
+    return (depth.x - origin.x) + (depth.y - origin.y);
+}
+
+// The ray is at a place after a gap: depths are counted from there.
+fn begin_path(slot: u32) {
+    let depth = depth_at(slot);
+    light.front -= relative(depth);
+    origin = depth;
+    light.behind = depth.x + depth.y;
+    light.last = vec2(0.0, scalar_at(slot));
+    light.placed = false;
+}
+
+// The fragment of a path whose ray leaves `cell` there: it comes next in nearly all lists.
+fn find_exit(first: u32, count: u32, from_: u32, cell: u32) -> u32 {
+    for (var i = from_ + 1u; i < count; i++) {
+        if active_or_none(pair(first + i, 2u).x) == cell {
+            return i;
+        }
+    }
+    for (var i = from_; i > 0u; i--) {
+        if active_or_none(pair(first + i - 1u, 2u).x) == cell {
+            return i - 1u;
+        }
+    }
+    return NONE;
+}
+
+// Depths may be that far off for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
+// 2 at most.
+const NEAR_EYE: f32 = 1.0 / 1024.0;
+
+// Goes through the path that begins at fragment `start`; false if the ray ends within it.
+fn follow(first: u32, count: u32, start: u32) -> bool {
+    begin_path(first + start);
+    var at = start;
+    var cell = cells_at(first + start).y;
+    // No path has more fragments than there are: should cells go round in a circle, it ends all the same.
+    for (var i = 0u; i < count && cell != NONE; i++) {
+        let next = find_exit(first, count, at, cell);
+        if next == NONE {
+            // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
+            let from_eye = light.behind + light.last.x;
+            ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > NEAR_EYE;
+            return true;
+        }
+        let to = vec2(relative(depth_at(first + next)), scalar_at(first + next));
+        if to.x > light.last.x {
+            _ = composite(to);
+            light.last = to;
+        }
+        if is_opaque() {
+            return false;
+        }
+        cell = cells_at(first + next).y;
+        at = next;
+    }
+    return true;
+}
+
+fn follow_all(first: u32, count: u32) {
+    for (var i = 0u; i < count; i++) {
+        let cells = cells_at(first + i);
+        if cells.x == NONE && cells.y != NONE {
+            ray_counts.hit = true;
+            if !follow(first, count, i) {
+                ray_counts.stopped_early = true;
+                return;
+            }
+        }
+    }
+}
+
+// Goes from fragment to fragment in the order in which they lie.
+fn advance_all(first: u32, count: u32) {
+    var cell = NONE;
+    ray_counts.hit = count > 0u;
+    for (var i = 0u; i < count; i++) {
+        let slot = first + i;
+        let cells = cells_at(slot);
+        let to = vec2(relative(depth_at(slot)), scalar_at(slot));
+        if i > 0u && to.x < light.last.x {
+            if cells.x != cell || to.x < light.last.x - face_params.tie {
+                ray_counts.out_of_order += 1u;
+            } else {
+                // Put in its place by the cell between the two: within rounding there is nothing to integrate.
+                cell = cells.y;
+            }
+            continue;
+        }
+        if ray_counts.stopped_early {
+            continue;
+        }
+        if cell == NONE {
+            begin_path(slot);
+        } else {
+            _ = composite(to);
+            light.last = to;
+        }
+        cell = cells.y;
+        ray_counts.stopped_early = is_opaque();
+    }
+}
+
+fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
+    ray_counts = Rays(false, false, false, 0u);
+    origin = vec2(0.0);
+    light_clear(ray_of_pixel(pixel).length_per_depth);
+    var begin = 0u;
+    if local > 0u {
+        begin = lists[pixel_of(tile, local - 1u)];
+    }
+    let count = lists[pixel_of(tile, local)] - begin;
+    let first = lists[base_of(tile)] + begin;
+    let exact_order = (face_params.flags & EXACT_ORDER) != 0u;
+    sort(first, count, exact_order);
+    if exact_order && (face_params.flags & COMPLETE) != 0u {
+        follow_all(first, count);
+    } else {
+        sort_in_window(first, count, select(face_params.k, count, exact_order));
+        advance_all(first, count);
+    }
+    textureStore(color_plane, pixel, optics.light);
+    textureStore(depth_plane, pixel, vec4(light.visible_from, 0.0, 0.0, 0.0));
+    if count > 0u {
+        atomicAdd(&counts[SEGMENTS], optics.pieces);
+        atomicAdd(&counts[RAYS_HIT], u32(ray_counts.hit));
+        atomicAdd(&counts[STOPPED_EARLY], u32(ray_counts.stopped_early));
+        atomicAdd(&counts[OUT_OF_ORDER], ray_counts.out_of_order);
+        atomicAdd(&counts[BROKEN], u32(ray_counts.broken));
+    }
+}
+
+@compute @workgroup_size(256)
+fn face_resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let tile = face_params.first + group.x + group.y * groups.x;
+    let pixel = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX + vec2(local % TILE_PX, local / TILE_PX);
+    let is_wanted = local >= face_params.first_pixel && local < face_params.end_pixel;
+    if tile < face_params.end && is_wanted && all(pixel < params.size_px) {
+        resolve_pixel(tile, local, pixel);
+    }
+    workgroupBarrier();
+    if tile < face_params.end && local < COUNTERS {
+        counters[tile * COUNTERS + local] = atomicLoad(&counts[local]);
+    }
+}

@@ -1,0 +1,40 @@
+// Face scan: from the number of fragments of each pixel to the place of its first in its tile; a workgroup is a tile. The
+// host sums up the tiles and decides how many of them are done at a time.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> face_params: FaceParams;
+@group(0) @binding(2) var<storage, read_write> lists: array<u32>;
+
+var<workgroup> sums: array<u32, TILE_PIXELS>;
+
+// A sum that stops at the largest number: more fragments than there can be room for.
+fn add_up(a: u32, b: u32) -> u32 {
+    return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
+}
+
+@compute @workgroup_size(256)
+fn face_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let tile = group.x + group.y * groups.x;
+    if tile >= tile_count() {
+        return;
+    }
+    sums[local] = lists[pixel_of(tile, local)];
+    workgroupBarrier();
+    for (var step = 1u; step < TILE_PIXELS; step *= 2u) {
+        var before = 0u;
+        if local >= step {
+            before = sums[local - step];
+        }
+        workgroupBarrier();
+        sums[local] = add_up(sums[local], before);
+        workgroupBarrier();
+    }
+    var place = 0u;
+    if local > 0u {
+        place = sums[local - 1u];
+    }
+    lists[pixel_of(tile, local)] = place;
+    if local == TILE_PIXELS - 1u {
+        lists[sum_of(tile)] = sums[local];
+    }
+}

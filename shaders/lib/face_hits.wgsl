@@ -1,0 +1,212 @@
+// Which rays hit a face, and where. CPU twin: render/cpu/havs/raster.rs.
+//
+// A ray hits a face if the three edge functions of its corners, sheared along the ray, have one sign. Each is computed with
+// the lower of its two vertices first: faces that share an edge see the same bits, whatever the compiler makes of them.
+// Elsewhere than near its edges a face is not asked so carefully: an edge function of corners p, q that have been sheared
+// along one ray is linear in the distance (dx, dy) from there,
+//
+//   E(dx, dy) = p.x q.y - q.x p.y  +  dx (q.h p.y - p.h q.y)  +  dy (p.h q.x - q.h p.x)
+//
+// (h: depth in perspective, 1 in parallel projection).
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> face_params: FaceParams;
+@group(0) @binding(2) var<storage, read_write> lists: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read> vertices: array<ViewVertex>;
+@group(0) @binding(4) var<storage, read> drawn: array<u32>;
+@group(0) @binding(5) var<storage, read> faces_0: array<u32>;
+@group(0) @binding(6) var<storage, read> faces_1: array<u32>;
+@group(0) @binding(7) var<storage, read> faces_2: array<u32>;
+
+struct Face {
+    ids: vec3<u32>,
+    // The cells in front of it and behind it, for a ray that sees its corners counter-clockwise.
+    cells: vec2<u32>,
+}
+
+fn face_word(face: u32, word: u32) -> u32 {
+    let part = face_params.face_part;
+    if face < part {
+        return faces_0[FACE_WORDS * face + word];
+    }
+    if face < 2u * part {
+        return faces_1[FACE_WORDS * (face - part) + word];
+    }
+    return faces_2[FACE_WORDS * (face - 2u * part) + word];
+}
+
+fn load_face(face: u32) -> Face {
+    let ids = vec3(face_word(face, 0u), face_word(face, 1u), face_word(face, 2u));
+    return Face(ids, vec2(face_word(face, 3u), face_word(face, 4u)));
+}
+
+fn eye_word(index: u32, word: u32) -> u32 {
+    return drawn[face_params.drawn_count + EYE_WORDS * index + word];
+}
+
+// Whether a face with these corners is not wholly in front of the eye.
+fn reaches_eye(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> bool {
+    let w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
+    return (params.flags & PERSPECTIVE) != 0u && !all(w > vec3(0.0));
+}
+
+// Where a ray passes through a face.
+struct FaceHit {
+    hit: bool,
+    // It sees the ascending corners clockwise.
+    turned: bool,
+    // In front of the eye, as far as the corners tell.
+    in_front: bool,
+    // As `Params` counts, as a sum of two.
+    depth: vec2<f32>,
+    scalar: f32,
+}
+
+// Difference of the depths of two vertices, nearly without error however large they are.
+fn depth_between(from_: ViewVertex, to: ViewVertex) -> f32 {
+    return (to.depth.x - from_.depth.x) + ((to.depth.y - from_.depth.y) + (to.depth.z - from_.depth.z));
+}
+
+// `ids` ascending; depths of the ray are counted as `Params` has it.
+fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> FaceHit {
+    var found = FaceHit(false, false, true, vec2(0.0), 0.0);
+    let p = shear(ray, a);
+    let q = shear(ray, b);
+    let r = shear(ray, c);
+    let bc = signed_edge(q, r, ids.y, ids.z);
+    let ac = signed_edge(p, r, ids.x, ids.z);
+    let ab = signed_edge(p, q, ids.x, ids.y);
+    found.hit = bc.positive != ac.positive && bc.positive == ab.positive;
+    if !found.hit {
+        return found;
+    }
+    found.turned = !bc.positive;
+    let edges = max(select(vec3(bc.value, -ac.value, ab.value), vec3(-bc.value, ac.value, -ab.value), found.turned), vec3(0.0));
+    let sum = edges.x + edges.y + edges.z;
+    var weights = vec3(1.0 / 3.0);
+    if sum > 0.0 {
+        weights = edges / sum;
+    }
+    // The same for both cells at the face: the order of the terms is that of the ids.
+    let terms = edges * vec3(p.z, q.z, r.z);
+    found.in_front = (opaque(terms.x) + opaque(terms.y)) + opaque(terms.z) > 0.0;
+    let rest = weights.y * depth_between(a, b) + weights.z * depth_between(a, c);
+    let depth = two_sum(a.depth.x - ray.origin.x, rest);
+    found.depth = two_sum(depth.x, depth.y + ((a.depth.y - ray.origin.y) + a.depth.z));
+    found.scalar = p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w);
+    return found;
+}
+
+// Whether a face of a cell at the eye is hit in front of the eye. Of faces with one active cell that is decided exactly, by the
+// side of the face's plane on which the eye is: an eye in the boundary sees what is in front of it. Of others it does not
+// matter how, as long as all cells agree.
+fn is_before_eye(found: FaceHit, bits: u32, face: u32) -> bool {
+    if (bits >> (8u + face) & 1u) == 0u {
+        return found.in_front;
+    }
+    let enters = ((bits >> (12u + face) & 1u) != 0u) != found.turned;
+    return (bits >> select(4u + face, face, enters) & 1u) != 0u;
+}
+
+// Whether a face that reaches the eye is hit in front of it.
+fn is_seen(found: FaceHit, face: Face) -> bool {
+    for (var i = 0u; i < face_params.eye_count; i++) {
+        if any(face.cells == vec2(eye_word(i, 0u))) {
+            let bits = eye_word(i, 1u);
+            for (var corner = 0u; corner < 4u; corner++) {
+                let is_open = (bits >> (8u + corner) & 1u) != 0u;
+                if is_open && all(face.ids != vec3(eye_word(i, 2u + corner))) {
+                    return is_before_eye(found, bits, corner);
+                }
+            }
+        }
+    }
+    return found.in_front;
+}
+
+// The ray of a pixel without its length.
+fn ray_through(pixel: vec2<u32>) -> Ray {
+    let n = vec2<f32>(2 * vec2<i32>(pixel) + 1 - vec2<i32>(params.size_px));
+    let origin = leading(params.pivot);
+    let x = plane_coordinate(n.x, params.pitch.xy);
+    let y = plane_coordinate(-n.y, params.pitch.zw);
+    return Ray(x, y, 1.0, vec2(origin, params.pivot - origin));
+}
+
+// Asks which pixels of a box (first and last column, first and last row) have rays that hit a face, and has their fragments
+// kept.
+fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
+    let a = vertices[face.ids.x];
+    let b = vertices[face.ids.y];
+    let c = vertices[face.ids.z];
+    let at_eye = reaches_eye(a, b, c);
+    let middle = vec2((box.x + box.y) / 2u, (box.z + box.w) / 2u);
+    let ray = ray_through(middle);
+    let p = shear(ray, a);
+    let q = shear(ray, b);
+    let r = shear(ray, c);
+    let h = select(vec3(1.0), vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y), (params.flags & PERSPECTIVE) != 0u);
+    let at = vec3(edge(q, r), edge(r, p), edge(p, q));
+    let per_dx = vec3(h.z * q.y - h.y * r.y, h.x * r.y - h.z * p.y, h.y * p.y - h.x * q.y) * (2.0 * params.pitch.x);
+    let per_dy = vec3(h.y * r.x - h.z * q.x, h.z * p.x - h.x * r.x, h.x * q.x - h.y * p.x) * (2.0 * params.pitch.z);
+    // A bound on all sheared coordinates in the box, whose square times 2^-18 is more than all rounding above: six products of
+    // at most that square each, and their factors, are rounded by 2^-24 of themselves at most four times.
+    let steps = vec2<f32>(vec2(box.y, box.w) - vec2(box.x, box.z)) + 1.0;
+    let wide = 2.0 * (steps.x * params.pitch.x + steps.y * params.pitch.z) * abs(h);
+    let reaches = vec3(reach(p), reach(q), reach(r)) + wide;
+    let far_reach = max(max(reaches.x, reaches.y), reaches.z);
+    let certain = far_reach * far_reach * (1.0 / 262144.0);
+    for (var y = box.z; y <= box.w; y++) {
+        // Rows go down, the plane's y goes up.
+        let in_row = at - f32(i32(y) - i32(middle.y)) * per_dy;
+        for (var x = box.x; x <= box.y; x++) {
+            let e = in_row + f32(i32(x) - i32(middle.x)) * per_dx;
+            let least = min(min(e.x, e.y), e.z);
+            let most = max(max(e.x, e.y), e.z);
+            // Two of different signs, beyond doubt.
+            if least < -certain && most > certain {
+                continue;
+            }
+            let tile = y / TILE_PX * params.tiles.x + x / TILE_PX;
+            let local = y % TILE_PX * TILE_PX + x % TILE_PX;
+            if !is_in_band(tile, local) {
+                continue;
+            }
+            let inside = !at_eye && (least > certain || most < -certain);
+            if inside && !NEEDS_PLACES {
+                count_fragment(tile, local);
+                continue;
+            }
+            let found = hit_face(ray_through(vec2(x, y)), face.ids, a, b, c);
+            if found.hit && (!at_eye || is_seen(found, face)) {
+                let cells = select(face.cells, face.cells.yx, found.turned);
+                keep_fragment(tile, local, found.depth, found.scalar, face_params.eye_count + rank, cells);
+            }
+        }
+    }
+}
+
+// Whether a vertex cannot be told from the eye.
+fn is_at_eye(v: ViewVertex) -> bool {
+    let depth = abs(v.depth.x + v.depth.y) * PLANE_SCALE;
+    return max(max(abs(v.plane.x), abs(v.plane.z)), depth) < PLANE_SCALE / 1048576.0;
+}
+
+// The box of a face, the same in all bands.
+fn box_of(face: Face) -> vec4<i32> {
+    let last = vec2<i32>(params.size_px) - vec2(1);
+    let a = vertices[face.ids.x];
+    let b = vertices[face.ids.y];
+    let c = vertices[face.ids.z];
+    if (params.flags & PERSPECTIVE) != 0u && (is_at_eye(a) || is_at_eye(b) || is_at_eye(c)) {
+        return vec4(0, last.x, 0, last.y);
+    }
+    return face_box(a, b, c, last);
+}
+
+// A face whose box has more pixels than this is cut into pieces, one a tile: else one thread would keep all others waiting.
+const LARGE_PX: i32 = 1024;
+
+fn is_large(box: vec4<i32>) -> bool {
+    return (box.y - box.x + 1) * (box.w - box.z + 1) > LARGE_PX;
+}

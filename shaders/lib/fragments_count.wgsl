@@ -1,0 +1,42 @@
+// Fragments are counted.
+
+const NEEDS_PLACES: bool = false;
+
+fn count_fragment(tile: u32, local: u32) {
+    atomicAdd(&lists[pixel_of(tile, local)], 1u);
+}
+
+fn keep_fragment(tile: u32, local: u32, depth: vec2<f32>, scalar: f32, rank: u32, cells: vec2<u32>) {
+    count_fragment(tile, local);
+}
+
+fn is_in_band(tile: u32, local: u32) -> bool {
+    return true;
+}
+
+// Rows of the band.
+fn band_rows() -> vec2<i32> {
+    return vec2(0, i32(params.size_px.y) - 1);
+}
+
+// More pieces than there can be room for: their number stays there, and does not run over.
+const TOO_MANY: u32 = 0x40000000u;
+
+// Has a large face done in pieces. If there is no room for them, the frame is begun again with more.
+fn cut(rank: u32, box: vec4<u32>) {
+    let tiles = box / TILE_PX;
+    let count = (tiles.y - tiles.x + 1u) * (tiles.w - tiles.z + 1u);
+    if atomicLoad(&lists[PIECE_COUNT]) > TOO_MANY {
+        return;
+    }
+    var piece = atomicAdd(&lists[PIECE_COUNT], count);
+    for (var y = tiles.z; y <= tiles.w; y++) {
+        for (var x = tiles.x; x <= tiles.y; x++) {
+            if piece < face_params.piece_capacity {
+                atomicStore(&lists[piece_at(piece)], rank);
+                atomicStore(&lists[piece_at(piece) + 1u], y * params.tiles.x + x);
+            }
+            piece += 1u;
+        }
+    }
+}

@@ -1,0 +1,38 @@
+// Fragments are stored, each behind those that its pixel has so far: in any order, which the resolve stage puts right.
+
+@group(0) @binding(8) var<storage, read_write> fragments_0: array<vec2<u32>>;
+@group(0) @binding(9) var<storage, read_write> fragments_1: array<vec2<u32>>;
+
+const NEEDS_PLACES: bool = true;
+
+fn count_fragment(tile: u32, local: u32) {}
+
+fn keep_fragment(tile: u32, local: u32, depth: vec2<f32>, scalar: f32, rank: u32, cells: vec2<u32>) {
+    let slot = atomicLoad(&lists[base_of(tile)]) + atomicAdd(&lists[pixel_of(tile, local)], 1u);
+    let part = face_params.fragment_part;
+    if slot < part {
+        let at = FRAGMENT_PAIRS * slot;
+        fragments_0[at] = bitcast<vec2<u32>>(depth);
+        fragments_0[at + 1u] = vec2(bitcast<u32>(scalar), rank);
+        fragments_0[at + 2u] = cells;
+    } else {
+        let at = FRAGMENT_PAIRS * (slot - part);
+        fragments_1[at] = bitcast<vec2<u32>>(depth);
+        fragments_1[at + 1u] = vec2(bitcast<u32>(scalar), rank);
+        fragments_1[at + 2u] = cells;
+    }
+}
+
+fn is_in_band(tile: u32, local: u32) -> bool {
+    return tile >= face_params.first_tile && tile < face_params.end_tile
+        && local >= face_params.first_pixel && local < face_params.end_pixel;
+}
+
+// Rows of the band.
+fn band_rows() -> vec2<i32> {
+    let first = face_params.first_tile / params.tiles.x * TILE_PX;
+    let end = ((face_params.end_tile - 1u) / params.tiles.x + 1u) * TILE_PX;
+    return vec2(i32(first), min(i32(end), i32(params.size_px.y)) - 1);
+}
+
+fn cut(rank: u32, box: vec4<u32>) {}

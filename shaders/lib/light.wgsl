@@ -1,0 +1,66 @@
+// What a ray gathers from place to place, segment by segment. CPU twins: render/cpu/raycast/walk.rs and
+// render/cpu/havs/light.rs.
+
+// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
+const OPAQUE: f32 = 1.0 / 131072.0;
+// Infinitely far, and before everything.
+const NOWHERE: f32 = 3.0e38;
+
+// Depths are counted from the start of a path, so that they keep their digits there.
+struct Light {
+    // Length of the ray per unit of depth.
+    length_per_depth: f32,
+    // Depth of the start behind that from which `Params` counts.
+    behind: f32,
+    // Depth and scalar of the last place.
+    last: vec2<f32>,
+    // Whether the optics are at `last`.
+    placed: bool,
+    // Depth up to which the ray has been composited, or the near distance.
+    front: f32,
+    composited: bool,
+    // Depth of the first visible place, as `Params` counts.
+    visible_from: f32,
+}
+var<private> light: Light;
+
+// Before the ray has met anything.
+fn light_clear(length_per_depth: f32) {
+    light = Light(length_per_depth, 0.0, vec2(0.0), false, params.near, false, NOWHERE);
+    optics_clear();
+}
+
+// Composites the segment from the last place to the next, or the part of it behind `front`; false if there is none.
+fn composite(to: vec2<f32>) -> bool {
+    var from_ = light.last;
+    if from_.x < light.front {
+        light.placed = false;
+        if to.x <= light.front {
+            return false;
+        }
+        let share = (light.front - from_.x) / (to.x - from_.x);
+        from_ = vec2(light.front, from_.y + share * (to.y - from_.y));
+    }
+    if to.x <= from_.x {
+        // The scalar may be another one.
+        light.placed = false;
+        return true;
+    }
+    if !light.placed {
+        optics_enter(from_.y);
+        light.placed = true;
+    }
+    let was_visible = optics.visible;
+    optics_segment(from_.y, to.y, (to.x - from_.x) * light.length_per_depth);
+    if optics.visible && !was_visible {
+        light.visible_from = (from_.x + optics.visible_share * (to.x - from_.x)) + light.behind;
+    }
+    light.front = to.x;
+    light.composited = true;
+    return true;
+}
+
+// Whether nothing behind the last place can be seen.
+fn is_opaque() -> bool {
+    return (params.flags & EARLY_TERMINATION) != 0u && optics.transmittance < OPAQUE;
+}

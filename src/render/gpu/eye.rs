@@ -1,0 +1,31 @@
+//! The cells around the eye.
+
+use crate::camera::View;
+use crate::mesh::FACE_VERTICES;
+use crate::render::RenderJob;
+use crate::render::cpu::raycast::entries::cells_at_eye;
+use glam::DVec3;
+
+/// Cells so near to the eye, local units, may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
+/// extent, which is 2, and a cell too many only costs time.
+const EYE_TOLERANCE: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// Active cells that may be the first on a ray.
+pub(super) fn cells(job: &RenderJob, local_view: &View) -> Vec<u32> {
+    cells_at_eye(job, local_view, EYE_TOLERANCE)
+}
+
+/// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly
+/// inside, neither if it is in the face's plane.
+pub(super) fn sides(job: &RenderJob, local_view: &View, cell: u32) -> u32 {
+    let tet = job.mesh.topology.tets[cell as usize];
+    let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let at = |v: u32| coord(job.mesh.positions.local[v as usize].as_dvec3());
+    let side_of = |i: usize| {
+        let [a, b, c] = FACE_VERTICES[i].map(|v| at(tet[v]));
+        // Positive for a point below a triangle that is seen counter-clockwise from above: inside the cell.
+        let volume = robust::orient3d(a, b, c, coord(local_view.eye));
+        u32::from(volume < 0.0) << i | u32::from(volume > 0.0) << (4 + i)
+    };
+    (0..4).map(side_of).sum()
+}

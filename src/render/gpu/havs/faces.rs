@@ -1,0 +1,132 @@
+//! Faces in the GPU's memory: those of the mesh, and the list of those that are drawn.
+
+use crate::camera::View;
+use crate::mesh::{FACE_VERTICES, Mesh};
+use crate::render::cpu::havs::is_outward;
+use crate::render::gpu::buffers::GrowingBuffer;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::eye;
+use crate::render::gpu::layout::{EYE_WORDS, FACE_WORDS};
+use crate::render::{RenderError, RenderJob};
+use crate::visibility::DrawnFaces;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Bindings that the shaders have for faces.
+const PARTS: usize = 3;
+/// Faces are packed and sent in pieces of this many, so that no second copy of a large mesh is held.
+const FACES_PER_PIECE: usize = 1 << 18;
+/// Bytes of a face.
+const FACE_BYTES: u64 = 4 * FACE_WORDS as u64;
+
+/// The faces of a mesh.
+pub(super) struct FaceBuffers {
+    of: Option<Arc<Mesh>>,
+    pub(super) parts: [GrowingBuffer; PARTS],
+    /// Faces of a part.
+    pub(super) part: usize,
+}
+
+impl FaceBuffers {
+    pub(super) fn new() -> Self {
+        let parts = ["faces, first part", "faces, second part", "faces, third part"].map(GrowingBuffer::storage);
+        Self { of: None, parts, part: 0 }
+    }
+
+    /// Brings the faces of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
+    pub(super) fn upload(&mut self, context: &Context, mesh: &Arc<Mesh>) -> Result<(bool, u64), RenderError> {
+        if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
+            return Ok((false, 0));
+        }
+        self.of = None;
+        let faces = mesh.topology.faces.len();
+        let part = usize::try_from(context.binding_bytes() / FACE_BYTES).unwrap_or(usize::MAX).min(1 << 31);
+        if faces.div_ceil(part.max(1)) > PARTS {
+            return Err(context.beyond(format!("a mesh of {faces} faces is too large for it")));
+        }
+        self.part = part.max(1);
+        let (mut made, mut sent) = (false, 0);
+        let mut piece: Vec<[u32; FACE_WORDS]> = Vec::new();
+        for (at, buffer) in self.parts.iter_mut().enumerate() {
+            let range = (at * self.part).min(faces)..((at + 1) * self.part).min(faces);
+            made |= buffer.reserve(context, FACE_BYTES * range.len() as u64)?;
+            for from in range.clone().step_by(FACES_PER_PIECE) {
+                let to = (from + FACES_PER_PIECE).min(range.end);
+                (from..to).into_par_iter().map(|face| pack(mesh, face)).collect_into_vec(&mut piece);
+                let offset = FACE_BYTES * (from - range.start) as u64;
+                sent += buffer.write(context, offset, bytemuck::cast_slice(&piece))?;
+                // Frees the staging memory of the piece before the next.
+                context.queue.submit([]);
+            }
+        }
+        self.of = Some(mesh.clone());
+        Ok((made, sent))
+    }
+}
+
+/// Corners, ascending; the cells in front of the face and behind it for a ray that sees them counter-clockwise.
+fn pack(mesh: &Mesh, face: usize) -> [u32; FACE_WORDS] {
+    let topology = &mesh.topology;
+    let [a, b, c] = topology.faces[face];
+    let [first, second] = topology.face_cells[face];
+    let [front, behind] = if is_outward(topology, face) { [second, first] } else { [first, second] };
+    [a, b, c, front, behind]
+}
+
+/// The faces that a job draws, and behind them the cells at the eye.
+pub(super) struct DrawnBuffer {
+    of: Option<Arc<DrawnFaces>>,
+    pub(super) buffer: GrowingBuffer,
+}
+
+impl DrawnBuffer {
+    pub(super) fn new() -> Self {
+        Self { of: None, buffer: GrowingBuffer::storage("list of faces") }
+    }
+
+    /// Brings a list to the GPU unless it is there, and the cells at the eye. Returns whether a buffer was made, and the
+    /// bytes sent.
+    pub(super) fn upload(
+        &mut self,
+        context: &Context,
+        drawn: &Arc<DrawnFaces>,
+        eye_cells: &[[u32; EYE_WORDS]],
+    ) -> Result<(bool, u64), RenderError> {
+        let list_bytes = size_of_val(drawn.faces.as_slice()) as u64;
+        let mut sent = 0;
+        let made = self.buffer.reserve(context, list_bytes + size_of_val(eye_cells) as u64)?;
+        if made || !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, drawn)) {
+            self.of = None;
+            sent += self.buffer.write(context, 0, bytemuck::cast_slice(&drawn.faces))?;
+            self.of = Some(drawn.clone());
+        }
+        sent += self.buffer.write(context, list_bytes, bytemuck::cast_slice(eye_cells))?;
+        Ok((made, sent))
+    }
+}
+
+/// The cells in which a ray may begin, as `shaders/lib/faces.wgsl` has them.
+pub(super) fn eye_cells(job: &RenderJob, local_view: &View) -> Vec<[u32; EYE_WORDS]> {
+    eye::cells(job, local_view).into_iter().map(|cell| eye_cell(job, local_view, cell)).collect()
+}
+
+fn eye_cell(job: &RenderJob, local_view: &View, cell: u32) -> [u32; EYE_WORDS] {
+    let topology = &job.mesh.topology;
+    let tet = topology.tets[cell as usize];
+    let mut order = [0, 1, 2, 3];
+    order.sort_by_key(|&i| tet[i]);
+    let sides = eye::sides(job, local_view, cell);
+    let mut bits = 0;
+    for (i, &opposite) in order.iter().enumerate() {
+        let is_outside = sides >> opposite & 1;
+        let is_inside = sides >> (4 + opposite) & 1;
+        let neighbour = topology.neighbours[cell as usize][opposite].cell();
+        let is_open = u32::from(neighbour.is_none_or(|n| !job.active.contains(n)));
+        // Counter-clockwise seen from outside, where a ray enters.
+        let [a, b, c] = FACE_VERTICES[opposite].map(|v| tet[v]);
+        let enters = u32::from(((a > b) ^ (b > c)) == (a > c));
+        bits |= is_outside << i | is_inside << (4 + i) | is_open << (8 + i) | enters << (12 + i);
+    }
+    let [a, b, c, d] = order.map(|i| tet[i]);
+    [cell, bits, a, b, c, d]
+}

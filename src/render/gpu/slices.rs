@@ -1,0 +1,65 @@
+//! Work in slices: how much of it is given to the GPU at once.
+
+use std::time::Duration;
+
+/// Slices under way at a time: the GPU has the next when it is done with one.
+pub(super) const IN_FLIGHT: usize = 2;
+/// Buffers on their way back: one is read, one is written, one waits.
+pub(super) const SLOTS: usize = 3;
+/// Workgroups of a dispatch in one dimension; WebGPU's limit.
+pub(super) const GROUPS_MAX: u32 = 65_535;
+/// The longest that the GPU is given work at once: what is cancelled ends after it, and other users of the GPU have a turn.
+pub(super) const SLICE: Duration = Duration::from_millis(15);
+
+/// Milliseconds of a unit of work (a tile, a group of faces), as far as they are known. Units differ: tiles at the rim of
+/// an image are mostly empty.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct UnitCost {
+    /// Of the last slice.
+    pub(super) last: Option<f64>,
+    /// On average over the last frame.
+    pub(super) mean: Option<f64>,
+}
+
+impl UnitCost {
+    /// Units for `budget`, shared by the slices under way; `first` of them in the first slice of all, before anything is known
+    /// of their cost. At most `most`.
+    pub(super) fn units_for(self, budget: Duration, first: usize, most: usize) -> usize {
+        if budget == Duration::MAX {
+            return most;
+        }
+        self.units_in(budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64, first, most)
+    }
+
+    /// Units that take no longer than `ms`. A slice of empty units says little about the next one.
+    fn units_in(self, ms: f64, first: usize, most: usize) -> usize {
+        let per_unit = self.last.into_iter().chain(self.mean).reduce(f64::max);
+        let units = per_unit.map_or(first as f64, |per_unit| ms / per_unit.max(1e-6));
+        // Without a whole frame to go by, no leaps.
+        let most = if self.mean.is_some() { most } else { most.min(2 * first) };
+        (units as usize).clamp(1, most.max(1))
+    }
+}
+
+/// Starts at least so many workgroups, in rows if there are more than a row may have.
+pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
+    let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
+    pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn empty_tiles_do_not_make_the_next_slice_long() {
+        let units_in = |cost: UnitCost, ms: f64| cost.units_in(ms, 32, GROUPS_MAX as usize);
+        assert_eq!(units_in(UnitCost::default(), 7.5), 32);
+        let empty = Some(1e-4);
+        assert_eq!(units_in(UnitCost { last: empty, mean: None }, 7.5), 64);
+        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.5) }, 7.5), 15);
+        assert_eq!(units_in(UnitCost { last: Some(3.0), mean: Some(0.5) }, 7.5), 2);
+        assert_eq!(units_in(UnitCost { last: Some(100.0), mean: None }, 7.5), 1);
+        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.0) }, 1e9), GROUPS_MAX as usize);
+    }
+}
