@@ -4,6 +4,8 @@ mod behaviour;
 mod complete;
 mod oracle;
 mod random;
+mod samples;
+mod slivers;
 mod some_faces;
 
 use super::*;
