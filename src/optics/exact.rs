@@ -5,15 +5,26 @@
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
 //! are those at the start of the next.
 
-use super::{Accumulator, Integrator, ScalarMap, piece_weights};
+use super::weights::{WEIGHED_AT_ONCE, weigh};
+use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
 
-/// Colour (red, green, blue, 1) and extinction per unit of length at one scalar.
+/// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
-struct Optical {
-    color: Vec4,
-    tau: f32,
+struct Optical(Vec4);
+
+impl Optical {
+    #[inline(always)]
+    fn tau(self) -> f32 {
+        self.0.w
+    }
+
+    /// Red, green, blue, 1.
+    #[inline(always)]
+    fn color(self) -> Vec4 {
+        self.0.with_w(1.0)
+    }
 }
 
 /// One interval of a piecewise linear table.
@@ -33,11 +44,10 @@ struct Interval {
 
 impl Interval {
     fn new(lo: f64, hi: f64, a: &Node, b: &Node, world_per_length: f64) -> Self {
-        let color = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, 1.0);
         // The largest extinction that stays finite when it is averaged.
         let tau = |n: &Node| (n.tau * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;
-        let at_lo = Optical { color: color(a), tau: tau(a) };
-        let rise = Optical { color: color(b) - at_lo.color, tau: tau(b) - at_lo.tau };
+        let optical = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, tau(n));
+        let (at_lo, rise) = (Optical(optical(a)), Optical(optical(b) - optical(a)));
         let per_width = if lo.is_finite() && hi.is_finite() { 1.0 / (hi - lo) } else { 0.0 };
         Self { lo, hi, per_width, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
     }
@@ -45,7 +55,7 @@ impl Interval {
     #[inline]
     fn at(&self, scalar: f64) -> Optical {
         let share = if self.per_width == 0.0 { 0.0 } else { ((scalar - self.lo) * self.per_width) as f32 };
-        Optical { color: self.at_lo.color + self.rise.color * share, tau: self.at_lo.tau + self.rise.tau * share }
+        Optical(self.at_lo.0 + self.rise.0 * share)
     }
 }
 
@@ -88,12 +98,11 @@ impl ExactTable {
     /// interval too narrow for f32 at its place still has one.
     pub fn packed(&self, map: ScalarMap) -> Vec<[f32; 4]> {
         const FAR: f64 = 3e38;
-        let vector = |o: &Optical| [o.color.x, o.color.y, o.color.z, o.tau];
         let pack = |i: &Interval| {
             let [lo, hi] = [i.lo, i.hi].map(|s| map.apply(s).clamp(-FAR, FAR) as f32);
             let width = if i.per_width == 0.0 { 0.0 } else { (i.hi - i.lo) * map.prescale * map.scale };
             let per_width = if width > 0.0 { 1.0 / width } else { 0.0 };
-            [[lo, hi, width as f32, per_width.min(FAR) as f32], vector(&i.at_lo), vector(&i.rise)]
+            [[lo, hi, width as f32, per_width.min(FAR) as f32], i.at_lo.0.to_array(), i.rise.0.to_array()]
         };
         self.intervals.iter().flat_map(pack).collect()
     }
@@ -124,32 +133,38 @@ impl ExactRay {
     /// were integrated.
     #[inline(always)]
     pub fn segment(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
+        let mut pieces = OneByOne { out, count: 0 };
+        self.split(table, s0, s1, length, &mut pieces);
+        pieces.count
+    }
+
+    /// Gives `into` the pieces of a segment that have extinction.
+    #[inline(always)]
+    fn split(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, into: &mut impl TakePiece) {
         let intervals = table.intervals.as_slice();
         let interval = &intervals[self.interval];
         // The usual case: no node on the way.
         if s1 < interval.hi && s1 > interval.lo && s0 < interval.hi {
-            return self.piece(interval, s1, length, out);
+            self.piece(interval, s1, length, into);
+        } else {
+            self.across_nodes(intervals, s0, s1, length, into);
         }
-        self.across_nodes(intervals, s0, s1, length, out)
     }
 
     #[inline(always)]
-    fn piece(&mut self, interval: &Interval, to: f64, length: f64, out: &mut Accumulator) -> u64 {
+    fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) {
         let near = self.here;
         self.here = interval.at(to);
-        if interval.clear {
-            return 0;
+        if !interval.clear {
+            let (far, length) = (self.here, length as f32);
+            // Rounding may leave a tiny negative extinction where a ramp reaches zero.
+            let depths = [near, far].map(|end| (end.tau() * length).max(0.0));
+            into.take(Piece { near: near.color(), far: far.color(), near_depth: depths[0], far_depth: depths[1] });
         }
-        let (far, length) = (self.here, length as f32);
-        // Rounding may leave a tiny negative extinction where a ramp reaches zero.
-        let weights = piece_weights((near.tau * length).max(0.0), (far.tau * length).max(0.0));
-        out.add(weights, near.color, far.color);
-        1
     }
 
-    #[inline]
-    fn across_nodes(&mut self, intervals: &[Interval], s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
-        let mut pieces = 0;
+    #[inline(always)]
+    fn across_nodes(&mut self, intervals: &[Interval], s0: f64, s1: f64, length: f64, into: &mut impl TakePiece) {
         let mut s = s0;
         let mut rest = length;
         if s1 >= s0 {
@@ -160,7 +175,7 @@ impl ExactRay {
             let per_scalar = if s1 > s0 { length / (s1 - s0) } else { 0.0 };
             while s1 > intervals[self.interval].hi {
                 let interval = &intervals[self.interval];
-                pieces += self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, out);
+                self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into);
                 s = interval.hi;
                 rest = (s1 - s) * per_scalar;
                 self.move_to(intervals, self.interval + 1, s);
@@ -172,13 +187,13 @@ impl ExactRay {
             let per_scalar = length / (s0 - s1);
             while s1 < intervals[self.interval].lo {
                 let interval = &intervals[self.interval];
-                pieces += self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, out);
+                self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into);
                 s = interval.lo;
                 rest = (s - s1) * per_scalar;
                 self.move_to(intervals, self.interval - 1, s);
             }
         }
-        pieces + self.piece(&intervals[self.interval], s1, rest, out)
+        self.piece(&intervals[self.interval], s1, rest, into);
     }
 
     /// Crosses a node: values may jump.
@@ -186,6 +201,96 @@ impl ExactRay {
     fn move_to(&mut self, intervals: &[Interval], interval: usize, scalar: f64) {
         self.interval = interval;
         self.here = intervals[interval].at(scalar);
+    }
+}
+
+/// A part of a segment without a node.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Colours at its ends.
+    near: Vec4,
+    far: Vec4,
+    /// Extinction there, times the length.
+    near_depth: f32,
+    far_depth: f32,
+}
+
+/// Where pieces go.
+trait TakePiece {
+    fn take(&mut self, piece: Piece);
+}
+
+/// Composites each piece as it comes.
+struct OneByOne<'a> {
+    out: &'a mut Accumulator,
+    count: u64,
+}
+
+impl TakePiece for OneByOne<'_> {
+    #[inline(always)]
+    fn take(&mut self, piece: Piece) {
+        self.out.add(piece_weights(piece.near_depth, piece.far_depth), piece.near, piece.far);
+        self.count += 1;
+    }
+}
+
+/// Pieces that wait at most: a renderer composites a score of segments at a time, most of one piece or two.
+const ROOM: usize = 4 * WEIGHED_AT_ONCE;
+
+/// Pieces that wait to be weighed side by side.
+struct Pieces<'a> {
+    out: &'a mut Accumulator,
+    /// How many there have been.
+    count: u64,
+    waiting: usize,
+    near_depth: [f32; ROOM],
+    far_depth: [f32; ROOM],
+    colors: [[Vec4; 2]; ROOM],
+}
+
+impl TakePiece for Pieces<'_> {
+    #[inline(always)]
+    fn take(&mut self, piece: Piece) {
+        if self.waiting == ROOM {
+            self.make_room();
+        }
+        let at = self.waiting % ROOM;
+        (self.near_depth[at], self.far_depth[at]) = (piece.near_depth, piece.far_depth);
+        self.colors[at] = [piece.near, piece.far];
+        self.waiting = at + 1;
+        self.count += 1;
+    }
+}
+
+impl<'a> Pieces<'a> {
+    #[inline(always)]
+    fn new(out: &'a mut Accumulator) -> Self {
+        let (near_depth, far_depth) = ([0.0; ROOM], [0.0; ROOM]);
+        Self { out, count: 0, waiting: 0, near_depth, far_depth, colors: [[Vec4::ZERO; 2]; ROOM] }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn make_room(&mut self) {
+        self.composite();
+    }
+
+    /// Weighs the pieces side by side and composites them one after the other.
+    #[inline(always)]
+    fn composite(&mut self) {
+        let depths = self.near_depth.as_chunks().0.iter().zip(self.far_depth.as_chunks().0);
+        for ((near, far), colors) in depths.zip(self.colors.chunks(WEIGHED_AT_ONCE)) {
+            let count = self.waiting.min(WEIGHED_AT_ONCE);
+            let weights = weigh(near, far, count);
+            for (i, [near, far]) in colors.iter().enumerate().take(count) {
+                let [near_weight, far_weight, transmittance] = weights.map(|w| w[i]);
+                self.out.add(PieceWeights { near: near_weight, far: far_weight, transmittance }, *near, *far);
+            }
+            self.waiting -= count;
+            if self.waiting == 0 {
+                break;
+            }
+        }
     }
 }
 
@@ -202,11 +307,85 @@ impl Integrator for ExactTable {
         place.segment(self, s0, s1, length, out)
     }
 
+    #[inline(always)]
+    fn segments(
+        &self,
+        place: &mut ExactRay,
+        mut s0: f64,
+        segments: impl Iterator<Item = (f64, f64)>,
+        out: &mut Accumulator,
+    ) -> u64 {
+        let mut pieces = Pieces::new(out);
+        for (s1, length) in segments {
+            place.split(self, s0, s1, length, &mut pieces);
+            s0 = s1;
+        }
+        pieces.composite();
+        pieces.count
+    }
+
     fn clear_share(&self, s0: f64, s1: f64) -> f64 {
         self.clear_share(s0, s1)
     }
 
     fn is_clear(&self) -> bool {
         self.is_clear()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nodes at each tenth, some with a step, one interval clear.
+    fn table() -> ExactTable {
+        let mut nodes = Vec::new();
+        for i in 0..1000 {
+            let of = |k: f64| 0.5 + 0.5 * (k * f64::from(i)).sin();
+            let tau = if (40..=41).contains(&i) { 0.0 } else { 3.0 * of(0.7) };
+            nodes.push(Node { scalar: 0.1 * f64::from(i), rgb: [of(1.0), of(2.0), of(3.0)], tau });
+            if i % 7 == 0 {
+                nodes.push(Node { scalar: 0.1 * f64::from(i), rgb: [of(2.0), of(3.0), of(1.0)], tau: of(0.3) });
+            }
+        }
+        ExactTable::new(&NodeTable::new(nodes).unwrap(), 1.0)
+    }
+
+    /// Scalars and lengths along a ray: within an interval, at nodes, over many of them, and constant.
+    fn along(step: f64) -> Vec<(f64, f64)> {
+        let at = |i: i32| match i % 9 {
+            0 => 0.1 * f64::from(i),
+            1 => 0.1 * f64::from(i - 1),
+            8 => 100.0 * (f64::from(i)).sin(),
+            _ => 4.0 + step * f64::from(i).sin(),
+        };
+        (0..200).map(|i| (at(i), 1e-4 + 0.03 * (0.5 + 0.5 * (1.3 * f64::from(i)).sin()))).collect()
+    }
+
+    #[test]
+    fn segments_at_once_are_those_one_by_one_to_the_last_bit() {
+        let table = table();
+        for step in [0.01, 0.3, 9.0] {
+            let along = along(step);
+            let (mut one, mut all) = (Accumulator::CLEAR, Accumulator::CLEAR);
+            let (mut place, mut place_all) = (ExactRay::enter(&table, 4.0), ExactRay::enter(&table, 4.0));
+            let mut s0 = 4.0;
+            for (i, some) in along.chunks(17).enumerate() {
+                let mut pieces = 0;
+                let first = s0;
+                for &(s1, length) in some {
+                    pieces += table.segment(&mut place, s0, s1, length, &mut one);
+                    s0 = s1;
+                }
+                let found = table.segments(&mut place_all, first, some.iter().copied(), &mut all);
+                assert_eq!((one, pieces), (all, found), "step {step}, part {i}");
+                assert!(pieces > ROOM as u64, "{pieces} pieces: never more than there is room for");
+            }
+            // And a last bit more of one length would be seen.
+            let mut other = Accumulator::CLEAR;
+            let longer = along.iter().map(|&(s, length)| (s, length * 1.000_001));
+            table.segments(&mut ExactRay::enter(&table, 4.0), 4.0, longer, &mut other);
+            assert_ne!(one, other);
+        }
     }
 }

@@ -34,7 +34,7 @@ pub fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
 }
 
 /// Dense, sparse with narrow tents, with an opaque plateau, and nearly transparent.
-const TRANSFER_FUNCTIONS: [&str; 4] = [
+pub const TRANSFER_FUNCTIONS: [&str; 4] = [
     "viridis@0:0.02,1:0.5",
     "inferno@0:0,0.01:0,0.02:0.4,0.03:0,0.5:0,0.52:0.6,0.54:0,1:0",
     "turbo@0:0,0.1:0.1,0.3:1,1:1",
@@ -42,7 +42,7 @@ const TRANSFER_FUNCTIONS: [&str; 4] = [
 ];
 
 /// Outside, along an axis, in parallel projection, and from within.
-fn cameras(bounds: (DVec3, DVec3)) -> [Camera; 4] {
+pub fn cameras(bounds: (DVec3, DVec3)) -> [Camera; 4] {
     let outside = Camera::default_for(bounds).unwrap();
     let (centre, size) = (0.5 * (bounds.0 + bounds.1), (bounds.1 - bounds.0).length());
     let along_x = Camera { position: centre + DVec3::X * size, view_up: DVec3::Z, ..outside };

@@ -6,17 +6,19 @@
 
 use super::super::ray::ViewVertex;
 use super::super::tiles::{TILE_PX, TileGrid, pixel_box};
+use super::sides::Sides;
 use crate::camera::View;
+use crate::mesh::{Mesh, NONE};
+use crate::render::RenderJob;
 use crate::task::Cancel;
+use crate::visibility::{CellSet, DrawnFaces};
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Fewest faces of a chunk: enough to hide the cost of its lists.
 const CHUNK_MIN: usize = 4 * 1024;
 /// Most chunks: each has a counter for every tile.
 const CHUNKS_MAX: usize = 128;
-
-/// Faces whose corners are asked for before the first is looked at.
-const LOADED_AT_ONCE: usize = 64;
 
 /// Where a vertex is in the image, in pixels from the middle of the first one (NaN if it is not in front of the eye), and
 /// its depth; four numbers for the sake of one load.
@@ -101,30 +103,70 @@ fn most(a: f32, b: f32) -> f32 {
 #[derive(Debug, Default)]
 pub(super) struct FaceBins {
     pub(super) grid: TileGrid,
+    list: List,
     chunks: Vec<Chunk>,
     used: usize,
+    /// One for each thread.
+    seen: Vec<Mutex<Seen>>,
     /// Least depth of a corner of a face in each chunk or behind it, rounded to f32.
     nearest_from: Vec<f32>,
 }
 
+/// A face that a tile has to look at, with what all tiles would else look for: they read them one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TileFace {
+    /// Corners.
+    pub(super) ids: [u32; 3],
+    /// In front of it and behind it, for rays that see its corners counter-clockwise.
+    pub(super) cells: [u32; 2],
+    /// The columns x0..x1 and rows y0..y1 of the tile in its box: x0, x1, y0, y1.
+    in_tile: [u8; 4],
+}
+
+impl TileFace {
+    pub(super) const UNUSED: Self = Self { ids: [0; 3], cells: [NONE; 2], in_tile: [0; 4] };
+
+    /// A face whose box meets the tile in column and row `tile`.
+    #[inline(always)]
+    pub(super) fn new(face: &ListedFace, bounds: Bounds, tile: [usize; 2]) -> Self {
+        let within = |px: usize, tile: usize| px.saturating_sub(tile * TILE_PX).min(TILE_PX) as u8;
+        let Bounds { x0, x1, y0, y1 } = bounds;
+        let in_tile = [within(x0, tile[0]), within(x1, tile[0]), within(y0, tile[1]), within(y1, tile[1])];
+        Self { ids: face.ids, cells: face.cells, in_tile }
+    }
+
+    /// Its box in the tile, from the tile's corner.
+    #[inline(always)]
+    pub(super) fn bounds(&self) -> Bounds {
+        let [x0, x1, y0, y1] = self.in_tile.map(usize::from);
+        Bounds { x0, x1, y0, y1 }
+    }
+}
+
+/// Corners and cells of a face, as [`TileFace`] has them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ListedFace {
+    pub(super) ids: [u32; 3],
+    pub(super) cells: [u32; 2],
+}
+
+/// The faces of a list in its order, kept as long as the list is drawn: in the mesh they lie anywhere in memory.
+#[derive(Debug, Default)]
+struct List {
+    of: Option<(Arc<Mesh>, Arc<DrawnFaces>, Arc<CellSet>)>,
+    faces: Vec<ListedFace>,
+}
+
 #[derive(Debug, Default)]
 struct Chunk {
-    /// `starts[t]..starts[t + 1]` of `faces` belong to tile t.
+    /// `starts[t]..starts[t + 1]` of `in_tiles` belong to tile t.
     starts: Vec<u32>,
-    /// Ids.
-    faces: Vec<u32>,
-    /// Faces of the chunk that can be seen, while it is filled.
-    tiles: Vec<FaceTiles>,
+    in_tiles: Vec<TileFace>,
     nearest: f32,
 }
 
-/// The first and last column and row of tiles that a face's box meets.
-#[derive(Debug)]
-struct FaceTiles {
-    face: u32,
-    columns: [u32; 2],
-    rows: [u32; 2],
-}
+/// Faces of a chunk that can be seen, and their boxes, while it is filled.
+type Seen = Vec<(ListedFace, Bounds)>;
 
 impl FaceBins {
     /// No tiles: nothing can be seen.
@@ -136,10 +178,10 @@ impl FaceBins {
         self.used
     }
 
-    /// Ids of the faces of a chunk that a tile has to look at.
-    pub(super) fn faces(&self, chunk: usize, tile: usize) -> &[u32] {
+    /// The faces of a chunk that a tile has to look at.
+    pub(super) fn faces(&self, chunk: usize, tile: usize) -> &[TileFace] {
         let chunk = &self.chunks[chunk];
-        &chunk.faces[chunk.starts[tile] as usize..chunk.starts[tile + 1] as usize]
+        &chunk.in_tiles[chunk.starts[tile] as usize..chunk.starts[tile + 1] as usize]
     }
 
     /// No face of this chunk or a later one has a place nearer than that; infinite behind the last chunk.
@@ -148,18 +190,38 @@ impl FaceBins {
         rounded - rounded.abs() * f64::from(f32::EPSILON)
     }
 
-    /// Sorts the faces `drawn` (ids) into the tiles; some of them if `cancel` is raised.
-    pub(super) fn fill(&mut self, source: BoxSource<'_>, faces: &[[u32; 3]], drawn: &[u32], cancel: &Cancel) {
+    /// Sorts the faces of a job, `drawn`, into the tiles; some of them if it is cancelled.
+    pub(super) fn fill(&mut self, source: BoxSource<'_>, sides: &Sides, job: &RenderJob, drawn: &Arc<DrawnFaces>) {
         self.grid = TileGrid::of(source.view);
-        let grid = self.grid;
-        let length = drawn.len().div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
-        self.used = drawn.len().div_ceil(length);
+        let (grid, count) = (self.grid, drawn.faces.len());
+        let length = count.div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
+        self.used = count.div_ceil(length);
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, Chunk::default);
         }
-        self.chunks[..self.used].par_iter_mut().zip(drawn.par_chunks(length)).for_each(|(chunk, drawn)| {
-            chunk.fill(source, grid, faces, if cancel.is_cancelled() { &[] } else { drawn });
+        self.seen.resize_with(rayon::current_num_threads(), Mutex::default);
+        let seen = &self.seen;
+        let find = self.list.begin(job, drawn).then_some((&job.mesh.topology, &*job.active, sides));
+        let chunks = self.chunks[..self.used].par_iter_mut();
+        let faces = self.list.faces.par_chunks_mut(length).zip(drawn.faces.par_chunks(length));
+        chunks.zip(faces).for_each(|(chunk, (faces, drawn))| {
+            if job.cancel.is_cancelled() {
+                return chunk.fill(source, grid, &[], &mut Vec::new());
+            }
+            if let Some((topology, active, sides)) = find {
+                for (listed, &face) in faces.iter_mut().zip(drawn) {
+                    let cells = sides.cells(topology, active, face);
+                    *listed = ListedFace { ids: topology.faces[face as usize], cells };
+                }
+            }
+            // A thread of the pool has one of its own: the lock is never waited for.
+            let seen = &seen[rayon::current_thread_index().unwrap_or(0) % seen.len()];
+            chunk.fill(source, grid, faces, &mut seen.lock().unwrap_or_else(PoisonError::into_inner));
         });
+        if job.cancel.is_cancelled() {
+            // Perhaps before all were found.
+            self.list.of = None;
+        }
         self.nearest_from.clear();
         self.nearest_from.resize(self.used + 1, f32::INFINITY);
         for chunk in (0..self.used).rev() {
@@ -168,34 +230,49 @@ impl FaceBins {
     }
 }
 
+impl List {
+    /// Makes room for the faces `drawn` of a job; whether they are still to be found.
+    fn begin(&mut self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> bool {
+        let is_kept = self.of.as_ref().is_some_and(|(mesh, faces, active)| {
+            Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(faces, drawn) && Arc::ptr_eq(active, &job.active)
+        });
+        self.faces.resize(drawn.faces.len(), ListedFace::default());
+        self.of = Some((job.mesh.clone(), drawn.clone(), job.active.clone()));
+        !is_kept
+    }
+}
+
 impl Chunk {
-    fn fill(&mut self, source: BoxSource<'_>, grid: TileGrid, faces: &[[u32; 3]], drawn: &[u32]) {
+    fn fill(&mut self, source: BoxSource<'_>, grid: TileGrid, faces: &[ListedFace], seen: &mut Seen) {
         let image = Bounds { x0: 0, x1: source.view.width_px, y0: 0, y1: source.view.height_px };
-        let columns = grid.columns;
         self.nearest = f32::INFINITY;
-        self.tiles.clear();
         self.starts.clear();
         self.starts.resize(grid.tile_count() + 1, 0);
-        for drawn in drawn.chunks(LOADED_AT_ONCE) {
-            // The faces lie anywhere in memory: all are asked for before the first is looked at.
-            let mut loaded = [[0; 3]; LOADED_AT_ONCE];
-            for (loaded, &face) in loaded.iter_mut().zip(drawn) {
-                *loaded = faces[face as usize];
+        seen.clear();
+        for face in faces {
+            let Some(bounds) = source.bounds(face.ids, image) else { continue };
+            for v in face.ids {
+                self.nearest = least(self.nearest, source.screen[v as usize][2]);
             }
-            for (&face, &ids) in drawn.iter().zip(&loaded) {
-                self.count(source, image, columns, face, ids);
+            seen.push((*face, bounds));
+            let ([x0, x1], [y0, y1]) = tiles(bounds);
+            for y in y0..=y1 {
+                for count in &mut self.starts[y * grid.columns + 1..][x0..=x1] {
+                    *count += 1;
+                }
             }
         }
         for tile in 0..grid.tile_count() {
             self.starts[tile + 1] += self.starts[tile];
         }
-        self.faces.clear();
-        self.faces.resize(self.starts[grid.tile_count()] as usize, 0);
-        for &FaceTiles { face, columns: [x0, x1], rows: [y0, y1] } in &self.tiles {
-            for y in y0 as usize..=y1 as usize {
+        // No need to clear what is there: all of it is written.
+        self.in_tiles.resize(self.starts[grid.tile_count()] as usize, TileFace::UNUSED);
+        for (face, bounds) in &*seen {
+            let ([x0, x1], [y0, y1]) = tiles(*bounds);
+            for y in y0..=y1 {
                 // `starts[tile]` serves as the cursor and ends where the next tile starts; shifted back below.
-                for cursor in &mut self.starts[y * columns..][x0 as usize..=x1 as usize] {
-                    self.faces[*cursor as usize] = face;
+                for (x, cursor) in (x0..).zip(&mut self.starts[y * grid.columns..][x0..=x1]) {
+                    self.in_tiles[*cursor as usize] = TileFace::new(face, *bounds, [x, y]);
                     *cursor += 1;
                 }
             }
@@ -205,21 +282,10 @@ impl Chunk {
         }
         self.starts[0] = 0;
     }
+}
 
-    /// Counts a face for each tile that its box meets.
-    #[inline(always)]
-    fn count(&mut self, source: BoxSource<'_>, image: Bounds, columns: usize, face: u32, ids: [u32; 3]) {
-        let Some(b) = source.bounds(ids, image) else { return };
-        for v in ids {
-            self.nearest = least(self.nearest, source.screen[v as usize][2]);
-        }
-        let tile = |px: usize| (px / TILE_PX) as u32;
-        let [x0, x1, y0, y1] = [tile(b.x0), tile(b.x1 - 1), tile(b.y0), tile(b.y1 - 1)];
-        self.tiles.push(FaceTiles { face, columns: [x0, x1], rows: [y0, y1] });
-        for y in y0 as usize..=y1 as usize {
-            for count in &mut self.starts[y * columns + 1..][x0 as usize..=x1 as usize] {
-                *count += 1;
-            }
-        }
-    }
+/// The first and last column and row of tiles that a box meets.
+#[inline(always)]
+fn tiles(Bounds { x0, x1, y0, y1 }: Bounds) -> ([usize; 2], [usize; 2]) {
+    ([x0 / TILE_PX, (x1 - 1) / TILE_PX], [y0 / TILE_PX, (y1 - 1) / TILE_PX])
 }

@@ -79,6 +79,57 @@ impl<P: Copy> RayLight<P> {
         self.is_opaque = optics.early_termination && self.light.is_opaque();
     }
 
+    /// Goes on to all of these fragments, one after the other: the same as [`Self::advance`] for each.
+    #[inline(always)]
+    pub(super) fn advance_all<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, to: &[Fragment]) {
+        let mut rest = to;
+        while let Some((first, after)) = rest.split_first() {
+            let run = self.run_length(rest);
+            // Rays become opaque once: then the run is gone through again, up to there.
+            let before = *self;
+            if run > 1 && self.advance_run(optics, &rest[..run]) {
+                rest = &rest[run..];
+            } else {
+                *self = before;
+                self.advance(optics, first);
+                rest = after;
+            }
+        }
+    }
+
+    /// How many of the fragments follow one behind the other through active cells, of a ray that has seen something
+    /// before.
+    #[inline(always)]
+    fn run_length(&self, fragments: &[Fragment]) -> usize {
+        if self.place.is_none() || self.visible_from == f64::INFINITY || self.is_opaque {
+            return 0;
+        }
+        let (mut last, mut far) = (self.last.0, self.far);
+        let goes_on = |to: &&Fragment| {
+            let goes_on = to.depth > last && far != NONE;
+            (last, far) = (to.depth, to.far);
+            goes_on
+        };
+        fragments.iter().take_while(goes_on).count()
+    }
+
+    /// Goes on along a run of fragments (at least one); false, and in a state of no meaning, if the ray becomes opaque.
+    #[inline(always)]
+    fn advance_run<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, run: &[Fragment]) -> bool {
+        let (Some(place), Some(end)) = (&mut self.place, run.last()) else { return false };
+        let (mut from, mut far, mut is_broken) = (self.last.0, self.far, false);
+        let segments = run.iter().map(|to| {
+            let length = (to.depth - from) * optics.length_per_depth;
+            is_broken |= to.near != far;
+            (from, far) = (to.depth, to.far);
+            (to.scalar, length)
+        });
+        self.segments += optics.table.segments(place, self.last.1, segments, &mut self.light) as u32;
+        self.is_broken |= is_broken;
+        (self.last, self.far, self.front) = ((end.depth, end.scalar), end.far, end.depth);
+        !(optics.early_termination && self.light.is_opaque())
+    }
+
     /// Goes through one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if
     /// the ray ends within it.
     pub(super) fn follow<'f, I: Integrator<Place = P>>(

@@ -33,13 +33,19 @@
 //! Deviations for speed:
 //! 1. A buffer takes up a batch of fragments before they are sorted into the k before each and leave: the same ones leave
 //!    in the same order.
-//! 2. Edge functions are linear over a tile, for eight pixels at a time; in doubt they are computed by their definition
-//!    ([`raster`]).
+//! 2. Edge functions are linear over a tile. In f32, for two rows of eight pixels at a time, they say which pixels a face
+//!    certainly misses; for the rest they are computed in f64, eight at a time; in doubt by their definition ([`raster`]).
+//!    Eight faces are made ready side by side.
 //! 3. A tile whose rays are all opaque is left when no face behind in the list has a corner in front of where they are.
-//! 4. It is compiled for the widest registers that the processor has; the image is the same.
+//! 4. The list is kept in its order, with corners and cells, as long as it is drawn; tiles have copies of their faces.
+//!    Both for the sake of memory read in order ([`bins`]).
+//! 5. The fragments of a pixel that leave its buffer together are integrated together: weights of colours side by side
+//!    ([`Integrator::segments`]).
+//! 6. It is compiled for the widest registers that the processor has; the image is the same.
 
 mod bins;
 mod fragment;
+mod lanes;
 mod light;
 mod raster;
 mod resolve;
@@ -58,8 +64,7 @@ use crate::optics::Integrator;
 use crate::stats::FrameStats;
 use crate::visibility::DrawnFaces;
 use bins::{BoxSource, FaceBins, ScreenPoint};
-use pulp::Simd;
-use raster::Faces;
+use pulp::{Arch, Scalar, Simd};
 use rayon::prelude::*;
 use sides::Sides;
 #[cfg(feature = "gpu")]
@@ -94,7 +99,6 @@ struct ActiveJob {
     view: View,
     table: Table,
     eye_cells: Vec<u32>,
-    all_active: bool,
     tie: f64,
     next_tile: usize,
     started: Instant,
@@ -114,12 +118,12 @@ impl Havs {
     }
 
     /// View coordinates, places in the image, and the faces of each tile.
-    fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &DrawnFaces) {
+    fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &Arc<DrawnFaces>) {
         ray::transform(view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
         bins::project(view, &self.vertices, &job.cancel, &mut self.screen);
         self.sides.update(&job.mesh);
         let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
-        self.bins.fill(source, &job.mesh.topology.faces, &drawn.faces, &job.cancel);
+        self.bins.fill(source, &self.sides, job, drawn);
     }
 }
 
@@ -168,19 +172,9 @@ impl Renderer for Havs {
         // The mesh lies within a local box of diameter 2 sqrt(3).
         let tie = fragment::tie(view.eye.length() + 2.0);
         let ms_before = job.stats.ms_decode + job.stats.ms_order;
-        let (is_complete, all_active) = (drawn.is_complete, cells_active == job.active.universe());
-        self.active_job = Some(ActiveJob {
-            job,
-            is_complete,
-            view,
-            table,
-            eye_cells,
-            all_active,
-            tie,
-            next_tile: 0,
-            started,
-            ms_before,
-        });
+        let is_complete = drawn.is_complete;
+        self.active_job =
+            Some(ActiveJob { job, is_complete, view, table, eye_cells, tie, next_tile: 0, started, ms_before });
         Ok(())
     }
 
@@ -216,12 +210,8 @@ impl Havs {
     fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
         let job = &active.job;
         let scene = Scene {
-            faces: Faces {
-                topology: &job.mesh.topology,
-                active: (!active.all_active).then_some(&*job.active),
-                sides: &self.sides,
-                source: BoxSource { view: &active.view, vertices: &self.vertices, screen: &self.screen },
-            },
+            topology: &job.mesh.topology,
+            vertices: &self.vertices,
             bins: &self.bins,
             view: &active.view,
             table,
@@ -235,8 +225,13 @@ impl Havs {
         let portable = self.portable;
         let (first, pixels) = (active.next_tile, &mut self.tile_pixels);
         let (counts, end) = tiles::render_tiles(job, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
-            let work = RenderTile { scene: &scene, tile, scratch, pixels };
-            if portable { pulp::Scalar.vectorize(work) } else { pulp::Arch::new().dispatch(work) }
+            match if portable { Arch::Scalar } else { Arch::new() } {
+                #[cfg(target_arch = "x86_64")]
+                Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
+                #[cfg(target_arch = "x86_64")]
+                Arch::V3(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
+                _ => Scalar.vectorize(RenderTile { lanes: Scalar, scene: &scene, tile, scratch, pixels }),
+            }
         });
         self.frame.stats.add_counts(&counts);
         tiles::copy_tiles(&mut self.frame, &self.bins.grid, &self.tile_pixels, first..end, job.mesh.positions.scale);

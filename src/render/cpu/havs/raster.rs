@@ -9,7 +9,9 @@
 //! E(dx, dy) = p.x q.y - q.x p.y  +  dx (q.h p.y - p.h q.y)  +  dy (p.h q.x - q.h p.x)
 //! ```
 //!
-//! (h: depth in perspective, 1 in parallel projection), evaluated for eight pixels of a row at a time.
+//! (h: depth in perspective, 1 in parallel projection). Most pixels of a face's box are not hit: sixteen at a time are
+//! looked at in f32, and those that the face certainly misses are left out. For what remains of it, E is computed in f64,
+//! eight pixels at a time.
 //!
 //! **Bound.** Let R be the largest |x| + |y| of a corner sheared along any ray of the tile, and D the largest sum of the
 //! magnitudes that shearing adds up. Shearing, here and pixel by pixel, rounds coordinates by at most 3 2^-53 D; the
@@ -17,49 +19,32 @@
 //! `2^-30 R^2 + 2^-45 D R` the sign is certain, and the value as accurate as pixel by pixel (there, values above 2^-30 R^2
 //! count as accurate). All the rest, one pixel in many thousands, is asked pixel by pixel: neighbouring faces agree about every
 //! ray, and with the ray caster.
+//!
+//! **Bound in f32.** The three numbers of E and the distances are rounded from f64, by 2^-24 of themselves; products and
+//! sums are rounded as well. The terms' magnitudes sum to at most 2 R^2, each with at most six roundings: less than
+//! 2^-20 R^2 in all. Above `2^-19 R^2 + 2^-45 D R` in f32, E has that sign in f64 and is above its own bound there.
 
 use super::super::ray::{Ray, ViewVertex, crossing};
-use super::bins::{Bounds, BoxSource};
+use super::TILE_PX;
+use super::bins::{Bounds, TileFace};
 use super::fragment::Fragment;
-use super::sides::Sides;
+use super::lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use crate::camera::View;
-use crate::mesh::{NONE, Topology};
-use crate::visibility::CellSet;
 
-/// Pixels at a time.
-pub(super) const LANES: usize = 8;
-type Lanes = [f64; LANES];
-/// A byte of 1 for each.
-const ONES: u64 = 0x0101_0101_0101_0101;
-
-/// What all tiles of a frame read to find hits.
-pub(super) struct Faces<'a> {
-    pub(super) topology: &'a Topology,
-    /// `None`: all.
-    pub(super) active: Option<&'a CellSet>,
-    pub(super) sides: &'a Sides,
-    pub(super) source: BoxSource<'a>,
-}
-
-/// Corners of a face, and the cells in front of it and behind it.
-pub(super) type Loaded = ([u32; 3], [u32; 2]);
-
-impl Faces<'_> {
-    /// What is known of a face without a view.
-    #[inline(always)]
-    pub(super) fn load(&self, face: Option<u32>) -> Loaded {
-        let Some(face) = face else { return ([0; 3], [NONE; 2]) };
-        (self.topology.faces[face as usize], self.sides.cells(self.topology, self.active, face))
-    }
-}
+/// Pixels, or faces, at a time.
+const EIGHT: usize = 8;
+type Eight = [f64; EIGHT];
 
 /// The rays of a tile.
 pub(super) struct TileRays {
     pub(super) bounds: Bounds,
     centre: [f64; 2],
-    /// Distances of the columns and rows from the middle; room for eight columns more.
-    dx: [f64; super::TILE_PX + LANES],
-    dy: [f64; super::TILE_PX],
+    /// Distances of the columns and rows from the middle.
+    dx: [f64; TILE_PX],
+    dy: [f64; TILE_PX],
+    /// The same for the pixels of a block that begins at each column, and at each row.
+    block_dx: [[f32; BLOCK]; TILE_PX],
+    block_dy: [[f32; BLOCK]; TILE_PX],
     /// Largest |dx| and |dy|.
     reach: [f64; 2],
 }
@@ -68,176 +53,227 @@ impl TileRays {
     pub(super) fn new(view: &View, bounds: Bounds) -> Self {
         let middle = |a: usize, b: usize| 0.5 * (a + b) as f64;
         let (cx, cy) = view.ray_at(middle(bounds.x0, bounds.x1), middle(bounds.y0, bounds.y1));
-        let mut rays = Self {
-            bounds,
-            centre: [cx, cy],
-            dx: [0.0; super::TILE_PX + LANES],
-            dy: [0.0; super::TILE_PX],
-            reach: [0.0; 2],
-        };
-        for (i, dx) in rays.dx.iter_mut().take(bounds.x1 - bounds.x0).enumerate() {
+        let (mut dx, mut dy, mut reach) = ([0.0; TILE_PX], [0.0; TILE_PX], [0.0f64; 2]);
+        for (i, dx) in dx.iter_mut().take(bounds.x1 - bounds.x0).enumerate() {
             *dx = view.ray(bounds.x0 + i, bounds.y0).0 - cx;
-            rays.reach[0] = rays.reach[0].max(dx.abs());
+            reach[0] = reach[0].max(dx.abs());
         }
-        for (j, dy) in rays.dy.iter_mut().take(bounds.y1 - bounds.y0).enumerate() {
+        for (j, dy) in dy.iter_mut().take(bounds.y1 - bounds.y0).enumerate() {
             *dy = view.ray(bounds.x0, bounds.y0 + j).1 - cy;
-            rays.reach[1] = rays.reach[1].max(dy.abs());
+            reach[1] = reach[1].max(dy.abs());
         }
-        rays
+        // Beyond the tile anything will do.
+        let at = |of: &[f64; TILE_PX], i: usize| of[i.min(TILE_PX - 1)] as f32;
+        let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
+        let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
+        Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach }
     }
 }
 
-/// A face ready to be met by the rays of a tile.
-#[derive(Clone, Copy)]
-pub(super) struct Face {
-    ids: [u32; 3],
-    /// In front of it and behind it, for rays that see its corners counter-clockwise.
-    cells: [u32; 2],
-    bounds: Bounds,
+/// Faces that are made ready at a time, so that memory is waited for once.
+pub(super) const FACES_AT_ONCE: usize = 32;
+
+/// A number for each of the faces.
+type PerFace = [f64; FACES_AT_ONCE];
+
+/// Faces ready to be met by the rays of a tile.
+pub(super) struct Faces {
+    faces: [TileFace; FACES_AT_ONCE],
     /// Edge functions opposite the corners: at the middle of the tile, and per dx and dy.
-    middle: [f64; 3],
-    per_dx: [f64; 3],
-    per_dy: [f64; 3],
-    depth: [f64; 3],
-    scalar: [f64; 3],
+    middle: [PerFace; 3],
+    per_dx: [PerFace; 3],
+    per_dy: [PerFace; 3],
+    depth: [PerFace; 3],
+    scalar: [PerFace; 3],
     /// Edge functions that are not above this are asked pixel by pixel.
-    certain: f64,
-    /// The face is not wholly in front of the eye.
-    at_eye: bool,
+    certain: PerFace,
+    /// The edge functions in f32, three numbers each: those that are not above the bound `coarse` are asked in f64.
+    rounded: [[[f32; FACES_AT_ONCE]; 3]; 3],
+    coarse: [f32; FACES_AT_ONCE],
+    /// Whether a face is not wholly in front of the eye.
+    at_eye: [bool; FACES_AT_ONCE],
 }
 
-impl Face {
-    pub(super) const UNUSED: Self = Self {
-        ids: [0; 3],
-        cells: [NONE; 2],
-        bounds: Bounds { x0: 0, x1: 0, y0: 0, y1: 0 },
-        middle: [0.0; 3],
-        per_dx: [0.0; 3],
-        per_dy: [0.0; 3],
-        depth: [0.0; 3],
-        scalar: [0.0; 3],
-        certain: 0.0,
-        at_eye: false,
+impl Faces {
+    pub(super) const NONE: Self = Self {
+        faces: [TileFace::UNUSED; FACES_AT_ONCE],
+        middle: [[0.0; FACES_AT_ONCE]; 3],
+        per_dx: [[0.0; FACES_AT_ONCE]; 3],
+        per_dy: [[0.0; FACES_AT_ONCE]; 3],
+        depth: [[0.0; FACES_AT_ONCE]; 3],
+        scalar: [[0.0; FACES_AT_ONCE]; 3],
+        certain: [0.0; FACES_AT_ONCE],
+        rounded: [[[0.0; FACES_AT_ONCE]; 3]; 3],
+        coarse: [0.0; FACES_AT_ONCE],
+        at_eye: [false; FACES_AT_ONCE],
     };
 
-    /// Makes this a face that the rays of a tile may meet; false, and no face, if they do not.
+    /// Makes some faces, no more than [`FACES_AT_ONCE`], ready for the rays of a tile.
     #[inline(always)]
-    pub(super) fn set(&mut self, faces: &Faces<'_>, rays: &TileRays, &(ids, cells): &Loaded) -> bool {
-        let Some(bounds) = faces.source.bounds(ids, rays.bounds) else { return false };
-        let perspective = faces.source.view.perspective;
-        let corners = ids.map(|v| faces.source.vertices[v as usize]);
-        let [cx, cy] = rays.centre;
-        let h = corners.map(|v| if perspective { v.w } else { 1.0 });
-        let [x, y] = [[0, 1, 2].map(|i| corners[i].x - cx * h[i]), [0, 1, 2].map(|i| corners[i].y - cy * h[i])];
-        let (mut reach, mut summed) = (0.0f64, 0.0f64);
-        for i in 0..3 {
-            let wide = (rays.reach[0] + rays.reach[1]) * h[i].abs();
-            let here = x[i].abs() + y[i].abs() + wide;
-            let all = corners[i].x.abs() + corners[i].y.abs() + (cx.abs() + cy.abs()) * h[i].abs() + wide;
-            reach = if here > reach { here } else { reach };
-            summed = if all > summed { all } else { summed };
+    pub(super) fn set(&mut self, view: &View, vertices: &[ViewVertex], rays: &TileRays, faces: &[TileFace]) {
+        let count = faces.len().min(FACES_AT_ONCE);
+        self.faces[..count].copy_from_slice(&faces[..count]);
+        let mut first = 0;
+        while first < count {
+            self.set_eight(view, vertices, rays, first);
+            first += EIGHT;
         }
-        const ACCURATE: f64 = 1.0 / (1u64 << 30) as f64;
-        const SHEARED: f64 = 1.0 / (1u64 << 45) as f64;
-        let certain = reach * (ACCURATE * reach + SHEARED * summed) + f64::MIN_POSITIVE;
-        let edge = |p: usize, q: usize| x[p] * y[q] - x[q] * y[p];
-        let edge_dx = |p: usize, q: usize| h[q] * y[p] - h[p] * y[q];
-        let edge_dy = |p: usize, q: usize| h[p] * x[q] - h[q] * x[p];
-        *self = Self {
-            ids,
-            cells,
-            bounds,
-            middle: [edge(1, 2), edge(2, 0), edge(0, 1)],
-            per_dx: [edge_dx(1, 2), edge_dx(2, 0), edge_dx(0, 1)],
-            per_dy: [edge_dy(1, 2), edge_dy(2, 0), edge_dy(0, 1)],
-            depth: corners.map(|v| v.w),
-            scalar: corners.map(|v| v.s),
-            certain,
-            at_eye: perspective && !(h[0] > 0.0 && h[1] > 0.0 && h[2] > 0.0),
-        };
-        true
     }
 
-    /// Gives `hit` each pixel of the tile (row times [`super::TILE_PX`] plus column) whose ray hits the face in front of the
-    /// eye, with the fragment.
+    /// Those from `first` on, side by side.
     #[inline(always)]
-    pub(super) fn hits(
-        &self,
-        view: &View,
-        vertices: &[ViewVertex],
-        rays: &TileRays,
-        mut hit: impl FnMut(usize, Fragment),
-    ) {
-        let Bounds { x0, x1, y0, y1 } = self.bounds;
-        let (first, end) = (x0 - rays.bounds.x0, x1 - rays.bounds.x0);
-        for row in y0 - rays.bounds.y0..y1 - rays.bounds.y0 {
-            let dy = rays.dy[row & (super::TILE_PX - 1)];
-            let [e0, e1, e2] = [0, 1, 2].map(|i| self.middle[i] + dy * self.per_dy[i]);
-            let mut column = first;
-            while column < end {
-                let dx: &Lanes = rays.dx[column..].first_chunk().unwrap_or(&[0.0; LANES]);
-                let at = |e: f64, per_dx: f64| -> Lanes { std::array::from_fn(|l| e + dx[l] * per_dx) };
-                let e = [at(e0, self.per_dx[0]), at(e1, self.per_dx[1]), at(e2, self.per_dx[2])];
-                let asked = ONES >> (8 * (LANES - (end - column).min(LANES)));
-                let (inside, outside) = self.sides_of(&e);
-                let mut certain = inside & asked;
-                let mut doubtful = asked & !(inside | outside);
-                if self.at_eye {
-                    doubtful |= std::mem::take(&mut certain);
-                }
-                if certain != 0 {
-                    let (depth, scalar) = self.depth_and_scalar(&e);
-                    while certain != 0 {
-                        let l = (certain.trailing_zeros() as usize / 8) & (LANES - 1);
-                        certain &= certain - 1;
-                        let turned = usize::from(e[0][l] < 0.0);
-                        let (near, far) = (self.cells[turned], self.cells[1 - turned]);
-                        hit(
-                            row * super::TILE_PX + column + l,
-                            Fragment { depth: depth[l], scalar: scalar[l], near, far },
-                        );
-                    }
-                }
-                while doubtful != 0 {
-                    let l = doubtful.trailing_zeros() as usize / 8;
-                    doubtful &= doubtful - 1;
-                    let (i, j) = (rays.bounds.x0 + column + l, rays.bounds.y0 + row);
-                    if let Some(fragment) = self.careful_hit(view, vertices, i, j) {
-                        hit(row * super::TILE_PX + column + l, fragment);
-                    }
-                }
-                column += LANES;
+    fn set_eight(&mut self, view: &View, vertices: &[ViewVertex], rays: &TileRays, first: usize) {
+        let Some(faces) = self.faces[first..].first_chunk::<EIGHT>() else { return };
+        // Corner by corner.
+        let [mut x, mut y, mut w, mut s] = [[[0.0; EIGHT]; 3]; 4];
+        for (l, face) in faces.iter().enumerate() {
+            for (corner, &id) in face.ids.iter().enumerate() {
+                let v = vertices[id as usize];
+                (x[corner][l], y[corner][l], w[corner][l], s[corner][l]) = (v.x, v.y, v.w, v.s);
             }
         }
+        let h = if view.perspective { w } else { [[1.0; EIGHT]; 3] };
+        let [px, py] = [sheared(&x, rays.centre[0], &h), sheared(&y, rays.centre[1], &h)];
+        let (mut reach, mut summed) = ([0.0; EIGHT], [0.0; EIGHT]);
+        let (wide, centre) = (rays.reach[0] + rays.reach[1], rays.centre[0].abs() + rays.centre[1].abs());
+        for i in 0..3 {
+            for l in 0..EIGHT {
+                let wide = wide * h[i][l].abs();
+                let here = px[i][l].abs() + py[i][l].abs() + wide;
+                let all = x[i][l].abs() + y[i][l].abs() + centre * h[i][l].abs() + wide;
+                reach[l] = if here > reach[l] { here } else { reach[l] };
+                summed[l] = if all > summed[l] { all } else { summed[l] };
+            }
+        }
+        let (mut certain, mut coarse) = ([0.0; EIGHT], [0.0; EIGHT]);
+        for l in 0..EIGHT {
+            certain[l] = reach[l] * (ACCURATE * reach[l] + SHEARED * summed[l]) + f64::MIN_POSITIVE;
+            let above = reach[l] * (COARSE * reach[l] + SHEARED * summed[l]);
+            coarse[l] = (above + 16.0 * f64::from(f32::MIN_POSITIVE)) as f32;
+        }
+        put(&mut self.certain, first, certain);
+        put(&mut self.coarse, first, coarse);
+        for (i, p, q) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+            let edge = [
+                differences(&px[p], &py[q], &px[q], &py[p]),
+                differences(&h[q], &py[p], &h[p], &py[q]),
+                differences(&h[p], &px[q], &h[q], &px[p]),
+            ];
+            let of = [&mut self.middle[i], &mut self.per_dx[i], &mut self.per_dy[i]];
+            for ((of, rounded), edge) in of.into_iter().zip(&mut self.rounded[i]).zip(edge) {
+                put(of, first, edge);
+                put(rounded, first, rounded_to_f32(&edge));
+            }
+            put(&mut self.depth[i], first, w[i]);
+            put(&mut self.scalar[i], first, s[i]);
+        }
+        for (l, at_eye) in self.at_eye[first..].iter_mut().take(EIGHT).enumerate() {
+            *at_eye = view.perspective && !((h[0][l] > 0.0) & (h[1][l] > 0.0) & (h[2][l] > 0.0));
+        }
     }
 
-    /// Pixels certainly hit and certainly missed: a byte of 1 each.
+    /// Gives `hit` each pixel of the tile (row times [`TILE_PX`] plus column) whose ray hits face `i` in front of the eye,
+    /// with the fragment.
     #[inline(always)]
-    fn sides_of(&self, [e0, e1, e2]: &[Lanes; 3]) -> (u64, u64) {
-        let (mut inside, mut outside) = ([0u8; LANES], [0u8; LANES]);
-        for l in 0..LANES {
-            let (a, b, c) = (e0[l], e1[l], e2[l]);
-            let least = if a < b { a } else { b };
-            let least = if least < c { least } else { c };
-            let most = if a > b { a } else { b };
-            let most = if most > c { most } else { c };
-            // The least of three of one sign and the most of them otherwise, and the other way round.
-            let all = if least > -most { least } else { -most };
-            let some = if -least < most { -least } else { most };
-            inside[l] = u8::from(all > self.certain);
-            outside[l] = u8::from(some > self.certain);
+    pub(super) fn hits<L: Lanes>(
+        &self,
+        lanes: L,
+        i: usize,
+        (view, vertices): (&View, &[ViewVertex]),
+        rays: &TileRays,
+        list: &mut PixelList,
+        mut hit: impl FnMut(usize, Fragment),
+    ) {
+        let i = i % FACES_AT_ONCE;
+        let [front, behind] = self.faces[i].cells;
+        let certain_above = [self.certain[i]; EIGHT];
+        let candidates = self.candidates(lanes, i, rays, list);
+        let mut first = 0;
+        while first < candidates {
+            let pixels = list[first..].first_chunk().unwrap_or(&[0; EIGHT]);
+            let e = self.edges(lanes, i, rays, pixels);
+            let (all, some) = all_and_some(&e);
+            let asked = (0xffu32 >> EIGHT.saturating_sub(candidates - first)) as u8;
+            let mut certain = lanes.less_f64(certain_above, all) & asked;
+            let mut doubtful = asked & !(certain | lanes.less_f64(certain_above, some));
+            if self.at_eye[i] {
+                doubtful |= std::mem::take(&mut certain);
+            }
+            let turned = lanes.less_f64(e[0], [0.0; EIGHT]);
+            let (depth, scalar) = self.depth_and_scalar(i, &e);
+            while certain != 0 {
+                let l = certain.trailing_zeros() as usize % EIGHT;
+                certain &= certain - 1;
+                let (near, far) = if turned >> l & 1 == 1 { (behind, front) } else { (front, behind) };
+                hit(pixels[l] as usize, Fragment { depth: depth[l], scalar: scalar[l], near, far });
+            }
+            while doubtful != 0 {
+                let pixel = pixels[doubtful.trailing_zeros() as usize % EIGHT] as usize;
+                doubtful &= doubtful - 1;
+                let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
+                let found = careful_hit(&self.faces[i], self.at_eye[i], view, vertices, column, row);
+                found.into_iter().for_each(|fragment| hit(pixel, fragment));
+            }
+            first += EIGHT;
         }
-        (u64::from_le_bytes(inside), u64::from_le_bytes(outside))
+    }
+
+    /// Lists the pixels in the box of face `i` but for those that certainly miss it; returns how many.
+    #[inline(always)]
+    fn candidates<L: Lanes>(&self, lanes: L, i: usize, rays: &TileRays, list: &mut PixelList) -> usize {
+        let Bounds { x0: first, x1: end, y0: top, y1: bottom } = self.faces[i].bounds();
+        let edges = [0, 1, 2].map(|e| [self.rounded[e][0][i], self.rounded[e][1][i], self.rounded[e][2][i]]);
+        let coarse = [self.coarse[i]; BLOCK];
+        let mut count = 0;
+        let mut column = first;
+        while column < end {
+            let columns = 0xffu32 >> COLUMNS.saturating_sub(end - column);
+            let dx = &rays.block_dx[column % TILE_PX];
+            let mut row = top;
+            while row < bottom {
+                let asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
+                let dy = &rays.block_dy[row % TILE_PX];
+                let mut some = [0.0; BLOCK];
+                for l in 0..BLOCK {
+                    let [a, b, c] = edges.map(|[middle, per_dx, per_dy]| middle + dy[l] * per_dy + dx[l] * per_dx);
+                    let (least, most) = (least(least(a, b), c), most(most(a, b), c));
+                    some[l] = if -least < most { -least } else { most };
+                }
+                let missed = u32::from(lanes.less_f32(coarse, some));
+                count = lanes.push((asked & !missed) as u16, row * TILE_PX + column, list, count);
+                row += BLOCK / COLUMNS;
+            }
+            column += COLUMNS;
+        }
+        count
+    }
+
+    /// Edge functions of face `i` in some pixels.
+    #[inline(always)]
+    fn edges<L: Lanes>(&self, lanes: L, i: usize, rays: &TileRays, pixels: &[u32; EIGHT]) -> [Eight; 3] {
+        let [dx, dy] = lanes.look_up(pixels, &rays.dx, &rays.dy);
+        // Spelled out: mapped, it becomes a call.
+        [self.edge(0, i, &dx, &dy), self.edge(1, i, &dx, &dy), self.edge(2, i, &dx, &dy)]
+    }
+
+    #[inline(always)]
+    fn edge(&self, e: usize, i: usize, dx: &Eight, dy: &Eight) -> Eight {
+        let (middle, per_dx, per_dy) = (self.middle[e][i], self.per_dx[e][i], self.per_dy[e][i]);
+        let mut values = [0.0; EIGHT];
+        for l in 0..EIGHT {
+            values[l] = middle + dy[l] * per_dy + dx[l] * per_dx;
+        }
+        values
     }
 
     /// Of all pixels, as [`hit`](super::super::ray::hit) has them; of no meaning where the face is not hit.
     #[inline(always)]
-    fn depth_and_scalar(&self, [e0, e1, e2]: &[Lanes; 3]) -> (Lanes, Lanes) {
-        let [p, q, r] = self.depth;
-        let [ps, qs, rs] = self.scalar;
+    fn depth_and_scalar(&self, i: usize, [e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
+        let [p, q, r] = [self.depth[0][i], self.depth[1][i], self.depth[2][i]];
+        let [ps, qs, rs] = [self.scalar[0][i], self.scalar[1][i], self.scalar[2][i]];
         let (qs, rs) = (qs - ps, rs - ps);
-        let (mut depth, mut scalar) = ([0.0; LANES], [0.0; LANES]);
-        for l in 0..LANES {
+        let (mut depth, mut scalar) = ([0.0; EIGHT], [0.0; EIGHT]);
+        for l in 0..EIGHT {
             let per_sum = 1.0 / (e0[l] + e1[l] + e2[l]);
             let (wp, wq, wr) = (e0[l] * per_sum, e1[l] * per_sum, e2[l] * per_sum);
             depth[l] = wp * p + wq * q + wr * r;
@@ -245,21 +281,100 @@ impl Face {
         }
         (depth, scalar)
     }
+}
 
-    /// The fragment of one pixel by the definition.
-    #[cold]
-    #[inline(never)]
-    fn careful_hit(&self, view: &View, vertices: &[ViewVertex], column: usize, row: usize) -> Option<Fragment> {
-        let ray = Ray::of_pixel(view, column, row);
-        let [a, b, c] = self.ids;
-        let [front, behind] = self.cells;
-        let (ids, near, far, found) = match crossing(&ray, vertices, [a, b, c]) {
-            Some(found) => ([a, b, c], front, behind, found),
-            None => ([a, c, b], behind, front, crossing(&ray, vertices, [a, c, b])?),
-        };
-        let is_seen = !self.at_eye || found.is_in_front(ids);
-        is_seen.then_some(Fragment { depth: found.depth, scalar: found.scalar, near, far })
+/// See the bound above: of f64 values, and of the coordinates that they are made of.
+const ACCURATE: f64 = 1.0 / (1u64 << 30) as f64;
+const SHEARED: f64 = 1.0 / (1u64 << 45) as f64;
+/// Of f32 values.
+const COARSE: f64 = 1.0 / (1u64 << 19) as f64;
+
+#[inline(always)]
+fn put<T: Copy>(into: &mut [T; FACES_AT_ONCE], first: usize, values: [T; EIGHT]) {
+    if let Some(into) = into[first..].first_chunk_mut() {
+        *into = values;
     }
+}
+
+#[inline(always)]
+fn sheared(of: &[Eight; 3], centre: f64, h: &[Eight; 3]) -> [Eight; 3] {
+    let mut sheared = [[0.0; EIGHT]; 3];
+    for i in 0..3 {
+        for l in 0..EIGHT {
+            sheared[i][l] = of[i][l] - centre * h[i][l];
+        }
+    }
+    sheared
+}
+
+/// a b - c d.
+#[inline(always)]
+fn differences(a: &Eight, b: &Eight, c: &Eight, d: &Eight) -> Eight {
+    let mut differences = [0.0; EIGHT];
+    for l in 0..EIGHT {
+        differences[l] = a[l] * b[l] - c[l] * d[l];
+    }
+    differences
+}
+
+#[inline(always)]
+fn rounded_to_f32(of: &Eight) -> [f32; EIGHT] {
+    let mut rounded = [0.0; EIGHT];
+    for l in 0..EIGHT {
+        rounded[l] = of[l] as f32;
+    }
+    rounded
+}
+
+/// Of three edge functions the least if all are positive, or have one sign; the most that two differ in sign by.
+///
+/// That is: the first is positive where they certainly have one sign, the second where they certainly do not.
+#[inline(always)]
+fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
+    let (mut all, mut some) = ([0.0; EIGHT], [0.0; EIGHT]);
+    for l in 0..EIGHT {
+        let (a, b, c) = (e0[l], e1[l], e2[l]);
+        let least = if a < b { a } else { b };
+        let least = if least < c { least } else { c };
+        let most = if a > b { a } else { b };
+        let most = if most > c { most } else { c };
+        all[l] = if least > -most { least } else { -most };
+        some[l] = if -least < most { -least } else { most };
+    }
+    (all, some)
+}
+
+// Both of one instruction.
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The fragment of one pixel by the definition.
+#[cold]
+#[inline(never)]
+fn careful_hit(
+    face: &TileFace,
+    at_eye: bool,
+    view: &View,
+    vertices: &[ViewVertex],
+    column: usize,
+    row: usize,
+) -> Option<Fragment> {
+    let ray = Ray::of_pixel(view, column, row);
+    let [a, b, c] = face.ids;
+    let [front, behind] = face.cells;
+    let (ids, near, far, found) = match crossing(&ray, vertices, [a, b, c]) {
+        Some(found) => ([a, b, c], front, behind, found),
+        None => ([a, c, b], behind, front, crossing(&ray, vertices, [a, c, b])?),
+    };
+    let is_seen = !at_eye || found.is_in_front(ids);
+    is_seen.then_some(Fragment { depth: found.depth, scalar: found.scalar, near, far })
 }
 
 #[cfg(test)]

@@ -4,8 +4,9 @@ use super::super::ray::Ray;
 use super::TILE_PX;
 use super::bins::Bounds;
 use super::fragment::{Fragment, sort_all};
+use super::lanes::Lanes;
 use super::light::RayLight;
-use super::raster::{Face, TileRays};
+use super::raster::{FACES_AT_ONCE, TileRays};
 use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
 use crate::optics::Integrator;
@@ -19,7 +20,8 @@ const PIXELS_AT_ONCE: u32 = 64;
 /// an exit, and depths order the paths alone, as in the ray caster.
 #[cold]
 #[inline(never)]
-pub(super) fn resolve_again<I: Integrator>(
+pub(super) fn resolve_again<I: Integrator, L: Lanes>(
+    lanes: L,
     scene: &Scene<'_, I>,
     tile: usize,
     rays: &TileRays,
@@ -37,8 +39,8 @@ pub(super) fn resolve_again<I: Integrator>(
                 count += wanted.count_ones();
             }
         }
+        collect(lanes, scene, tile, rays, &wanted, scratch);
         let fragments = &mut scratch.again;
-        collect(scene, tile, rays, &wanted, fragments);
         // Stable: the fragments of a pixel stay in the order of the list.
         fragments.sort_by_key(|(pixel, _)| *pixel);
         let mut of_pixel = Vec::new();
@@ -65,17 +67,18 @@ pub(super) fn resolve_again<I: Integrator>(
 }
 
 /// All fragments of the pixels `wanted`, in the order of the list.
-fn collect<I: Integrator>(
+fn collect<I: Integrator, L: Lanes>(
+    lanes: L,
     scene: &Scene<'_, I>,
     tile: usize,
     rays: &TileRays,
     wanted: &[u32; TILE_PX],
-    out: &mut Vec<(u32, Fragment)>,
+    scratch: &mut TileScratch,
 ) {
+    let TileScratch { faces, candidates, again: out, .. } = scratch;
     out.clear();
     let Bounds { x0, y0, .. } = rays.bounds;
     let is_wanted = |pixel: usize| wanted[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
-    let mut face = Face::UNUSED;
     for &cell in scene.eye_cells {
         for pixel in (0..TILE_PX * TILE_PX).filter(|&pixel| is_wanted(pixel)) {
             let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
@@ -83,9 +86,10 @@ fn collect<I: Integrator>(
         }
     }
     for chunk in 0..scene.bins.chunk_count() {
-        for &id in scene.bins.faces(chunk, tile) {
-            if face.set(&scene.faces, rays, &scene.faces.load(Some(id))) {
-                face.hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+        for some in scene.bins.faces(chunk, tile).chunks(FACES_AT_ONCE) {
+            faces.set(scene.view, scene.vertices, rays, some);
+            for i in 0..some.len() {
+                faces.hits(lanes, i, (scene.view, scene.vertices), rays, candidates, |pixel, fragment| {
                     if is_wanted(pixel) {
                         out.push((pixel as u32, fragment));
                     }

@@ -31,12 +31,9 @@ impl Sides {
     /// The cells of a face in front of it and behind it for a ray that sees its ascending corners counter-clockwise; [`NONE`]
     /// where there is no active one.
     #[inline(always)]
-    pub(super) fn cells(&self, topology: &Topology, active: Option<&CellSet>, face: u32) -> [u32; 2] {
-        let [mut first, mut second] = topology.face_cells[face as usize];
-        if let Some(active) = active {
-            first = if active.contains(first) { first } else { NONE };
-            second = if second != NONE && active.contains(second) { second } else { NONE };
-        }
+    pub(super) fn cells(&self, topology: &Topology, active: &CellSet, face: u32) -> [u32; 2] {
+        let cells = topology.face_cells[face as usize];
+        let [first, second] = cells.map(|cell| if cell != NONE && active.contains(cell) { cell } else { NONE });
         let enters_first = self.bits[face as usize / 64] >> (face % 64) & 1 == 1;
         if enters_first { [second, first] } else { [first, second] }
     }

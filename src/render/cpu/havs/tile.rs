@@ -1,16 +1,17 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
-use super::super::ray::Ray;
+use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
 use super::super::tiles::TilePixel;
 use super::TILE_PX;
-use super::bins::{Bounds, FaceBins};
+use super::bins::{Bounds, FaceBins, TileFace};
 use super::fragment::{Fragment, sort_in_window};
+use super::lanes::{BLOCK, Lanes, PixelList};
 use super::light::{RayLight, RayOptics};
-use super::raster::{Face, Faces, TileRays};
+use super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::resolve::resolve_again;
 use crate::camera::View;
-use crate::mesh::NONE;
+use crate::mesh::{NONE, Topology};
 use crate::optics::Integrator;
 use crate::render::KBuffer;
 use crate::stats::FrameStats;
@@ -19,7 +20,8 @@ use pulp::NullaryFnOnce;
 
 /// What all tiles of a frame read.
 pub(super) struct Scene<'a, I> {
-    pub(super) faces: Faces<'a>,
+    pub(super) topology: &'a Topology,
+    pub(super) vertices: &'a [ViewVertex],
     pub(super) bins: &'a FaceBins,
     pub(super) view: &'a View,
     pub(super) table: &'a I,
@@ -54,7 +56,7 @@ impl<I: Integrator> Scene<'_, I> {
     /// be another one than the cell's exit. If it is sure to be that, the ray begins where it enters the cell, behind the
     /// eye, as the ray caster has it.
     pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
-        let EyeCell { entry, exit, .. } = EyeCell::new(self.faces.topology, self.faces.source.vertices, ray, cell)?;
+        let EyeCell { entry, exit, .. } = EyeCell::new(self.topology, self.vertices, ray, cell)?;
         let exit_is_next = self.is_complete && self.k_buffer.exact_order;
         let (depth, scalar) = if exit_is_next || entry.depth >= 0.0 || exit.depth <= entry.depth {
             (entry.depth, entry.scalar)
@@ -67,8 +69,6 @@ impl<I: Integrator> Scene<'_, I> {
 
 /// Fragments that a pixel takes up beyond the `k` that it holds back, before they are sorted and composited.
 const BATCH: usize = 16;
-/// Faces that are made ready at a time, so that memory is waited for once.
-const FACES_AT_ONCE: usize = 32;
 const PIXELS: usize = TILE_PX * TILE_PX;
 
 /// Buffers of a tile, used again from tile to tile.
@@ -80,7 +80,9 @@ pub(super) struct TileScratch {
     held: [u32; PIXELS],
     /// Pixels without room.
     full: Vec<u16>,
-    faces: [Face; FACES_AT_ONCE],
+    pub(super) faces: Faces,
+    /// Pixels that a face may cover.
+    pub(super) candidates: PixelList,
     /// Fragments of the pixels that are resolved again.
     pub(super) again: Vec<(u32, Fragment)>,
 }
@@ -93,31 +95,33 @@ impl Default for TileScratch {
             counts,
             held,
             full: Vec::new(),
-            faces: [Face::UNUSED; FACES_AT_ONCE],
+            faces: Faces::NONE,
+            candidates: [0; PIXELS + BLOCK],
             again: Vec::new(),
         }
     }
 }
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
-pub(super) struct RenderTile<'a, I: Integrator> {
+pub(super) struct RenderTile<'a, I: Integrator, L: Lanes> {
+    pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, I>,
     pub(super) tile: usize,
     pub(super) scratch: &'a mut TileScratch,
     pub(super) pixels: &'a mut [TilePixel],
 }
 
-impl<I: Integrator> NullaryFnOnce for RenderTile<'_, I> {
+impl<I: Integrator, L: Lanes> NullaryFnOnce for RenderTile<'_, I, L> {
     type Output = FrameStats;
 
     #[inline(always)]
     fn call(self) -> FrameStats {
-        let Self { scene, tile, scratch, pixels } = self;
+        let Self { lanes, scene, tile, scratch, pixels } = self;
         let rect = scene.bins.grid.rect(tile);
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
         let rays = TileRays::new(scene.view, bounds);
         let mut lights = [RayLight::<I::Place>::new(scene.near_distance()); PIXELS];
-        let mut stats = draw_in_list_order(scene, tile, &rays, scratch, &mut lights);
+        let mut stats = draw_in_list_order(lanes, scene, tile, &rays, scratch, &mut lights);
         let mut again = [0u32; TILE_PX];
         for row in 0..rect.height {
             for column in 0..rect.width {
@@ -129,7 +133,7 @@ impl<I: Integrator> NullaryFnOnce for RenderTile<'_, I> {
         }
         if again != [0; TILE_PX] {
             stats.pixels_resolved_again += again.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
-            resolve_again(scene, tile, &rays, &again, scratch, &mut lights);
+            resolve_again(lanes, scene, tile, &rays, &again, scratch, &mut lights);
         }
         for row in 0..rect.height {
             for column in 0..rect.width {
@@ -146,7 +150,8 @@ impl<I: Integrator> NullaryFnOnce for RenderTile<'_, I> {
 
 /// Faces in the order of the list, fragments through a buffer of k.
 #[inline(always)]
-fn draw_in_list_order<I: Integrator>(
+fn draw_in_list_order<I: Integrator, L: Lanes>(
+    lanes: L,
     scene: &Scene<'_, I>,
     tile: usize,
     rays: &TileRays,
@@ -161,20 +166,22 @@ fn draw_in_list_order<I: Integrator>(
     begin_at_eye(scene, rays, scratch);
     let mut stats = FrameStats::default();
     let mut opaque = 0;
-    let mut queue = FaceQueue { next_chunk: 0, ids: &[] };
+    let mut queue = FaceQueue { next_chunk: 0, faces: &[] };
     loop {
-        let ready = queue.take(scene, tile, rays, &mut scratch.faces, |next_chunk| {
+        let faces = queue.take(scene, tile, |next_chunk| {
             let Bounds { x0, x1, y0, y1 } = rays.bounds;
             opaque == (x1 - x0) * (y1 - y0)
                 && (!scene.k_buffer.exact_order || scene.bins.nearest_from(next_chunk) > furthest(lights))
         });
+        scratch.faces.set(scene.view, scene.vertices, rays, faces);
+        let ready = faces.len();
         let is_last = ready == 0;
         let mut next = 0;
         loop {
-            let TileScratch { slots, counts, full, faces, .. } = &mut *scratch;
+            let TileScratch { slots, counts, full, faces, candidates, .. } = &mut *scratch;
             if next < ready {
                 // A face has at most one fragment for a pixel: the room of each is looked at face by face.
-                faces[next].hits(scene.view, scene.faces.source.vertices, rays, |pixel, fragment| {
+                faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, fragment| {
                     let count = counts[pixel] as usize;
                     slots[pixel * room + count] = fragment;
                     counts[pixel] = count as u32 + 1;
@@ -205,43 +212,24 @@ fn draw_in_list_order<I: Integrator>(
 /// The faces of a tile that are still to come.
 struct FaceQueue<'a> {
     next_chunk: usize,
-    ids: &'a [u32],
+    faces: &'a [TileFace],
 }
 
 impl<'a> FaceQueue<'a> {
-    /// Makes the next faces ready that the rays may meet; returns how many, none at the end of the list. Asks at each chunk
-    /// of the list whether nobody sees what comes from there on.
+    /// The next faces that the rays may meet, none at the end of the list. Asks at each chunk of the list whether nobody
+    /// sees what comes from there on.
     #[inline(always)]
-    fn take<I>(
-        &mut self,
-        scene: &Scene<'a, I>,
-        tile: usize,
-        rays: &TileRays,
-        faces: &mut [Face; FACES_AT_ONCE],
-        nobody_sees: impl Fn(usize) -> bool,
-    ) -> usize {
+    fn take<I>(&mut self, scene: &Scene<'a, I>, tile: usize, nobody_sees: impl Fn(usize) -> bool) -> &'a [TileFace] {
         let chunks = scene.bins.chunk_count();
-        let mut ready = 0;
-        while ready == 0 {
-            if self.ids.is_empty() {
-                if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
-                    self.next_chunk = chunks;
-                    break;
-                }
-                self.ids = scene.bins.faces(self.next_chunk, tile);
-                self.next_chunk += 1;
+        while self.faces.is_empty() {
+            if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
+                self.next_chunk = chunks;
+                break;
             }
-            let some = self.ids.split_off(..self.ids.len().min(FACES_AT_ONCE)).unwrap_or(&[]);
-            // All loads of a kind before the first use: the faces of a tile lie anywhere in memory.
-            let mut loaded = [scene.faces.load(None); FACES_AT_ONCE];
-            for (loaded, &face) in loaded.iter_mut().zip(some) {
-                *loaded = scene.faces.load(Some(face));
-            }
-            for loaded in &loaded[..some.len()] {
-                ready += usize::from(faces[ready % FACES_AT_ONCE].set(&scene.faces, rays, loaded));
-            }
+            self.faces = scene.bins.faces(self.next_chunk, tile);
+            self.next_chunk += 1;
         }
-        ready
+        self.faces.split_off(..self.faces.len().min(FACES_AT_ONCE)).unwrap_or(&[])
     }
 }
 
@@ -282,9 +270,7 @@ fn let_go<I: Integrator>(
     let leaving = if is_last { count } else { count.saturating_sub(k) };
     let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
     let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
-    for fragment in &fragments[..leaving] {
-        light.advance(&optics, fragment);
-    }
+    light.advance_all(&optics, &fragments[..leaving]);
     fragments.copy_within(leaving.., 0);
     let left = (count - leaving) as u32;
     (scratch.counts[pixel], scratch.held[pixel]) = (left, left);

@@ -8,6 +8,8 @@ pub mod gpu;
 mod gpu_behaviour;
 mod oracle;
 mod random;
+mod samples;
+mod slivers;
 mod some_faces;
 
 use super::*;
