@@ -108,6 +108,7 @@ fn by_lot(series: &Series, seed: u64) -> Ranking {
 fn beside_chance(scene: &mut Scene) -> Outcome<()> {
     let steps = scene.series.times().len();
     let steps = if steps < 4 { vec![0] } else { vec![steps / 6, steps / 2, steps - 1 - steps / 12] };
+    let cameras = scene.cameras()?;
     let lots: Vec<Ranking> = (1..=LOTS).map(|seed| by_lot(&scene.series, seed)).collect();
     let mut logs = [[0.0; SAMPLINGS.len()]; LEVELS.len()];
     let mut chance = [0.0; LEVELS.len()];
@@ -115,7 +116,7 @@ fn beside_chance(scene: &mut Scene) -> Outcome<()> {
         let table = scene.table(tf)?;
         let mut random = [0.0; LEVELS.len()];
         let mut ours = [[0.0; SAMPLINGS.len()]; LEVELS.len()];
-        for (&step, camera) in steps.iter().flat_map(|step| scene.cameras().map(|c| c.map(|c| (step, c)))).flatten() {
+        for (&step, camera) in steps.iter().flat_map(|step| cameras.map(|camera| (step, camera))) {
             let job = scene.job(step, camera, &table)?;
             let whole = image(&job, &lots[0], 1.0)?;
             for (i, &level) in LEVELS.iter().enumerate() {
