@@ -119,8 +119,8 @@ fn steps_with_holes_are_left_out_and_extreme_scalars_stay_finite() {
 fn flat_cells_have_a_density() {
     // Two cells over one face: one nearly without volume (none at all is refused by the mesh), then both; and a face that is
     // nearly a line.
-    let (line, triangle) = ([1.0, 1e-9, 0.0], [0.0, 1.0, 0.0]);
-    for (corner, heights) in [(triangle, [1.0, -1e-9]), (triangle, [1e-9, -1e-9]), (line, [1.0, -1.0])] {
+    let (line, triangle) = ([1.0, 1e-5, 0.0], [0.0, 1.0, 0.0]);
+    for (corner, heights) in [(triangle, [1.0, -1e-5]), (triangle, [1e-5, -1e-5]), (line, [1.0, -1.0])] {
         let tips = heights.map(|z| [0.2, 0.2, z]);
         let raw = crate::mesh::RawMesh {
             points: [[0.0; 3], [1.0, 0.0, 0.0], corner, tips[0], tips[1]].map(DVec3::from).to_vec(),
