@@ -13,9 +13,10 @@ use tetreel::render::RenderJob;
 use tetreel::store::Store;
 use tetreel::task::Cancel;
 
-const LEVELS: [f64; 3] = [0.03, 0.1, 0.4];
-const TRANSFER_FUNCTIONS: [&str; 3] = [
+const LEVELS: [f64; 2] = [0.05, 0.25];
+const TRANSFER_FUNCTIONS: [&str; 4] = [
     "viridis@0:0.05,1:0.5",
+    "inferno@0:0,1:0.5",
     "viridis@0:0,0.2:0,0.25:0.8,0.3:0,0.6:0,0.65:0.8,0.7:0,1:0",
     "viridis@0:0.5,0.45:0,0.55:0,1:0.5",
 ];
@@ -45,6 +46,7 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
     let mut pipeline = Pipeline::open(store, Some(&field.parse().unwrap())).unwrap();
     let series = pipeline.series().clone();
     let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+    let cameras = [camera, camera.orbit(75.0, 30.0).unwrap()];
     let steps = series.times().len();
     let lots: Vec<Vec<u32>> = (1..=3).map(|seed| by_lot(&series.any_ranking(), seed)).collect();
     let mut logs = vec![[0.0; LEVELS.len()]; samplings.len()];
@@ -52,7 +54,7 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
         let table = table_for(&pipeline, tf);
         let mut ours = vec![[0.0; LEVELS.len()]; samplings.len()];
         let mut random = [0.0; LEVELS.len()];
-        for step in [steps / 3, steps * 5 / 6] {
+        for (step, camera) in [steps / 3, steps * 5 / 6].into_iter().flat_map(|step| cameras.map(|c| (step, c))) {
             let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (64, 64))).unwrap();
             let whole = havs(&with_faces(&job, |_| true)).color.pixels;
             for (i, &level) in LEVELS.iter().enumerate() {
@@ -94,9 +96,7 @@ fn the_usual_ranking_is_no_worse_than_chance_and_mostly_better() {
         let field = if field.is_empty() { store.fields()[0].name.clone() } else { field.to_owned() };
         let [ours, global] = ratios(&store, &field, &samplings).try_into().unwrap();
         println!("{file} {field}: {ours:.3?} of the error of chance at levels {LEVELS:?}; global {global:.3?}");
-        // The mean over the levels and transfer functions, and each level.
-        let mean = ours.iter().map(|r| r.ln()).sum::<f64>() / LEVELS.len() as f64;
-        assert!(mean.exp() <= 1.05 && ours.iter().all(|&r| r <= 1.05), "{file} {field}: {ours:?}");
+        assert!(ours.iter().all(|&r| r <= 1.05), "{file} {field}: {ours:?}");
         better += ours.iter().filter(|&&r| r < 1.0).count();
         all += LEVELS.len();
         global_is_worse |= global.iter().any(|&r| r > 1.5);
