@@ -58,16 +58,18 @@ impl Detail {
         if !matches!(mode, RenderMode::Auto | RenderMode::Havs) {
             return most;
         }
+        let cells_ms = self.cells.map(|ms| ms * pixels as f64);
         let level = match held_ms {
             Some(target_ms) => {
                 if target_ms != self.controller.target_ms() {
                     self.controller.set_target(target_ms);
+                    // All cells stand for all faces, until those are measured: the first frame need not be too slow.
+                    cells_ms.map(|ms| self.controller.measured(ms, 1.0));
                 }
                 self.controller.fraction().min(most)
             }
             None => most,
         };
-        let cells_ms = self.cells.map(|ms| ms * pixels as f64);
         // What all cells may take for faces to be no gain.
         let bargain_ms = held_ms.or_else(|| Some(self.faces_ms(level)? * pixels as f64));
         let are_cells_better = cells_ms.zip(bargain_ms).is_some_and(|(cells, bargain)| cells <= bargain);
@@ -81,7 +83,6 @@ impl Detail {
             Some(level) => self.faces = Some((level, per_pixel)),
             None => self.cells = Some(per_pixel),
         }
-        // All cells stand for all faces, until those are measured.
         self.controller.measured(frame.ms, frame.level.unwrap_or(1.0));
     }
 
@@ -127,6 +128,9 @@ mod tests {
         let mut detail = Detail::default();
         let levels = play(&mut detail, 200.0, 300.0, 20);
         assert_eq!(levels[0], 1.0, "nobody knows yet");
+        let mut known = Detail::default();
+        known.measured(cells(200.0));
+        assert!(play(&mut known, 200.0, 300.0, 1)[0] < 0.25, "what is known is used at once");
         let last = levels[19];
         let ms = 2.0 + last * 300.0;
         assert!((0.75 * 40.0..=40.0).contains(&ms), "{ms} ms: {levels:?}");

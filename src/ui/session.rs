@@ -82,7 +82,7 @@ pub struct Session {
     busy_until: Duration,
     target_fps: f64,
     holds_rate: bool,
-    detail: Detail,
+    pub(super) detail: Detail,
     /// Whether frames may stay on the GPU of the window.
     has_window_gpu: bool,
     notices: Vec<Notice>,

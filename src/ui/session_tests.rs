@@ -1,10 +1,11 @@
 //! What the user does, and what becomes of it.
 
+use super::detail::Measured;
 use super::*;
 use crate::camera::{Axis, Camera, Projection};
 use crate::ingest::{IngestOptions, ingest};
 use crate::pipeline::test_series::{Log, logged};
-use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, Series};
+use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, Series};
 use crate::playback::{Clock, Command, Direction, Loop, Mode, Player, StepRange};
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
@@ -387,4 +388,49 @@ fn screenshots_are_the_picture_in_full_and_never_overwrite() {
         // Half a unit of 8 bits.
         assert!(saved.iter().zip(shown).all(|(a, b)| (a - b).abs() <= 0.5001 / 255.0), "{saved:?} {shown:?}");
     }
+}
+
+#[test]
+fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
+    let mut desk = Desk::open();
+    desk.settle();
+    let pixels = 40 * 20;
+    // Nobody can draw all cells that slowly: it is far from any target.
+    let slow = Measured { level: None, ms: 1e9, pixels };
+    let play = |desk: &mut Desk| {
+        desk.session.detail.measured(slow);
+        desk.act(Action::Play(Command::Play));
+        desk.later(1000);
+        assert!(desk.settle() > 0);
+        let shown = desk.shown();
+        (shown.request.faces.lod, shown.frame.stats.faces_drawn, shown.frame.stats.faces_total)
+    };
+    let rest = |desk: &mut Desk| {
+        desk.act(Action::Play(Command::Pause));
+        desk.settle();
+        (desk.shown().request.faces.lod, desk.shown().frame.stats.faces_total)
+    };
+    assert_eq!(play(&mut desk), (1.0, 0, 0), "nobody asked for it");
+    rest(&mut desk);
+    desk.act(Action::HoldRate(true));
+    assert!(desk.session.holds_rate());
+    let (lod, drawn, total) = play(&mut desk);
+    assert!(lod < 1.0 && 0 < drawn && drawn < total, "{lod} {drawn} {total}");
+    assert_eq!(rest(&mut desk), (1.0, 0), "all cells, by the ray caster");
+    // Orbiting is motion, too; and the image keeps its size.
+    desk.session.detail.measured(slow);
+    desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
+    desk.settle();
+    assert!(desk.shown().request.faces.lod < 1.0 && desk.shown().request.size_px == (40, 20));
+    desk.later(1000);
+    desk.settle();
+    assert_eq!(desk.shown().request.faces.lod, 1.0);
+    // What was chosen is the most that is drawn, whatever would be fast enough.
+    desk.act(Action::Renderer(RenderMode::Havs));
+    desk.act(Action::LevelOfDetail(0.25));
+    desk.act(Action::LevelOfDetail(f64::NAN));
+    desk.settle();
+    assert_eq!(desk.shown().request.faces.lod, 0.25);
+    desk.act(Action::LevelOfDetail(7.0));
+    assert_eq!(desk.session.look().faces.lod, 1.0);
 }
