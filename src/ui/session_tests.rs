@@ -393,32 +393,38 @@ fn screenshots_are_the_picture_in_full_and_never_overwrite() {
 #[test]
 fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
     let mut desk = Desk::open();
+    desk.act(Action::Play(Command::Loop(Loop::All)));
+    desk.act(Action::Renderer(RenderMode::Havs));
     desk.settle();
-    let pixels = 40 * 20;
-    // Nobody can draw all cells that slowly: it is far from any target.
-    let slow = Measured { level: None, ms: 1e9, pixels };
+    // As on a machine that is far too slow: then a few frames are not enough for the level to rise to 1 again.
+    let slow = Measured { level: Some(1.0), ms: 1e9, pixels: 40 * 20 };
     let play = |desk: &mut Desk| {
-        desk.session.detail.measured(slow);
         desk.act(Action::Play(Command::Play));
-        desk.later(1000);
-        assert!(desk.settle() > 0);
-        let shown = desk.shown();
-        (shown.request.faces.lod, shown.frame.stats.faces_drawn, shown.frame.stats.faces_total)
+        desk.settle();
+        (0..3).for_each(|_| desk.session.detail.measured(slow));
+        // The first ones may have been asked for before.
+        for _ in 0..5 {
+            desk.later(1000);
+            assert!(desk.settle() > 0);
+        }
+        desk.shown().request.faces.lod
     };
     let rest = |desk: &mut Desk| {
         desk.act(Action::Play(Command::Pause));
+        desk.later(1000);
         desk.settle();
-        (desk.shown().request.faces.lod, desk.shown().frame.stats.faces_total)
+        desk.shown().request.faces.lod
     };
-    assert_eq!(play(&mut desk), (1.0, 0, 0), "nobody asked for it");
+    assert_eq!(play(&mut desk), 1.0, "nobody asked for it");
     rest(&mut desk);
     desk.act(Action::HoldRate(true));
     assert!(desk.session.holds_rate());
-    let (lod, drawn, total) = play(&mut desk);
-    assert!(lod < 1.0 && 0 < drawn && drawn < total, "{lod} {drawn} {total}");
-    assert_eq!(rest(&mut desk), (1.0, 0), "all cells, by the ray caster");
+    let lod = play(&mut desk);
+    let stats = &desk.shown().frame.stats;
+    assert!(lod < 1.0 && 0 < stats.faces_drawn && stats.faces_drawn < stats.faces_total, "{lod}");
+    assert_eq!(rest(&mut desk), 1.0);
     // Orbiting is motion, too; and the image keeps its size.
-    desk.session.detail.measured(slow);
+    (0..3).for_each(|_| desk.session.detail.measured(slow));
     desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
     desk.settle();
     assert!(desk.shown().request.faces.lod < 1.0 && desk.shown().request.size_px == (40, 20));
@@ -426,7 +432,6 @@ fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
     desk.settle();
     assert_eq!(desk.shown().request.faces.lod, 1.0);
     // What was chosen is the most that is drawn, whatever would be fast enough.
-    desk.act(Action::Renderer(RenderMode::Havs));
     desk.act(Action::LevelOfDetail(0.25));
     desk.act(Action::LevelOfDetail(f64::NAN));
     desk.settle();
