@@ -3,8 +3,8 @@
 //! Sample-based, as in Callahan's dissertation (6.1.4): a [`Ranking`] puts the interior faces in order once, and a frame draws
 //! the first of them. [`importance`] is its global strategy (6.1.4.2): faces whose scalars change much over time come first, one
 //! ranking for the whole series. [`Ranking::by_strata`] is its local one (6.1.4.1): faces are drawn at random from a histogram of
-//! their scalars at one step, and each [`Interval`] of the series has its own ranking. Neither is safe: on most series, at most
-//! levels, a random subset is closer to the whole image than either (figures in docs/performance.md). What is drawn unless
+//! their scalars at one step, and each [`Interval`] of the series has its own ranking. Neither is safe: on four
+//! of seven series a random subset is closer to the whole image (figures in docs/performance.md). What is drawn unless
 //! somebody chooses is therefore a random subset that is denser where faces matter: [`sampling_density`],
 //! [`Ranking::by_density`]. [`select()`] takes the first faces that belong to the active cells, and all faces of their surface;
 //! [`Controller`] says how many, so that a frame rate is held.
