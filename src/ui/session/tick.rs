@@ -21,23 +21,26 @@ impl Session {
         // An image that is to be saved must be here.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
-        let look = self.look_in_motion(&state, size, now);
-        let is_asked = |(asked, asked_size): &(Look, _)| {
+        let lod = self.level_in_motion(&state, size, now);
+        let is_asked = self.asked.as_mut().is_some_and(|(asked, asked_size)| {
             // Frames of another level are as good while more of them follow; at rest it is the one that was chosen.
-            let lod = if state.playing { asked.faces.lod } else { look.faces.lod };
-            let faces = FaceDetail { lod, ..look.faces };
-            *asked_size == size && *asked == Look { faces, ..look.clone() }
-        };
-        let is_asked = self.requests.for_window == for_window && self.asked.as_ref().is_some_and(is_asked);
-        self.requests.for_window = for_window;
-        // Before the first frame there is nothing to draw again.
-        if !is_asked && self.asked.is_some() {
-            self.player.redraw();
+            let before = std::mem::replace(&mut asked.faces.lod, self.look.faces.lod);
+            let is_same = *asked == self.look && *asked_size == size;
+            asked.faces.lod = lod;
+            is_same && (state.playing || before == lod)
+        });
+        if !is_asked || self.requests.for_window != for_window {
+            self.requests.for_window = for_window;
+            // Before the first frame there is nothing to draw again.
+            if self.asked.is_some() {
+                self.player.redraw();
+            }
+            let faces = FaceDetail { lod, ..self.look.faces };
+            self.asked = Some((Look { faces, ..self.look.clone() }, size));
         }
-        self.asked = Some((look.clone(), size));
         let series = self.series().clone();
-        let Self { player, requests, .. } = self;
-        let tick = player.tick(now, &mut |time| requests.make(&look, series.field(), time, size));
+        let Self { player, requests, asked: Some((look, _)), .. } = self else { return (false, None) };
+        let tick = player.tick(now, &mut |time| requests.make(look, series.field(), time, size));
         if let Some(problem) = self.requests.problem.take() {
             self.fail(problem);
         }
@@ -89,14 +92,13 @@ impl Session {
         self.holds_rate && matches!(self.look.mode, RenderMode::Auto | RenderMode::Havs)
     }
 
-    /// The look of the next frames: with another level of detail while something moves and the rate is to be held, or where all
-    /// cells are drawn as fast.
-    fn look_in_motion(&mut self, state: &State, (width, height): (usize, usize), now: Duration) -> Look {
+    /// The level of detail of the next frames: another than the one chosen while something moves and the rate is to be held, or
+    /// where all cells are drawn as fast.
+    fn level_in_motion(&mut self, state: &State, (width, height): (usize, usize), now: Duration) -> f64 {
         let moves = state.playing || self.motion.scale_at(now).is_some();
         let held_ms = (moves && self.has_levels()).then_some(1e3 / self.target_fps);
         let Look { mode, faces, .. } = self.look;
-        let lod = self.detail.level(Wanted { mode, most: faces.lod, held_ms, pixels: width * height });
-        Look { faces: FaceDetail { lod, ..faces }, ..self.look.clone() }
+        self.detail.level(Wanted { mode, most: faces.lod, held_ms, pixels: width * height })
     }
 
     /// Of what is on the screen, once that is what it should be: in full, and of the camera as it is.
