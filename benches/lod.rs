@@ -18,7 +18,7 @@ use tetreel::store::Store;
 use tetreel::synth::random::SplitMix64;
 use tetreel::task::Cancel;
 use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
-use tetreel::visibility::DepthOrder;
+use tetreel::visibility::{DepthOrder, Skip};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 type Pixels = Vec<[f32; 4]>;
@@ -78,7 +78,9 @@ impl Scene {
     }
 
     fn job(&mut self, step: usize, camera: Camera, table: &Arc<NodeTable>) -> Outcome<RenderJob> {
-        Ok(self.pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), SIZE))?)
+        // Rankings are compared on the faces of all cells.
+        let request = FrameRequest::new(step, camera, table.clone(), SIZE);
+        Ok(self.pipeline.prepare(&FrameRequest { skip: Skip::NONE, ..request })?)
     }
 
     fn ranking(&self, step: usize, sampling: Sampling) -> Outcome<Arc<Ranking>> {

@@ -48,11 +48,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             optics: OpticsKind::Exact,
             faces: None,
             k_buffer: Default::default(),
-            early_termination: true,
+            skip: Default::default(),
             thread_limit: Default::default(),
             for_window: false,
             cancel: Default::default(),
             compressed: None,
+            finite: None,
             stats: Default::default(),
         };
         let mut exact = Raycast::new();

@@ -46,6 +46,12 @@ fn composite(to: vec2<f32>) -> bool {
         light.placed = false;
         return true;
     }
+    if optics.transmittance < OPAQUE {
+        // What lies behind does not matter: whether the ray goes on or not, nothing more is composited.
+        light.placed = false;
+        light.front = to.x;
+        return true;
+    }
     if !light.placed {
         optics_enter(from_.y);
         light.placed = true;

@@ -130,7 +130,7 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
         }
         .to_string(),
         codec: pipeline.field().codec.clone(),
-        skip: false,
+        skip: bench.request.skip.clear_cells && bench.request.drawn_by() != RenderMode::Reference,
         threads: rayon::current_num_threads(),
         ms,
         fps,

@@ -68,6 +68,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         adapter: String::new(),
         block_memory: Default::default(),
         optics: Default::default(),
+        skip: Default::default(),
     };
     let store = Store::open(&store_path)?;
     #[cfg(feature = "gui")]

@@ -14,6 +14,7 @@ use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction};
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
+use crate::visibility::Skip;
 use anyhow::{Context, bail};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -57,6 +58,10 @@ pub(super) struct SceneArgs {
     /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
+    /// What is left out where the image does not need it: all, none, all,-NAME,... or NAME,... of clear-cells, clear-chunks,
+    /// opaque, outside, unchanged and costly-first (docs/skipping.md); the image is the same
+    #[arg(long, value_name = "WHAT", default_value = "all", allow_hyphen_values = true)]
+    pub(super) skip: Skip,
 }
 
 /// Which faces are drawn, and how they come into order.
@@ -212,6 +217,7 @@ impl SceneArgs {
             faces,
             backend: self.backend,
             optics: self.optics,
+            skip: self.skip,
             ..look
         })
     }
@@ -268,9 +274,9 @@ impl Scene {
     pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
         let time = time.into();
         let table = self.table(time)?;
-        let Look { camera, mode, faces, optics, backend, .. } = self.look;
+        let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
         let request = FrameRequest::new(time, camera, table, (self.size.0, self.size.1));
-        Ok(FrameRequest { mode, faces, optics, backend, ..request })
+        Ok(FrameRequest { mode, faces, optics, backend, skip, ..request })
     }
 
     /// What is known of the GPU by now.

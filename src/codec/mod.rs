@@ -36,6 +36,7 @@ pub use stop::Stop;
 use crate::error::FileResult;
 use crate::task::Cancel;
 use blocks::BlockLoader;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// What decoding a step cost.
@@ -45,6 +46,29 @@ pub struct DecodeStats {
     pub bytes_read: u64,
     /// Scalars decoded.
     pub vertices_decoded: u64,
+}
+
+/// Which vertices of a step are to be decoded: some of its chunks.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted<'a> {
+    /// Vertices of a chunk (the last one may have fewer).
+    pub length: usize,
+    /// Whether each is wanted.
+    pub chunks: &'a [bool],
+}
+
+impl Wanted<'_> {
+    /// The chunks of `out` that are wanted, each with its first vertex.
+    pub(crate) fn of<T: Send>(self, out: &mut [T]) -> impl ParallelIterator<Item = (usize, &mut [T])> {
+        let chunks = out.par_chunks_mut(self.length.max(1)).zip(self.chunks).enumerate();
+        chunks.filter(|(_, (_, wanted))| **wanted).map(move |(at, (out, _))| (at * self.length, out))
+    }
+
+    /// How many of `vertices` these are.
+    pub(crate) fn count(self, vertices: usize) -> u64 {
+        let length = |at: usize| self.length.min(vertices.saturating_sub(at * self.length));
+        self.chunks.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(at, _)| length(at) as u64).sum()
+    }
 }
 
 /// Takes the finished chunks of an encoder.
@@ -102,6 +126,24 @@ pub trait Decoder: Send + Sync {
     /// # Panics
     /// If the length of `out` is not the number of vertices.
     fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
+
+    /// The same, but only those vertices need to be there that are wanted; what the others hold is unspecified. By default all are
+    /// decoded.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_step_unless`].
+    ///
+    /// # Panics
+    /// As [`Decoder::decode_step_unless`], or if there is not one wish for each chunk.
+    fn decode_chunks_unless(
+        &self,
+        step: usize,
+        _wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        self.decode_step_unless(step, out, cancel)
+    }
 
     /// The same without a way to stop it.
     ///

@@ -3,8 +3,8 @@
 use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedBlock};
 use super::stop::{go_on, unless_cancelled};
 use super::{
-    ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, Stop, chunk_key,
-    parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
+    ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, Stop, Wanted,
+    chunk_key, parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
@@ -153,6 +153,25 @@ impl Decoder for RawDecoder {
     fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
         unless_cancelled(self.decode(step, out, cancel))
+    }
+
+    /// A step that is read from its file is read whole: its checksum is over all of it.
+    fn decode_chunks_unless(
+        &self,
+        step: usize,
+        wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        assert_eq!(out.len(), self.vertices, "one value per vertex");
+        assert_eq!(out.len().div_ceil(wanted.length), wanted.chunks.len(), "a wish for each chunk");
+        let key = BlockKey { decoder: self.id, index: step };
+        let Some(Block::Raw(values)) = self.cache.as_ref().and_then(|cache| cache.find(key, cancel)) else {
+            return self.decode_step_unless(step, out, cancel);
+        };
+        let vertices_decoded = wanted.count(out.len());
+        wanted.of(out).for_each(|(first, out)| out.copy_from_slice(&values[first..first + out.len()]));
+        Ok((!cancel.is_cancelled()).then_some(DecodeStats { bytes_read: 0, vertices_decoded }))
     }
 
     fn blocks(&self) -> Option<&dyn BlockLoader> {

@@ -44,7 +44,6 @@ impl Parts {
         let mut left = share(fraction, self.inner_count);
         out.copy_from(&self.surface);
         out.is_complete = left == self.inner_count;
-        out.all_cells_active = self.all_active;
         if out.is_complete {
             out.insert_all(&self.inner);
         } else if self.all_active {

@@ -29,12 +29,14 @@ impl Optical {
 
 /// One interval of a piecewise linear table.
 #[derive(Clone, Copy, Debug)]
-struct Interval {
+pub(crate) struct Interval {
     /// Scalars from `lo` to `hi`; the first and last interval reach to infinity and are constant.
-    lo: f64,
-    hi: f64,
+    pub(crate) lo: f64,
+    pub(crate) hi: f64,
     /// 1 / (hi - lo), or 0 where constant.
-    per_width: f64,
+    pub(crate) per_width: f64,
+    /// Where shares of the width are counted from: `lo`, or 0 where constant.
+    pub(crate) origin: f64,
     at_lo: Optical,
     /// Value at `hi` less that at `lo`.
     rise: Optical,
@@ -49,7 +51,14 @@ impl Interval {
         let optical = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, tau(n));
         let (at_lo, rise) = (Optical(optical(a)), Optical(optical(b) - optical(a)));
         let per_width = if lo.is_finite() && hi.is_finite() { 1.0 / (hi - lo) } else { 0.0 };
-        Self { lo, hi, per_width, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
+        let origin = if per_width == 0.0 { 0.0 } else { lo };
+        Self { lo, hi, per_width, origin, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
+    }
+
+    /// Red, green, blue and extinction at `lo`, and how much more they are at `hi`.
+    #[inline(always)]
+    pub(crate) fn values(&self) -> ([f32; 4], [f32; 4]) {
+        (self.at_lo.0.to_array(), self.rise.0.to_array())
     }
 
     #[inline]
@@ -81,10 +90,14 @@ impl ExactTable {
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
     pub fn clear_share(&self, s0: f64, s1: f64) -> f64 {
         // As the walk along the segment: at a node the side that it goes to holds.
-        let share = |s: f64| if s1 == s0 { 0.0 } else { ((s - s0) / (s1 - s0)).clamp(0.0, 1.0) };
-        if s1 >= s0 {
+        if s1 == s0 {
+            let interval = &self.intervals[self.interval_at(s0)];
+            return if interval.at(s0).tau() > 0.0 { 0.0 } else { 1.0 };
+        }
+        let share = |s: f64| ((s - s0) / (s1 - s0)).clamp(0.0, 1.0);
+        if s1 > s0 {
             let first = self.intervals.partition_point(|i| i.hi <= s0);
-            let visible = self.intervals[first..].iter().take_while(|i| i.lo < s1 || i.lo <= s0).find(|i| !i.clear);
+            let visible = self.intervals[first..].iter().take_while(|i| i.lo < s1).find(|i| !i.clear);
             visible.map_or(1.0, |i| share(i.lo.max(s0)))
         } else {
             let end = self.intervals.partition_point(|i| i.lo < s0);
@@ -107,6 +120,17 @@ impl ExactTable {
         self.intervals.iter().flat_map(pack).collect()
     }
 
+    /// The interval that holds a scalar; at a node the right one.
+    #[inline]
+    pub(crate) fn interval_at(&self, scalar: f64) -> usize {
+        self.intervals.partition_point(|i| i.hi <= scalar)
+    }
+
+    #[inline(always)]
+    pub(crate) fn interval(&self, index: usize) -> &Interval {
+        &self.intervals[index]
+    }
+
     /// Whether no scalar has extinction.
     pub fn is_clear(&self) -> bool {
         self.intervals.iter().all(|i| i.clear)
@@ -124,7 +148,7 @@ impl ExactRay {
     /// A ray that enters the volume at a place with this scalar.
     #[inline]
     pub fn enter(table: &ExactTable, scalar: f64) -> Self {
-        let interval = table.intervals.partition_point(|i| i.hi <= scalar);
+        let interval = table.interval_at(scalar);
         Self { interval, here: table.intervals[interval].at(scalar) }
     }
 
@@ -158,8 +182,11 @@ impl ExactRay {
         if !interval.clear {
             let (far, length) = (self.here, length as f32);
             // Rounding may leave a tiny negative extinction where a ramp reaches zero.
-            let depths = [near, far].map(|end| (end.tau() * length).max(0.0));
-            into.take(Piece { near: near.color(), far: far.color(), near_depth: depths[0], far_depth: depths[1] });
+            let [near_depth, far_depth] = [near, far].map(|end| (end.tau() * length).max(0.0));
+            // A constant piece at the foot of a ramp shows nothing.
+            if near_depth > 0.0 || far_depth > 0.0 {
+                into.take(Piece { near: near.color(), far: far.color(), near_depth, far_depth });
+            }
         }
     }
 
@@ -330,6 +357,11 @@ impl Integrator for ExactTable {
 
     fn is_clear(&self) -> bool {
         self.is_clear()
+    }
+
+    #[inline(always)]
+    fn as_exact(&self) -> Option<&ExactTable> {
+        Some(self)
     }
 }
 

@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 pub use weights::{PieceWeights, piece_weights};
+pub(crate) use weights::{WEIGHED_AT_ONCE, weigh};
 
 /// How segments are integrated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -94,6 +95,12 @@ pub trait Integrator: Sync {
 
     /// Whether no scalar has extinction.
     fn is_clear(&self) -> bool;
+
+    /// The table of the exact integrator, if that is what it is.
+    #[inline(always)]
+    fn as_exact(&self) -> Option<&exact::ExactTable> {
+        None
+    }
 }
 
 /// Light gathered along a ray from the front: premultiplied colour and opacity, and what still shines through.

@@ -77,18 +77,29 @@ fn series(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     PieceWeights { near, far: alpha - near, transmittance: 1.0 - alpha }
 }
 
+/// [`SERIES`] as numbers, order by order.
+const fn series_by_order() -> [[f32; 4]; 6] {
+    let mut orders = [[0.0; 4]; 6];
+    let mut n = 0;
+    while n < orders.len() {
+        orders[n] = SERIES[n].to_array();
+        n += 1;
+    }
+    orders
+}
+
 /// Pieces that [`weigh`] takes.
-pub(super) const WEIGHED_AT_ONCE: usize = 16;
+pub(crate) const WEIGHED_AT_ONCE: usize = 16;
 
 /// [`piece_weights`] of the first `count` pieces, to the last bit: near, far and transmittance. The lanes of a vector are the pieces here, not the
 /// series.
 #[inline(always)]
-pub(super) fn weigh(
+pub(crate) fn weigh(
     a0: &[f32; WEIGHED_AT_ONCE],
     a1: &[f32; WEIGHED_AT_ONCE],
     count: usize,
 ) -> [[f32; WEIGHED_AT_ONCE]; 3] {
-    let [c0, c1, c2, c3, c4, c5] = SERIES.map(|c| c.to_array());
+    let [c0, c1, c2, c3, c4, c5] = const { series_by_order() };
     let mut weights = [[0.0; WEIGHED_AT_ONCE]; 3];
     let mut is_deep = false;
     for l in 0..WEIGHED_AT_ONCE {

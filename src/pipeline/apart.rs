@@ -57,6 +57,7 @@ impl Series {
             source,
             blocks,
             rankings: Default::default(),
+            ranges: Default::default(),
         })
     }
 }

@@ -110,6 +110,9 @@ impl FrameCache {
     /// The frame of a request if there is one.
     pub(super) fn get(&mut self, series: &Arc<Series>, request: &FrameRequest) -> Option<SharedFrame> {
         self.turn_to(series, request);
+        if !request.skip.unchanged {
+            return None;
+        }
         if self.frames.iter().any(|(_, frame)| !is_there(frame)) {
             self.frames.clear();
             self.bytes = 0;

@@ -14,6 +14,7 @@ mod pipelined;
 mod prefetch;
 mod preparation;
 mod queue;
+mod ranges;
 mod rankings;
 mod request;
 mod series;

@@ -6,12 +6,14 @@ use super::{Backend, FaceDetail, FrameRequest, PipelineError, RenderMode};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
-use crate::mesh::Mesh;
+use crate::node_table::NodeTable;
+use crate::optics::OpticsKind;
+use crate::optics::table3d::Table3dResolution;
 use crate::render::{CompressedStep, RenderJob};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
-use crate::visibility::{CellSet, DepthOrder, DrawnFaces, finite_cells_unless};
-use std::sync::{Arc, Weak};
+use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What the first stage hands to the second.
@@ -19,6 +21,10 @@ use std::time::Instant;
 pub(super) struct Decoded {
     scalars: Arc<Vec<f32>>,
     compressed: Option<CompressedStep>,
+    /// Where the table is clear.
+    clear: Arc<ClearIntervals>,
+    /// The labels of chunks whose scalars are not there; empty if all are.
+    known: Vec<Option<Label>>,
     stats: FrameStats,
 }
 
@@ -26,6 +32,7 @@ pub(super) struct Decoded {
 #[derive(Debug, Default)]
 pub(super) struct Decode {
     steps: StepCache,
+    clear: Clear,
 }
 
 impl Decode {
@@ -47,7 +54,16 @@ impl Decode {
     ) -> Result<Decoded, PipelineError> {
         let started = Instant::now();
         let mut stats = FrameStats::default();
-        let scalars = self.steps.show(series, request.time, cancel, &mut stats)?.ok_or(PipelineError::Cancelled)?;
+        if !request.skip.unchanged {
+            (self.steps, self.clear) = Default::default();
+        }
+        let clear = self.clear.of(request);
+        let needed = if request.skip.clear_chunks { series.needed_chunks(request.time, &clear) } else { None };
+        let chunks = needed.as_ref().map(|needed| &*needed.chunks);
+        let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
+        let scalars = scalars.ok_or(PipelineError::Cancelled)?;
+        let known = needed.map(|needed| needed.labels).unwrap_or_default();
+        stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
         // A mixture of two steps is not in any block, and the CPU has no use for one.
         let is_for_gpu = request.backend != Backend::Cpu && request.drawn_by() == RenderMode::Raycast;
         let block = match request.time.toward() {
@@ -56,18 +72,14 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { scalars, compressed, stats })
+        Ok(Decoded { scalars, compressed, clear, known, stats })
     }
 }
 
 /// The second stage.
 #[derive(Debug, Default)]
 pub(super) struct Order {
-    /// All cells of the mesh: renderers know a set by its place, and keep what they have made of it.
-    all: Option<(Weak<Mesh>, Arc<CellSet>)>,
-    /// The last set, and the scalars that it is for. Those are told by their place: while there is a weak reference to it, no
-    /// others get it.
-    last: Option<(Weak<Vec<f32>>, Arc<CellSet>)>,
+    cells: ActiveCells,
     /// For modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
@@ -87,8 +99,12 @@ impl Order {
     ) -> Result<RenderJob, PipelineError> {
         let started = Instant::now();
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
-        let Decoded { scalars, compressed, mut stats } = decoded;
-        let active = self.active_cells(&series.mesh, &scalars, cancel).ok_or(PipelineError::Cancelled)?;
+        let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
+        let Decoded { scalars, compressed, known, mut stats, .. } = decoded;
+        stats.cells_classified = classified;
+        if !request.skip.unchanged {
+            (self.selector, self.depth) = Default::default();
+        }
         let faces = match request.drawn_by() {
             RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
             _ => None,
@@ -98,13 +114,15 @@ impl Order {
             mesh: series.mesh.clone(),
             scalars,
             compressed,
+            // Nobody goes through cells whose scalars are not there.
+            finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             active,
             view,
             table: request.table.clone(),
             optics: request.optics,
             faces,
             k_buffer: request.faces.k_buffer,
-            early_termination: true,
+            skip: request.skip,
             cancel: cancel.clone(),
             thread_limit: ThreadLimit::none(),
             for_window: request.for_window,
@@ -136,26 +154,50 @@ impl Order {
         drawn.ok_or(PipelineError::Cancelled)
     }
 
-    /// The cells with four finite scalars; `None` if cancelled.
-    fn active_cells(&mut self, mesh: &Arc<Mesh>, scalars: &Arc<Vec<f32>>, cancel: &Cancel) -> Option<Arc<CellSet>> {
-        if let Some((of, active)) = &self.last
-            && of.as_ptr() == Arc::as_ptr(scalars)
-        {
-            return Some(active.clone());
+    /// The cells that the request shows.
+    fn activity(
+        &mut self,
+        series: &Series,
+        request: &FrameRequest,
+        decoded: &Decoded,
+        cancel: &Cancel,
+    ) -> Result<Activity, PipelineError> {
+        let Decoded { scalars, clear, known, .. } = decoded;
+        let forget = !request.skip.unchanged;
+        let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
+        found.ok_or(PipelineError::Cancelled)
+    }
+}
+
+/// Where the table of the last request is clear.
+#[derive(Debug, Default)]
+struct Clear {
+    last: Option<(Arc<NodeTable>, Option<usize>, Arc<ClearIntervals>)>,
+    nowhere: Arc<ClearIntervals>,
+}
+
+impl Clear {
+    fn of(&mut self, request: &FrameRequest) -> Arc<ClearIntervals> {
+        if !request.skip.clear_cells || request.drawn_by() == RenderMode::Reference {
+            // The judge looks at everything.
+            return self.nowhere.clone();
         }
-        let finite = finite_cells_unless(&mesh.topology, scalars, cancel)?;
-        let all = match &self.all {
-            Some((of, all)) if of.as_ptr() == Arc::as_ptr(mesh) => all.clone(),
-            _ => {
-                let all = Arc::new(CellSet::all(mesh.topology.tets.len()));
-                self.all.insert((Arc::downgrade(mesh), all)).1.clone()
-            }
+        // A sampled table shows something beside what the transfer function has there.
+        let samples = match request.optics {
+            OpticsKind::Exact => None,
+            OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
         };
-        // The same set in the same place as before.
-        let known = [Some(&all), self.last.as_ref().map(|(_, set)| set)];
-        let known = known.into_iter().flatten().find(|set| ***set == finite).cloned();
-        let active = known.unwrap_or_else(|| Arc::new(finite));
-        self.last = Some((Arc::downgrade(scalars), active.clone()));
-        Some(active)
+        let is_same = |(table, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| {
+            Arc::ptr_eq(table, &request.table) && *sampled == samples
+        };
+        if let Some((.., clear)) = self.last.as_ref().filter(is_same) {
+            return clear.clone();
+        }
+        let clear = Arc::new(match samples {
+            None => ClearIntervals::of(&request.table),
+            Some(samples) => ClearIntervals::of_sampled(&request.table, samples),
+        });
+        self.last = Some((request.table.clone(), samples, clear.clone()));
+        clear
     }
 }

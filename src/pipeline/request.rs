@@ -6,6 +6,7 @@ use crate::error::FileError;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::render::{KBuffer, RenderError};
+use crate::visibility::Skip;
 use serde::{Deserialize, Serialize, Serializer};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -82,6 +83,9 @@ pub struct FrameRequest {
     /// there. What it shows is the same.
     #[serde(skip)]
     pub for_window: bool,
+    /// What may be left out. What it shows is the same.
+    #[serde(skip)]
+    pub skip: Skip,
 }
 
 impl FrameRequest {
@@ -89,8 +93,8 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (mode, faces, optics, backend, for_window) = Default::default();
-        Self { time: time.into(), camera, table, size_px, mode, faces, optics, backend, for_window }
+        let (mode, faces, optics, backend, for_window, skip) = Default::default();
+        Self { time: time.into(), camera, table, size_px, mode, faces, optics, backend, for_window, skip }
     }
 
     /// The renderer that draws it: what [`RenderMode::Auto`] comes to, else [`Self::mode`].
@@ -106,7 +110,7 @@ impl FrameRequest {
     pub fn same_view(&self, other: &Self) -> bool {
         // By address first: tables are long, and mostly the same one.
         let same_table = Arc::ptr_eq(&self.table, &other.table) || self.table == other.table;
-        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window);
+        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window, r.skip);
         same_table && rest(self) == rest(other)
     }
 }

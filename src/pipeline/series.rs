@@ -1,8 +1,9 @@
 //! One field of a store, opened for playing.
 
+use super::ranges::ChunkRanges;
 use super::rankings::Rankings;
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats};
+use crate::codec::{BlockCache, DecodeStats, Wanted};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::lod::Interval;
@@ -16,6 +17,17 @@ use std::sync::Arc;
 pub(super) trait StepSource: Send + Sync {
     /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised.
     fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
+
+    /// The same, but only those vertices need to be there that are wanted.
+    fn decode_chunks(
+        &self,
+        step: usize,
+        _wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        self.decode_step(step, out, cancel)
+    }
 
     /// The compressed block that a step is in, if it is in one that a GPU can decode.
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
@@ -55,6 +67,16 @@ pub(super) trait StepSource: Send + Sync {
 impl StepSource for FieldReader {
     fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
         self.decode_step_unless(step, out, cancel)
+    }
+
+    fn decode_chunks(
+        &self,
+        step: usize,
+        wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        self.decode_chunks_unless(step, wanted, out, cancel)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
@@ -99,6 +121,7 @@ pub struct Series {
     pub(super) source: Box<dyn StepSource>,
     pub(super) blocks: Arc<BlockCache>,
     pub(super) rankings: Rankings,
+    pub(super) ranges: ChunkRanges,
 }
 
 impl Series {
@@ -151,6 +174,7 @@ impl Series {
             source: Box::new(reader),
             blocks,
             rankings: Rankings::default(),
+            ranges: ChunkRanges::default(),
         })
     }
 

@@ -2,10 +2,11 @@
 
 use super::series::Series;
 use super::time::{FrameTime, mix};
-use crate::codec::DecodeStats;
+use crate::codec::{DecodeStats, Wanted};
 use crate::error::FileResult;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
+use crate::visibility::Clusters;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
 
@@ -14,8 +15,23 @@ use std::sync::{Arc, Weak};
 struct Held {
     time: FrameTime,
     scalars: Arc<Vec<f32>>,
+    /// The chunks of it that were filled; all if there is no list.
+    chunks: Option<Vec<bool>>,
     /// When it was last used, counted in uses.
     used: u64,
+}
+
+impl Held {
+    /// Whether all chunks that are needed are there.
+    fn has(&self, needed: Option<&[bool]>) -> bool {
+        match (&self.chunks, needed) {
+            (None, _) => true,
+            (Some(_), None) => false,
+            (Some(chunks), Some(needed)) => {
+                chunks.iter().zip(needed).all(|(is_there, is_needed)| *is_there || !is_needed)
+            }
+        }
+    }
 }
 
 /// Most moments that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next
@@ -38,7 +54,8 @@ pub(super) struct StepCache {
 }
 
 impl StepCache {
-    /// The scalars of a moment, one per vertex; `None` if `cancel` was raised.
+    /// The scalars of a moment, one per vertex, at least in those chunks of [`Clusters::VERTICES`] that are `needed` (all without a
+    /// list); `None` if `cancel` was raised.
     ///
     /// # Errors
     /// If a step cannot be read.
@@ -46,6 +63,7 @@ impl StepCache {
         &mut self,
         series: &Arc<Series>,
         time: FrameTime,
+        needed: Option<&[bool]>,
         cancel: &Cancel,
         stats: &mut FrameStats,
     ) -> FileResult<Option<Arc<Vec<f32>>>> {
@@ -53,15 +71,32 @@ impl StepCache {
             self.held.clear();
             self.of = Arc::downgrade(series);
         }
-        if let Some(found) = self.find(time) {
+        if let Some(found) = self.find(time, needed) {
+            stats.decodes_skipped += 1;
             return Ok(Some(found));
         }
         let vertices = series.vertices();
         let Some((next, weight)) = time.toward() else {
             let mut decoded = DecodeStats::default();
-            let filled = self.fill(time, vertices, |out| {
-                let cost = series.source.decode_step(time.step(), out, cancel)?;
+            let filled = self.fill(time, vertices, needed, |out| {
+                let cost = match needed {
+                    Some(chunks) => series.source.decode_chunks(
+                        time.step(),
+                        Wanted { length: Clusters::VERTICES, chunks },
+                        out,
+                        cancel,
+                    )?,
+                    None => series.source.decode_step(time.step(), out, cancel)?,
+                };
                 decoded = cost.unwrap_or_default();
+                if let Some(chunks) = needed {
+                    // Nobody needs to know what these are, but that they are finite.
+                    let parts = out.chunks_mut(Clusters::VERTICES).zip(chunks);
+                    parts.filter(|(_, needed)| !**needed).for_each(|(part, _)| part.fill(0.0));
+                }
+                if cost.is_some() && needed.is_none() {
+                    series.learn_ranges(time.step(), out);
+                }
                 Ok(cost.is_some())
             });
             stats.bytes_read += decoded.bytes_read;
@@ -69,16 +104,16 @@ impl StepCache {
             return filled;
         };
         // What is held here cannot be what the other one is decoded to.
-        let known = self.find(next.into());
-        let Some(from) = self.show(series, time.step().into(), cancel, stats)? else { return Ok(None) };
+        let known = self.find(next.into(), needed);
+        let Some(from) = self.show(series, time.step().into(), needed, cancel, stats)? else { return Ok(None) };
         let to = match known {
             Some(to) => to,
-            None => match self.show(series, next.into(), cancel, stats)? {
+            None => match self.show(series, next.into(), needed, cancel, stats)? {
                 Some(to) => to,
                 None => return Ok(None),
             },
         };
-        self.fill(time, vertices, |out| {
+        self.fill(time, vertices, needed, |out| {
             mix_steps(&from, &to, weight, cancel, out);
             Ok(!cancel.is_cancelled())
         })
@@ -90,18 +125,19 @@ impl StepCache {
         self.held.len() + usize::from(self.spare.is_some())
     }
 
-    fn find(&mut self, time: FrameTime) -> Option<Arc<Vec<f32>>> {
+    fn find(&mut self, time: FrameTime, needed: Option<&[bool]>) -> Option<Arc<Vec<f32>>> {
         self.uses += 1;
-        let found = self.held.iter_mut().find(|held| held.time == time)?;
+        let found = self.held.iter_mut().find(|held| held.time == time && held.has(needed))?;
         found.used = self.uses;
         Some(found.scalars.clone())
     }
 
-    /// Fills a free buffer with a moment; `fill` says whether it came to its end.
+    /// Fills the chunks of a free buffer that are needed with a moment; `fill` says whether it came to its end.
     fn fill(
         &mut self,
         time: FrameTime,
         vertices: usize,
+        needed: Option<&[bool]>,
         fill: impl FnOnce(&mut [f32]) -> FileResult<bool>,
     ) -> FileResult<Option<Arc<Vec<f32>>>> {
         let mut scalars = self.free_buffer();
@@ -112,7 +148,8 @@ impl StepCache {
         match fill(values) {
             Ok(true) => {
                 self.uses += 1;
-                self.held.push(Held { time, scalars: scalars.clone(), used: self.uses });
+                let chunks = needed.map(<[bool]>::to_vec);
+                self.held.push(Held { time, scalars: scalars.clone(), chunks, used: self.uses });
                 Ok(Some(scalars))
             }
             Ok(false) => {
@@ -173,7 +210,7 @@ mod tests {
         let mut cache = StepCache::default();
         for &time in moments {
             let mut stats = FrameStats::default();
-            let shown = cache.show(&series, time, &Cancel::new(), &mut stats).unwrap().unwrap();
+            let shown = cache.show(&series, time, None, &Cancel::new(), &mut stats).unwrap().unwrap();
             let expected = time.mix(time.step() as f64, |next| next as f64) as f32;
             assert!(shown.len() == series.vertices() && shown.iter().all(|&s| s == expected), "{time:?}");
         }
@@ -202,8 +239,10 @@ mod tests {
             let mut frames = std::collections::VecDeque::new();
             let mut places = std::collections::BTreeSet::new();
             for step in 0..40 {
-                let shown =
-                    cache.show(&series, step.into(), &Cancel::new(), &mut FrameStats::default()).unwrap().unwrap();
+                let shown = cache
+                    .show(&series, step.into(), None, &Cancel::new(), &mut FrameStats::default())
+                    .unwrap()
+                    .unwrap();
                 places.insert(shown.as_ptr().addr());
                 frames.push_back(shown);
                 if frames.len() > on_their_way {
@@ -220,11 +259,12 @@ mod tests {
         let (mut cache, mut stats) = (StepCache::default(), FrameStats::default());
         let cancelled = Cancel::new();
         cancelled.cancel();
-        assert!(cache.show(&series, 1.into(), &cancelled, &mut stats).unwrap().is_none());
+        assert!(cache.show(&series, 1.into(), None, &cancelled, &mut stats).unwrap().is_none());
         log.fail_at(2);
-        assert!(cache.show(&series, 2.into(), &Cancel::new(), &mut stats).is_err());
+        assert!(cache.show(&series, 2.into(), None, &Cancel::new(), &mut stats).is_err());
         assert!(cache.held.is_empty() && cache.spare.is_some());
-        let shown = cache.show(&series, FrameTime::between(0, 1, 0.5), &Cancel::new(), &mut stats).unwrap().unwrap();
+        let shown =
+            cache.show(&series, FrameTime::between(0, 1, 0.5), None, &Cancel::new(), &mut stats).unwrap().unwrap();
         assert!(shown.iter().all(|&s| s == 0.5) && cache.spare.is_none());
     }
 

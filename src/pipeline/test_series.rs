@@ -126,5 +126,16 @@ pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
     let field = stored().field(&FieldSelector { name, component: None }).unwrap().info().clone();
     let times = TimeAxis { values: (0..steps).map(|step| step as f64).collect() };
     let (source, blocks) = (Box::new(Fake { log: log.clone() }), Arc::new(BlockCache::new(0)));
-    (Arc::new(Series { mesh: mesh(), times, field, source, blocks, rankings: Default::default() }), log)
+    (
+        Arc::new(Series {
+            mesh: mesh(),
+            times,
+            field,
+            source,
+            blocks,
+            rankings: Default::default(),
+            ranges: Default::default(),
+        }),
+        log,
+    )
 }

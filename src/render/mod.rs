@@ -17,7 +17,7 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
-use crate::visibility::{CellSet, DrawnFaces};
+use crate::visibility::{CellSet, DrawnFaces, Skip};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,6 +33,9 @@ pub struct RenderJob {
     pub compressed: Option<CompressedStep>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
     pub active: Arc<CellSet>,
+    /// All cells with finite scalars, if `active` leaves out some in which nothing is to be seen: a renderer may go through those
+    /// as well where that is cheaper.
+    pub finite: Option<Arc<CellSet>>,
     /// The faces to draw, for renderers that draw faces instead of cells.
     pub faces: Option<Arc<DrawnFaces>>,
     /// How the fragments of those faces come into order.
@@ -43,8 +46,8 @@ pub struct RenderJob {
     pub table: Arc<NodeTable>,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
-    /// Whether rays stop when nothing behind can be seen.
-    pub early_termination: bool,
+    /// What may be left out; the image is the same.
+    pub skip: Skip,
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
     /// [`Advance::Partial`].
     pub cancel: Cancel,

@@ -14,6 +14,20 @@ pub struct FrameStats {
     pub cells_active: u64,
     /// Cells of the mesh.
     pub cells_total: u64,
+    /// Cells that were looked at to find out whether they can be seen; of the others that was known.
+    pub cells_classified: u64,
+    /// Chunks of vertices that were not decoded, since none of their cells can be seen.
+    pub chunks_skipped: u64,
+    /// Times that the scalars of a step were still in memory.
+    pub decodes_skipped: u64,
+    /// Clusters of cells that lie outside of the view and were not looked at.
+    pub clusters_outside: u64,
+    /// Vertices that were not brought into view coordinates.
+    pub vertices_not_transformed: u64,
+    /// Times that the faces through which rays may enter were those of the frame before.
+    pub entry_lists_kept: u64,
+    /// Faces that were not looked at in a tile, since all pixels in their boxes are opaque in front of them (faces drawn).
+    pub faces_hidden: u64,
     /// Faces that are drawn, by renderers that draw faces: those of the level of detail.
     pub faces_drawn: u64,
     /// Faces of the mesh, where faces are drawn.
@@ -30,7 +44,7 @@ pub struct FrameStats {
     pub entry_faces: u64,
     /// Entries found: (pixel, face) pairs.
     pub entries: u64,
-    /// Cells stepped through by all rays.
+    /// Cells stepped through by all rays, without those behind what is opaque that rays walked side by side have come to.
     pub steps: u64,
     /// Segments between two transfer-function nodes that were integrated.
     pub segments: u64,
@@ -67,6 +81,8 @@ pub struct FrameStats {
     pub ms_order: f64,
     /// Milliseconds spent walking and compositing.
     pub ms_render: f64,
+    /// Milliseconds that threads had nothing to do while others rendered, all of them together.
+    pub ms_idle: f64,
     /// Milliseconds from job to frame.
     pub ms_frame: f64,
 }
@@ -83,5 +99,6 @@ impl FrameStats {
         self.rays_stopped_early += part.rays_stopped_early;
         self.out_of_order += part.out_of_order;
         self.broken_paths += part.broken_paths;
+        self.faces_hidden += part.faces_hidden;
     }
 }

@@ -9,7 +9,7 @@ use super::writer::moments_array;
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::raw::{self, RawDecoder};
 use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
-use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange};
+use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, Wanted};
 use crate::codec::{chunk_key, magnitude_unless, read_rows};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
@@ -293,6 +293,27 @@ impl FieldReader {
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
+        }
+    }
+
+    /// As [`FieldReader::decode_step_unless`], but only those vertices need to be there that are wanted; what the others hold is
+    /// unspecified.
+    ///
+    /// # Errors
+    /// As [`FieldReader::decode_step`].
+    ///
+    /// # Panics
+    /// As [`FieldReader::decode_step`], or if there is not one wish for each chunk.
+    pub fn decode_chunks_unless(
+        &self,
+        step: usize,
+        wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        match &self.values {
+            Values::Stored(decoder) => decoder.decode_chunks_unless(step, wanted, out, cancel),
+            Values::Magnitude { .. } => self.decode_step_unless(step, out, cancel),
         }
     }
 

@@ -6,6 +6,7 @@ use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::store::StoredField;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction, build_node_table};
+use crate::visibility::Skip;
 use std::sync::Arc;
 
 /// The transfer function of those who do not choose one.
@@ -32,6 +33,8 @@ pub struct Look {
     pub backend: Backend,
     /// How segments are integrated.
     pub optics: OpticsKind,
+    /// What may be left out.
+    pub skip: Skip,
 }
 
 /// The scalars that a transfer function covers at a moment of a field.
@@ -62,11 +65,11 @@ impl Look {
     /// If the mesh has no extent that a camera can frame.
     pub fn default_for(series: &Series, tf: TransferFunction) -> Result<Self, CameraError> {
         let bounds = series.mesh().positions.world_bounds();
-        let (range, opacity_kind, mode, faces, backend, optics) = Default::default();
+        let (range, opacity_kind, mode, faces, backend, optics, skip) = Default::default();
         let camera = Camera::default_for(bounds)?;
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics })
+        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics, skip })
     }
 
     /// The table over a range.
@@ -106,9 +109,9 @@ impl Requests {
             self.problem = Some(format!("field {}: {error}", field.name));
             Arc::new(clear())
         });
-        let Look { mode, faces, optics, backend, camera, .. } = *look;
+        let Look { mode, faces, optics, backend, skip, camera, .. } = *look;
         let for_window = self.for_window;
-        FrameRequest { mode, faces, optics, backend, for_window, ..FrameRequest::new(time, camera, table, size) }
+        FrameRequest { mode, faces, optics, backend, for_window, skip, ..FrameRequest::new(time, camera, table, size) }
     }
 
     fn table(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Arc<NodeTable>, TransferError> {

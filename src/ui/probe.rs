@@ -4,6 +4,7 @@ use super::worker::{BLOCK_BYTES, Slot, Worker};
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, RenderMode, Series};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
+use crate::visibility::Skip;
 use std::fmt;
 use std::io;
 use std::sync::Arc;
@@ -171,7 +172,9 @@ impl Finder {
         let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
         let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
         // The scalars are needed here, wherever the frame was rendered.
-        let request = FrameRequest { mode: RenderMode::Raycast, backend: Backend::Cpu, ..asked.request.clone() };
+        // And so is every cell: what is under the mouse may be clear.
+        let skip = Skip { clear_cells: false, clear_chunks: false, ..asked.request.skip };
+        let request = FrameRequest { mode: RenderMode::Raycast, backend: Backend::Cpu, skip, ..asked.request.clone() };
         let job = pipeline.prepare_unless(&request, cancel)?;
         Ok(probe(&job, asked.at_px)?)
     }

@@ -52,6 +52,7 @@ impl Desk {
             faces: Default::default(),
             backend: Backend::Cpu,
             optics: Default::default(),
+            skip: Default::default(),
         };
         let options = SessionOptions {
             store: store().clone(),

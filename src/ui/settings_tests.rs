@@ -11,7 +11,18 @@ fn look(scale: f64) -> Look {
     let tf = TransferFunction::parse("inferno@0:0,0.3:0.125,1:0.5").unwrap();
     let (range, opacity_kind) = (RangePolicy::Manual(-scale, 0.1), Default::default());
     let (mode, backend, optics) = Default::default();
-    Look { camera, tf, range, opacity_kind, unit_distance: 0.01, mode, faces: Default::default(), backend, optics }
+    Look {
+        camera,
+        tf,
+        range,
+        opacity_kind,
+        unit_distance: 0.01,
+        mode,
+        faces: Default::default(),
+        backend,
+        optics,
+        skip: Default::default(),
+    }
 }
 
 /// Settings with something everywhere.

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 /// A set of cells of one mesh.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CellSet {
     words: Vec<u64>,
     len: usize,
@@ -37,6 +37,17 @@ impl CellSet {
     /// The set as bits: cell c is bit c % 64 of word c / 64; bits beyond the last cell are zero.
     pub fn words(&self) -> &[u64] {
         &self.words
+    }
+
+    /// Becomes a set over a mesh of `len` cells, in memory that is there; which ones are in it is for [`Self::words_mut`] to say.
+    pub(super) fn resize(&mut self, len: usize) {
+        self.words.resize(len.div_ceil(64), 0);
+        self.len = len;
+    }
+
+    /// The bits; those beyond the last cell are to stay zero.
+    pub(super) fn words_mut(&mut self) -> &mut [u64] {
+        &mut self.words
     }
 
     /// Number of cells of the mesh (not of the set).

@@ -12,8 +12,6 @@ pub struct FaceSelection {
     pub(super) len: usize,
     /// Whether all faces of the active cells are among them (level of detail 100 %).
     pub is_complete: bool,
-    /// Whether all cells of the mesh were active: the selection then follows from the level of detail alone.
-    pub all_cells_active: bool,
 }
 
 impl FaceSelection {
@@ -21,14 +19,14 @@ impl FaceSelection {
     pub fn clear(&mut self, len: usize) {
         self.words.clear();
         self.words.resize(len.div_ceil(64), 0);
-        (self.len, self.is_complete, self.all_cells_active) = (len, false, false);
+        (self.len, self.is_complete) = (len, false);
     }
 
     /// Becomes equal to `other`, in memory that is there.
     pub fn copy_from(&mut self, other: &Self) {
         self.words.clone_from(&other.words);
         self.len = other.len;
-        (self.is_complete, self.all_cells_active) = (other.is_complete, other.all_cells_active);
+        self.is_complete = other.is_complete;
     }
 
     /// Number of faces of the mesh (not of the set).

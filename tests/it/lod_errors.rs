@@ -12,6 +12,7 @@ use tetreel::pipeline::{FrameRequest, Pipeline, Sampling};
 use tetreel::render::RenderJob;
 use tetreel::store::Store;
 use tetreel::task::Cancel;
+use tetreel::visibility::Skip;
 
 const LEVELS: [f64; 2] = [0.05, 0.25];
 const TRANSFER_FUNCTIONS: [&str; 4] = [
@@ -55,7 +56,9 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
         let mut ours = vec![[0.0; LEVELS.len()]; samplings.len()];
         let mut random = [0.0; LEVELS.len()];
         for (step, camera) in [steps / 3, steps * 5 / 6].into_iter().flat_map(|step| cameras.map(|c| (step, c))) {
-            let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (64, 64))).unwrap();
+            let request = FrameRequest::new(step, camera, table.clone(), (64, 64));
+            // Rankings are compared on the faces of all cells.
+            let job = pipeline.prepare(&FrameRequest { skip: Skip::NONE, ..request }).unwrap();
             let whole = havs(&with_faces(&job, |_| true)).color.pixels;
             for (i, &level) in LEVELS.iter().enumerate() {
                 let of = |ranking: &[u32]| mean_square(&at_level(&job, ranking, level), &whole);

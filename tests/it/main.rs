@@ -14,6 +14,7 @@ mod pipeline;
 mod render;
 mod samples;
 mod series;
+mod skipping;
 mod store;
 mod synth;
 mod transfer;

@@ -5,9 +5,12 @@ use super::layout::{NAME, VqParameters};
 use super::{GROUPS, STEPS};
 use crate::codec::blocks::{Block, BlockCache, BlockLoader, DecoderId, LoadedBlock};
 use crate::codec::stop::{go_on, uncancelled, unless_cancelled};
-use crate::codec::{DecodeStats, Decoder, Element, ReadRange, Stop, chunk_key, read_chunk_unless, read_rows_unless};
+use crate::codec::{
+    DecodeStats, Decoder, Element, ReadRange, Stop, Wanted, chunk_key, read_chunk_unless, read_rows_unless,
+};
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Blocks that a cache of one's own keeps at least: that which plays, and one on either side.
@@ -204,6 +207,25 @@ impl Decoder for VqDecoder {
         let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
         let whole = block.decode(step % STEPS, step, out, cancel);
         Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }))
+    }
+
+    fn decode_chunks_unless(
+        &self,
+        step: usize,
+        wanted: Wanted<'_>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        assert_eq!(out.len(), self.vertices, "one value per vertex");
+        assert_eq!(out.len().div_ceil(wanted.length), wanted.chunks.len(), "a wish for each chunk");
+        let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
+        let vertices_decoded = wanted.count(out.len());
+        wanted.of(out).for_each(|(first, out)| {
+            if !cancel.is_cancelled() {
+                block.decode_part(step % STEPS, step, first, out);
+            }
+        });
+        Ok((!cancel.is_cancelled()).then_some(DecodeStats { bytes_read, vertices_decoded }))
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {

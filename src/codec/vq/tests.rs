@@ -460,3 +460,32 @@ fn the_tally_is_that_of_the_decoder() {
     values.chunks_exact(vertices).for_each(|row| _ = moments.add_step(row));
     assert_eq!(tally.quality(&moments.vertex_statistics()), coded.quality);
 }
+
+#[test]
+fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_alone() {
+    let (steps, vertices) = (70, 1000);
+    let mut values = waves(steps, vertices);
+    // Special values are laid over what the codebooks give.
+    for i in (0..values.len()).step_by(37) {
+        values[i] = f32::NAN;
+    }
+    let coded = code(&values, vertices, options(16));
+    for (step, length) in [(0, 64), (63, 1), (64, 300), (69, 1000), (69, 5000)] {
+        let whole = coded.step(step, vertices);
+        let chunks: Vec<bool> = (0..vertices.div_ceil(length)).map(|i| i % 3 == 1 || length >= 1000).collect();
+        let mut out = vec![7.0; vertices];
+        let wanted = crate::codec::Wanted { length, chunks: &chunks };
+        let cost = coded.decoder.decode_chunks_unless(step, wanted, &mut out, &Cancel::new()).unwrap().unwrap();
+        let is_wanted = |v: usize| chunks[v / length];
+        let count = (0..vertices).filter(|&v| is_wanted(v)).count();
+        assert_eq!(cost.vertices_decoded, count as u64, "{step} {length}");
+        for v in 0..vertices {
+            let expected = if is_wanted(v) { whole[v] } else { 7.0 };
+            assert_eq!(out[v].to_bits(), expected.to_bits(), "step {step}, chunks of {length}, vertex {v}");
+        }
+    }
+    let cancelled = Cancel::new();
+    cancelled.cancel();
+    let wanted = crate::codec::Wanted { length: vertices, chunks: &[true] };
+    assert!(coded.decoder.decode_chunks_unless(0, wanted, &mut vec![0.0; vertices], &cancelled).unwrap().is_none());
+}

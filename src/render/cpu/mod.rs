@@ -2,6 +2,7 @@
 
 pub mod havs;
 mod prepared;
+mod raster;
 mod ray;
 pub mod raycast;
 mod tiles;

@@ -2,11 +2,13 @@
 
 use crate::camera::View;
 use crate::task::Cancel;
+use crate::visibility::Clusters;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// A vertex in view coordinates (local units): x right, y up, w forward, and its scalar.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub(super) struct ViewVertex {
     pub(super) x: f64,
     pub(super) y: f64,
@@ -14,22 +16,47 @@ pub(super) struct ViewVertex {
     pub(super) s: f64,
 }
 
-/// Vertices that a thread transforms at once: few enough that a cancelled frame ends soon.
-const TRANSFORM_CHUNK: usize = 4096;
+impl ViewVertex {
+    /// A vertex at local coordinates `p` with scalar `s`.
+    #[inline(always)]
+    pub(super) fn of(view: &View, p: Vec3, s: f32) -> Self {
+        let d = p.as_dvec3() - view.eye;
+        Self { x: view.right.dot(d), y: view.up.dot(d), w: view.forward.dot(d), s: f64::from(s) }
+    }
+}
 
-/// Transforms all vertices into the view; some of them if `cancel` is raised.
-pub(super) fn transform(view: &View, local: &[Vec3], scalars: &[f32], cancel: &Cancel, out: &mut Vec<ViewVertex>) {
+/// Vertices that a thread transforms between two looks at the flag that cancels.
+pub(super) const CLUSTER: usize = Clusters::VERTICES;
+/// Clusters that are worth a thread's while.
+pub(super) const CLUSTERS_AT_ONCE: usize = 8;
+
+/// Transforms all vertices into the view; some of them if `cancel` is raised. Of clusters (see
+/// [`Clusters`](crate::visibility::Clusters)) that are not `needed`, if that is known, the vertices stay what they were.
+pub(super) fn transform(
+    view: &View,
+    local: &[Vec3],
+    scalars: &[f32],
+    needed: Option<&[bool]>,
+    cancel: &Cancel,
+    out: &mut Vec<ViewVertex>,
+) {
     out.resize(local.len(), ViewVertex::default());
-    let chunks = local.par_chunks(TRANSFORM_CHUNK).zip(scalars.par_chunks(TRANSFORM_CHUNK));
-    out.par_chunks_mut(TRANSFORM_CHUNK).zip(chunks).for_each(|(out, (local, scalars))| {
-        if cancel.is_cancelled() {
+    let chunks = local.par_chunks(CLUSTER).zip(scalars.par_chunks(CLUSTER));
+    let clusters = out.par_chunks_mut(CLUSTER).zip(chunks).enumerate().with_min_len(CLUSTERS_AT_ONCE);
+    clusters.for_each(|(cluster, (out, (local, scalars)))| {
+        if !is_needed(needed, cluster) || cancel.is_cancelled() {
             return;
         }
         for (out, (&p, &s)) in out.iter_mut().zip(local.iter().zip(scalars)) {
-            let d = p.as_dvec3() - view.eye;
-            *out = ViewVertex { x: view.right.dot(d), y: view.up.dot(d), w: view.forward.dot(d), s: f64::from(s) };
+            *out = ViewVertex::of(view, p, s);
         }
     });
+}
+
+/// Whether a cluster is, if that is known.
+#[inline]
+pub(super) fn is_needed(needed: Option<&[bool]>, cluster: usize) -> bool {
+    needed.is_none_or(|needed| needed[cluster])
 }
 
 /// The ray of one pixel.
@@ -126,15 +153,30 @@ pub(super) fn accurate_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (
 /// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
 ///
 /// The convex combination keeps the depth within the triangle's; the determinant form does not. The scalar is taken relative
-/// to one corner's, so that a constant one stays what it is: it may lie exactly on a step of the table. Values that rounding has
-/// made negative count as zero; a triangle of nothing but rounding is hit in its middle.
+/// to one corner's, so that a constant one stays what it is: it may lie exactly on a step of the table; and kept within the
+/// corners', so that a cell shows nothing beyond its own scalars. Values that rounding has made negative count as zero; a
+/// triangle of nothing but rounding is hit in its middle.
 #[inline]
 pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
-    let e = [e[0].max(0.0), e[1].max(0.0), e[2].max(0.0)];
+    let e = [greater(e[0], 0.0), greater(e[1], 0.0), greater(e[2], 0.0)];
     let sum = e[0] + e[1] + e[2];
     let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
     let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);
-    (wp * p.w + wq * q.w + wr * r.w, p.s + wq * (q.s - p.s) + wr * (r.s - p.s))
+    let scalar = p.s + wq * (q.s - p.s) + wr * (r.s - p.s);
+    let (lo, hi) = (less(less(p.s, q.s), r.s), greater(greater(p.s, q.s), r.s));
+    (wp * p.w + wq * q.w + wr * r.w, less(greater(scalar, lo), hi))
+}
+
+/// The greater of two numbers, `b` of equal ones, as an instruction of x86 has it: lanes of a vector do the same.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two numbers, `b` of equal ones.
+#[inline(always)]
+fn less(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// A face that a ray passes through from its front.

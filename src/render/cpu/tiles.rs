@@ -23,7 +23,7 @@ pub(super) struct PixelRect {
 }
 
 /// The tiles of an image, row by row from the top.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct TileGrid {
     pub(super) columns: usize,
     pub(super) rows: usize,
@@ -60,62 +60,134 @@ impl TilePixel {
     pub(super) const CLEAR: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
 }
 
-/// Renders the tiles from `first` on for about `budget` (one at least), into `tile_pixels` (all tiles, one after the other),
-/// with one of `scratch` for each thread. Returns what they cost, and the first tile that is still to be done.
+/// A tile in its place in the order of the work.
+#[derive(Clone, Copy, Debug)]
+struct TileTurn {
+    tile: u32,
+    /// Nanoseconds that it took when it was last rendered.
+    nanos: u64,
+}
+
+/// The tiles of a grid in the order in which they are done: the costliest of the last frame first, so that only cheap ones are
+/// left when a thread finds no more. The image does not depend on it.
+#[derive(Debug, Default)]
+pub(super) struct TileOrder {
+    grid: TileGrid,
+    turns: Vec<TileTurn>,
+    /// For each tile its place among them.
+    places: Vec<u32>,
+}
+
+impl TileOrder {
+    /// Puts the tiles of a grid in order: by what they cost, or, without a frame of the same grid before, from the centre of the image
+    /// outwards; row by row if not `costly_first`.
+    pub(super) fn begin(&mut self, grid: TileGrid, costly_first: bool) {
+        if self.grid != grid {
+            self.grid = grid;
+            self.turns.clear();
+            // What is nearer to the centre counts as costlier.
+            let away = |at: usize, count: usize| (2 * at + 1).abs_diff(count) as u64;
+            let nearness = |tile: usize| {
+                let [x, y] = [away(tile % grid.columns, grid.columns), away(tile / grid.columns, grid.rows)];
+                u64::from(u32::MAX).saturating_sub(x * x + y * y)
+            };
+            self.turns.extend((0..grid.tile_count()).map(|tile| TileTurn { tile: tile as u32, nanos: nearness(tile) }));
+        }
+        let by_cost = |turn: &TileTurn| (std::cmp::Reverse(turn.nanos), turn.tile);
+        if costly_first {
+            self.turns.par_sort_unstable_by_key(by_cost);
+        } else {
+            self.turns.par_sort_unstable_by_key(|turn| turn.tile);
+        }
+        self.places.resize(grid.tile_count(), 0);
+        for (place, turn) in (0..).zip(&self.turns) {
+            self.places[turn.tile as usize] = place;
+        }
+    }
+}
+
+/// What was done of a frame.
+pub(super) struct TilesDone {
+    pub(super) counts: FrameStats,
+    /// The first place in the order that is still to be done.
+    pub(super) end: usize,
+    /// Milliseconds that threads had nothing to do, all of them together.
+    pub(super) ms_idle: f64,
+}
+
+/// Renders the tiles from place `first` in their order on for about `budget` (one at least), into `tile_pixels` (all tiles, one
+/// after the other in their order), with one of `scratch` for each thread.
 ///
 /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
 /// is done is always a prefix, and no thread waits for others before the end of the slice.
 pub(super) fn render_tiles<S: Send>(
     job: &RenderJob,
+    order: &mut TileOrder,
     tile_pixels: &mut [TilePixel],
     scratch: &[Mutex<S>],
     first: usize,
     budget: Duration,
     render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> FrameStats + Sync,
-) -> (FrameStats, usize) {
+) -> TilesDone {
     let started = Instant::now();
-    let mut handed_out = first;
+    let mut end = first;
     let goes_on = || started.elapsed() < budget && !job.cancel.is_cancelled();
     let counts = tile_pixels[first * TILE_PX * TILE_PX..]
         .chunks_exact_mut(TILE_PX * TILE_PX)
+        .zip(&mut order.turns[first..])
         .zip(first..)
-        .take_while(|&(_, tile)| tile == first || goes_on())
-        .inspect(|_| handed_out += 1)
+        .take_while(|&(_, place)| place == first || goes_on())
+        .inspect(|_| end += 1)
         .par_bridge()
-        .map(|(pixels, tile)| {
+        .map(|((pixels, TileTurn { tile, nanos }), _)| {
             let _turn = job.thread_limit.turn();
             // A thread of the pool has a scratch of its own: the lock is never waited for.
             let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
             let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
-            render_tile(tile, &mut scratch, pixels)
+            let begun = Instant::now();
+            let counts = render_tile(*tile as usize, &mut scratch, pixels);
+            *nanos = begun.elapsed().as_nanos() as u64;
+            counts
         })
         .reduce(FrameStats::default, |mut sum, part| {
             sum.add_counts(&part);
             sum
         });
-    (counts, handed_out)
+    let busy_nanos: u64 = order.turns[first..end].iter().map(|turn| turn.nanos).sum();
+    let all_ms = started.elapsed().as_secs_f64() * 1e3 * rayon::current_num_threads() as f64;
+    TilesDone { counts, end, ms_idle: (all_ms - busy_nanos as f64 * 1e-6).max(0.0) }
 }
 
-/// Copies tiles from their own order into the planes of the frame; `depth_scale` is the world length of a local one.
+/// Copies the tiles in some places of their order into the planes of the frame; `depth_scale` is the world length of a local
+/// one.
 pub(super) fn copy_tiles(
     frame: &mut Frame,
-    grid: &TileGrid,
+    order: &TileOrder,
     tile_pixels: &[TilePixel],
-    tiles: Range<usize>,
+    done: Range<usize>,
     depth_scale: f64,
 ) {
-    let width = frame.color.width;
-    for tile in tiles {
-        let rect = grid.rect(tile);
-        let pixels = &tile_pixels[tile * TILE_PX * TILE_PX..];
-        for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
-            let at = (rect.y + row) * width + rect.x;
-            for (i, pixel) in line.iter().enumerate() {
-                frame.color.pixels[at + i] = pixel.rgba;
-                frame.depth.pixels[at + i] = (pixel.depth * depth_scale) as f32;
-            }
-        }
+    let (grid, width) = (order.grid, frame.color.width);
+    if done.is_empty() {
+        return;
     }
+    let color = frame.color.pixels.par_chunks_mut(width * TILE_PX);
+    let depth = frame.depth.pixels.par_chunks_mut(width * TILE_PX);
+    color.zip(depth).zip(order.places.par_chunks(grid.columns)).enumerate().for_each(
+        |(y, ((color, depth), places))| {
+            for (x, &place) in places.iter().enumerate().filter(|(_, place)| done.contains(&(**place as usize))) {
+                let rect = grid.rect(y * grid.columns + x);
+                let pixels = &tile_pixels[place as usize * TILE_PX * TILE_PX..];
+                for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
+                    let at = row * width + rect.x;
+                    for (i, pixel) in line.iter().enumerate() {
+                        color[at + i] = pixel.rgba;
+                        depth[at + i] = (pixel.depth * depth_scale) as f32;
+                    }
+                }
+            }
+        },
+    );
 }
 
 /// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
@@ -167,4 +239,60 @@ pub(super) fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<PixelRe
     let (x, width) = axis_range(range[0][0], range[0][1], view.half_width, view.width_px);
     let (y, height) = axis_range(-range[1][1], -range[1][0], view.half_height, view.height_px);
     (width > 0 && height > 0).then_some(PixelRect { x, y, width, height })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 3 x 2 tiles, those at the right and at the bottom not whole.
+    const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30 };
+
+    fn tiles(order: &TileOrder) -> Vec<u32> {
+        order.turns.iter().map(|turn| turn.tile).collect()
+    }
+
+    #[test]
+    fn the_first_frame_begins_in_the_middle_and_the_next_with_the_costliest_tiles() {
+        let mut order = TileOrder::default();
+        order.begin(GRID, true);
+        assert_eq!(tiles(&order), [1, 4, 0, 2, 3, 5]);
+        for turn in &mut order.turns {
+            turn.nanos = [30, 10, 60, 30, 50, 20][turn.tile as usize];
+        }
+        order.begin(GRID, true);
+        assert_eq!(tiles(&order), [2, 4, 0, 3, 5, 1]);
+        assert!(order.turns.iter().enumerate().all(|(at, turn)| order.places[turn.tile as usize] as usize == at));
+        order.begin(GRID, false);
+        assert_eq!(tiles(&order), [0, 1, 2, 3, 4, 5]);
+        // What they cost is known all the same.
+        order.begin(GRID, true);
+        assert_eq!(tiles(&order), [2, 4, 0, 3, 5, 1]);
+        order.begin(TileGrid { width: 41, ..GRID }, true);
+        assert_eq!(tiles(&order), [1, 4, 0, 2, 3, 5]);
+    }
+
+    #[test]
+    fn tiles_are_copied_from_their_places_and_only_those_that_are_done() {
+        let mut order = TileOrder::default();
+        order.begin(GRID, true);
+        // The value of a pixel is its place, and its number in the tile.
+        let value = |place: usize, pixel: usize| (1000 * (place + 1) + pixel) as f32;
+        let pixels: Vec<TilePixel> = (0..6)
+            .flat_map(|place| (0..TILE_PX * TILE_PX).map(move |pixel| value(place, pixel)))
+            .map(|value| TilePixel { rgba: [value; 4], depth: f64::from(value) })
+            .collect();
+        let mut frame = Frame::default();
+        frame.clear(40, 30);
+        copy_tiles(&mut frame, &order, &pixels, 2..4, 0.5);
+        for (at, (color, depth)) in frame.color.pixels.iter().zip(&frame.depth.pixels).enumerate() {
+            let (x, y) = (at % 40, at / 40);
+            let (tile, rect) = (x / 16 + y / 16 * 3, GRID.rect(x / 16 + y / 16 * 3));
+            let place = order.places[tile] as usize;
+            let expected = value(place, (y - rect.y) * rect.width + x - rect.x);
+            let is_done = (2..4).contains(&place);
+            assert_eq!(*color, if is_done { [expected; 4] } else { [0.0; 4] }, "{x}, {y}");
+            assert_eq!(*depth, if is_done { 0.5 * expected } else { f32::INFINITY }, "{x}, {y}");
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! Renderers against closed forms and against the reference.
 
+mod clear_cells;
 mod closed_form;
 mod depth;
 #[cfg(feature = "gpu")]
@@ -54,10 +55,11 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         view: camera.view(size.0, size.1).unwrap(),
         table: Arc::new(table),
         compressed: None,
+        finite: None,
         optics: Default::default(),
         faces: None,
         k_buffer: Default::default(),
-        early_termination: true,
+        skip: Default::default(),
         thread_limit: Default::default(),
         for_window: false,
         cancel: Default::default(),

@@ -1,5 +1,6 @@
 //! What a ray meets at a face, and the order of that.
 
+use super::super::raster::Hit;
 use crate::mesh::NONE;
 
 /// A place where a ray passes through a face.
@@ -15,6 +16,12 @@ pub(super) struct Fragment {
 
 impl Fragment {
     pub(super) const UNUSED: Self = Self { depth: 0.0, scalar: 0.0, near: NONE, far: NONE };
+
+    #[inline(always)]
+    pub(super) fn at(hit: Hit) -> Self {
+        let Hit { depth, scalar, cells: [near, far], .. } = hit;
+        Self { depth, scalar, near, far }
+    }
 
     /// Whether this fragment belongs in front of `other`, which came before it. Depths that differ by no more than `tie`
     /// say nothing: then the cell between the two does, and an exit comes before an entry.

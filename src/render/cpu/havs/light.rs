@@ -85,15 +85,18 @@ impl<P: Copy> RayLight<P> {
         let mut rest = to;
         while let Some((first, after)) = rest.split_first() {
             let run = self.run_length(rest);
-            // Rays become opaque once: then the run is gone through again, up to there.
-            let before = *self;
-            if run > 1 && self.advance_run(optics, &rest[..run]) {
-                rest = &rest[run..];
-            } else {
-                *self = before;
+            if run <= 1 {
                 self.advance(optics, first);
                 rest = after;
+                continue;
             }
+            let before = *self;
+            if !self.advance_run(optics, &rest[..run]) {
+                // Rays become opaque once: then the run is gone through again, up to there.
+                *self = before;
+                rest[..run].iter().for_each(|to| self.advance(optics, to));
+            }
+            rest = &rest[run..];
         }
     }
 
@@ -101,7 +104,7 @@ impl<P: Copy> RayLight<P> {
     /// before.
     #[inline(always)]
     fn run_length(&self, fragments: &[Fragment]) -> usize {
-        if self.place.is_none() || self.visible_from == f64::INFINITY || self.is_opaque {
+        if self.place.is_none() || self.visible_from == f64::INFINITY || self.light.is_opaque() {
             return 0;
         }
         let (mut last, mut far) = (self.last.0, self.far);
@@ -127,7 +130,7 @@ impl<P: Copy> RayLight<P> {
         self.segments += optics.table.segments(place, self.last.1, segments, &mut self.light) as u32;
         self.is_broken |= is_broken;
         (self.last, self.far, self.front) = ((end.depth, end.scalar), end.far, end.depth);
-        !(optics.early_termination && self.light.is_opaque())
+        !self.light.is_opaque()
     }
 
     /// Goes through one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if
@@ -140,12 +143,10 @@ impl<P: Copy> RayLight<P> {
         self.place = None;
         self.last.0 = f64::NEG_INFINITY;
         for to in path {
-            if self.last.0 == f64::NEG_INFINITY {
-                self.last = (to.depth, to.scalar);
-            } else if to.depth > self.last.0 {
+            if self.last.0 != f64::NEG_INFINITY {
                 self.composite(optics, to);
-                self.last = (to.depth, to.scalar);
             }
+            self.last = (to.depth, to.scalar);
             if optics.early_termination && self.light.is_opaque() {
                 self.is_opaque = true;
                 return false;
@@ -154,10 +155,17 @@ impl<P: Copy> RayLight<P> {
         true
     }
 
-    /// Composites the segment from the last fragment to this one, or the part of it behind what there is.
+    /// Composites the segment from the last fragment to this one, or the part of it behind what there is, unless nothing
+    /// behind can be seen.
     #[inline(always)]
     fn composite<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, to: &Fragment) {
         let mut from = self.last;
+        let is_forward = to.depth > from.0;
+        if !is_forward || self.light.is_opaque() {
+            // The scalar may be another one.
+            self.place = None;
+            return;
+        }
         if from.0 < self.front {
             self.place = None;
             if to.depth <= self.front {
@@ -166,16 +174,14 @@ impl<P: Copy> RayLight<P> {
             let share = (self.front - from.0) / (to.depth - from.0);
             from = (self.front, from.1 + share * (to.scalar - from.1));
         }
-        if to.depth <= from.0 {
-            // The scalar may be another one.
-            self.place = None;
-            return;
-        }
         let place = self.place.get_or_insert_with(|| optics.table.enter(from.1));
         let length = (to.depth - from.0) * optics.length_per_depth;
         let pieces = optics.table.segment(place, from.1, to.scalar, length, &mut self.light) as u32;
+        if pieces == 0 {
+            return;
+        }
         // A table may show light before the transfer function has any: the ray is then asked again.
-        if self.visible_from == f64::INFINITY && pieces > 0 {
+        if self.visible_from == f64::INFINITY {
             self.visible_from = first_visible(optics.table, from, (to.depth, to.scalar));
         }
         self.segments += pieces;

@@ -34,9 +34,10 @@
 //! 1. A buffer takes up a batch of fragments before they are sorted into the k before each and leave: the same ones leave
 //!    in the same order.
 //! 2. Edge functions are linear over a tile. In f32, for two rows of eight pixels at a time, they say which pixels a face
-//!    certainly misses; for the rest they are computed in f64, eight at a time; in doubt by their definition ([`raster`]).
+//!    certainly misses; for the rest they are computed in f64, eight at a time; in doubt by their definition ([`raster`](super::raster)).
 //!    Eight faces are made ready side by side.
-//! 3. A tile whose rays are all opaque is left when no face behind in the list has a corner in front of where they are.
+//! 3. A face that only opaque pixels of a tile could see is not looked at there if it has no corner in front of where they are,
+//!    and a tile whose rays are all opaque is left when that holds for the rest of the list.
 //! 4. The list is kept in its order, with corners and cells, as long as it is drawn; tiles have copies of their faces.
 //!    Both for the sake of memory read in order ([`bins`]).
 //! 5. The fragments of a pixel that leave its buffer together are integrated together: weights of colours side by side
@@ -45,25 +46,24 @@
 
 mod bins;
 mod fragment;
-mod lanes;
 mod light;
-mod raster;
 mod resolve;
 mod sides;
 mod tile;
 
 use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use super::prepared::Table;
+use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::raycast::EYE_TOLERANCE;
 use super::raycast::entries::cells_at_eye;
 use super::raycast::pre_integrated::PreIntegrated;
-use super::tiles::{self, TILE_PX, TilePixel};
+use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
 use crate::camera::View;
 use crate::optics::Integrator;
 use crate::stats::FrameStats;
 use crate::visibility::DrawnFaces;
-use bins::{BoxSource, FaceBins, ScreenPoint};
+use bins::FaceBins;
 use pulp::{Arch, Scalar, Simd};
 use rayon::prelude::*;
 use sides::Sides;
@@ -81,7 +81,8 @@ pub struct Havs {
     screen: Vec<ScreenPoint>,
     sides: Sides,
     bins: FaceBins,
-    /// Pixels tile by tile, each tile's rows together.
+    order: TileOrder,
+    /// Pixels tile by tile in that order, each tile's rows together.
     tile_pixels: Vec<TilePixel>,
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
@@ -119,8 +120,8 @@ impl Havs {
 
     /// View coordinates, places in the image, and the faces of each tile.
     fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &Arc<DrawnFaces>) {
-        ray::transform(view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
-        bins::project(view, &self.vertices, &job.cancel, &mut self.screen);
+        ray::transform(view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, &mut self.vertices);
+        boxes::project(view, &self.vertices, None, &job.cancel, &mut self.screen);
         self.sides.update(&job.mesh);
         let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
         self.bins.fill(source, &self.sides, job, drawn);
@@ -157,6 +158,7 @@ impl Renderer for Havs {
             Vec::new()
         } else {
             self.place_faces(&job, &view, &drawn);
+            self.order.begin(self.bins.grid, job.skip.costly_first);
             cells_at_eye(&job, &view, EYE_TOLERANCE)
         };
         self.frame.stats = FrameStats {
@@ -218,13 +220,13 @@ impl Havs {
             eye_cells: &active.eye_cells,
             k_buffer: job.k_buffer,
             is_complete: active.is_complete,
-            early_termination: job.early_termination,
+            early_termination: job.skip.opaque,
             tie: active.tie,
             cancel: &job.cancel,
         };
         let portable = self.portable;
-        let (first, pixels) = (active.next_tile, &mut self.tile_pixels);
-        let (counts, end) = tiles::render_tiles(job, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
+        let (first, pixels, order) = (active.next_tile, &mut self.tile_pixels, &mut self.order);
+        let done = tiles::render_tiles(job, order, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
             match if portable { Arch::Scalar } else { Arch::new() } {
                 #[cfg(target_arch = "x86_64")]
                 Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
@@ -233,8 +235,10 @@ impl Havs {
                 _ => Scalar.vectorize(RenderTile { lanes: Scalar, scene: &scene, tile, scratch, pixels }),
             }
         });
-        self.frame.stats.add_counts(&counts);
-        tiles::copy_tiles(&mut self.frame, &self.bins.grid, &self.tile_pixels, first..end, job.mesh.positions.scale);
-        end
+        self.frame.stats.add_counts(&done.counts);
+        self.frame.stats.ms_idle += done.ms_idle;
+        let scale = job.mesh.positions.scale;
+        tiles::copy_tiles(&mut self.frame, &self.order, &self.tile_pixels, first..done.end, scale);
+        done.end
     }
 }

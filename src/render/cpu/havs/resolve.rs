@@ -1,12 +1,12 @@
 //! Pixels for which a buffer of k fragments was not enough, from all of their fragments.
 
+use super::super::raster::boxes::Bounds;
+use super::super::raster::lanes::Lanes;
+use super::super::raster::{FACES_AT_ONCE, TileRays};
 use super::super::ray::Ray;
 use super::TILE_PX;
-use super::bins::Bounds;
 use super::fragment::{Fragment, sort_all};
-use super::lanes::Lanes;
 use super::light::RayLight;
-use super::raster::{FACES_AT_ONCE, TileRays};
 use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
 use crate::optics::Integrator;
@@ -89,9 +89,9 @@ fn collect<I: Integrator, L: Lanes>(
         for some in scene.bins.faces(chunk, tile).chunks(FACES_AT_ONCE) {
             faces.set(scene.view, scene.vertices, rays, some);
             for i in 0..some.len() {
-                faces.hits(lanes, i, (scene.view, scene.vertices), rays, candidates, |pixel, fragment| {
+                faces.hits(lanes, i, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
                     if is_wanted(pixel) {
-                        out.push((pixel as u32, fragment));
+                        out.push((pixel as u32, Fragment::at(hit)));
                     }
                 });
             }

@@ -1,14 +1,16 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
+use super::super::raster::boxes::Bounds;
+use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
+use super::super::raster::lists::TileFace;
+use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
 use super::super::tiles::TilePixel;
 use super::TILE_PX;
-use super::bins::{Bounds, FaceBins, TileFace};
+use super::bins::FaceBins;
 use super::fragment::{Fragment, sort_in_window};
-use super::lanes::{BLOCK, Lanes, PixelList};
 use super::light::{RayLight, RayOptics};
-use super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::resolve::resolve_again;
 use crate::camera::View;
 use crate::mesh::{NONE, Topology};
@@ -81,6 +83,8 @@ pub(super) struct TileScratch {
     /// Pixels without room.
     full: Vec<u16>,
     pub(super) faces: Faces,
+    /// Faces that are made ready together.
+    batch: [TileFace; FACES_AT_ONCE],
     /// Pixels that a face may cover.
     pub(super) candidates: PixelList,
     /// Fragments of the pixels that are resolved again.
@@ -96,6 +100,7 @@ impl Default for TileScratch {
             held,
             full: Vec::new(),
             faces: Faces::NONE,
+            batch: [TileFace::UNUSED; FACES_AT_ONCE],
             candidates: [0; PIXELS + BLOCK],
             again: Vec::new(),
         }
@@ -165,25 +170,20 @@ fn draw_in_list_order<I: Integrator, L: Lanes>(
     scratch.full.clear();
     begin_at_eye(scene, rays, scratch);
     let mut stats = FrameStats::default();
-    let mut opaque = 0;
-    let mut queue = FaceQueue { next_chunk: 0, faces: &[] };
+    let mut open = OpenPixels::new(rays);
+    let mut queue = FaceQueue { next_chunk: 0, faces: &[], hidden: 0 };
     loop {
-        let faces = queue.take(scene, tile, |next_chunk| {
-            let Bounds { x0, x1, y0, y1 } = rays.bounds;
-            opaque == (x1 - x0) * (y1 - y0)
-                && (!scene.k_buffer.exact_order || scene.bins.nearest_from(next_chunk) > furthest(lights))
-        });
-        scratch.faces.set(scene.view, scene.vertices, rays, faces);
-        let ready = faces.len();
+        let ready = queue.take(scene, tile, &open, &mut scratch.batch);
+        scratch.faces.set(scene.view, scene.vertices, rays, &scratch.batch[..ready]);
         let is_last = ready == 0;
         let mut next = 0;
         loop {
             let TileScratch { slots, counts, full, faces, candidates, .. } = &mut *scratch;
             if next < ready {
                 // A face has at most one fragment for a pixel: the room of each is looked at face by face.
-                faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, fragment| {
+                faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
                     let count = counts[pixel] as usize;
-                    slots[pixel * room + count] = fragment;
+                    slots[pixel * room + count] = Fragment::at(hit);
                     counts[pixel] = count as u32 + 1;
                     if count + 1 == room {
                         full.push(pixel as u16);
@@ -197,15 +197,48 @@ fn draw_in_list_order<I: Integrator, L: Lanes>(
                 let light = &mut lights[usize::from(pixel)];
                 let was_opaque = light.is_opaque;
                 stats.fragments += let_go(scene, rays, scratch, usize::from(pixel), light, is_last);
-                opaque += usize::from(light.is_opaque && !was_opaque);
+                if light.is_opaque && !was_opaque {
+                    open.close(usize::from(pixel), light.last.0);
+                }
             }
             if next >= ready {
                 break;
             }
         }
         if is_last {
+            stats.faces_hidden = queue.hidden;
             return stats;
         }
+    }
+}
+
+/// The pixels of a tile that are not opaque yet.
+struct OpenPixels {
+    /// A bit per column for each row.
+    rows: [u16; TILE_PX],
+    count: usize,
+    /// Depth of the furthest last fragment of those that are.
+    furthest: f64,
+}
+
+impl OpenPixels {
+    fn new(rays: &TileRays) -> Self {
+        let Bounds { x0, x1, y0, y1 } = rays.bounds;
+        Self { rows: [u16::MAX; TILE_PX], count: (x1 - x0) * (y1 - y0), furthest: f64::NEG_INFINITY }
+    }
+
+    /// A pixel has become opaque, at this depth.
+    fn close(&mut self, pixel: usize, depth: f64) {
+        self.rows[pixel / TILE_PX] &= !(1 << (pixel % TILE_PX));
+        self.count -= 1;
+        self.furthest = self.furthest.max(depth);
+    }
+
+    /// Whether a pixel of a box is still open.
+    #[inline(always)]
+    fn has_some_in(&self, Bounds { x0, x1, y0, y1 }: Bounds) -> bool {
+        let columns = ((1u32 << x1) - (1u32 << x0)) as u16;
+        self.rows[y0..y1].iter().fold(0, |some, row| some | row & columns) != 0
     }
 }
 
@@ -213,23 +246,46 @@ fn draw_in_list_order<I: Integrator, L: Lanes>(
 struct FaceQueue<'a> {
     next_chunk: usize,
     faces: &'a [TileFace],
+    /// Faces that were left out.
+    hidden: u64,
 }
 
 impl<'a> FaceQueue<'a> {
-    /// The next faces that the rays may meet, none at the end of the list. Asks at each chunk of the list whether nobody
-    /// sees what comes from there on.
+    /// Puts the next faces that the rays may meet into `batch` and returns how many, none at the end of the list. Those that
+    /// only opaque pixels could see are left out; in exact order they must lie behind what has been composited, too, or the pixel is
+    /// to be drawn again.
     #[inline(always)]
-    fn take<I>(&mut self, scene: &Scene<'a, I>, tile: usize, nobody_sees: impl Fn(usize) -> bool) -> &'a [TileFace] {
+    fn take<I>(
+        &mut self,
+        scene: &Scene<'a, I>,
+        tile: usize,
+        open: &OpenPixels,
+        batch: &mut [TileFace; FACES_AT_ONCE],
+    ) -> usize {
+        let lies_behind = |nearest: f64| !scene.k_buffer.exact_order || nearest > open.furthest;
         let chunks = scene.bins.chunk_count();
-        while self.faces.is_empty() {
-            if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
-                self.next_chunk = chunks;
-                break;
-            }
-            self.faces = scene.bins.faces(self.next_chunk, tile);
-            self.next_chunk += 1;
+        let mut ready = 0;
+        while ready < FACES_AT_ONCE {
+            let Some((face, rest)) = self.faces.split_first() else {
+                let nobody_sees = |chunk: usize| open.count == 0 && lies_behind(scene.bins.nearest_from(chunk));
+                if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
+                    self.hidden +=
+                        (self.next_chunk..chunks).map(|c| scene.bins.faces(c, tile).len() as u64).sum::<u64>();
+                    self.next_chunk = chunks;
+                    break;
+                }
+                self.faces = scene.bins.faces(self.next_chunk, tile);
+                self.next_chunk += 1;
+                continue;
+            };
+            self.faces = rest;
+            let is_hidden =
+                open.furthest > f64::NEG_INFINITY && !open.has_some_in(face.bounds()) && lies_behind(face.nearest());
+            batch[ready] = *face;
+            ready += usize::from(!is_hidden);
+            self.hidden += u64::from(is_hidden);
         }
-        self.faces.split_off(..self.faces.len().min(FACES_AT_ONCE)).unwrap_or(&[])
+        ready
     }
 }
 
@@ -266,8 +322,11 @@ fn let_go<I: Integrator>(
     let k = usize::from(scene.k_buffer.k);
     let (count, held) = (scratch.counts[pixel] as usize, scratch.held[pixel] as usize);
     let fragments = &mut scratch.slots[pixel * scene.room()..][..count];
-    sort_in_window(fragments, held, k, scene.tie);
-    let leaving = if is_last { count } else { count.saturating_sub(k) };
+    // Nobody sees what comes behind an opaque place, whatever its order.
+    let leaving = if is_last || light.is_opaque { count } else { count.saturating_sub(k) };
+    if !light.is_opaque {
+        sort_in_window(fragments, held, k, scene.tie);
+    }
     let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
     let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
     light.advance_all(&optics, &fragments[..leaving]);
@@ -275,10 +334,4 @@ fn let_go<I: Integrator>(
     let left = (count - leaving) as u32;
     (scratch.counts[pixel], scratch.held[pixel]) = (left, left);
     (count - held) as u64
-}
-
-/// The furthest last fragment of the rays of a tile.
-#[inline(never)]
-fn furthest<P: Copy>(lights: &[RayLight<P>; PIXELS]) -> f64 {
-    lights.iter().fold(f64::NEG_INFINITY, |most, light| most.max(light.last.0))
 }

@@ -1,16 +1,28 @@
-//! Where rays enter the active cells.
+//! Where rays may enter the active cells: faces, and the tiles that they are in.
+//!
+//! The faces are found cluster by cluster (cells that follow each other along the curve), from the bits of the set word by
+//! word. They are then cut into chunks at clusters, so that the chunks depend on the faces alone; each chunk has lists of its
+//! own for all tiles, filled by one thread. A tile reads the chunks one after the other: the order is that of the cells,
+//! however many threads there are.
 
 use super::super::super::RenderJob;
-use super::super::ray::{Crossing, Ray, ViewVertex, crossing};
-use super::super::tiles::{PixelRect, TILE_PX, TileGrid, pixel_box};
+use super::super::raster::boxes::{Bounds, BoxSource};
+use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists};
+use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
+use super::super::tiles::TileGrid;
 use crate::camera::View;
-use crate::mesh::{FACE_VERTICES, Topology};
+use crate::mesh::{FACE_VERTICES, Mesh, Topology};
 use crate::task::Cancel;
-use crate::visibility::CellSet;
+use crate::visibility::{CellSet, Clusters};
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Words of a set of cells that make a cluster.
+const CLUSTER_WORDS: usize = Clusters::CELLS / 64;
 
 /// A face of an active cell without an active cell behind it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) struct EntryFace {
     /// Counter-clockwise seen from outside the cell.
     pub(super) vertices: [u32; 3],
@@ -20,16 +32,59 @@ pub(in crate::render) struct EntryFace {
 }
 
 /// All entry faces, in the order of their cells; some of them if `cancel` is raised.
+#[cfg(feature = "gpu")]
 pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, cancel: &Cancel, out: &mut Vec<EntryFace>) {
     out.clear();
-    out.par_extend((0..topology.tets.len() as u32).into_par_iter().with_min_len(16_384).flat_map_iter(|cell| {
-        let member = active.contains(cell) && !cancel.is_cancelled();
-        let neighbours = topology.neighbours[cell as usize];
-        (0..4).filter_map(move |i| {
-            let open = member && neighbours[i].cell().is_none_or(|n| !active.contains(n));
-            open.then(|| face_of(topology, cell, i))
-        })
+    out.par_extend((0..cluster_count(active)).into_par_iter().flat_map_iter(|cluster| {
+        let mut found = Vec::new();
+        if !cancel.is_cancelled() {
+            each_open_face(topology, active, cluster, |cell, i| found.push(face_of(topology, cell, i)));
+        }
+        found
     }));
+}
+
+fn cluster_count(cells: &CellSet) -> usize {
+    cells.words().len().div_ceil(CLUSTER_WORDS)
+}
+
+/// Calls `open` with each face (a cell and which of its four) of a cluster that is between an active cell and an inactive one
+/// or the outside.
+#[inline(always)]
+fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut open: impl FnMut(u32, usize)) {
+    let words = active.words();
+    let first = cluster * CLUSTER_WORDS;
+    for (at, &word) in (first..).zip(&words[first..words.len().min(first + CLUSTER_WORDS)]) {
+        let mut rest = word;
+        while rest != 0 {
+            let cell = 64 * at + rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            for (i, neighbour) in topology.neighbours[cell].iter().enumerate() {
+                // No cell lies beyond the last word.
+                let other = (neighbour.0 >> 2) as usize;
+                let is_active = words.get(other / 64).is_some_and(|word| word >> (other % 64) & 1 == 1);
+                if !is_active {
+                    open(cell as u32, i);
+                }
+            }
+        }
+    }
+}
+
+/// About how many faces there are between a cell of `active` and one of `finite` that is not: counted in a part of the
+/// clusters, if there are many.
+pub(super) fn count_beside(topology: &Topology, active: &CellSet, finite: &CellSet) -> usize {
+    const ENOUGH: usize = 32;
+    let every = (cluster_count(active) / ENOUGH).max(1);
+    let in_cluster = |cluster| {
+        let mut count = 0;
+        each_open_face(topology, active, cluster, |cell, i| {
+            let beside = topology.neighbours[cell as usize][i].cell();
+            count += usize::from(beside.is_some_and(|n| finite.contains(n)));
+        });
+        count
+    };
+    every * (0..cluster_count(active)).into_par_iter().step_by(every).map(in_cluster).sum::<usize>()
 }
 
 /// Face `opposite` of a cell.
@@ -83,84 +138,107 @@ impl EyeCell {
     }
 }
 
-/// For each tile the entry faces whose pixel box meets it.
+/// The entry faces of a mesh and its active cells, cluster by cluster, kept as long as both are the same. The two numbers that
+/// a listed face has for its cells are which of the cell's four it is, and the cell.
 #[derive(Debug, Default)]
-pub(super) struct TileBins {
-    pub(super) grid: TileGrid,
-    boxes: Vec<PixelRect>,
-    /// `starts[t]..starts[t + 1]` of `faces` belong to tile t.
-    starts: Vec<u32>,
-    faces: Vec<u32>,
+pub(super) struct EntryFaces {
+    of: Option<(Arc<Mesh>, Arc<CellSet>)>,
+    clusters: Vec<Vec<ListedFace>>,
 }
 
-impl TileBins {
+impl EntryFaces {
+    /// Finds them, unless `may_keep` and they are there; some of them if `cancel` is raised. Returns whether they were.
+    pub(super) fn update(&mut self, mesh: &Arc<Mesh>, active: &Arc<CellSet>, may_keep: bool, cancel: &Cancel) -> bool {
+        let same = |(of, cells): &(Arc<Mesh>, Arc<CellSet>)| Arc::ptr_eq(of, mesh) && Arc::ptr_eq(cells, active);
+        if may_keep && self.of.as_ref().is_some_and(same) {
+            return true;
+        }
+        let topology = &mesh.topology;
+        self.clusters.resize_with(cluster_count(active), Vec::new);
+        self.clusters.par_iter_mut().enumerate().for_each(|(cluster, faces)| {
+            faces.clear();
+            if !cancel.is_cancelled() {
+                each_open_face(topology, active, cluster, |cell, i| {
+                    let face = face_of(topology, cell, i);
+                    faces.push(ListedFace { ids: face.vertices, cells: [i as u32, cell] });
+                });
+            }
+        });
+        let is_complete = !cancel.is_cancelled();
+        self.of = is_complete.then(|| (mesh.clone(), active.clone()));
+        false
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.clusters.iter().map(Vec::len).sum()
+    }
+}
+
+/// Fewest faces of a chunk: enough to hide the cost of its lists.
+const CHUNK_MIN: usize = 4 * 1024;
+/// Most chunks: each has a counter for every tile.
+const CHUNKS_MAX: usize = 128;
+
+/// For each tile the entry faces whose pixel box meets it.
+#[derive(Debug, Default)]
+pub(super) struct EntryBins {
+    pub(super) grid: TileGrid,
+    /// The clusters of each chunk.
+    parts: Vec<Range<usize>>,
+    /// As many as parts, or more.
+    chunks: Vec<TileLists>,
+    /// One for each thread.
+    seen: Vec<Mutex<Seen>>,
+}
+
+impl EntryBins {
     /// No tiles: nothing can be seen.
     pub(super) fn clear(&mut self) {
         self.grid = TileGrid::default();
+        self.parts.clear();
     }
 
-    pub(super) fn tile_count(&self) -> usize {
-        self.grid.tile_count()
+    /// The entry faces of a tile, chunk by chunk.
+    pub(super) fn faces(&self, tile: usize) -> impl Iterator<Item = &[TileFace]> {
+        self.chunks[..self.parts.len()].iter().map(move |chunk| chunk.faces(tile))
     }
 
-    /// Entry faces of a tile, with their pixel boxes.
-    pub(super) fn faces(&self, tile: usize) -> impl Iterator<Item = (u32, PixelRect)> + '_ {
-        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        self.faces[range].iter().map(|&f| (f, self.boxes[f as usize]))
-    }
-
-    pub(super) fn fill(&mut self, view: &View, vertices: &[ViewVertex], faces: &[EntryFace]) {
-        self.grid = TileGrid::of(view);
-        faces
-            .par_iter()
-            .with_min_len(1024)
-            .map(|f| {
-                let corners = f.vertices.map(|v| vertices[v as usize]);
-                let may_enter = !is_back_facing(view, &corners);
-                may_enter.then(|| pixel_box(view, corners)).flatten().unwrap_or_default()
-            })
-            .collect_into_vec(&mut self.boxes);
-        self.starts.clear();
-        self.starts.resize(self.tile_count() + 1, 0);
-        let columns = self.grid.columns;
-        let tiles_of = move |b: &PixelRect| {
-            let (x0, x1) = (b.x / TILE_PX, (b.x + b.width).div_ceil(TILE_PX));
-            let (y0, y1) = (b.y / TILE_PX, (b.y + b.height).div_ceil(TILE_PX));
-            let (x1, y1) = if b.width == 0 || b.height == 0 { (x0, y0) } else { (x1, y1) };
-            (y0..y1).flat_map(move |y| (x0..x1).map(move |x| y * columns + x))
-        };
-        for b in &self.boxes {
-            for tile in tiles_of(b) {
-                self.starts[tile + 1] += 1;
+    /// Sorts the entry faces of `needed` clusters of cells, or of all, into the tiles of a view; some of them if `cancel` is
+    /// raised.
+    pub(super) fn fill(&mut self, source: BoxSource<'_>, faces: &EntryFaces, needed: Option<&[bool]>, cancel: &Cancel) {
+        self.grid = TileGrid::of(source.view);
+        let least = faces.count().div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
+        self.parts.clear();
+        let (mut begin, mut count) = (0, 0);
+        for (end, cluster) in (1..).zip(&faces.clusters) {
+            count += if is_needed(needed, end - 1) { cluster.len() } else { 0 };
+            if count >= least || end == faces.clusters.len() {
+                self.parts.push(begin..end);
+                (begin, count) = (end, 0);
             }
         }
-        for tile in 0..self.tile_count() {
-            self.starts[tile + 1] += self.starts[tile];
+        if self.chunks.len() < self.parts.len() {
+            self.chunks.resize_with(self.parts.len(), TileLists::default);
         }
-        self.faces.clear();
-        self.faces.resize(self.starts[self.tile_count()] as usize, 0);
-        for (face, b) in (0u32..).zip(&self.boxes) {
-            for tile in tiles_of(b) {
-                // `starts[tile]` serves as the cursor and ends where the next tile starts; shifted back below.
-                self.faces[self.starts[tile] as usize] = face;
-                self.starts[tile] += 1;
+        self.seen.resize_with(rayon::current_num_threads(), Mutex::default);
+        let (grid, seen) = (self.grid, &self.seen);
+        self.chunks.par_iter_mut().zip(&self.parts).for_each(|(lists, part)| {
+            // A thread of the pool has one of its own: the lock is never waited for.
+            let seen = &seen[rayon::current_thread_index().unwrap_or(0) % seen.len()];
+            let mut seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
+            lists.begin(grid);
+            seen.clear();
+            if !cancel.is_cancelled() {
+                let image = Bounds::of_image(source.view);
+                let needed = part.clone().filter(|&cluster| is_needed(needed, cluster));
+                for face in needed.flat_map(|cluster| &faces.clusters[cluster]) {
+                    if let Some(bounds) = source.bounds_from_front(face.ids, image) {
+                        seen.push(SeenFace { face: *face, bounds, nearest: source.nearest(face.ids) });
+                        lists.count(bounds);
+                    }
+                }
             }
-        }
-        for tile in (0..self.tile_count()).rev() {
-            self.starts[tile + 1] = self.starts[tile];
-        }
-        self.starts[0] = 0;
+            lists.store(&seen);
+        });
     }
-}
-
-/// Whether every ray sees the triangle from behind, beyond doubt.
-fn is_back_facing(view: &View, [a, b, c]: &[ViewVertex; 3]) -> bool {
-    let (ab, ac) = ([b.x - a.x, b.y - a.y, b.w - a.w], [c.x - a.x, c.y - a.y, c.w - a.w]);
-    let normal = [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
-    // Along the ray to corner a; parallel rays all go along w.
-    let ray = if view.perspective { [a.x, a.y, a.w] } else { [0.0, 0.0, 1.0] };
-    let dot: f64 = (0..3).map(|i| normal[i] * ray[i]).sum();
-    let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // Far above f64's rounding: what is in doubt is decided pixel by pixel.
-    dot < -1e-9 * length(&ab) * length(&ac) * length(&ray)
 }

@@ -1,8 +1,8 @@
 //! Ray casting by cell walk: per pixel, from face to face through the active cells.
 //!
 //! 1. **view transform** ([`ray`]): vertices to view coordinates, once per frame.
-//! 2. **entries** ([`entries`]): faces between an active cell and an inactive one or the outside, binned into tiles; per
-//!    pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
+//! 2. **entries** ([`entries`], [`starts`]): faces between an active cell and an inactive one or the outside, binned into
+//!    tiles; per pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
 //!    mechanism.
 //! 3. **walk** ([`walk`]): from an entry through the active cells to the exit, compositing a segment per cell.
 //!
@@ -16,31 +16,46 @@
 //! found by the same edge functions are exactly the starts of the paths.
 //!
 //! Deviations for speed from the plain algorithm:
-//! 1. Entry candidates are culled by conservative pixel boxes.
+//! 1. Entry candidates are culled by conservative pixel boxes, and by the side that is seen of them; those of a tile are met
+//!    by its rays many at a time ([`raster`](super::raster)).
 //! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
-//! 3. It is compiled a second time for AVX2 ([`simd`]).
+//! 3. Where the processor has AVX2 or AVX-512, eight rays are walked side by side, to the same bits ([`lanes`]).
 //! 4. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
 //!
 //! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
-//! or eight rays of a thread in turn, to hide the latency of the loads; vertices and neighbours of a cell side by side.
+//! or eight rays of a thread in turn, without vectors, to hide the latency of the loads; vertices and neighbours of a cell
+//! side by side.
+//!
+//! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
+//! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
+//! ([`light`]).
 
 pub(in crate::render) mod entries;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
+mod light;
+mod outside;
+mod path;
 pub(in crate::render) mod pre_integrated;
-mod simd;
+pub(in crate::render) mod skips;
+mod starts;
 mod walk;
 
 use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use super::prepared::Table;
+use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
-use super::tiles::{self, TILE_PX, TilePixel};
+use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Integrator;
 use crate::optics::table3d::Table3dResolution;
 use crate::stats::FrameStats;
-use crate::visibility::CellSet;
-use entries::{EntryFace, TileBins};
+use crate::visibility::{Clusters, NeededClusters};
+use entries::{EntryBins, EntryFaces};
 use pre_integrated::PreIntegrated;
+use skips::CellChoice;
+use starts::Entries;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use walk::{Scene, TileScratch};
@@ -54,18 +69,22 @@ pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
 pub struct Raycast {
     frame: Frame,
     vertices: Vec<ViewVertex>,
-    entry_faces: Vec<EntryFace>,
-    /// What they were collected from.
-    entry_faces_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
-    bins: TileBins,
-    /// Pixels tile by tile, each tile's rows together.
+    screen: Vec<ScreenPoint>,
+    entry_faces: EntryFaces,
+    choice: CellChoice,
+    bins: EntryBins,
+    /// Those of the last mesh.
+    clusters: Option<(Arc<Mesh>, Clusters)>,
+    needed: NeededClusters,
+    order: TileOrder,
+    /// Pixels tile by tile in that order, each tile's rows together.
     tile_pixels: Vec<TilePixel>,
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
     /// The pre-integrated table of the last job that asked for one.
     pre_integrated: PreIntegrated,
-    /// Use no instructions that not every processor of its kind has.
+    /// Walk one ray after the other, with no instructions that not every processor of its kind has.
     portable: bool,
 }
 
@@ -87,7 +106,8 @@ impl Raycast {
         Self::default()
     }
 
-    /// The same renderer without instructions that only newer processors have; its images are the same.
+    /// The same renderer without instructions that only newer processors have, one ray after the other; its images are the
+    /// same.
     pub fn portable() -> Self {
         Self { portable: true, ..Self::default() }
     }
@@ -97,16 +117,31 @@ impl Raycast {
         Self { pre_integrated: PreIntegrated::of_resolution(resolution), ..Self::default() }
     }
 
-    /// Entry faces depend on the mesh and its active cells alone: those of the last job are kept while these are the same.
-    fn collect_entry_faces(&mut self, job: &RenderJob) {
-        let same = |(mesh, active): &(Arc<Mesh>, Arc<CellSet>)| {
-            Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(active, &job.active)
-        };
-        if !self.entry_faces_of.as_ref().is_some_and(same) {
-            entries::collect(&job.mesh.topology, &job.active, &job.cancel, &mut self.entry_faces);
-            let is_complete = !job.cancel.is_cancelled();
-            self.entry_faces_of = is_complete.then(|| (job.mesh.clone(), job.active.clone()));
+    /// View coordinates, and where rays may enter; counts what that saved.
+    fn place_entries(&mut self, job: &RenderJob, view: &View, eye_cells: &[u32]) -> FrameStats {
+        let knows_outside = job.skip.outside && outside::may_be_left_out(&job.mesh, view, eye_cells);
+        let mut saved = FrameStats::default();
+        if knows_outside {
+            if self.clusters.as_ref().is_none_or(|(of, _)| !Arc::ptr_eq(of, &job.mesh)) {
+                self.clusters = Some((job.mesh.clone(), Clusters::new(&job.mesh)));
+            }
+            if let Some((_, clusters)) = &self.clusters {
+                clusters.needed(view, &job.active, &mut self.needed);
+                saved.clusters_outside = self.needed.outside;
+                let not_needed = (0..).zip(&self.needed.vertices).filter(|(_, needed)| !**needed);
+                saved.vertices_not_transformed = not_needed.map(|(at, _)| clusters.vertices_in(at) as u64).sum();
+            }
         }
+        let vertices = knows_outside.then_some(&*self.needed.vertices);
+        let local = &job.mesh.positions.local;
+        ray::transform(view, local, &job.scalars, vertices, &job.cancel, &mut self.vertices);
+        boxes::project(view, &self.vertices, vertices, &job.cancel, &mut self.screen);
+        let kept = self.entry_faces.update(&job.mesh, &job.active, job.skip.unchanged, &job.cancel);
+        saved.entry_lists_kept = u64::from(kept);
+        let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
+        let cells = knows_outside.then_some(&*self.needed.cells);
+        self.bins.fill(source, &self.entry_faces, cells, &job.cancel);
+        saved
     }
 }
 
@@ -117,25 +152,30 @@ impl Renderer for Raycast {
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
         let table = Table::of(&job, &mut self.pre_integrated);
-        ray::transform(&view, &job.mesh.positions.local, &job.scalars, &job.cancel, &mut self.vertices);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
+        let (mut job, mut saved) = (job, FrameStats::default());
         let eye_cells = if everything_clear {
             self.bins.clear();
             Vec::new()
         } else {
-            self.collect_entry_faces(&job);
-            self.bins.fill(&view, &self.vertices, &self.entry_faces);
-            entries::cells_at_eye(&job, &view, EYE_TOLERANCE)
+            job.active = self.choice.cells(&job);
+            let eye_cells = entries::cells_at_eye(&job, &view, EYE_TOLERANCE);
+            saved = self.place_entries(&job, &view, &eye_cells);
+            self.order.begin(self.bins.grid, job.skip.costly_first);
+            eye_cells
         };
         self.frame.stats = FrameStats {
             cells_active: cells_active as u64,
             cells_total: job.active.universe() as u64,
-            entry_faces: if everything_clear { 0 } else { self.entry_faces.len() as u64 },
+            entry_faces: if everything_clear { 0 } else { self.entry_faces.count() as u64 },
+            clusters_outside: saved.clusters_outside,
+            vertices_not_transformed: saved.vertices_not_transformed,
+            entry_lists_kept: saved.entry_lists_kept,
             ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
-        self.tile_pixels.resize(self.bins.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
+        self.tile_pixels.resize(self.bins.grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
         self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
         let ms_before = job.stats.ms_decode + job.stats.ms_order;
         self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started, ms_before });
@@ -156,7 +196,7 @@ impl Renderer for Raycast {
         };
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
         self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
-        if next_tile >= self.bins.tile_count() {
+        if next_tile >= self.bins.grid.tile_count() {
             return Ok(Advance::Done(&self.frame));
         }
         self.active_job = Some(ActiveJob { next_tile, ..active });
@@ -178,19 +218,26 @@ impl Raycast {
             view: &active.view,
             table,
             vertices: &self.vertices,
-            entry_faces: &self.entry_faces,
-            eye_cells: &active.eye_cells,
-            early_termination: active.job.early_termination,
+            scalars: &active.job.scalars,
+            entries: Entries {
+                topology: &active.job.mesh.topology,
+                view: &active.view,
+                vertices: &self.vertices,
+                bins: &self.bins,
+                eye_cells: &active.eye_cells,
+                portable: self.portable,
+            },
+            early_termination: active.job.skip.opaque,
         };
-        let (bins, avx2) = (&self.bins, !self.portable);
-        let (first, pixels) = (active.next_tile, &mut self.tile_pixels);
-        let (counts, end) =
-            tiles::render_tiles(&active.job, pixels, &self.scratch, first, budget, |tile, scratch, out| {
-                simd::render_tile(avx2, &scene, bins, tile, scratch, out)
-            });
-        self.frame.stats.add_counts(&counts);
-        let scale = active.job.mesh.positions.scale;
-        tiles::copy_tiles(&mut self.frame, &self.bins.grid, &self.tile_pixels, first..end, scale);
-        end
+        let portable = self.portable;
+        let (job, first, pixels, order) = (&active.job, active.next_tile, &mut self.tile_pixels, &mut self.order);
+        let done = tiles::render_tiles(job, order, pixels, &self.scratch, first, budget, |tile, scratch, out| {
+            walk::render_tile(portable, &scene, tile, scratch, out)
+        });
+        self.frame.stats.add_counts(&done.counts);
+        self.frame.stats.ms_idle += done.ms_idle;
+        let scale = job.mesh.positions.scale;
+        tiles::copy_tiles(&mut self.frame, &self.order, &self.tile_pixels, first..done.end, scale);
+        done.end
     }
 }

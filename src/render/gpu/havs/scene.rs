@@ -151,7 +151,7 @@ impl Scene {
             made |= fragments.reserve(context, FRAGMENT_BYTES)?;
         }
         params.vertex_count = job.mesh.positions.local.len() as u32;
-        if job.early_termination {
+        if job.skip.opaque {
             params.flags |= flags::EARLY_TERMINATION;
         }
         if job.active.count() == job.active.universe() {

@@ -27,6 +27,7 @@ use super::layout::{Params, depth_of};
 use super::presenter::Presenter;
 use super::readback::Slot;
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
+use crate::render::cpu::raycast::skips::CellChoice;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use scene::Scene;
@@ -47,6 +48,7 @@ pub struct Raycast {
     frame: Frame,
     active_job: Option<ActiveJob>,
     presenter: Presenter,
+    choice: CellChoice,
     /// Of a tile.
     cost: UnitCost,
 }
@@ -77,6 +79,7 @@ impl Raycast {
             in_flight: VecDeque::with_capacity(SLOTS),
             frame: Frame::default(),
             active_job: None,
+            choice: CellChoice::default(),
             presenter: Presenter::new(),
             cost: UnitCost::default(),
         }
@@ -294,6 +297,7 @@ impl Renderer for Raycast {
             // All pixels are clear, and here.
             self.frame.clear(view.width_px, view.height_px);
         } else {
+            let job = RenderJob { active: self.choice.cells(&job), ..job };
             self.presenter.prepare(&self.context, &job, &mut self.frame)?;
             let eye_cells: Vec<_> =
                 eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();

@@ -142,7 +142,7 @@ impl Scene {
         params.face_count = self.domain.faces.len() as u32;
         params.eye_count = eye_cells.len() as u32;
         params.item_count = params.face_count + params.eye_count;
-        if job.early_termination {
+        if job.skip.opaque {
             params.flags |= flags::EARLY_TERMINATION;
         }
         if job.active.count() == job.active.universe() {

@@ -14,7 +14,7 @@ use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::layout::Params;
 use crate::render::gpu::test_common as common;
 use crate::render::{RenderJob, Renderer};
-use crate::visibility::finite_cells;
+use crate::visibility::{Skip, finite_cells};
 use glam::DVec3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -79,10 +79,11 @@ pub(in crate::render::gpu) fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, hei
         view: camera.view(width, height).unwrap(),
         table: Arc::new(NodeTable::new(nodes).unwrap()),
         compressed: None,
+        finite: None,
         optics: Default::default(),
         faces: None,
         k_buffer: Default::default(),
-        early_termination: false,
+        skip: Skip { opaque: false, ..Skip::ALL },
         cancel: Default::default(),
         thread_limit: Default::default(),
         for_window: false,

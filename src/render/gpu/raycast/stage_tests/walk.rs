@@ -136,8 +136,7 @@ fn counters_are_those_of_the_cpu() {
         // No ray passes an edge, and no scalar a node, so closely that f32 decides otherwise.
         assert_eq!(all_counts(&render(&context, &job)), all_counts(&on_cpu(&job).stats), "{name}");
         let nodes = job.table.nodes().iter().map(|n| Node { tau: 100.0 * n.tau, ..*n }).collect();
-        let opaque =
-            RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), early_termination: true, ..job.clone() };
+        let opaque = RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), skip: Skip::ALL, ..job.clone() };
         let (frame, cpu) = (frame_of(&context, &opaque), on_cpu(&opaque));
         let (gpu, undecided) = (&frame.stats, undecided(&cpu.color) + undecided(&frame.color));
         if undecided == 0 {

@@ -1,7 +1,7 @@
 //! Which rays of a tile hit a face, and where.
 //!
 //! A ray hits a face if the three edge functions of the face's corners, sheared along the ray, have one sign, decided as
-//! everywhere by [`signed_edge`](super::super::ray::signed_edge). Those signs and values are computed pixel by pixel only
+//! everywhere by [`signed_edge`](super::ray::signed_edge). Those signs and values are computed pixel by pixel only
 //! where it matters. Elsewhere an edge function of corners p, q that have been sheared along the ray through the middle of
 //! the tile is linear in a pixel's distance (dx, dy) from there,
 //!
@@ -24,12 +24,16 @@
 //! sums are rounded as well. The terms' magnitudes sum to at most 2 R^2, each with at most six roundings: less than
 //! 2^-20 R^2 in all. Above `2^-19 R^2 + 2^-45 D R` in f32, E has that sign in f64 and is above its own bound there.
 
-use super::super::ray::{Ray, ViewVertex, crossing};
-use super::TILE_PX;
-use super::bins::{Bounds, TileFace};
-use super::fragment::Fragment;
-use super::lanes::{BLOCK, COLUMNS, Lanes, PixelList};
+pub(super) mod boxes;
+pub(super) mod lanes;
+pub(super) mod lists;
+
+use super::ray::{Ray, ViewVertex, crossing};
+use super::tiles::TILE_PX;
 use crate::camera::View;
+use boxes::{Bounds, least, most};
+use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
+use lists::TileFace;
 
 /// Pixels, or faces, at a time.
 const EIGHT: usize = 8;
@@ -68,6 +72,17 @@ impl TileRays {
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
         Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach }
     }
+}
+
+/// Where a ray passes through a face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Hit {
+    pub(super) depth: f64,
+    pub(super) scalar: f64,
+    /// Those of the face, in the order in which the ray meets them.
+    pub(super) cells: [u32; 2],
+    /// Whether it sees the corners clockwise.
+    pub(super) is_turned: bool,
 }
 
 /// Faces that are made ready at a time, so that memory is waited for once.
@@ -113,6 +128,8 @@ impl Faces {
     pub(super) fn set(&mut self, view: &View, vertices: &[ViewVertex], rays: &TileRays, faces: &[TileFace]) {
         let count = faces.len().min(FACES_AT_ONCE);
         self.faces[..count].copy_from_slice(&faces[..count]);
+        // Those that fill up the last eight: what was there may be of another mesh.
+        self.faces[count..count.next_multiple_of(EIGHT)].fill(TileFace::UNUSED);
         let mut first = 0;
         while first < count {
             self.set_eight(view, vertices, rays, first);
@@ -168,12 +185,14 @@ impl Faces {
             put(&mut self.scalar[i], first, s[i]);
         }
         for (l, at_eye) in self.at_eye[first..].iter_mut().take(EIGHT).enumerate() {
-            *at_eye = view.perspective && !((h[0][l] > 0.0) & (h[1][l] > 0.0) & (h[2][l] > 0.0));
+            // A little more than zero: the product with an edge function that is certain must not vanish.
+            let least = f64::EPSILON;
+            *at_eye = view.perspective && !((h[0][l] > least) & (h[1][l] > least) & (h[2][l] > least));
         }
     }
 
     /// Gives `hit` each pixel of the tile (row times [`TILE_PX`] plus column) whose ray hits face `i` in front of the eye,
-    /// with the fragment.
+    /// and where.
     #[inline(always)]
     pub(super) fn hits<L: Lanes>(
         &self,
@@ -182,7 +201,7 @@ impl Faces {
         (view, vertices): (&View, &[ViewVertex]),
         rays: &TileRays,
         list: &mut PixelList,
-        mut hit: impl FnMut(usize, Fragment),
+        mut hit: impl FnMut(usize, Hit),
     ) {
         let i = i % FACES_AT_ONCE;
         let [front, behind] = self.faces[i].cells;
@@ -204,15 +223,16 @@ impl Faces {
             while certain != 0 {
                 let l = certain.trailing_zeros() as usize % EIGHT;
                 certain &= certain - 1;
-                let (near, far) = if turned >> l & 1 == 1 { (behind, front) } else { (front, behind) };
-                hit(pixels[l] as usize, Fragment { depth: depth[l], scalar: scalar[l], near, far });
+                let is_turned = turned >> l & 1 == 1;
+                let cells = if is_turned { [behind, front] } else { [front, behind] };
+                hit(pixels[l] as usize, Hit { depth: depth[l], scalar: scalar[l], cells, is_turned });
             }
             while doubtful != 0 {
                 let pixel = pixels[doubtful.trailing_zeros() as usize % EIGHT] as usize;
                 doubtful &= doubtful - 1;
                 let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
-                let found = careful_hit(&self.faces[i], self.at_eye[i], view, vertices, column, row);
-                found.into_iter().for_each(|fragment| hit(pixel, fragment));
+                let found = careful_hit(&self.faces[i], view, vertices, column, row);
+                found.into_iter().for_each(|found| hit(pixel, found));
             }
             first += EIGHT;
         }
@@ -266,7 +286,7 @@ impl Faces {
         values
     }
 
-    /// Of all pixels, as [`hit`](super::super::ray::hit) has them; of no meaning where the face is not hit.
+    /// Of all pixels, as [`hit`](super::ray::hit) has them; of no meaning where the face is not hit.
     #[inline(always)]
     fn depth_and_scalar(&self, i: usize, [e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
         let [p, q, r] = [self.depth[0][i], self.depth[1][i], self.depth[2][i]];
@@ -344,39 +364,20 @@ fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
     (all, some)
 }
 
-// Both of one instruction.
-#[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn most(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The fragment of one pixel by the definition.
+/// Where the ray of one pixel hits a face, by the definition.
 #[cold]
 #[inline(never)]
-fn careful_hit(
-    face: &TileFace,
-    at_eye: bool,
-    view: &View,
-    vertices: &[ViewVertex],
-    column: usize,
-    row: usize,
-) -> Option<Fragment> {
+fn careful_hit(face: &TileFace, view: &View, vertices: &[ViewVertex], column: usize, row: usize) -> Option<Hit> {
     let ray = Ray::of_pixel(view, column, row);
     let [a, b, c] = face.ids;
     let [front, behind] = face.cells;
-    let (ids, near, far, found) = match crossing(&ray, vertices, [a, b, c]) {
-        Some(found) => ([a, b, c], front, behind, found),
-        None => ([a, c, b], behind, front, crossing(&ray, vertices, [a, c, b])?),
+    let (ids, cells, is_turned, found) = match crossing(&ray, vertices, [a, b, c]) {
+        Some(found) => ([a, b, c], [front, behind], false, found),
+        None => ([a, c, b], [behind, front], true, crossing(&ray, vertices, [a, c, b])?),
     };
-    let is_seen = !at_eye || found.is_in_front(ids);
-    is_seen.then_some(Fragment { depth: found.depth, scalar: found.scalar, near, far })
+    let is_seen = !view.perspective || found.is_in_front(ids);
+    is_seen.then_some(Hit { depth: found.depth, scalar: found.scalar, cells, is_turned })
 }
 
 #[cfg(test)]
-#[path = "raster_tests.rs"]
 mod tests;

@@ -1,18 +1,18 @@
 //! The few operations on vectors that the compiler does not find by itself: comparisons that become bits, and the numbers
 //! of the bits that are set. Everything else is written as loops over arrays.
 
-use super::TILE_PX;
+use super::super::tiles::TILE_PX;
 
 /// Pixels that are looked at side by side at first: two rows of eight.
-pub(super) const BLOCK: usize = 2 * COLUMNS;
+pub(in crate::render::cpu) const BLOCK: usize = 2 * COLUMNS;
 /// Columns of them.
-pub(super) const COLUMNS: usize = 8;
+pub(in crate::render::cpu) const COLUMNS: usize = 8;
 
 /// Pixels of a tile (row times [`TILE_PX`] plus column), with room for a block behind the last.
-pub(super) type PixelList = [u32; TILE_PX * TILE_PX + BLOCK];
+pub(in crate::render::cpu) type PixelList = [u32; TILE_PX * TILE_PX + BLOCK];
 
 /// A processor's vectors. The methods do the same on all.
-pub(super) trait Lanes: Copy {
+pub(in crate::render::cpu) trait Lanes: Copy {
     /// A bit for each lane where `a < b`.
     fn less_f32(self, a: [f32; BLOCK], b: [f32; BLOCK]) -> u16;
 

@@ -1,60 +1,56 @@
 //! Hits found many pixels at a time against the definition, pixel by pixel.
 
-use super::super::super::ray::transform;
-use super::super::bins::{BoxSource, ListedFace, project};
-use super::super::sides::Sides;
+use super::super::ray::transform;
+use super::boxes::{BoxSource, project};
+use super::lists::{ListedFace, SeenFace};
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
 use crate::synth::random::SplitMix64;
 use crate::task::Cancel;
-use crate::visibility::CellSet;
 use glam::DVec3;
 use std::sync::Arc;
 
 /// A pixel, and what its ray meets there.
-type Hit = (usize, Fragment);
+type HitIn = (usize, Hit);
 
 /// The hits of all faces of a mesh in one tile, as drawn, and by the definition in every pixel.
-fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<Hit>, Vec<Hit>) {
+fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<HitIn>, Vec<HitIn>) {
     let never = Cancel::new();
-    let (mut vertices, mut screen, mut sides) = (Vec::new(), Vec::new(), Sides::default());
+    let (mut vertices, mut screen) = (Vec::new(), Vec::new());
     let scalars: Vec<f32> = mesh.positions.local.iter().map(|p| p.x + 0.5 * p.y).collect();
-    transform(view, &mesh.positions.local, &scalars, &never, &mut vertices);
-    project(view, &vertices, &never, &mut screen);
-    sides.update(mesh);
+    transform(view, &mesh.positions.local, &scalars, None, &never, &mut vertices);
+    project(view, &vertices, None, &never, &mut screen);
     let source = BoxSource { view, vertices: &vertices, screen: &screen };
     let bounds = Bounds { x0: 0, x1: view.width_px, y0: 0, y1: view.height_px };
     let rays = TileRays::new(view, bounds);
-    let active = CellSet::all(mesh.topology.tets.len());
     let (mut drawn, mut defined) = (Vec::new(), Vec::new());
     let (mut faces, mut list) = (Faces::NONE, [0; TILE_PX * TILE_PX + BLOCK]);
-    let listed = |id: u32| {
-        let (ids, cells) = (mesh.topology.faces[id as usize], sides.cells(&mesh.topology, &active, id));
-        ListedFace { ids, cells }
-    };
+    // No matter which: all differ.
+    let listed = |id: u32| ListedFace { ids: mesh.topology.faces[id as usize], cells: [2 * id, 2 * id + 1] };
     let all: Vec<ListedFace> = (0..mesh.topology.faces.len() as u32).map(listed).collect();
     let seen: Vec<TileFace> =
-        all.iter().filter_map(|face| Some(TileFace::new(face, source.bounds(face.ids, bounds)?, [0, 0]))).collect();
+        all.iter().filter_map(|face| Some(in_tile(face, source.bounds(face.ids, bounds)?))).collect();
     for some in seen.chunks(FACES_AT_ONCE) {
         faces.set(view, &vertices, &rays, some);
         for i in 0..some.len() {
             faces.middle[0][i] += perturb;
-            faces.hits(lanes, i, (view, &vertices), &rays, &mut list, |pixel, fragment| drawn.push((pixel, fragment)));
+            faces.hits(lanes, i, (view, &vertices), &rays, &mut list, |pixel, hit| drawn.push((pixel, hit)));
         }
     }
     for face in all {
-        let at_eye = view.perspective && face.ids.iter().any(|&v| vertices[v as usize].w <= 0.0);
-        let in_front = !view.perspective || face.ids.iter().any(|&v| vertices[v as usize].w > 0.0);
-        let face = TileFace::new(&face, bounds, [0, 0]);
+        let face = in_tile(&face, bounds);
         for (row, column) in (0..view.height_px).flat_map(|j| (0..view.width_px).map(move |i| (j, i))) {
-            let found = careful_hit(&face, at_eye, view, &vertices, column, row);
-            // Without the flag a face behind the eye would count.
-            let found = found.filter(|_| in_front);
-            defined.extend(found.map(|fragment| (row * TILE_PX + column, fragment)));
+            let found = careful_hit(&face, view, &vertices, column, row);
+            defined.extend(found.map(|hit| (row * TILE_PX + column, hit)));
         }
     }
     (drawn, defined)
+}
+
+/// A face in the only tile.
+fn in_tile(face: &ListedFace, bounds: Bounds) -> TileFace {
+    TileFace::new(&SeenFace { face: *face, bounds, nearest: 0.0 }, [0, 0])
 }
 
 /// Cells between random points, flattened to slivers of 2^-`flatness`.
@@ -91,19 +87,19 @@ fn scenes() -> Vec<(Arc<Mesh>, View)> {
     scenes
 }
 
-fn sorted(mut hits: Vec<Hit>) -> Vec<Hit> {
-    hits.sort_by(|(p, a), (q, b)| p.cmp(q).then(a.near.cmp(&b.near)).then(a.far.cmp(&b.far)));
+fn sorted(mut hits: Vec<HitIn>) -> Vec<HitIn> {
+    hits.sort_by(|(p, a), (q, b)| p.cmp(q).then(a.cells.cmp(&b.cells)));
     hits
 }
 
 /// Whether all hits are the same, at the same places but for the accuracy of three weights (2^-20 each) of depths and
 /// scalars of magnitude `most`.
-fn agree((drawn, defined): (Vec<Hit>, Vec<Hit>), most: f64) -> bool {
+fn agree((drawn, defined): (Vec<HitIn>, Vec<HitIn>), most: f64) -> bool {
     let (drawn, defined) = (sorted(drawn), sorted(defined));
     let bound = 6.0 / (1 << 20) as f64 * most;
-    let same = |(p, a): &Hit, (q, b): &Hit| {
+    let same = |(p, a): &HitIn, (q, b): &HitIn| {
         let place = (a.depth - b.depth).abs().max((a.scalar - b.scalar).abs());
-        (p, a.near, a.far) == (q, b.near, b.far) && place <= bound
+        (p, a.cells, a.is_turned) == (q, b.cells, b.is_turned) && place <= bound
     };
     drawn.len() == defined.len() && drawn.iter().zip(&defined).all(|(a, b)| same(a, b))
 }

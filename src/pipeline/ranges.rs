@@ -1,0 +1,87 @@
+//! Between which scalars the chunks of a step's vertices lie, as far as that is known.
+//!
+//! It is learned when a step is decoded for the first time. From then on chunks of which no cell can be seen need not be
+//! decoded again: when a loop begins anew, when the time goes back, when another transfer function is looked through.
+
+use super::series::Series;
+use super::time::FrameTime;
+use crate::visibility::{ClearIntervals, Clusters, Label};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// Least and greatest scalar of each chunk of a step; NaN if one of its scalars is not finite.
+type StepRanges = Arc<[[f32; 2]]>;
+
+/// The ranges of a series.
+#[derive(Debug, Default)]
+pub(super) struct ChunkRanges {
+    clusters: OnceLock<Arc<Clusters>>,
+    /// Eight bytes for each chunk of each step that was decoded.
+    steps: Mutex<HashMap<usize, StepRanges>>,
+}
+
+/// Which chunks of a moment are needed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Needed {
+    /// Whether each is.
+    pub(super) chunks: Vec<bool>,
+    /// The label of those that are not.
+    pub(super) labels: Vec<Option<Label>>,
+}
+
+impl Series {
+    /// The clusters of its mesh.
+    pub(super) fn clusters(&self) -> &Arc<Clusters> {
+        if let Some(clusters) = self.ranges.clusters.get() {
+            return clusters;
+        }
+        // Outside of the cell: a thread that waits in rayon may be given a task that asks for the clusters, too.
+        let clusters = Arc::new(Clusters::new(&self.mesh));
+        self.ranges.clusters.get_or_init(|| clusters)
+    }
+
+    fn known_ranges(&self) -> MutexGuard<'_, HashMap<usize, StepRanges>> {
+        self.ranges.steps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Learns the ranges of a step from all of its scalars.
+    pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
+        if self.known_ranges().contains_key(&step) {
+            return;
+        }
+        // Without the lock, for the same reason as above.
+        let ranges = scalars.par_chunks(Clusters::VERTICES).map(range).collect::<Vec<_>>();
+        self.known_ranges().entry(step).or_insert_with(|| ranges.into());
+    }
+
+    /// Which chunks of a moment are needed where the table is not clear; `None` if all of them are, or nothing is known.
+    pub(super) fn needed_chunks(&self, time: FrameTime, clear: &ClearIntervals) -> Option<Needed> {
+        let steps = self.known_ranges();
+        let ranges = steps.get(&time.step())?.clone();
+        // What is mixed lies between what it is mixed from.
+        let others = match time.toward() {
+            None => ranges.clone(),
+            Some((next, _)) => steps.get(&next)?.clone(),
+        };
+        drop(steps);
+        let hull = |(&[a, b], &[c, d]): (&[f32; 2], &[f32; 2])| {
+            let is_known = ![a, b, c, d].iter().any(|end| end.is_nan());
+            clear.label_of_range(a.min(c), b.max(d)).filter(|_| is_known)
+        };
+        let mut labels: Vec<Option<Label>> = ranges.iter().zip(&*others).map(hull).collect();
+        let chunks = self.clusters().needed_scalars(&labels);
+        if chunks.iter().all(|&needed| needed) {
+            return None;
+        }
+        labels.iter_mut().zip(&chunks).filter(|(_, needed)| **needed).for_each(|(label, _)| *label = None);
+        Some(Needed { chunks, labels })
+    }
+}
+
+/// Least and greatest of some scalars; NaN if one is not finite.
+fn range(scalars: &[f32]) -> [f32; 2] {
+    let all_finite = scalars.iter().all(|s| s.is_finite());
+    let fold = |[lo, hi]: [f32; 2], &s: &f32| [lo.min(s), hi.max(s)];
+    if all_finite { scalars.iter().fold([f32::INFINITY, f32::NEG_INFINITY], fold) } else { [f32::NAN; 2] }
+}

@@ -1,0 +1,160 @@
+//! Which pixels a face may cover.
+
+use super::super::ray::{CLUSTER, CLUSTERS_AT_ONCE, ViewVertex, is_needed};
+use super::super::tiles::pixel_box;
+use crate::camera::View;
+use crate::task::Cancel;
+use rayon::prelude::*;
+
+/// Where a vertex is in the image, in pixels from the middle of the first one (NaN if it is not in front of the eye), and
+/// its depth; four numbers for the sake of one load.
+pub(in crate::render::cpu) type ScreenPoint = [f32; 4];
+
+/// Places of all vertices in the image; of clusters that are not `needed`, if that is known, they stay what they were.
+pub(in crate::render::cpu) fn project(
+    view: &View,
+    vertices: &[ViewVertex],
+    needed: Option<&[bool]>,
+    cancel: &Cancel,
+    out: &mut Vec<ScreenPoint>,
+) {
+    out.resize(vertices.len(), [0.0; 4]);
+    let to_px = |half: f64, pixels: usize| (0.5 * pixels as f64 / half, 0.5 * pixels as f64 - 0.5);
+    let ((scale_x, middle_x), (scale_y, middle_y)) =
+        (to_px(view.half_width, view.width_px), to_px(view.half_height, view.height_px));
+    let clusters = out.par_chunks_mut(CLUSTER).zip(vertices.par_chunks(CLUSTER)).enumerate();
+    clusters.with_min_len(CLUSTERS_AT_ONCE).for_each(|(cluster, (out, vertices))| {
+        if !is_needed(needed, cluster) || cancel.is_cancelled() {
+            return;
+        }
+        for (out, v) in out.iter_mut().zip(vertices) {
+            let h = if view.perspective { v.w } else { 1.0 };
+            let per_h = if h > 0.0 { 1.0 / h } else { f64::NAN };
+            let (x, y) = (v.x * per_h * scale_x + middle_x, -v.y * per_h * scale_y + middle_y);
+            *out = [x as f32, y as f32, v.w as f32, 0.0];
+        }
+    });
+}
+
+/// Pixels from `x0` to `x1` and `y0` to `y1`, ends excluded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render::cpu) struct Bounds {
+    pub(in crate::render::cpu) x0: usize,
+    pub(in crate::render::cpu) x1: usize,
+    pub(in crate::render::cpu) y0: usize,
+    pub(in crate::render::cpu) y1: usize,
+}
+
+impl Bounds {
+    /// All pixels of a view.
+    pub(in crate::render::cpu) fn of_image(view: &View) -> Self {
+        Self { x0: 0, x1: view.width_px, y0: 0, y1: view.height_px }
+    }
+}
+
+/// What boxes of faces are found from.
+#[derive(Clone, Copy)]
+pub(in crate::render::cpu) struct BoxSource<'a> {
+    pub(in crate::render::cpu) view: &'a View,
+    pub(in crate::render::cpu) vertices: &'a [ViewVertex],
+    pub(in crate::render::cpu) screen: &'a [ScreenPoint],
+}
+
+impl BoxSource<'_> {
+    /// Least depth of a corner, rounded to f32.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn nearest(&self, ids: [u32; 3]) -> f32 {
+        let [a, b, c] = ids.map(|v| self.screen[v as usize][2]);
+        least(a, least(b, c))
+    }
+
+    /// Pixels within `clip` whose rays may meet a face in front of the eye; `None` if there are none. Conservative: places
+    /// in the image are right to 2^-22 of its size.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn bounds(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
+        let corners = ids.map(|v| self.screen[v as usize]);
+        if is_at_eye(&corners) { self.bounds_at_eye(ids, clip) } else { bounds_on_screen(&corners, clip) }
+    }
+
+    /// The same for a face that counts only for rays that see its corners counter-clockwise.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn bounds_from_front(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
+        let corners = ids.map(|v| self.screen[v as usize]);
+        if is_at_eye(&corners) {
+            let is_back = is_back_facing(self.view, ids.map(|v| self.vertices[v as usize]));
+            return if is_back { None } else { self.bounds_at_eye(ids, clip) };
+        }
+        let size = clip.x1.max(clip.y1) as f32;
+        if is_clockwise(&corners, size) { None } else { bounds_on_screen(&corners, clip) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn bounds_at_eye(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
+        let found = pixel_box(self.view, ids.map(|v| self.vertices[v as usize]))?;
+        let (x0, x1) = (found.x.max(clip.x0), (found.x + found.width).min(clip.x1));
+        let (y0, y1) = (found.y.max(clip.y0), (found.y + found.height).min(clip.y1));
+        (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
+    }
+}
+
+/// Whether a corner is not in front of the eye: NaN comes through.
+#[inline(always)]
+fn is_at_eye([a, b, c]: &[ScreenPoint; 3]) -> bool {
+    (a[0] + b[0] + c[0]).is_nan()
+}
+
+#[inline(always)]
+fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], clip: Bounds) -> Option<Bounds> {
+    let range = |axis: usize, first: usize, end: usize| {
+        let pad = 1e-3 + end as f32 * (1.0 / (1u32 << 22) as f32);
+        let (lo, hi) = (least(a[axis], least(b[axis], c[axis])) - pad, most(a[axis], most(b[axis], c[axis])) + pad);
+        // Casts of numbers beyond the integers end at the last one. A pixel exactly at an end lies a pad outside.
+        let from = if lo > 0.0 { lo as i32 as usize + 1 } else { 0 };
+        let to = if hi > 0.0 { hi as i32 as usize + 1 } else { 0 };
+        (from.max(first), to.min(end))
+    };
+    let ((x0, x1), (y0, y1)) = (range(0, clip.x0, clip.x1), range(1, clip.y0, clip.y1));
+    (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
+}
+
+/// Whether all rays that meet a face in front of the eye see its corners clockwise, beyond doubt; `size` is that of the
+/// image.
+///
+/// Let M be the largest coordinate, or `size`, and L the longest side of the face's box, at most 2 M. Rounding to f32 moves
+/// corners by 2^-24 M, and what is rounded in f64, shearing included, by far less: differences are wrong by 2^-22 M at most, and twice
+/// the area, a difference of two products of two of them, by 2^-20 L M + 2^-23 L^2. Overflows come out as not beyond doubt.
+#[inline(always)]
+fn is_clockwise([a, b, c]: &[ScreenPoint; 3], size: f32) -> bool {
+    let [ab, ac] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+    // The rows of an image go down.
+    let clockwise = ab[0] * ac[1] - ac[0] * ab[1];
+    let longest = most(most(ab[0].abs(), ab[1].abs()), most(ac[0].abs(), ac[1].abs()));
+    let largest = most(most(a[0].abs(), a[1].abs()) + longest, size);
+    clockwise > longest * largest * (1.0 / (1u32 << 18) as f32)
+}
+
+/// Whether every ray sees the triangle clockwise, beyond doubt, on whichever side of the eye it is.
+#[cold]
+#[inline(never)]
+fn is_back_facing(view: &View, [a, b, c]: [ViewVertex; 3]) -> bool {
+    let (ab, ac) = ([b.x - a.x, b.y - a.y, b.w - a.w], [c.x - a.x, c.y - a.y, c.w - a.w]);
+    let normal = [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
+    // Along the ray to corner a; parallel rays all go along w.
+    let ray = if view.perspective { [a.x, a.y, a.w] } else { [0.0, 0.0, 1.0] };
+    let dot: f64 = (0..3).map(|i| normal[i] * ray[i]).sum();
+    let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Far above f64's rounding: what is in doubt is decided pixel by pixel.
+    dot < -1e-9 * length(&ab) * length(&ac) * length(&ray)
+}
+
+// Both of one instruction, as neither is NaN.
+#[inline(always)]
+pub(in crate::render::cpu) fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+pub(in crate::render::cpu) fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}

@@ -1,0 +1,135 @@
+//! For each tile the faces whose box meets it.
+
+use super::super::tiles::{TILE_PX, TileGrid};
+use super::boxes::Bounds;
+use crate::mesh::NONE;
+
+/// A face that a tile has to look at, with what all tiles would else look for: they read them one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render::cpu) struct TileFace {
+    /// Corners.
+    pub(in crate::render::cpu) ids: [u32; 3],
+    /// In front of it and behind it, for rays that see its corners counter-clockwise.
+    pub(in crate::render::cpu) cells: [u32; 2],
+    /// The columns x0..x1 and rows y0..y1 of the tile in its box: x0, x1, y0, y1.
+    in_tile: [u8; 4],
+    /// Least depth of a corner, rounded to f32.
+    nearest: f32,
+}
+
+impl TileFace {
+    pub(in crate::render::cpu) const UNUSED: Self =
+        Self { ids: [0; 3], cells: [NONE; 2], in_tile: [0; 4], nearest: 0.0 };
+
+    /// A face whose box meets the tile in column and row `tile`.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn new(face: &SeenFace, tile: [usize; 2]) -> Self {
+        let within = |px: usize, tile: usize| px.saturating_sub(tile * TILE_PX).min(TILE_PX) as u8;
+        let Bounds { x0, x1, y0, y1 } = face.bounds;
+        let in_tile = [within(x0, tile[0]), within(x1, tile[0]), within(y0, tile[1]), within(y1, tile[1])];
+        Self { ids: face.face.ids, cells: face.face.cells, in_tile, nearest: face.nearest }
+    }
+
+    /// No place of the face is nearer than that.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn nearest(&self) -> f64 {
+        below(self.nearest)
+    }
+
+    /// Its box in the tile, from the tile's corner.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn bounds(&self) -> Bounds {
+        let [x0, x1, y0, y1] = self.in_tile.map(usize::from);
+        Bounds { x0, x1, y0, y1 }
+    }
+}
+
+/// Corners and cells of a face, as [`TileFace`] has them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::render::cpu) struct ListedFace {
+    pub(in crate::render::cpu) ids: [u32; 3],
+    pub(in crate::render::cpu) cells: [u32; 2],
+}
+
+/// A face that can be seen.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render::cpu) struct SeenFace {
+    pub(in crate::render::cpu) face: ListedFace,
+    pub(in crate::render::cpu) bounds: Bounds,
+    /// Least depth of a corner, rounded to f32.
+    pub(in crate::render::cpu) nearest: f32,
+}
+
+/// Faces that can be seen.
+pub(in crate::render::cpu) type Seen = Vec<SeenFace>;
+
+/// For each tile those of some faces whose box meets it, in their order: first the boxes are counted, then the faces stored.
+#[derive(Debug, Default)]
+pub(in crate::render::cpu) struct TileLists {
+    grid: TileGrid,
+    /// `starts[t]..starts[t + 1]` of `in_tiles` belong to tile t.
+    starts: Vec<u32>,
+    in_tiles: Vec<TileFace>,
+}
+
+impl TileLists {
+    /// Empty lists.
+    pub(in crate::render::cpu) fn begin(&mut self, grid: TileGrid) {
+        self.grid = grid;
+        self.starts.clear();
+        self.starts.resize(grid.tile_count() + 1, 0);
+    }
+
+    /// Makes room for a face.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn count(&mut self, bounds: Bounds) {
+        let ([x0, x1], [y0, y1]) = tiles(bounds);
+        for y in y0..=y1 {
+            for count in &mut self.starts[y * self.grid.columns + 1..][x0..=x1] {
+                *count += 1;
+            }
+        }
+    }
+
+    /// Stores the faces that have been counted.
+    pub(in crate::render::cpu) fn store(&mut self, seen: &Seen) {
+        let grid = self.grid;
+        for tile in 0..grid.tile_count() {
+            self.starts[tile + 1] += self.starts[tile];
+        }
+        // No need to clear what is there: all of it is written.
+        self.in_tiles.resize(self.starts[grid.tile_count()] as usize, TileFace::UNUSED);
+        for face in seen {
+            let ([x0, x1], [y0, y1]) = tiles(face.bounds);
+            for y in y0..=y1 {
+                // `starts[tile]` serves as the cursor and ends where the next tile starts; shifted back below.
+                for (x, cursor) in (x0..).zip(&mut self.starts[y * grid.columns..][x0..=x1]) {
+                    self.in_tiles[*cursor as usize] = TileFace::new(face, [x, y]);
+                    *cursor += 1;
+                }
+            }
+        }
+        for tile in (0..grid.tile_count()).rev() {
+            self.starts[tile + 1] = self.starts[tile];
+        }
+        self.starts[0] = 0;
+    }
+
+    /// The faces of a tile.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn faces(&self, tile: usize) -> &[TileFace] {
+        &self.in_tiles[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+}
+
+/// No more than the depth that has been rounded to this one.
+#[inline(always)]
+pub(in crate::render::cpu) fn below(rounded: f32) -> f64 {
+    f64::from(rounded) - f64::from(rounded.abs() * f32::EPSILON)
+}
+
+/// The first and last column and row of tiles that a box meets.
+#[inline(always)]
+fn tiles(Bounds { x0, x1, y0, y1 }: Bounds) -> ([usize; 2], [usize; 2]) {
+    ([x0 / TILE_PX, (x1 - 1) / TILE_PX], [y0 / TILE_PX, (y1 - 1) / TILE_PX])
+}

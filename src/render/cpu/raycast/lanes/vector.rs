@@ -1,0 +1,434 @@
+//! Eight numbers side by side: what the walk does with them, on processors with AVX2 and with AVX-512. Every operation is
+//! that of the scalar walk, rounded alike.
+
+use pulp::x86::{V3, V4};
+use pulp::{NullaryFnOnce, cast};
+use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512d, __m512i, _CMP_LT_OQ};
+
+/// Rays that are walked side by side.
+pub(super) const LANES: usize = 8;
+
+/// A number for each lane.
+pub(super) type Eight = [f64; LANES];
+
+/// A processor's vectors of eight numbers.
+pub(in super::super) trait Lanes: Copy {
+    /// Eight f64.
+    type F: Copy;
+    /// A flag for each lane.
+    type M: Copy;
+
+    /// Calls a function with all of the processor's instructions.
+    fn vectorize(self, call: impl NullaryFnOnce<Output = ()>);
+
+    fn load(self, from: &Eight) -> Self::F;
+    fn store(self, from: Self::F) -> Eight;
+    fn splat(self, value: f64) -> Self::F;
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The greater, `b` of equal ones.
+    fn greater(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The lesser, `b` of equal ones.
+    fn less(self, a: Self::F, b: Self::F) -> Self::F;
+    fn abs(self, a: Self::F) -> Self::F;
+    /// Rounded to f32.
+    fn to_f32(self, a: Self::F) -> __m256;
+
+    /// Where `a < b`.
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M;
+    fn and(self, a: Self::M, b: Self::M) -> Self::M;
+    /// `a` and not `b`.
+    fn and_not(self, a: Self::M, b: Self::M) -> Self::M;
+    fn bits(self, mask: Self::M) -> u8;
+    fn mask(self, bits: u8) -> Self::M;
+    /// `a` where the flag is set, else `b`.
+    fn select(self, mask: Self::M, a: Self::F, b: Self::F) -> Self::F;
+    /// `a` where the flag is set, else `b`.
+    fn select_u32(self, mask: Self::M, a: __m256i, b: __m256i) -> __m256i;
+
+    /// `a` where the flag is set, else `b`.
+    fn select_f32(self, mask: Self::M, a: __m256, b: __m256) -> __m256;
+    fn splat_f32(self, value: f32) -> __m256;
+    fn add_f32(self, a: __m256, b: __m256) -> __m256;
+    fn mul_f32(self, a: __m256, b: __m256) -> __m256;
+    /// The greater, `b` of equal ones.
+    fn greater_f32(self, a: __m256, b: __m256) -> __m256;
+    /// A bit for each lane where `a < b`.
+    fn less_f32(self, a: __m256, b: __m256) -> u8;
+
+    /// Columns of eight rows.
+    fn transpose(self, rows: [&[f64; 4]; LANES]) -> [Self::F; 4];
+
+    /// Of each row of `neighbours` the entry where `tets` has `gone`; the row has it once.
+    fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i;
+
+    /// -a, to the sign of zero.
+    #[inline(always)]
+    fn neg(self, a: Self::F) -> Self::F {
+        self.sub(self.splat(-0.0), a)
+    }
+
+    /// One of three numbers: the first or the second where their flag is set.
+    #[inline(always)]
+    fn select3(self, [k0, k1]: [Self::M; 2], [a, b, c]: [Self::F; 3]) -> Self::F {
+        self.select(k0, a, self.select(k1, b, c))
+    }
+
+    /// One of three numbers: the first or the second where their flag is set.
+    #[inline(always)]
+    fn select3_u32(self, [k0, k1]: [Self::M; 2], [a, b, c]: [__m256i; 3]) -> __m256i {
+        self.select_u32(k0, a, self.select_u32(k1, b, c))
+    }
+}
+
+impl Lanes for V4 {
+    type F = __m512d;
+    type M = u8;
+
+    #[inline(always)]
+    fn vectorize(self, call: impl NullaryFnOnce<Output = ()>) {
+        V4::vectorize(self, call);
+    }
+
+    #[inline(always)]
+    fn load(self, from: &Eight) -> __m512d {
+        cast(*from)
+    }
+
+    #[inline(always)]
+    fn store(self, from: __m512d) -> Eight {
+        cast(from)
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f64) -> __m512d {
+        self.avx512f._mm512_set1_pd(value)
+    }
+
+    #[inline(always)]
+    fn add(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_add_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn sub(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_sub_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn mul(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_mul_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn div(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_div_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn greater(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_max_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn less(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_min_pd(a, b)
+    }
+
+    #[inline(always)]
+    fn abs(self, a: __m512d) -> __m512d {
+        self.avx512f._mm512_abs_pd(a)
+    }
+
+    #[inline(always)]
+    fn to_f32(self, a: __m512d) -> __m256 {
+        self.avx512f._mm512_cvtpd_ps(a)
+    }
+
+    #[inline(always)]
+    fn lt(self, a: __m512d, b: __m512d) -> u8 {
+        self.avx512f._mm512_cmplt_pd_mask(a, b)
+    }
+
+    #[inline(always)]
+    fn and(self, a: u8, b: u8) -> u8 {
+        a & b
+    }
+
+    #[inline(always)]
+    fn and_not(self, a: u8, b: u8) -> u8 {
+        a & !b
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: u8) -> u8 {
+        mask
+    }
+
+    #[inline(always)]
+    fn mask(self, bits: u8) -> u8 {
+        bits
+    }
+
+    #[inline(always)]
+    fn select(self, mask: u8, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_mask_blend_pd(mask, b, a)
+    }
+
+    #[inline(always)]
+    fn select_u32(self, mask: u8, a: __m256i, b: __m256i) -> __m256i {
+        self.avx512f._mm256_mask_blend_epi32(mask, b, a)
+    }
+
+    #[inline(always)]
+    fn select_f32(self, mask: u8, a: __m256, b: __m256) -> __m256 {
+        self.avx512f._mm256_mask_blend_ps(mask, b, a)
+    }
+
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> __m256 {
+        self.avx._mm256_set1_ps(value)
+    }
+
+    #[inline(always)]
+    fn add_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_mul_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_max_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn less_f32(self, a: __m256, b: __m256) -> u8 {
+        self.avx512f._mm256_cmp_ps_mask::<_CMP_LT_OQ>(a, b)
+    }
+
+    #[inline(always)]
+    fn transpose(self, rows: [&[f64; 4]; LANES]) -> [__m512d; 4] {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let [a, b]: [__m512d; 2] = [cast([*a, *e]), cast([*b, *f])];
+        let [c, d]: [__m512d; 2] = [cast([*c, *g]), cast([*d, *h])];
+        let low: __m512i = cast([0u64, 1, 8, 9, 4, 5, 12, 13]);
+        let high: __m512i = cast([2u64, 3, 10, 11, 6, 7, 14, 15]);
+        let even = [self.avx512f._mm512_unpacklo_pd(a, b), self.avx512f._mm512_unpacklo_pd(c, d)];
+        let odd = [self.avx512f._mm512_unpackhi_pd(a, b), self.avx512f._mm512_unpackhi_pd(c, d)];
+        [
+            self.avx512f._mm512_permutex2var_pd(even[0], low, even[1]),
+            self.avx512f._mm512_permutex2var_pd(odd[0], low, odd[1]),
+            self.avx512f._mm512_permutex2var_pd(even[0], high, even[1]),
+            self.avx512f._mm512_permutex2var_pd(odd[0], high, odd[1]),
+        ]
+    }
+
+    #[inline(always)]
+    fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i {
+        let gone = self.avx512f._mm512_castsi256_si512(gone);
+        let first: __m512i = cast([0u32, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]);
+        let second: __m512i = cast([4u32, 4, 4, 4, 5, 5, 5, 5, 6, 6, 6, 6, 7, 7, 7, 7]);
+        let gone =
+            [self.avx512f._mm512_permutexvar_epi32(first, gone), self.avx512f._mm512_permutexvar_epi32(second, gone)];
+        let (tets, neighbours) = (fours(tets), fours(neighbours));
+        let is_gone = [
+            self.avx512f._mm512_cmpeq_epi32_mask(tets[0], gone[0]),
+            self.avx512f._mm512_cmpeq_epi32_mask(tets[1], gone[1]),
+        ];
+        let packed = [
+            self.avx512f._mm512_maskz_compress_epi32(is_gone[0], neighbours[0]),
+            self.avx512f._mm512_maskz_compress_epi32(is_gone[1], neighbours[1]),
+        ];
+        let packed = [self.avx512f._mm512_castsi512_si256(packed[0]), self.avx512f._mm512_castsi512_si256(packed[1])];
+        // Four of each are of use.
+        self.avx2._mm256_permute2x128_si256::<0x20>(packed[0], packed[1])
+    }
+}
+
+/// Four rows in each of two vectors.
+#[inline(always)]
+fn fours([a, b, c, d, e, f, g, h]: [&[u32; 4]; LANES]) -> [__m512i; 2] {
+    [cast([*a, *b, *c, *d]), cast([*e, *f, *g, *h])]
+}
+
+impl Lanes for V3 {
+    type F = [__m256d; 2];
+    type M = [__m256d; 2];
+
+    #[inline(always)]
+    fn vectorize(self, call: impl NullaryFnOnce<Output = ()>) {
+        V3::vectorize(self, call);
+    }
+
+    #[inline(always)]
+    fn load(self, from: &Eight) -> Self::F {
+        cast(*from)
+    }
+
+    #[inline(always)]
+    fn store(self, from: Self::F) -> Eight {
+        cast(from)
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f64) -> Self::F {
+        [self.avx._mm256_set1_pd(value); 2]
+    }
+
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_add_pd(a[0], b[0]), self.avx._mm256_add_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_sub_pd(a[0], b[0]), self.avx._mm256_sub_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_mul_pd(a[0], b[0]), self.avx._mm256_mul_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_div_pd(a[0], b[0]), self.avx._mm256_div_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn greater(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_max_pd(a[0], b[0]), self.avx._mm256_max_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn less(self, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_min_pd(a[0], b[0]), self.avx._mm256_min_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        let sign = self.avx._mm256_set1_pd(-0.0);
+        [self.avx._mm256_andnot_pd(sign, a[0]), self.avx._mm256_andnot_pd(sign, a[1])]
+    }
+
+    #[inline(always)]
+    fn to_f32(self, a: Self::F) -> __m256 {
+        let halves: [__m128; 2] = [self.avx._mm256_cvtpd_ps(a[0]), self.avx._mm256_cvtpd_ps(a[1])];
+        self.avx._mm256_set_m128(halves[1], halves[0])
+    }
+
+    #[inline(always)]
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M {
+        [self.avx._mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0]), self.avx._mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn and(self, a: Self::M, b: Self::M) -> Self::M {
+        [self.avx._mm256_and_pd(a[0], b[0]), self.avx._mm256_and_pd(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn and_not(self, a: Self::M, b: Self::M) -> Self::M {
+        [self.avx._mm256_andnot_pd(b[0], a[0]), self.avx._mm256_andnot_pd(b[1], a[1])]
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: Self::M) -> u8 {
+        (self.avx._mm256_movemask_pd(mask[0]) | self.avx._mm256_movemask_pd(mask[1]) << 4) as u8
+    }
+
+    #[inline(always)]
+    fn mask(self, bits: u8) -> Self::M {
+        let (low, high): (__m256i, __m256i) = (cast([1u64, 2, 4, 8]), cast([16u64, 32, 64, 128]));
+        let all = self.avx._mm256_set1_epi64x(i64::from(bits));
+        [
+            cast(self.avx2._mm256_cmpeq_epi64(self.avx2._mm256_and_si256(all, low), low)),
+            cast(self.avx2._mm256_cmpeq_epi64(self.avx2._mm256_and_si256(all, high), high)),
+        ]
+    }
+
+    #[inline(always)]
+    fn select(self, mask: Self::M, a: Self::F, b: Self::F) -> Self::F {
+        [self.avx._mm256_blendv_pd(b[0], a[0], mask[0]), self.avx._mm256_blendv_pd(b[1], a[1], mask[1])]
+    }
+
+    #[inline(always)]
+    fn select_u32(self, mask: Self::M, a: __m256i, b: __m256i) -> __m256i {
+        // The lower halves of the flags, in order.
+        let halves = self.avx._mm256_shuffle_ps::<0x88>(cast(mask[0]), cast(mask[1]));
+        let flags = self.avx2._mm256_permute4x64_epi64::<0xd8>(cast(halves));
+        self.avx2._mm256_blendv_epi8(b, a, flags)
+    }
+
+    #[inline(always)]
+    fn select_f32(self, mask: Self::M, a: __m256, b: __m256) -> __m256 {
+        cast(self.select_u32(mask, cast(a), cast(b)))
+    }
+
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> __m256 {
+        self.avx._mm256_set1_ps(value)
+    }
+
+    #[inline(always)]
+    fn add_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_mul_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_max_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn less_f32(self, a: __m256, b: __m256) -> u8 {
+        self.avx._mm256_movemask_ps(self.avx._mm256_cmp_ps::<_CMP_LT_OQ>(a, b)) as u8
+    }
+
+    #[inline(always)]
+    fn transpose(self, rows: [&[f64; 4]; LANES]) -> [Self::F; 4] {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let (low, high) = (transpose_four(self, [a, b, c, d]), transpose_four(self, [e, f, g, h]));
+        [[low[0], high[0]], [low[1], high[1]], [low[2], high[2]], [low[3], high[3]]]
+    }
+
+    #[inline(always)]
+    fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i {
+        let gone: [u32; LANES] = cast(gone);
+        let mut found = [0; LANES];
+        for l in 0..LANES {
+            let [_, b, c, d] = tets[l].map(|v| usize::from(v == gone[l]));
+            found[l] = neighbours[l][(b + 2 * c + 3 * d) & 3];
+        }
+        cast(found)
+    }
+}
+
+/// Columns of four rows.
+#[inline(always)]
+fn transpose_four(v3: V3, [a, b, c, d]: [&[f64; 4]; 4]) -> [__m256d; 4] {
+    let [a, b, c, d]: [__m256d; 4] = [cast(*a), cast(*b), cast(*c), cast(*d)];
+    let even = [v3.avx._mm256_unpacklo_pd(a, b), v3.avx._mm256_unpacklo_pd(c, d)];
+    let odd = [v3.avx._mm256_unpackhi_pd(a, b), v3.avx._mm256_unpackhi_pd(c, d)];
+    [
+        v3.avx._mm256_permute2f128_pd::<0x20>(even[0], even[1]),
+        v3.avx._mm256_permute2f128_pd::<0x20>(odd[0], odd[1]),
+        v3.avx._mm256_permute2f128_pd::<0x31>(even[0], even[1]),
+        v3.avx._mm256_permute2f128_pd::<0x31>(odd[0], odd[1]),
+    ]
+}
+
+#[cfg(test)]
+#[path = "vector_tests.rs"]
+mod tests;

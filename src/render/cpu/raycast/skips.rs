@@ -1,0 +1,58 @@
+//! Whether leaving clear cells out pays.
+//!
+//! A ray that goes around clear cells leaves the active ones and enters them again, and each entry costs more than a step. Of a
+//! mesh seen from anywhere, let a be the mean area that a face has in the image. A cell is a closed surface of four faces: on
+//! average its image is covered twice by theirs, so that 2 a rays step through it. An entry face is entered from one of
+//! its two sides: by a / 2 rays on average over directions. So `c` clear cells behind `e` entry faces save 2 a c steps and
+//! cost a e / 2 entries.
+
+use super::entries::count_beside;
+use crate::render::RenderJob;
+use crate::visibility::CellSet;
+use std::sync::{Arc, Weak};
+
+/// Steps that an entry costs: finding its start among the pixels of the face's box, sorting it, and beginning a path
+/// (`docs/skipping.md`).
+const STEPS_PER_ENTRY: f64 = 26.0;
+
+/// Chooses between the active cells and all finite ones, from job to job.
+#[derive(Debug, Default)]
+pub(in crate::render) struct CellChoice {
+    /// What was chosen from last; told by its place.
+    active: Weak<CellSet>,
+    is_worth_it: bool,
+}
+
+impl CellChoice {
+    /// The cells that rays go through: the active ones, or all finite ones where that is cheaper. The image is the same.
+    pub(in crate::render) fn cells(&mut self, job: &RenderJob) -> Arc<CellSet> {
+        let Some(finite) = &job.finite else { return job.active.clone() };
+        if self.active.as_ptr() != Arc::as_ptr(&job.active) || !job.skip.unchanged {
+            let clear = finite.count().saturating_sub(job.active.count());
+            self.is_worth_it = is_worth_it(clear, || count_beside(&job.mesh.topology, &job.active, finite));
+            self.active = Arc::downgrade(&job.active);
+        }
+        if self.is_worth_it { job.active.clone() } else { finite.clone() }
+    }
+}
+
+/// Whether to go around so many clear cells, which are behind so many entry faces.
+fn is_worth_it(clear_cells: usize, entry_faces: impl FnOnce() -> usize) -> bool {
+    clear_cells > 0 && 2.0 * clear_cells as f64 > STEPS_PER_ENTRY * 0.5 * entry_faces() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_clear_regions_are_gone_around_small_ones_and_single_cells_are_not() {
+        // A ball of n^3 cells has some 6 n^2 faces around it.
+        assert!(is_worth_it(1_000_000, || 60_000));
+        assert!(is_worth_it(64_000, || 9600));
+        assert!(!is_worth_it(1000, || 600));
+        // Single cells have four each.
+        assert!(!is_worth_it(1000, || 4000));
+        assert!(!is_worth_it(0, || unreachable!("there is nothing to go around")));
+    }
+}

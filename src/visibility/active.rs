@@ -1,0 +1,235 @@
+//! The cells that can be seen, from step to step and from table to table.
+//!
+//! ```text
+//! scalars, table -> labels of vertices (where the table is clear)   each cluster: one label, or several? changed since last?
+//! labels -> cells                                                   each cluster: nothing changed: as before
+//!                                                                                 one label: none, or all, of its cells
+//!                                                                                 else cell by cell
+//! ```
+//! So a step in which little moves, or a table of which only a part was edited, costs little, and a cluster in the empty part of
+//! the mesh costs a look at a few labels.
+
+use super::clear::{ClearIntervals, HOLE, Label, VISIBLE};
+use super::{CellSet, Clusters, Pool};
+use crate::mesh::{Mesh, Topology};
+use crate::task::Cancel;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
+
+/// The cells of a mesh at one step.
+#[derive(Clone, Debug)]
+pub struct Activity {
+    /// The cells with four finite scalars.
+    pub finite: Arc<CellSet>,
+    /// Those of them in which the table has extinction; the same [`Arc`] if these are all of them.
+    pub active: Arc<CellSet>,
+    /// Cells that were looked at one by one for it.
+    pub classified: u64,
+}
+
+/// What is known of a cluster of vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ClusterState {
+    /// The label of all of its vertices, if they have one.
+    label: Option<Label>,
+    has_holes: bool,
+    /// Whether any label is another one than before.
+    changed: bool,
+}
+
+/// Finds the active cells of one frame after the other, and does again only what has changed. Keeps its memory: two bytes a
+/// vertex, and the sets that are in use.
+#[derive(Debug, Default)]
+pub struct ActiveCells {
+    of: Weak<Mesh>,
+    clusters: Arc<Clusters>,
+    all: Arc<CellSet>,
+    labels: Vec<Label>,
+    before: Vec<Label>,
+    states: Vec<ClusterState>,
+    last: Option<Last>,
+    pool: Pool<CellSet>,
+}
+
+#[derive(Debug)]
+struct Last {
+    /// Scalars are told by their place: while there is a weak reference to it, no others get it.
+    scalars: Weak<Vec<f32>>,
+    clear: Arc<ClearIntervals>,
+    activity: Activity,
+}
+
+impl ActiveCells {
+    /// Nothing known yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The cells that can be seen where the table is not `clear`; `None` if `cancel` was raised. `scalars`: one per vertex.
+    /// `clusters`: those of the mesh. With the clear intervals, `known`: the label of each cluster of vertices whose scalars are not to be looked
+    /// at, as [`ClearIntervals::label_of_range`] gives it; empty for none.
+    ///
+    /// With `forget`, nothing that is known from before is used.
+    ///
+    /// # Panics
+    /// If there is not one scalar per vertex.
+    pub fn update(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        clusters: &Arc<Clusters>,
+        scalars: &Arc<Vec<f32>>,
+        (clear, known): (&Arc<ClearIntervals>, &[Option<Label>]),
+        forget: bool,
+        cancel: &Cancel,
+    ) -> Option<Activity> {
+        assert_eq!(scalars.len(), mesh.positions.local.len(), "one scalar per vertex");
+        if forget {
+            self.last = None;
+        }
+        if self.of.as_ptr() != Arc::as_ptr(mesh) {
+            let (all, clusters) = (Arc::new(CellSet::all(mesh.topology.tets.len())), clusters.clone());
+            *self = Self { of: Arc::downgrade(mesh), clusters, all, ..Self::default() };
+        }
+        if let Some(last) = &self.last
+            && last.scalars.as_ptr() == Arc::as_ptr(scalars)
+            && (Arc::ptr_eq(&last.clear, clear) || last.clear == *clear)
+        {
+            return Some(Activity { classified: 0, ..last.activity.clone() });
+        }
+        self.label(scalars, clear, known);
+        let activity = self.find(&mesh.topology, cancel);
+        // Labels have moved on: what was found for those before no longer goes with them.
+        self.last =
+            activity.clone().map(|activity| Last { scalars: Arc::downgrade(scalars), clear: clear.clone(), activity });
+        activity
+    }
+
+    /// Labels the vertices, and compares them with those before.
+    fn label(&mut self, scalars: &[f32], clear: &ClearIntervals, known: &[Option<Label>]) {
+        std::mem::swap(&mut self.labels, &mut self.before);
+        self.labels.resize(scalars.len(), VISIBLE);
+        let is_new = self.last.is_none() || self.before.len() != scalars.len();
+        self.before.resize(scalars.len(), VISIBLE);
+        let chunks = self
+            .labels
+            .par_chunks_mut(Clusters::VERTICES)
+            .zip(self.before.par_chunks(Clusters::VERTICES))
+            .zip(scalars.par_chunks(Clusters::VERTICES));
+        let states = chunks.enumerate().map(|(at, ((labels, before), scalars))| {
+            match known.get(at).copied().flatten() {
+                Some(label) => labels.fill(label),
+                None => clear.label_all(scalars, labels),
+            }
+            let first = labels.first().copied().unwrap_or(VISIBLE);
+            let is_one = labels.iter().all(|&label| label == first);
+            let has_holes = if is_one { first == HOLE } else { labels.contains(&HOLE) };
+            ClusterState { label: is_one.then_some(first), has_holes, changed: is_new || labels != before }
+        });
+        states.collect_into_vec(&mut self.states);
+    }
+
+    /// The cells of the present labels.
+    fn find(&mut self, topology: &Topology, cancel: &Cancel) -> Option<Activity> {
+        let before = self.last.as_ref().map(|last| &last.activity);
+        if let Some(before) = before
+            && self.states.iter().all(|state| !state.changed)
+        {
+            return Some(Activity { classified: 0, ..before.clone() });
+        }
+        let Self { clusters, all, labels, states, pool, .. } = self;
+        let classified = AtomicU64::new(0);
+        let scene = Scene { topology, clusters, labels, states, cancel, classified: &classified };
+        let has_holes = states.iter().any(|state| state.has_holes);
+        let finite = if has_holes {
+            scene.find(pool, before.map(|before| &before.finite), all, |labels| !labels.contains(&HOLE))
+        } else {
+            all.clone()
+        };
+        let last = before.map(|before| &before.active);
+        let active = if has_holes {
+            scene.find(pool, last, all, |labels| !is_clear(labels) && !labels.contains(&HOLE))
+        } else {
+            scene.find(pool, last, all, |labels| !is_clear(labels))
+        };
+        let active = if active == finite { finite.clone() } else { active };
+        (!cancel.is_cancelled()).then(|| Activity { finite, active, classified: classified.into_inner() })
+    }
+}
+
+/// Whether a cell with vertices of these labels shows nothing.
+#[inline(always)]
+fn is_clear(labels: [Label; 4]) -> bool {
+    // Four bytes at once.
+    labels[0] != VISIBLE && u32::from_ne_bytes(labels) == u32::from(labels[0]) * 0x0101_0101
+}
+
+/// What cells are found from.
+struct Scene<'a> {
+    topology: &'a Topology,
+    clusters: &'a Clusters,
+    labels: &'a [Label],
+    states: &'a [ClusterState],
+    cancel: &'a Cancel,
+    classified: &'a AtomicU64,
+}
+
+impl Scene<'_> {
+    /// The cells whose labels are those of a member; `before`: those of the labels before. The same [`Arc`] if these are the same
+    /// cells, or `all`: renderers know a set by its place, and keep what they have made of it.
+    fn find(
+        &self,
+        pool: &mut Pool<CellSet>,
+        before: Option<&Arc<CellSet>>,
+        all: &Arc<CellSet>,
+        is_member: impl Fn([Label; 4]) -> bool + Sync,
+    ) -> Arc<CellSet> {
+        let set = pool.make(|set| self.fill(before.map(|set| &**set), is_member, set));
+        [before, Some(all)].into_iter().flatten().find(|known| ***known == *set).cloned().unwrap_or(set)
+    }
+
+    fn fill(&self, before: Option<&CellSet>, is_member: impl Fn([Label; 4]) -> bool + Sync, set: &mut CellSet) {
+        const WORDS: usize = Clusters::CELLS / 64;
+        let cells = self.topology.tets.len();
+        set.resize(cells);
+        set.words_mut().par_chunks_mut(WORDS).enumerate().for_each(|(cluster, words)| {
+            let used = self.clusters.of_cluster(cluster).iter().map(|&of| self.states[of as usize]);
+            if let Some(before) = before
+                && used.clone().all(|state| !state.changed)
+            {
+                words.copy_from_slice(&before.words()[WORDS * cluster..][..words.len()]);
+                return;
+            }
+            let first = used.clone().next().and_then(|state| state.label);
+            let tets = &self.topology.tets[Clusters::CELLS * cluster..cells.min(Clusters::CELLS * (cluster + 1))];
+            match first.filter(|_| used.clone().all(|state| state.label == first)) {
+                Some(label) => fill_words(words, tets.len(), is_member([label; 4])),
+                None if self.cancel.is_cancelled() => {}
+                None => {
+                    self.classified.fetch_add(tets.len() as u64, Ordering::Relaxed);
+                    for (word, tets) in words.iter_mut().zip(tets.chunks(64)) {
+                        let bit = |(at, tet): (usize, &[u32; 4])| {
+                            u64::from(is_member(tet.map(|v| self.labels[v as usize]))) << at
+                        };
+                        *word = tets.iter().enumerate().map(bit).fold(0, |word, bit| word | bit);
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// All of `count` cells, or none.
+fn fill_words(words: &mut [u64], count: usize, members: bool) {
+    words.fill(if members { u64::MAX } else { 0 });
+    if let Some(last) = words.last_mut()
+        && members
+        && !count.is_multiple_of(64)
+    {
+        *last = (1 << (count % 64)) - 1;
+    }
+}
+
+#[cfg(test)]
+#[path = "active_tests.rs"]
+mod tests;

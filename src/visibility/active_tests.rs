@@ -1,0 +1,182 @@
+use super::*;
+use crate::mesh::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of};
+use crate::node_table::{Node, NodeTable};
+use proptest::prelude::*;
+
+fn table(nodes: &[(f64, f64)]) -> NodeTable {
+    NodeTable::new(nodes.iter().map(|&(scalar, tau)| Node { scalar, rgb: [0.5; 3], tau }).collect()).unwrap()
+}
+
+/// Tents and steps at random, with gaps between them.
+fn random_table(random: &mut Random) -> NodeTable {
+    let mut nodes = vec![(-2.0, 0.0)];
+    let mut at = -1.0;
+    while at < 1.0 {
+        let width = 0.3 * (0.5 + 0.5 * random.signed()) + 1e-4;
+        let foot = if random.below(2) == 0 { 0.0 } else { 1.0 };
+        nodes.extend([(at, 0.0), (at, foot), (at + width, 1.0), (at + 2.0 * width, 0.0)]);
+        at += 2.0 * width + 0.4 * (1.0 + random.signed());
+    }
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    for node in nodes {
+        if kept.len() < 2 || kept[kept.len() - 2].0 < node.0 {
+            kept.push(node);
+        }
+    }
+    table(&kept)
+}
+
+/// Cell by cell from ranges: what the sets are compared with.
+fn naive(mesh: &Mesh, scalars: &[f32], table: Option<&NodeTable>) -> CellSet {
+    CellSet::of(mesh.topology.tets.len(), |cell| {
+        let s = mesh.topology.tets[cell].map(|v| scalars[v as usize]);
+        let (lo, hi) = s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
+        s.iter().all(|s| s.is_finite()) && table.is_none_or(|t| t.is_visible_in(f64::from(lo), f64::from(hi)))
+    })
+}
+
+/// Several chunks and clusters: 32 x 32 x 32 cubes are 196,608 cells and 35,937 vertices.
+fn large_mesh() -> Arc<Mesh> {
+    Arc::new(Mesh::build(jittered(kuhn_grid([32, 32, 32]), &mut Random(3))).unwrap().0)
+}
+
+/// A bump that moves along the diagonal of the box, flat far from its middle.
+fn wave(mesh: &Mesh, time: f64) -> Arc<Vec<f32>> {
+    let at = |v| mesh.positions.world(v);
+    let value = |v| (2.0 * (-(at(v) - time).length_squared() / 9.0).exp() - 1.0).max(-0.99) as f32;
+    Arc::new((0..mesh.positions.local.len()).map(value).collect())
+}
+
+fn clusters(mesh: &Mesh) -> Arc<Clusters> {
+    Arc::new(Clusters::new(mesh))
+}
+
+fn update(cells: &mut ActiveCells, mesh: &Arc<Mesh>, scalars: &Arc<Vec<f32>>, table: &NodeTable) -> Activity {
+    let clear = Arc::new(ClearIntervals::of(table));
+    cells.update(mesh, &clusters(mesh), scalars, (&clear, &[]), false, &Cancel::new()).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn sets_are_those_found_cell_by_cell_whatever_came_before(seed in any::<u64>()) {
+        let random = &mut Random(seed);
+        let keep = random.next();
+        let mesh = kuhn_grid_of([9, 9, 9], |c| keep >> ((c[0] + 2 * c[1] + 5 * c[2]) % 64) & 3 != 0);
+        let mesh = Arc::new(Mesh::build(jittered(mesh, random)).unwrap().0);
+        let mut cells = ActiveCells::new();
+        let mut scalars = Arc::new(Vec::new());
+        let mut table = random_table(random);
+        for frame in 0..8 {
+            if frame == 0 || random.below(3) > 0 {
+                let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+                let value = |random: &mut Random| match random.below(60) {
+                    hole @ 0..3 => bad[hole],
+                    3..20 => 0.25,
+                    _ => random.signed() as f32,
+                };
+                scalars = Arc::new((0..mesh.positions.local.len()).map(|_| value(random)).collect());
+            }
+            if random.below(3) == 0 {
+                table = random_table(random);
+            }
+            let found = update(&mut cells, &mesh, &scalars, &table);
+            prop_assert!(*found.active == naive(&mesh, &scalars, Some(&table)), "frame {}", frame);
+            prop_assert!(*found.finite == naive(&mesh, &scalars, None), "frame {}", frame);
+            // And a cell more or less would be seen.
+            let mut other = (*found.active).clone();
+            let cell = random.below(mesh.topology.tets.len()) as u32;
+            other.set(cell, !other.contains(cell));
+            prop_assert!(other != naive(&mesh, &scalars, Some(&table)));
+        }
+    }
+}
+
+#[test]
+fn only_clusters_in_which_something_changed_are_looked_at_again() {
+    let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
+    let mut cells = ActiveCells::new();
+    let total = mesh.topology.tets.len() as u64;
+    let first = update(&mut cells, &mesh, &wave(&mesh, 8.0), &tent);
+    assert!(first.classified > 0 && first.classified < total, "{} of {total}", first.classified);
+    // The same values elsewhere in memory.
+    let again = update(&mut cells, &mesh, &wave(&mesh, 8.0), &tent);
+    assert_eq!(again.classified, 0);
+    assert!(Arc::ptr_eq(&first.active, &again.active));
+    // Time moves a little, far, and a table changes.
+    for (time, table) in [(8.5, &tent), (24.0, &tent), (24.0, &table(&[(0.2, 0.0), (0.8, 1.0), (0.9, 0.0)]))] {
+        let moved = update(&mut cells, &mesh, &wave(&mesh, time), table);
+        assert!(moved.classified > 0 && moved.classified < total, "{} of {total}", moved.classified);
+        assert_eq!(*moved.active, naive(&mesh, &wave(&mesh, time), Some(table)));
+    }
+    // Nothing is taken from before if that is asked for.
+    let scalars = wave(&mesh, 24.0);
+    let clear = Arc::new(ClearIntervals::of(&tent));
+    let fresh = cells.update(&mesh, &clusters(&mesh), &scalars, (&clear, &[]), true, &Cancel::new()).unwrap();
+    assert!(fresh.classified > 0);
+    assert_eq!(*fresh.active, naive(&mesh, &scalars, Some(&tent)));
+}
+
+#[test]
+fn scalars_in_the_same_place_with_the_same_table_are_not_looked_at() {
+    let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
+    let mut cells = ActiveCells::new();
+    let scalars = wave(&mesh, 8.0);
+    let first = update(&mut cells, &mesh, &scalars, &tent);
+    let again = update(&mut cells, &mesh, &scalars, &tent);
+    assert!(Arc::ptr_eq(&first.active, &again.active) && again.classified == 0);
+    // A table of other colours is clear where this one is.
+    let nodes = tent.nodes().iter().map(|n| Node { rgb: [0.1; 3], tau: 2.0 * n.tau, ..*n }).collect();
+    let recoloured = update(&mut cells, &mesh, &scalars, &NodeTable::new(nodes).unwrap());
+    assert!(Arc::ptr_eq(&first.active, &recoloured.active) && recoloured.classified == 0);
+}
+
+#[test]
+fn a_table_without_clear_scalars_leaves_the_finite_cells_as_they_are() {
+    let mesh = large_mesh();
+    let mut cells = ActiveCells::new();
+    let dense = table(&[(0.0, 1.0)]);
+    let found = update(&mut cells, &mesh, &wave(&mesh, 8.0), &dense);
+    assert!(Arc::ptr_eq(&found.finite, &found.active));
+    assert_eq!((found.classified, found.active.count()), (0, mesh.topology.tets.len()));
+    // And the set of all cells stays in its place.
+    let next = update(&mut cells, &mesh, &wave(&mesh, 9.0), &dense);
+    assert!(Arc::ptr_eq(&found.active, &next.active));
+}
+
+#[test]
+fn chunks_whose_label_is_known_are_not_looked_at() {
+    let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
+    let (clear, whole) = (Arc::new(ClearIntervals::of(&tent)), wave(&mesh, 8.0));
+    let range = |s: &[f32]| s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
+    let labels: Vec<_> =
+        whole.chunks(Clusters::VERTICES).map(range).map(|(lo, hi)| clear.label_of_range(lo, hi)).collect();
+    let mut cells = ActiveCells::new();
+    let needed = clusters(&mesh).needed_scalars(&labels);
+    let left_out = needed.iter().filter(|&&needed| !needed).count();
+    // Cells on both sides of every chunk that is left out are clear as well.
+    assert!(left_out > 0 && left_out < needed.len(), "{needed:?} of {labels:?}");
+    // What is not needed holds anything.
+    let mut partial = (*whole).clone();
+    for (chunk, scalars) in partial.chunks_mut(Clusters::VERTICES).enumerate() {
+        if !needed[chunk] {
+            scalars.fill(0.8);
+        }
+    }
+    let known: Vec<_> = labels.iter().zip(&needed).map(|(&label, &needed)| label.filter(|_| !needed)).collect();
+    let found =
+        cells.update(&mesh, &clusters(&mesh), &Arc::new(partial), (&clear, &known), false, &Cancel::new()).unwrap();
+    assert_eq!(*found.active, naive(&mesh, &whole, Some(&tent)));
+}
+
+#[test]
+fn a_cancelled_update_leaves_nothing_behind() {
+    let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
+    let mut cells = ActiveCells::new();
+    let (clear, cancel) = (Arc::new(ClearIntervals::of(&tent)), Cancel::new());
+    cancel.cancel();
+    assert!(cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0), (&clear, &[]), false, &cancel).is_none());
+    let scalars = wave(&mesh, 8.0);
+    let found = cells.update(&mesh, &clusters(&mesh), &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
+    assert_eq!(*found.active, naive(&mesh, &scalars, Some(&tent)));
+}

@@ -1,0 +1,180 @@
+//! Where a transfer function shows nothing.
+//!
+//! A cell is active if the table has extinction somewhere between the least and the greatest of its scalars. The scalars at
+//! which it has none are a few intervals; a cell shows nothing if and only if all of its scalars lie in one of them. So each
+//! vertex is labelled by the interval that it lies in, and cells compare labels: no range of a cell is ever computed, and none
+//! is looked up in samples of the table, which would lose what lies between two of them.
+
+use crate::node_table::{Node, NodeTable};
+
+/// Which clear interval a scalar lies in, counted from 1; or [`VISIBLE`], or [`HOLE`].
+pub type Label = u8;
+
+/// The table has extinction at the scalar.
+pub const VISIBLE: Label = 0;
+
+/// The scalar is not finite: cells at it are no part of the domain.
+pub const HOLE: Label = Label::MAX;
+
+/// Intervals that have labels of their own.
+const INTERVALS_MAX: usize = HOLE as usize - 1;
+
+/// A few intervals are gone through one after the other, for many scalars side by side; more are searched.
+const GONE_THROUGH: usize = 16;
+
+/// The scalars at which a table has no extinction, as maximal closed intervals of f32, ascending. By default there are none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClearIntervals {
+    /// Least and greatest scalar of each.
+    intervals: Vec<[f32; 2]>,
+}
+
+impl ClearIntervals {
+    /// Those of a table. A scalar at which it steps counts as visible if either side is: a cell that reaches it would show it.
+    ///
+    /// Exact: nodes are compared with scalars in f64. Of more than 254 intervals the others count as visible.
+    pub fn of(table: &NodeTable) -> Self {
+        let mut found = Found::default();
+        let groups: Vec<&[Node]> = table.nodes().chunk_by(|a, b| a.scalar == b.scalar).collect();
+        let is_clear = |nodes: &[Node]| nodes.iter().all(|n| n.tau == 0.0);
+        for (at, nodes) in groups.iter().enumerate() {
+            let (first, last) = (&nodes[0], &nodes[nodes.len() - 1]);
+            if at == 0 {
+                found.add(first.tau == 0.0, f64::NEG_INFINITY, first.scalar);
+            }
+            found.add_point(is_clear(nodes), first.scalar);
+            let (clear, end) = match groups.get(at + 1) {
+                Some(next) => (last.tau == 0.0 && next[0].tau == 0.0, next[0].scalar),
+                None => (last.tau == 0.0, f64::INFINITY),
+            };
+            found.add(clear, last.scalar, end);
+        }
+        Self::rounded(&found.done())
+    }
+
+    /// Those in which nothing is to be seen of a table that was sampled at `samples` scalars, evenly spaced from its first node to
+    /// its last, and is linear in between: light leaks from each sample to its neighbours. Two more samples on either side
+    /// are left out for rounding.
+    pub fn of_sampled(table: &NodeTable, samples: usize) -> Self {
+        let nodes = table.nodes();
+        let (lo, hi) = (nodes[0].scalar, nodes[nodes.len() - 1].scalar);
+        let margin = 2.0 * (hi - lo) / (samples.max(2) - 1) as f64;
+        let shrunk = |&[a, b]: &[f32; 2]| {
+            let [a, b] = [a, b].map(f64::from);
+            // A constant reaches beyond the last node as it is; the samples do not.
+            let end = |end: f64, by: f64| if end.is_finite() { end + by } else { end };
+            let (a, b) = (end(a, margin), end(b, -margin));
+            (a <= b).then_some(Interval { lo: a, hi: b, lo_is_in: true, hi_is_in: true })
+        };
+        Self::rounded(&Self::of(table).intervals.iter().filter_map(shrunk).collect::<Vec<_>>())
+    }
+
+    /// The finite f32 in each interval.
+    fn rounded(found: &[Interval]) -> Self {
+        let intervals = found.iter().filter_map(Interval::rounded).take(INTERVALS_MAX).collect();
+        Self { intervals }
+    }
+
+    /// Whether every scalar can be seen.
+    pub fn is_empty(&self) -> bool {
+        self.intervals.is_empty()
+    }
+
+    /// The label of a scalar.
+    pub fn label(&self, scalar: f32) -> Label {
+        if !scalar.is_finite() {
+            return HOLE;
+        }
+        let after = self.intervals.partition_point(|interval| interval[0] <= scalar);
+        match after.checked_sub(1).map(|at| self.intervals[at][1]) {
+            Some(hi) if scalar <= hi => after as Label,
+            _ => VISIBLE,
+        }
+    }
+
+    /// The one label of all scalars from `lo` to `hi`, if they have one that is not [`VISIBLE`].
+    pub fn label_of_range(&self, lo: f32, hi: f32) -> Option<Label> {
+        let label = self.label(lo);
+        (label != VISIBLE && label != HOLE && label == self.label(hi)).then_some(label)
+    }
+
+    /// The labels of some scalars.
+    pub(super) fn label_all(&self, scalars: &[f32], out: &mut [Label]) {
+        if self.intervals.len() > GONE_THROUGH {
+            out.iter_mut().zip(scalars).for_each(|(out, &s)| *out = self.label(s));
+            return;
+        }
+        // In pieces that stay in the nearest cache.
+        for (out, scalars) in out.chunks_mut(1024).zip(scalars.chunks(1024)) {
+            for (label, &s) in out.iter_mut().zip(scalars) {
+                *label = if s.is_finite() { VISIBLE } else { HOLE };
+            }
+            for (at, &[lo, hi]) in self.intervals.iter().enumerate() {
+                for (label, &s) in out.iter_mut().zip(scalars) {
+                    *label = if (s >= lo) & (s <= hi) { at as Label + 1 } else { *label };
+                }
+            }
+        }
+    }
+}
+
+/// An interval of scalars, perhaps without its ends.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    lo: f64,
+    hi: f64,
+    lo_is_in: bool,
+    hi_is_in: bool,
+}
+
+impl Interval {
+    /// Its least and greatest finite f32, if there is one.
+    fn rounded(&self) -> Option<[f32; 2]> {
+        let mut lo = self.lo.max(f64::from(f32::MIN)) as f32;
+        let mut hi = self.hi.min(f64::from(f32::MAX)) as f32;
+        let (below, above) = (f64::from(lo) < self.lo, f64::from(hi) > self.hi);
+        if below || !self.lo_is_in && f64::from(lo) == self.lo {
+            lo = lo.next_up();
+        }
+        if above || !self.hi_is_in && f64::from(hi) == self.hi {
+            hi = hi.next_down();
+        }
+        (lo <= hi && lo.is_finite() && hi.is_finite()).then_some([lo, hi])
+    }
+}
+
+/// Clear pieces of the axis, from left to right, become intervals.
+#[derive(Default)]
+struct Found {
+    done: Vec<Interval>,
+    open: Option<Interval>,
+}
+
+impl Found {
+    /// A piece without its ends.
+    fn add(&mut self, clear: bool, lo: f64, hi: f64) {
+        match (&mut self.open, clear) {
+            (Some(open), true) => (open.hi, open.hi_is_in) = (hi, false),
+            (None, true) => self.open = Some(Interval { lo, hi, lo_is_in: false, hi_is_in: false }),
+            (_, false) => self.done.extend(self.open.take()),
+        }
+    }
+
+    /// One scalar.
+    fn add_point(&mut self, clear: bool, at: f64) {
+        match (&mut self.open, clear) {
+            (Some(open), true) => (open.hi, open.hi_is_in) = (at, true),
+            (None, true) => self.open = Some(Interval { lo: at, hi: at, lo_is_in: true, hi_is_in: true }),
+            (_, false) => self.done.extend(self.open.take()),
+        }
+    }
+
+    fn done(mut self) -> Vec<Interval> {
+        self.done.extend(self.open.take());
+        self.done
+    }
+}
+
+#[cfg(test)]
+#[path = "clear_tests.rs"]
+mod tests;

@@ -1,0 +1,109 @@
+//! Cells and vertices in clusters: what is decided for many at once.
+//!
+//! Cells and vertices lie along a space-filling curve, so that those that follow each other are near each other: a cluster
+//! of them has a small box and few neighbours.
+
+use super::Label;
+use crate::mesh::Mesh;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// The clusters of a mesh: boxes of the cells, and which vertices they use. Made once per mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Clusters {
+    /// Least and greatest coordinates of the corners of a cluster's cells, local.
+    pub(super) boxes: Vec<[Vec3; 2]>,
+    /// The clusters of vertices that cluster c of cells uses, ascending: `used[starts[c]..starts[c + 1]]`.
+    starts: Vec<u32>,
+    used: Vec<u32>,
+    /// Two clusters of vertices with a cell in common, the lower one first.
+    pairs: Vec<[u32; 2]>,
+    pub(super) vertices: usize,
+}
+
+impl Clusters {
+    /// Cells that follow each other in a cluster (the last one may have fewer); a multiple of 64, the cells in a word of a set.
+    pub const CELLS: usize = 4096;
+    /// Vertices in a cluster: there are five or six times as many cells.
+    pub const VERTICES: usize = 256;
+
+    /// The clusters of a mesh.
+    pub fn new(mesh: &Mesh) -> Self {
+        let local = &mesh.positions.local;
+        let of_cluster = |tets: &[[u32; 4]]| {
+            let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+            let corners = tets.iter().flatten().map(|&v| local[v as usize]);
+            (corners.fold(nothing, |[least, greatest], p| [least.min(p), greatest.max(p)]), of_cells(tets))
+        };
+        let clusters: Vec<_> = mesh.topology.tets.par_chunks(Self::CELLS).map(of_cluster).collect();
+        let mut all = Self { starts: vec![0], vertices: local.len(), ..Self::default() };
+        for (bounds, (used, pairs)) in clusters {
+            all.boxes.push(bounds);
+            all.used.extend(used);
+            all.starts.push(all.used.len() as u32);
+            all.pairs.extend(pairs);
+        }
+        all.pairs.sort_unstable();
+        all.pairs.dedup();
+        all
+    }
+
+    /// Number of clusters of cells.
+    pub fn count(&self) -> usize {
+        self.boxes.len()
+    }
+
+    /// Number of clusters of vertices.
+    pub fn vertex_clusters(&self) -> usize {
+        self.vertices.div_ceil(Self::VERTICES)
+    }
+
+    /// Number of vertices in a cluster of vertices.
+    pub fn vertices_in(&self, cluster: usize) -> usize {
+        Self::VERTICES.min(self.vertices - cluster * Self::VERTICES)
+    }
+
+    /// The clusters of vertices that the cells of a cluster use.
+    pub fn of_cluster(&self, cluster: usize) -> &[u32] {
+        &self.used[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
+    }
+
+    /// Whether the scalars of each cluster of vertices are needed, given the label that all of its scalars have, if they have
+    /// one. A cell that can be seen has vertices of clusters without a label, or of clusters with different ones: these are needed.
+    ///
+    /// # Panics
+    /// If there is not one label, or none, for each cluster of vertices.
+    pub fn needed_scalars(&self, labels: &[Option<Label>]) -> Vec<bool> {
+        assert_eq!(labels.len(), self.vertex_clusters(), "one label per cluster");
+        let mut needed: Vec<bool> = labels.iter().map(Option::is_none).collect();
+        for &[a, b] in &self.pairs {
+            if labels[a as usize] != labels[b as usize] {
+                (needed[a as usize], needed[b as usize]) = (true, true);
+            }
+        }
+        needed
+    }
+}
+
+/// The clusters that some cells use, ascending, and which of them have a cell in common.
+fn of_cells(cells: &[[u32; 4]]) -> (Vec<u32>, Vec<[u32; 2]>) {
+    let (mut used, mut pairs) = (Vec::new(), Vec::new());
+    for tet in cells {
+        let mut clusters = tet.map(|v| v / Clusters::VERTICES as u32);
+        clusters.sort_unstable();
+        if used.last() != Some(&clusters[0]) {
+            used.push(clusters[0]);
+        }
+        for (at, &b) in clusters.iter().enumerate().skip(1) {
+            for &a in clusters[..at].iter().filter(|&&a| a != b) {
+                pairs.push([a, b]);
+                used.push(b);
+            }
+        }
+    }
+    used.sort_unstable();
+    used.dedup();
+    pairs.sort_unstable();
+    pairs.dedup();
+    (used, pairs)
+}

@@ -1,0 +1,134 @@
+//! Switches of what is left out.
+
+use serde::Serialize;
+use std::fmt;
+use std::str::FromStr;
+
+/// What may be left out of a frame, or done in another order, because the image does not need it: a switch each. With any of
+/// them off the image is the same; it only takes longer. `docs/skipping.md` says what each saves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+pub struct Skip {
+    /// Cells in which the transfer function shows nothing at this step.
+    pub clear_cells: bool,
+    /// Decoding chunks of vertices of which no cell can be seen.
+    pub clear_chunks: bool,
+    /// What lies behind an opaque pixel.
+    pub opaque: bool,
+    /// What lies outside of the view.
+    pub outside: bool,
+    /// Work whose result is known from the frames before.
+    pub unchanged: bool,
+    /// Begin with the tiles that took longest in the last frame, so that no thread waits for them at the end.
+    pub costly_first: bool,
+}
+
+impl Default for Skip {
+    /// All of it.
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
+/// A switch by its name.
+type Switch = (&'static str, fn(&mut Skip) -> &mut bool);
+
+impl Skip {
+    /// All switches on.
+    pub const ALL: Self = Self {
+        clear_cells: true,
+        clear_chunks: true,
+        opaque: true,
+        outside: true,
+        unchanged: true,
+        costly_first: true,
+    };
+    /// All switches off: everything is done, every time.
+    pub const NONE: Self = Self {
+        clear_cells: false,
+        clear_chunks: false,
+        opaque: false,
+        outside: false,
+        unchanged: false,
+        costly_first: false,
+    };
+
+    /// The switches by the names that [`FromStr`] reads.
+    pub const SWITCHES: [Switch; 6] = [
+        ("clear-cells", |skip| &mut skip.clear_cells),
+        ("clear-chunks", |skip| &mut skip.clear_chunks),
+        ("opaque", |skip| &mut skip.opaque),
+        ("outside", |skip| &mut skip.outside),
+        ("unchanged", |skip| &mut skip.unchanged),
+        ("costly-first", |skip| &mut skip.costly_first),
+    ];
+}
+
+impl FromStr for Skip {
+    type Err = String;
+
+    /// `all`, `none`, or names of switches with commas between them; names behind `all` are those that are off, as in
+    /// `all,-opaque`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut skip = Self::NONE;
+        for (at, word) in text.split(',').map(str::trim).enumerate() {
+            match (word, at) {
+                ("all", 0) => skip = Self::ALL,
+                ("none", 0) => {}
+                _ => {
+                    let name = word.strip_prefix('-').unwrap_or(word);
+                    let Some((_, switch)) = Self::SWITCHES.iter().find(|(known, _)| *known == name) else {
+                        let names: Vec<&str> = Self::SWITCHES.iter().map(|(name, _)| *name).collect();
+                        return Err(format!(
+                            "'{word}' cannot be skipped; choose all, none, or of {}",
+                            names.join(", ")
+                        ));
+                    };
+                    *switch(&mut skip) = !word.starts_with('-');
+                }
+            }
+        }
+        Ok(skip)
+    }
+}
+
+impl fmt::Display for Skip {
+    /// The text that reads back as the same switches.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::ALL => f.write_str("all"),
+            Self::NONE => f.write_str("none"),
+            mut skip => {
+                let on = Self::SWITCHES.iter().filter(|(_, switch)| *switch(&mut skip)).map(|(name, _)| *name);
+                f.write_str(&on.collect::<Vec<_>>().join(","))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_set_of_switches_is_text_and_back() {
+        for bits in 0..1 << Skip::SWITCHES.len() {
+            let mut skip = Skip::NONE;
+            for (at, (_, switch)) in Skip::SWITCHES.iter().enumerate() {
+                *switch(&mut skip) = bits >> at & 1 == 1;
+            }
+            assert_eq!(skip.to_string().parse(), Ok(skip), "{skip}");
+        }
+        assert_eq!((Skip::ALL.to_string(), Skip::NONE.to_string()), ("all".to_owned(), "none".to_owned()));
+    }
+
+    #[test]
+    fn switches_are_taken_out_of_all_and_unknown_ones_named() {
+        let parsed: Skip = "all, -opaque,-outside".parse().unwrap();
+        assert_eq!(parsed, Skip { opaque: false, outside: false, ..Skip::ALL });
+        assert_eq!("none,opaque".parse(), Ok(Skip { opaque: true, ..Skip::NONE }));
+        for (text, named) in [("", "''"), ("every", "'every'"), ("opaque,all", "'all'"), ("all,-x", "'-x'")] {
+            let error = text.parse::<Skip>().unwrap_err();
+            assert!(error.contains(named) && error.contains("clear-cells"), "{text}: {error}");
+        }
+    }
+}
