@@ -204,8 +204,8 @@ var<private> ray_counts: Rays;
 // Depth from which those of the present path are counted, as a sum of two.
 var<private> origin: vec2<f32>;
 
-fn relative(depth: vec2<f32>) -> f32 {
-    return (depth.x - origin.x) + (depth.y - origin.y);
+fn relative(depth: vec2<f32>) -> real {
+    return (real(depth.x) - real(origin.x)) + (real(depth.y) - real(origin.y));
 }
 
 // The ray is at a place after a gap: depths are counted from there.
@@ -213,8 +213,8 @@ fn begin_path(slot: u32) {
     let depth = depth_at(slot);
     light.front -= relative(depth);
     origin = depth;
-    light.behind = depth.x + depth.y;
-    light.last = vec2(0.0, scalar_at(slot));
+    light.behind = real(depth.x) + real(depth.y);
+    light.last = real2(real(0.0), real(scalar_at(slot)));
     light.placed = false;
 }
 
@@ -248,10 +248,10 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
         if next == NONE {
             // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
             let from_eye = light.behind + light.last.x;
-            ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > NEAR_EYE;
+            ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > real(NEAR_EYE);
             return true;
         }
-        let to = vec2(relative(depth_at(first + next)), scalar_at(first + next));
+        let to = real2(relative(depth_at(first + next)), real(scalar_at(first + next)));
         if to.x > light.last.x {
             _ = composite(to);
             light.last = to;
@@ -285,9 +285,9 @@ fn advance_all(first: u32, count: u32) {
     for (var i = 0u; i < count; i++) {
         let slot = first + i;
         let cells = cells_at(slot);
-        let to = vec2(relative(depth_at(slot)), scalar_at(slot));
+        let to = real2(relative(depth_at(slot)), real(scalar_at(slot)));
         if i > 0u && to.x < light.last.x {
-            if cells.x != cell || to.x < light.last.x - face_params.tie {
+            if cells.x != cell || to.x < light.last.x - real(face_params.tie) {
                 ray_counts.out_of_order += 1u;
             } else {
                 // Put in its place by the cell between the two: within rounding there is nothing to integrate.

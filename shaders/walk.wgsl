@@ -30,16 +30,16 @@ var<workgroup> counts: array<atomic<u32>, COUNTERS>;
 
 // The nearest starts of paths, in order: depths, and cell << 2 | opposite vertex of the face.
 struct Starts {
-    depth: vec4<f32>,
+    depth: real4,
     face: vec4<u32>,
     count: u32,
 }
 
-fn comes_before(depth_a: f32, face_a: u32, depth_b: f32, face_b: u32) -> bool {
+fn comes_before(depth_a: real, face_a: u32, depth_b: real, face_b: u32) -> bool {
     return depth_a < depth_b || (depth_a == depth_b && face_a < face_b);
 }
 
-fn insert(starts: ptr<function, Starts>, depth: f32, face: u32) {
+fn insert(starts: ptr<function, Starts>, depth: real, face: u32) {
     var d = depth;
     var f = face;
     for (var i = 0u; i < 4u; i++) {
@@ -57,24 +57,24 @@ fn insert(starts: ptr<function, Starts>, depth: f32, face: u32) {
 
 // A start of a path: depth, and cell << 2 | opposite vertex of the face; NONE if there is none.
 struct Start {
-    depth: f32,
+    depth: real,
     face: u32,
 }
 
 // Whether a face is hit in front of the eye: the same for both cells at it, whatever the order of its corners there, since
 // the terms are summed in an order that their ids decide.
 fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
-    let terms = max(face.edges, vec3(0.0)) * vec3(face.p.z, face.q.z, face.r.z);
-    let x = opaque(terms.x);
-    let y = opaque(terms.y);
-    let z = opaque(terms.z);
+    let terms = max(face.edges, real3(0.0)) * real3(face.p.z, face.q.z, face.r.z);
+    let x = opaque_real(terms.x);
+    let y = opaque_real(terms.y);
+    let z = opaque_real(terms.z);
     if ids.x > ids.y && ids.x > ids.z {
-        return (y + z) + x > 0.0;
+        return (y + z) + x > real(0.0);
     }
     if ids.y > ids.z {
-        return (x + z) + y > 0.0;
+        return (x + z) + y > real(0.0);
     }
-    return (x + y) + z > 0.0;
+    return (x + y) + z > real(0.0);
 }
 
 // Where a path starts in a cell at the eye. The cells that a ray meets are a chain in this plane, in which a face is in
@@ -83,7 +83,7 @@ fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
 // nothing behind it. A cell that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts;
 // one that it enters in front is entered as any other, if the face is open.
 fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
-    var start = Start(0.0, NONE);
+    var start = Start(real(0.0), NONE);
     var enters_open = false;
     var enters_in_front = false;
     var leaves_in_front = false;
@@ -116,8 +116,8 @@ fn is_open(cell: u32, opposite: u32) -> bool {
 }
 
 // The nearest starts behind (depth, face) among the items of a tile. CPU twin: `find_starts`. Returns the number of all.
-fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_face: u32, starts: ptr<function, Starts>) -> u32 {
-    *starts = Starts(vec4(NOWHERE), vec4(NONE), 0u);
+fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_face: u32, starts: ptr<function, Starts>) -> u32 {
+    *starts = Starts(real4(real(NOWHERE)), vec4(NONE), 0u);
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
     var first = 0u;
     if tile > 0u {
@@ -132,12 +132,12 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: f32, after_fa
             && local.y >= (bounds >> 8u & 15u) && local.y <= (bounds >> 12u & 15u);
         if inside {
             let item = bins[pairs_at + PAIR_WORDS * i];
-            var start = Start(0.0, NONE);
+            var start = Start(real(0.0), NONE);
             if (bounds & EYE_CELL) != 0u {
                 start = start_in_eye_cell(ray, item, bounds >> SIDES_SHIFT);
             } else {
                 let entered = crossing(ray, face_vertices(item >> 2u, item & 3u));
-                if entered.hit && (!perspective || entered.at.x > -params.pivot) {
+                if entered.hit && (!perspective || entered.at.x > real(-params.pivot)) {
                     start = Start(entered.at.x, item);
                 }
             }
@@ -159,11 +159,11 @@ struct Walk {
     ray: Ray,
     cell: u32,
     opposite: u32,
-    p: vec4<f32>,
-    q: vec4<f32>,
-    r: vec4<f32>,
+    p: real4,
+    q: real4,
+    r: real4,
     ids: vec3<u32>,
-    edges: vec3<f32>,
+    edges: real3,
     steps: u32,
     out_of_order: u32,
     stopped_early: bool,
@@ -171,11 +171,11 @@ struct Walk {
 }
 var<private> path: Walk;
 
-fn begin_path(depth: f32, face: u32) {
-    let before = path.ray.origin;
+fn begin_path(depth: real, face: u32) {
+    let before = path.ray;
     path.ray = ray_from(path.ray, depth);
     light.front -= origin_behind(path.ray, before);
-    light.behind = origin_behind(path.ray, ray_from(path.ray, 0.0).origin);
+    light.behind = origin_behind(path.ray, ray_from(path.ray, real(0.0)));
     path.cell = face >> 2u;
     path.opposite = face & 3u;
     path.ids = face_vertices(face >> 2u, face & 3u);
@@ -197,15 +197,15 @@ fn step_cell() -> bool {
     let p = path.p;
     let q = path.q;
     let r = path.r;
-    var to = vec3(edge(fresh, p), edge(fresh, q), edge(fresh, r));
-    var positive = to > vec3(0.0);
-    let bound = CAREFUL * reach(fresh) * vec3(reach(p), reach(q), reach(r));
+    var to = real3(edge(fresh, p), edge(fresh, q), edge(fresh, r));
+    var positive = to > real3(0.0);
+    let bound = CAREFUL * reach(fresh) * real3(reach(p), reach(q), reach(r));
     if any(abs(to) <= bound) {
         let ids = path.ids;
         let a = accurate_edge(fresh, p, new_id, ids.x);
         let b = accurate_edge(fresh, q, new_id, ids.y);
         let c = accurate_edge(fresh, r, new_id, ids.z);
-        to = vec3(a.value, b.value, c.value);
+        to = real3(a.value, b.value, c.value);
         positive = vec3(a.positive, b.positive, c.positive);
     }
     // Which corner the new vertex replaces; the triangle turns so that it comes last.
@@ -215,19 +215,19 @@ fn step_cell() -> bool {
         // Between p and q: r goes.
         gone = ids.z;
         path.ids = vec3(ids.x, ids.y, new_id);
-        path.edges = vec3(-to.y, to.x, path.edges.z);
+        path.edges = real3(-to.y, to.x, path.edges.z);
     } else if positive.y && !positive.z {
         gone = ids.x;
         path.p = q;
         path.q = r;
         path.ids = vec3(ids.y, ids.z, new_id);
-        path.edges = vec3(-to.z, to.y, path.edges.x);
+        path.edges = real3(-to.z, to.y, path.edges.x);
     } else if positive.z && !positive.x {
         gone = ids.y;
         path.p = r;
         path.q = p;
         path.ids = vec3(ids.z, ids.x, new_id);
-        path.edges = vec3(-to.x, to.z, path.edges.y);
+        path.edges = real3(-to.x, to.z, path.edges.y);
     } else {
         // All signs alike: impossible where they are exact.
         path.broken = true;
@@ -267,7 +267,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     path.ray = ray_of_pixel(pixel);
     light_clear(path.ray.length_per_depth);
     var starts: Starts;
-    let entries = find_starts(path.ray, tile, local, -NOWHERE, 0u, &starts);
+    let entries = find_starts(path.ray, tile, local, real(-NOWHERE), 0u, &starts);
     var going = entries > 0u;
     while going {
         // Four at a time; `next` moves them up.
@@ -278,11 +278,11 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
         if path.stopped_early {
             break;
         }
-        starts.depth = vec4(starts.depth.yzw, NOWHERE);
+        starts.depth = real4(starts.depth.yzw, real(NOWHERE));
         starts.face = vec4(starts.face.yzw, NONE);
         starts.count -= 1u;
         if starts.count == 0u && entries > 4u {
-            _ = find_starts(ray_from(path.ray, 0.0), tile, local, taken_depth, taken_face, &starts);
+            _ = find_starts(ray_from(path.ray, real(0.0)), tile, local, taken_depth, taken_face, &starts);
         }
         going = starts.count > 0u;
     }

@@ -3,13 +3,13 @@
 // Where the ray passes through a triangle from its front.
 struct Crossing {
     hit: bool,
-    p: vec4<f32>,
-    q: vec4<f32>,
-    r: vec4<f32>,
+    p: real4,
+    q: real4,
+    r: real4,
     // Edge functions opposite p, q, r.
-    edges: vec3<f32>,
+    edges: real3,
     // Depth and scalar.
-    at: vec2<f32>,
+    at: real2,
 }
 
 fn crossing(ray: Ray, ids: vec3<u32>) -> Crossing {
@@ -19,6 +19,6 @@ fn crossing(ray: Ray, ids: vec3<u32>) -> Crossing {
     let a = signed_edge(q, r, ids.y, ids.z);
     let b = signed_edge(r, p, ids.z, ids.x);
     let c = signed_edge(p, q, ids.x, ids.y);
-    let edges = vec3(a.value, b.value, c.value);
+    let edges = real3(a.value, b.value, c.value);
     return Crossing(a.positive && b.positive && c.positive, p, q, r, edges, hit(edges, p, q, r));
 }

@@ -62,11 +62,6 @@ struct FaceHit {
     scalar: f32,
 }
 
-// Difference of the depths of two vertices, nearly without error however large they are.
-fn depth_between(from_: ViewVertex, to: ViewVertex) -> f32 {
-    return (to.depth.x - from_.depth.x) + ((to.depth.y - from_.depth.y) + (to.depth.z - from_.depth.z));
-}
-
 // `ids` ascending; depths of the ray are counted as `Params` has it.
 fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> FaceHit {
     var found = FaceHit(false, false, true, vec2(0.0), 0.0);
@@ -81,19 +76,17 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
         return found;
     }
     found.turned = !bc.positive;
-    let edges = max(select(vec3(bc.value, -ac.value, ab.value), vec3(-bc.value, ac.value, -ab.value), found.turned), vec3(0.0));
+    let edges = max(select(real3(bc.value, -ac.value, ab.value), real3(-bc.value, ac.value, -ab.value), found.turned), real3(0.0));
     let sum = edges.x + edges.y + edges.z;
-    var weights = vec3(1.0 / 3.0);
-    if sum > 0.0 {
+    var weights = real3(1.0 / 3.0);
+    if sum > real(0.0) {
         weights = edges / sum;
     }
     // The same for both cells at the face: the order of the terms is that of the ids.
-    let terms = edges * vec3(p.z, q.z, r.z);
-    found.in_front = (opaque(terms.x) + opaque(terms.y)) + opaque(terms.z) > 0.0;
-    let rest = weights.y * depth_between(a, b) + weights.z * depth_between(a, c);
-    let depth = two_sum(a.depth.x - ray.origin.x, rest);
-    found.depth = two_sum(depth.x, depth.y + ((a.depth.y - ray.origin.y) + a.depth.z));
-    found.scalar = p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w);
+    let terms = edges * real3(p.z, q.z, r.z);
+    found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);
+    found.depth = depth_of_hit(ray, weights, a, b, c);
+    found.scalar = f32(p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w));
     return found;
 }
 
@@ -124,13 +117,9 @@ fn is_seen(found: FaceHit, face: Face) -> bool {
     return found.in_front;
 }
 
-// The ray of a pixel without its length.
-fn ray_through(pixel: vec2<u32>) -> Ray {
-    let n = vec2<f32>(2 * vec2<i32>(pixel) + 1 - vec2<i32>(params.size_px));
-    let origin = leading(params.pivot);
-    let x = plane_coordinate(n.x, params.pitch.xy);
-    let y = plane_coordinate(-n.y, params.pitch.zw);
-    return Ray(x, y, 1.0, vec2(origin, params.pivot - origin));
+// An edge function in f32.
+fn flat_edge(a: vec4<f32>, b: vec4<f32>) -> f32 {
+    return a.x * b.y - b.x * a.y;
 }
 
 // Asks which pixels of a box (first and last column, first and last row) have rays that hit a face, and has their fragments
@@ -142,18 +131,18 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     let at_eye = reaches_eye(a, b, c);
     let middle = vec2((box.x + box.y) / 2u, (box.z + box.w) / 2u);
     let ray = ray_through(middle);
-    let p = shear(ray, a);
-    let q = shear(ray, b);
-    let r = shear(ray, c);
+    let p = vec4<f32>(shear(ray, a));
+    let q = vec4<f32>(shear(ray, b));
+    let r = vec4<f32>(shear(ray, c));
     let h = select(vec3(1.0), vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y), (params.flags & PERSPECTIVE) != 0u);
-    let at = vec3(edge(q, r), edge(r, p), edge(p, q));
+    let at = vec3(flat_edge(q, r), flat_edge(r, p), flat_edge(p, q));
     let per_dx = vec3(h.z * q.y - h.y * r.y, h.x * r.y - h.z * p.y, h.y * p.y - h.x * q.y) * (2.0 * params.pitch.x);
     let per_dy = vec3(h.y * r.x - h.z * q.x, h.z * p.x - h.x * r.x, h.x * q.x - h.y * p.x) * (2.0 * params.pitch.z);
     // A bound on all sheared coordinates in the box, whose square times 2^-18 is more than all rounding above: six products of
     // at most that square each, and their factors, are rounded by 2^-24 of themselves at most four times.
     let steps = vec2<f32>(vec2(box.y, box.w) - vec2(box.x, box.z)) + 1.0;
     let wide = 2.0 * (steps.x * params.pitch.x + steps.y * params.pitch.z) * abs(h);
-    let reaches = vec3(reach(p), reach(q), reach(r)) + wide;
+    let reaches = vec3(dot(abs(p.xy), vec2(1.0)), dot(abs(q.xy), vec2(1.0)), dot(abs(r.xy), vec2(1.0))) + wide;
     let far_reach = max(max(reaches.x, reaches.y), reaches.z);
     let certain = far_reach * far_reach * (1.0 / 262144.0);
     for (var y = box.z; y <= box.w; y++) {

@@ -11,13 +11,13 @@ struct Light {
     // Length of the ray per unit of depth.
     length_per_depth: f32,
     // Depth of the start behind that from which `Params` counts.
-    behind: f32,
+    behind: real,
     // Depth and scalar of the last place.
-    last: vec2<f32>,
+    last: real2,
     // Whether the optics are at `last`.
     placed: bool,
     // Depth up to which the ray has been composited, or the near distance.
-    front: f32,
+    front: real,
     composited: bool,
     // Depth of the first visible place, as `Params` counts.
     visible_from: f32,
@@ -26,12 +26,12 @@ var<private> light: Light;
 
 // Before the ray has met anything.
 fn light_clear(length_per_depth: f32) {
-    light = Light(length_per_depth, 0.0, vec2(0.0), false, params.near, false, NOWHERE);
+    light = Light(length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
     optics_clear();
 }
 
 // Composites the segment from the last place to the next, or the part of it behind `front`; false if there is none.
-fn composite(to: vec2<f32>) -> bool {
+fn composite(to: real2) -> bool {
     var from_ = light.last;
     if from_.x < light.front {
         light.placed = false;
@@ -39,7 +39,7 @@ fn composite(to: vec2<f32>) -> bool {
             return false;
         }
         let share = (light.front - from_.x) / (to.x - from_.x);
-        from_ = vec2(light.front, from_.y + share * (to.y - from_.y));
+        from_ = real2(light.front, from_.y + share * (to.y - from_.y));
     }
     if to.x <= from_.x {
         // The scalar may be another one.
@@ -53,13 +53,13 @@ fn composite(to: vec2<f32>) -> bool {
         return true;
     }
     if !light.placed {
-        optics_enter(from_.y);
+        optics_enter(f32(from_.y));
         light.placed = true;
     }
     let was_visible = optics.visible;
-    optics_segment(from_.y, to.y, (to.x - from_.x) * light.length_per_depth);
+    optics_segment(f32(from_.y), f32(to.y), f32(to.x - from_.x) * light.length_per_depth);
     if optics.visible && !was_visible {
-        light.visible_from = (from_.x + optics.visible_share * (to.x - from_.x)) + light.behind;
+        light.visible_from = f32((from_.x + real(optics.visible_share) * (to.x - from_.x)) + light.behind);
     }
     light.front = to.x;
     light.composited = true;

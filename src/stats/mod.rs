@@ -59,6 +59,8 @@ pub struct FrameStats {
     pub broken_paths: u64,
     /// Whether the GPU rendered it.
     pub on_gpu: bool,
+    /// Whether the GPU computed places in f64, as thin cells need it; in f32 otherwise.
+    pub in_f64: bool,
     /// Times that the frame was begun again because the device was lost or failed.
     pub gpu_restarts: u64,
     /// Times that a frame was begun again because its lists of entries were longer than the room for them (GPU).

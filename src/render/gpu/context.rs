@@ -11,7 +11,7 @@ pub enum Tier {
     /// The sizes that the adapter has.
     #[default]
     Adapter,
-    /// The default limits of WebGPU, whatever the adapter has.
+    /// The default limits of WebGPU, whatever the adapter has, and no f64.
     WebGpu,
 }
 
@@ -67,6 +67,7 @@ pub struct Context {
     binding_bytes: u64,
     /// Nanoseconds of a timestamp's unit, if there are timestamps.
     timestamp_period_ns: Option<f64>,
+    has_f64: bool,
     fault: Arc<Mutex<Option<Fault>>>,
     created: AtomicU64,
 }
@@ -130,6 +131,7 @@ impl Context {
             is_of_window: false,
             binding_bytes: binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
             timestamp_period_ns: has_timestamps.then(|| f64::from(queue.get_timestamp_period())),
+            has_f64: device.features().contains(wgpu::Features::SHADER_F64),
             fault,
             created: AtomicU64::new(0),
             device,
@@ -155,6 +157,11 @@ impl Context {
     /// Nanoseconds of a timestamp's unit, if there are timestamps.
     pub fn timestamp_period_ns(&self) -> Option<f64> {
         self.timestamp_period_ns
+    }
+
+    /// Whether its shaders may compute in f64.
+    pub fn has_f64(&self) -> bool {
+        self.has_f64
     }
 
     /// Buffers, textures and bind groups made so far: a steady frame makes none.
@@ -233,12 +240,14 @@ pub fn best<'a>(adapters: &'a [wgpu::Adapter], options: &ContextOptions) -> Resu
     best.ok_or_else(|| RenderError::NoGpu(nothing_found(options, adapters)))
 }
 
-/// What is asked of an adapter: its sizes, and timestamps if it has them.
+/// What is asked of an adapter: its sizes, and timestamps and f64 if it has them.
 pub fn descriptor(adapter: &wgpu::Adapter, options: &ContextOptions) -> wgpu::DeviceDescriptor<'static> {
-    let has_timestamps = !options.no_timestamps && adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+    let mut wanted = wgpu::Features::empty();
+    wanted.set(wgpu::Features::TIMESTAMP_QUERY, !options.no_timestamps);
+    wanted.set(wgpu::Features::SHADER_F64, options.tier == Tier::Adapter);
     wgpu::DeviceDescriptor {
         label: Some("tetreel"),
-        required_features: if has_timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() },
+        required_features: wanted & adapter.features(),
         required_limits: limits(&adapter.limits(), options.tier),
         ..Default::default()
     }

@@ -24,6 +24,8 @@ pub mod havs;
 #[cfg(feature = "gpu")]
 mod pipelines;
 #[cfg(feature = "gpu")]
+mod precision;
+#[cfg(feature = "gpu")]
 mod presenter;
 #[cfg(feature = "gpu")]
 pub mod raycast;

@@ -1,38 +1,53 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
 use super::layout::{self, FaceParams, Lists, Params, VqStep};
-use super::shaders::{RECORD_PARTS_MAX, RecordSplit, STAGES, Stage};
+use super::shaders::{Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
 
 const SPLITS: [RecordSplit; 2] =
     [RecordSplit { parts: 1, shift: 22 }, RecordSplit { parts: RECORD_PARTS_MAX, shift: 10 }];
 
+/// The capabilities of a WebGPU device without optional features.
 fn parse(source: &str) -> Result<naga::Module, String> {
+    parse_with(source, naga::valid::Capabilities::default())
+}
+
+fn parse_with(source: &str, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-    // The capabilities of a WebGPU device without optional features.
-    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
+    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
         .validate(&module)
         .map_err(|e| e.emit_to_string(source))?;
     Ok(module)
 }
 
+fn parse_stage(stage: Stage, split: RecordSplit) -> Result<naga::Module, String> {
+    let optional = match stage.precision() {
+        Precision::Single => naga::valid::Capabilities::empty(),
+        Precision::Double => naga::valid::Capabilities::FLOAT64,
+    };
+    parse_with(&stage.source(split), naga::valid::Capabilities::default() | optional)
+}
+
 fn module(stage: Stage) -> naga::Module {
-    parse(&stage.source(SPLITS[0])).unwrap()
+    parse_stage(stage, SPLITS[0]).unwrap()
 }
 
 #[test]
 fn every_shader_is_valid_and_has_its_entry_point() {
     let mut checked = 0;
-    for stage in STAGES {
+    for stage in stages() {
         for split in SPLITS {
-            let module = parse(&stage.source(split)).unwrap_or_else(|e| panic!("{stage:?}, {split:?}: {e}"));
+            let module = parse_stage(stage, split).unwrap_or_else(|e| panic!("{stage:?}, {split:?}: {e}"));
             let names: Vec<_> = module.entry_points.iter().map(|e| e.name.as_str()).collect();
             assert_eq!(names, [stage.name()]);
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * STAGES.len());
+    assert_eq!(checked, 2 * 27);
+    // Only those in f64 need a device that has it.
+    let double = Stage::Walk(crate::optics::OpticsKind::Exact, Precision::Double).source(SPLITS[0]);
+    assert!(parse(&double).is_err());
     // The check can fail.
     let broken = Stage::ViewTransform.source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
     assert!(parse(&broken).is_err());
@@ -40,7 +55,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
 
 #[test]
 fn every_shader_keeps_within_the_default_limits_of_webgpu() {
-    for stage in STAGES {
+    for stage in stages() {
         let module = module(stage);
         let storage = |g: &&naga::GlobalVariable| matches!(g.space, naga::AddressSpace::Storage { .. });
         let buffers = module.global_variables.iter().map(|(_, g)| g).filter(storage).count();
@@ -87,7 +102,7 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         unused,
         zero,
     );
-    for stage in STAGES.into_iter().filter(|stage| !matches!(stage, Stage::DecodeVq | Stage::Present)) {
+    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq | Stage::Present)) {
         let (shader, span) = members(&module(stage), "Params");
         assert_eq!((&shader, span), (&rust, size_of::<Params>()), "{stage:?}");
     }
@@ -127,11 +142,11 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         unused_1,
     );
     let mut checked = 0;
-    for stage in STAGES.into_iter().filter(|stage| stage.name().starts_with("face")) {
+    for stage in stages().filter(|stage| stage.name().starts_with("face")) {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 9);
+    assert_eq!(checked, 17);
 }
 
 #[test]
@@ -145,8 +160,8 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
             ref other => panic!("{name}: {other:?}"),
         }
     };
-    let walk = Stage::Walk(crate::optics::OpticsKind::Exact);
-    let resolve = Stage::FaceResolve(crate::optics::OpticsKind::Exact);
+    let walk = Stage::Walk(crate::optics::OpticsKind::Exact, Precision::Single);
+    let resolve = Stage::FaceResolve(crate::optics::OpticsKind::Exact, Precision::Single);
     for (name, rust) in [
         ("TILE_PIXELS", layout::TILE_PIXELS as f64),
         ("FACE_WORDS", layout::FACE_WORDS as f64),
@@ -193,6 +208,6 @@ fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
         scalars,
         lengths,
     );
-    let shader = members(&module(Stage::Walk(crate::optics::OpticsKind::Table3d)), "Table3dParams");
+    let shader = members(&module(Stage::Walk(crate::optics::OpticsKind::Table3d, Precision::Single)), "Table3dParams");
     assert_eq!(shader, (rust, size_of::<Table3dParams>()));
 }

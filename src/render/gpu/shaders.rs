@@ -3,6 +3,16 @@
 use crate::optics::OpticsKind;
 use std::fmt;
 
+/// The numbers of planar geometry and of depths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// f32, and sums of two: within WebGPU's defaults.
+    #[default]
+    Single,
+    /// f64, which a device need not have.
+    Double,
+}
+
 /// What becomes of the fragments that are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pass {
@@ -26,41 +36,43 @@ pub enum Stage {
     /// The items of each tile.
     EntriesStore,
     /// From entries through the cells.
-    Walk(OpticsKind),
+    Walk(OpticsKind, Precision),
     /// To where a window samples it.
     Present,
     /// Faces against the pixels of their boxes.
-    Faces(Pass),
+    Faces(Pass, Precision),
     /// Large faces, tile by tile.
-    FacePieces(Pass),
+    FacePieces(Pass, Precision),
     /// Rays that begin in a cell.
-    FaceStarts(Pass),
+    FaceStarts(Pass, Precision),
     /// From fragments per pixel to places.
     FaceScan,
     /// Fragments put in order, and composited.
-    FaceResolve(OpticsKind),
+    FaceResolve(OpticsKind, Precision),
 }
 
 /// All stages.
-pub const STAGES: [Stage; 17] = [
-    Stage::DecodeVq,
-    Stage::ViewTransform,
-    Stage::EntriesCount,
-    Stage::EntriesScan,
-    Stage::EntriesStore,
-    Stage::Walk(OpticsKind::Exact),
-    Stage::Walk(OpticsKind::Table3d),
-    Stage::Present,
-    Stage::Faces(Pass::Count),
-    Stage::FacePieces(Pass::Count),
-    Stage::FaceStarts(Pass::Count),
-    Stage::FaceScan,
-    Stage::Faces(Pass::Store),
-    Stage::FacePieces(Pass::Store),
-    Stage::FaceStarts(Pass::Store),
-    Stage::FaceResolve(OpticsKind::Exact),
-    Stage::FaceResolve(OpticsKind::Table3d),
-];
+pub fn stages() -> impl Iterator<Item = Stage> {
+    let alike = [
+        Stage::DecodeVq,
+        Stage::ViewTransform,
+        Stage::EntriesCount,
+        Stage::EntriesScan,
+        Stage::EntriesStore,
+        Stage::Present,
+        Stage::FaceScan,
+    ];
+    let with = |precision: Precision| {
+        let finding = [Pass::Count, Pass::Store].into_iter().flat_map(move |pass| {
+            [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
+        });
+        let gathering = [OpticsKind::Exact, OpticsKind::Table3d]
+            .into_iter()
+            .flat_map(move |optics| [Stage::Walk(optics, precision), Stage::FaceResolve(optics, precision)]);
+        finding.chain(gathering)
+    };
+    alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
+}
 
 /// How the records of cells are split over bindings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,13 +113,25 @@ impl Stage {
             Self::EntriesCount => "entries_count",
             Self::EntriesScan => "entries_scan",
             Self::EntriesStore => "entries_store",
-            Self::Walk(_) => "walk",
+            Self::Walk(..) => "walk",
             Self::Present => "present",
-            Self::Faces(_) => "faces",
-            Self::FacePieces(_) => "face_pieces",
-            Self::FaceStarts(_) => "face_starts",
+            Self::Faces(..) => "faces",
+            Self::FacePieces(..) => "face_pieces",
+            Self::FaceStarts(..) => "face_starts",
             Self::FaceScan => "face_scan",
-            Self::FaceResolve(_) => "face_resolve",
+            Self::FaceResolve(..) => "face_resolve",
+        }
+    }
+
+    /// The numbers that its geometry is computed with.
+    pub fn precision(self) -> Precision {
+        match self {
+            Self::Walk(_, precision)
+            | Self::FaceResolve(_, precision)
+            | Self::Faces(_, precision)
+            | Self::FacePieces(_, precision)
+            | Self::FaceStarts(_, precision) => precision,
+            _ => Precision::Single,
         }
     }
 
@@ -123,18 +147,22 @@ impl Stage {
             Self::EntriesCount => entering(constants, include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
             Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
-            Self::Walk(optics) => {
+            Self::Walk(optics, precision) => {
                 let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
-                [constants, &gathering(optics, 11), &walk].concat()
+                [constants, &gathering(optics, precision, 11), &walk].concat()
             }
             Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
-            Self::Faces(pass) => finding(pass, include_str!("../../../shaders/faces.wgsl")),
-            Self::FacePieces(pass) => finding(pass, include_str!("../../../shaders/face_pieces.wgsl")),
-            Self::FaceStarts(pass) => finding(pass, include_str!("../../../shaders/face_starts.wgsl")),
+            Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
+            Self::FacePieces(pass, precision) => {
+                finding(pass, precision, include_str!("../../../shaders/face_pieces.wgsl"))
+            }
+            Self::FaceStarts(pass, precision) => {
+                finding(pass, precision, include_str!("../../../shaders/face_starts.wgsl"))
+            }
             Self::FaceScan => [lib::FRAME, lib::FACES, include_str!("../../../shaders/face_scan.wgsl")].concat(),
-            Self::FaceResolve(optics) => {
+            Self::FaceResolve(optics, precision) => {
                 let resolve = [lib::FACES, include_str!("../../../shaders/face_resolve.wgsl")].concat();
-                [gathering(optics, 10), resolve].concat()
+                [gathering(optics, precision, 10), resolve].concat()
             }
         }
     }
@@ -147,6 +175,8 @@ mod lib {
     pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
     pub(super) const BOXES: &str = include_str!("../../../shaders/lib/boxes.wgsl");
     pub(super) const ITEMS: &str = include_str!("../../../shaders/lib/items.wgsl");
+    pub(super) const RAY_SINGLE: &str = include_str!("../../../shaders/lib/ray_single.wgsl");
+    pub(super) const RAY_DOUBLE: &str = include_str!("../../../shaders/lib/ray_double.wgsl");
     pub(super) const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
     pub(super) const CROSSING: &str = include_str!("../../../shaders/lib/crossing.wgsl");
     pub(super) const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
@@ -160,23 +190,32 @@ mod lib {
 }
 
 /// A stage that integrates along rays. `table3d`: the binding of that table's parameters.
-fn gathering(optics: OpticsKind, table3d: u32) -> String {
+fn gathering(optics: OpticsKind, precision: Precision, table3d: u32) -> String {
     let optics = match optics {
         OpticsKind::Exact => lib::EXACT.to_owned(),
         OpticsKind::Table3d => {
             format!("{}\n@group(0) @binding({table3d}) var<uniform> table3d: Table3dParams;\n", lib::TABLE3D)
         }
     };
-    [lib::FRAME, lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
+    [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
+}
+
+/// What planar geometry is computed with.
+fn numbers(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Single => lib::RAY_SINGLE,
+        Precision::Double => lib::RAY_DOUBLE,
+    }
 }
 
 /// A stage that finds fragments.
-fn finding(pass: Pass, stage: &str) -> String {
+fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
     let kept = match pass {
         Pass::Count => lib::FRAGMENTS_COUNT,
         Pass::Store => lib::FRAGMENTS_STORE,
     };
-    [lib::FRAME, lib::FACES, lib::SUMS, lib::BOXES, lib::RAY, lib::FACE_HITS, kept, stage].concat()
+    let ray = [numbers(precision), lib::RAY].concat();
+    [lib::FRAME, lib::FACES, lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, kept, stage].concat()
 }
 
 /// A stage that finds entries.

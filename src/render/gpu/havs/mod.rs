@@ -17,7 +17,7 @@
 //!
 //! Deviations from the CPU path beside those of [`super::raycast`]:
 //! 1. Depths are sums of two f32. They are right to what f32 knows of the weights: 2^-22 of the face's extent in depth. Closer
-//!    ones may be in the wrong order, and cells decide (`FaceParams::tie`).
+//!    ones may be in the wrong order, and cells decide (`FaceParams::tie`). With thin, visible cells they are computed in f64.
 //! 2. Rays that have become opaque cost their fragments all the same, but no integration.
 
 mod bands;
@@ -30,8 +30,10 @@ mod steps;
 
 use super::context::Context;
 use super::layout::{FaceParams, Lists, Params, TILE_PIXELS, depth_of, flags};
+use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Slot, Words};
+use super::shaders::Precision;
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, dispatch};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -46,9 +48,14 @@ use steps::{ActiveJob, FACES_PER_GROUP, Flight, STEPS, Step, StepCost, stage};
 
 /// Bytes that all fragments of a band take at most, unless told otherwise.
 const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
-/// Relative error of a depth: weights are right to 2^-23 of themselves, and there are two; a depth is two weights times
-/// differences of the corners' depths, below 2 for a mesh within [-1, 1].
-const DEPTH_ERROR: f64 = 1.0 / (1u64 << 22) as f64;
+/// Error of a depth: weights are right to 2^-23 of themselves, and there are two; a depth is two weights times differences of
+/// the corners' depths, below 2 for a mesh within [-1, 1]. In f64 what is stored, a sum of two f32, decides: 2^-48 of it.
+fn depth_error(precision: Precision) -> f64 {
+    match precision {
+        Precision::Single => 1.0 / (1u64 << 22) as f64,
+        Precision::Double => 1.0 / (1u64 << 44) as f64,
+    }
+}
 /// Error of view coordinates, relative to the distance (`raycast::stage_tests`).
 const TRANSFORM_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
 
@@ -63,6 +70,7 @@ pub struct Havs {
     frame: Frame,
     active_job: Option<ActiveJob>,
     presenter: Presenter,
+    precision: PrecisionChoice,
     costs: [StepCost; STEPS],
     fragment_bytes: u64,
     /// Fragments of each tile.
@@ -88,6 +96,7 @@ impl Havs {
             frame: Frame::default(),
             active_job: None,
             presenter: Presenter::new(),
+            precision: PrecisionChoice::default(),
             costs: [StepCost::default(); STEPS],
             fragment_bytes,
             sums: Vec::new(),
@@ -170,7 +179,7 @@ impl Havs {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("faces"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             let optics = active.job.optics;
-            let (pipeline, group) = stage(step, pipelines, groups, optics)
+            let (pipeline, group) = stage(step, pipelines, groups, optics, active.precision)
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
@@ -411,17 +420,19 @@ impl Renderer for Havs {
         } else {
             self.presenter.prepare(&self.context, &job, &mut self.frame)?;
             let eye_cells = faces::eye_cells(&job, &view);
+            let precision = self.precision.of(self.context.has_f64(), &job);
+            self.frame.stats.in_f64 = precision == Precision::Double;
             let mut face_params = FaceParams {
                 drawn_count: drawn.faces.len() as u32,
                 eye_count: eye_cells.len() as u32,
                 end_pixel: TILE_PIXELS as u32,
                 k: u32::from(job.k_buffer.k),
-                tie: (DEPTH_ERROR + TRANSFORM_ERROR * (view.eye.length() + 2.0)) as f32,
+                tie: (depth_error(precision) + TRANSFORM_ERROR * (view.eye.length() + 2.0)) as f32,
                 flags: if drawn.is_complete { flags::COMPLETE } else { 0 }
                     | if job.k_buffer.exact_order { flags::EXACT_ORDER } else { 0 },
                 ..FaceParams::default()
             };
-            self.scene.update(&self.context, &job, &drawn, &eye_cells, &mut params, &mut face_params)?;
+            self.scene.update(&self.context, &job, precision, &drawn, &eye_cells, &mut params, &mut face_params)?;
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
             for cost in &mut self.costs {
                 (cost.ms, cost.units) = (0.0, 0);
@@ -429,8 +440,19 @@ impl Renderer for Havs {
             let ms_before = job.stats.ms_decode + job.stats.ms_order;
             let lists = Lists { tiles: params.tile_count() as u64 };
             let step = Step::CountFaces;
-            let active =
-                ActiveJob { job, params, face_params, lists, step, next: 0, pieces: 0, band: 0, started, ms_before };
+            let active = ActiveJob {
+                job,
+                precision,
+                params,
+                face_params,
+                lists,
+                step,
+                next: 0,
+                pieces: 0,
+                band: 0,
+                started,
+                ms_before,
+            };
             self.active_job = Some(active);
             self.submit_preparation()?;
         }

@@ -4,10 +4,11 @@ use crate::optics::OpticsKind;
 use crate::render::RenderError;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::pipelines::{NO_RECORDS, READ, UNIFORM, WRITE, bind_group_layout, pipeline, plane};
-use crate::render::gpu::shaders::{Pass, Stage};
+use crate::render::gpu::shaders::{Pass, Precision, Stage};
 
-/// The stages that find fragments.
+/// The stages that find fragments, for a pass and in a precision.
 pub(super) struct Finding {
+    of: (Pass, Precision),
     pub(super) faces: wgpu::ComputePipeline,
     pub(super) pieces: wgpu::ComputePipeline,
     pub(super) starts: wgpu::ComputePipeline,
@@ -19,11 +20,11 @@ pub(super) struct Pipelines {
     pub(super) scan_layout: wgpu::BindGroupLayout,
     pub(super) store_layout: wgpu::BindGroupLayout,
     pub(super) resolve_layout: wgpu::BindGroupLayout,
-    pub(super) count: Finding,
     pub(super) scan: wgpu::ComputePipeline,
-    pub(super) store: Finding,
-    /// For the optics that have been asked for so far.
-    resolves: Vec<(OpticsKind, wgpu::ComputePipeline)>,
+    /// For the precisions that have been asked for so far.
+    findings: Vec<Finding>,
+    /// For the optics and the precisions that have been asked for so far.
+    resolves: Vec<((OpticsKind, Precision), wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
@@ -40,16 +41,9 @@ impl Pipelines {
                 "resolve fragments",
                 &[UNIFORM, UNIFORM, READ, WRITE, WRITE, READ, READ, WRITE, color, depth, UNIFORM],
             );
-            let stage = |stage: Stage, layout: &wgpu::BindGroupLayout| pipeline(device, stage, NO_RECORDS, layout);
-            let finding = |pass: Pass, layout: &wgpu::BindGroupLayout| Finding {
-                faces: stage(Stage::Faces(pass), layout),
-                pieces: stage(Stage::FacePieces(pass), layout),
-                starts: stage(Stage::FaceStarts(pass), layout),
-            };
             Self {
-                count: finding(Pass::Count, &count_layout),
-                scan: stage(Stage::FaceScan, &scan_layout),
-                store: finding(Pass::Store, &store_layout),
+                scan: pipeline(device, Stage::FaceScan, NO_RECORDS, &scan_layout),
+                findings: Vec::new(),
                 resolves: Vec::new(),
                 count_layout,
                 scan_layout,
@@ -59,18 +53,48 @@ impl Pipelines {
         })
     }
 
-    /// Compiles the last stage for `optics` unless that has been done.
-    pub(super) fn prepare_resolve(&mut self, context: &Context, optics: OpticsKind) -> Result<(), RenderError> {
-        if self.resolve(optics).is_none() {
-            let stage = Stage::FaceResolve(optics);
+    /// Compiles what a frame with `optics` needs in a precision unless that has been done.
+    pub(super) fn prepare(
+        &mut self,
+        context: &Context,
+        optics: OpticsKind,
+        precision: Precision,
+    ) -> Result<(), RenderError> {
+        for pass in [Pass::Count, Pass::Store] {
+            if self.finding(pass, precision).is_none() {
+                let made = context.create(|device| self.make_finding(device, pass, precision))?;
+                self.findings.push(made);
+            }
+        }
+        if self.resolve(optics, precision).is_none() {
+            let stage = Stage::FaceResolve(optics, precision);
             let made = context.create(|device| pipeline(device, stage, NO_RECORDS, &self.resolve_layout))?;
-            self.resolves.push((optics, made));
+            self.resolves.push(((optics, precision), made));
         }
         Ok(())
     }
 
+    fn make_finding(&self, device: &wgpu::Device, pass: Pass, precision: Precision) -> Finding {
+        let layout = match pass {
+            Pass::Count => &self.count_layout,
+            Pass::Store => &self.store_layout,
+        };
+        let stage = |stage: Stage| pipeline(device, stage, NO_RECORDS, layout);
+        Finding {
+            of: (pass, precision),
+            faces: stage(Stage::Faces(pass, precision)),
+            pieces: stage(Stage::FacePieces(pass, precision)),
+            starts: stage(Stage::FaceStarts(pass, precision)),
+        }
+    }
+
+    /// What finds fragments, if it has been prepared.
+    pub(super) fn finding(&self, pass: Pass, precision: Precision) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.of == (pass, precision))
+    }
+
     /// The last stage for `optics`, if it has been prepared.
-    pub(super) fn resolve(&self, optics: OpticsKind) -> Option<&wgpu::ComputePipeline> {
-        self.resolves.iter().find(|(kind, _)| *kind == optics).map(|(_, pipeline)| pipeline)
+    pub(super) fn resolve(&self, optics: OpticsKind, precision: Precision) -> Option<&wgpu::ComputePipeline> {
+        self.resolves.iter().find(|(of, _)| *of == (optics, precision)).map(|(_, pipeline)| pipeline)
     }
 }

@@ -7,6 +7,7 @@ use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{EYE_WORDS, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params, flags};
 use crate::render::gpu::pipelines::{Transform, bind_group};
+use crate::render::gpu::shaders::Precision;
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -77,13 +78,14 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
+        precision: Precision,
         drawn: &Arc<DrawnFaces>,
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,
     ) -> Result<(), RenderError> {
         self.bytes_sent = 0;
-        self.make_pipelines(context, job)?;
+        self.make_pipelines(context, job, precision)?;
         let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
         // Buffers may have been made anew before one was refused: the groups bind the old ones.
         if !matches!(made, Ok(false)) {
@@ -96,7 +98,7 @@ impl Scene {
         Ok(())
     }
 
-    fn make_pipelines(&mut self, context: &Context, job: &RenderJob) -> Result<(), RenderError> {
+    fn make_pipelines(&mut self, context: &Context, job: &RenderJob, precision: Precision) -> Result<(), RenderError> {
         if self.pipelines.is_none() {
             self.pipelines = Some(Pipelines::new(context)?);
         }
@@ -104,7 +106,7 @@ impl Scene {
             self.transform = Some(Transform::new(context)?);
         }
         match &mut self.pipelines {
-            Some(pipelines) => pipelines.prepare_resolve(context, job.optics),
+            Some(pipelines) => pipelines.prepare(context, job.optics, precision),
             None => Ok(()),
         }
     }

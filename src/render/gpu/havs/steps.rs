@@ -6,6 +6,7 @@ use super::scene::Groups;
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use crate::render::gpu::layout::{FaceParams, Lists, Params};
+use crate::render::gpu::shaders::{Pass, Precision};
 use crate::render::gpu::slices::UnitCost;
 use std::ops::Range;
 use std::time::Instant;
@@ -71,6 +72,7 @@ pub(super) struct Flight {
 /// What a job under way needs beyond the buffers.
 pub(super) struct ActiveJob {
     pub(super) job: RenderJob,
+    pub(super) precision: Precision,
     pub(super) params: Params,
     pub(super) face_params: FaceParams,
     pub(super) lists: Lists,
@@ -108,22 +110,25 @@ impl ActiveJob {
     }
 }
 
-/// The pipeline of a step, and what it binds.
+/// The pipeline of a step of a job, and what it binds.
 pub(super) fn stage<'a>(
     step: Step,
     pipelines: &'a Pipelines,
     groups: &'a Groups,
     optics: OpticsKind,
+    precision: Precision,
 ) -> Option<(&'a wgpu::ComputePipeline, &'a wgpu::BindGroup)> {
+    let count = || pipelines.finding(Pass::Count, precision);
+    let store = || pipelines.finding(Pass::Store, precision);
     match step {
-        Step::CountFaces => Some((&pipelines.count.faces, &groups.count)),
-        Step::CountStarts => Some((&pipelines.count.starts, &groups.count)),
-        Step::CountPieces => Some((&pipelines.count.pieces, &groups.count)),
+        Step::CountFaces => count().map(|count| (&count.faces, &groups.count)),
+        Step::CountStarts => count().map(|count| (&count.starts, &groups.count)),
+        Step::CountPieces => count().map(|count| (&count.pieces, &groups.count)),
         Step::Scan => Some((&pipelines.scan, &groups.scan)),
-        Step::StoreFaces => Some((&pipelines.store.faces, &groups.store)),
-        Step::StoreStarts => Some((&pipelines.store.starts, &groups.store)),
-        Step::StorePieces => Some((&pipelines.store.pieces, &groups.store)),
-        Step::Resolve => pipelines.resolve(optics).map(|pipeline| (pipeline, &groups.resolve)),
+        Step::StoreFaces => store().map(|store| (&store.faces, &groups.store)),
+        Step::StoreStarts => store().map(|store| (&store.starts, &groups.store)),
+        Step::StorePieces => store().map(|store| (&store.pieces, &groups.store)),
+        Step::Resolve => pipelines.resolve(optics, precision).map(|pipeline| (pipeline, &groups.resolve)),
         Step::End => None,
     }
 }

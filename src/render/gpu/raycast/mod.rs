@@ -7,8 +7,9 @@
 //! 3. **walk**, with **composite** inside: a workgroup a tile, a thread a pixel.
 //!
 //! Deviations from the CPU path:
-//! 1. f32 throughout. View coordinates are sums of two, sheared coordinates are right to the last bits near the ray, edge
-//!    functions that lose digits are computed again with the rounding errors of their products (`shaders/lib/ray.wgsl`).
+//! 1. f32: view coordinates are sums of two, sheared coordinates are right to the last bits near the ray, edge functions that
+//!    lose digits are computed again with the rounding errors of their products (`shaders/lib/ray.wgsl`). Places in meshes
+//!    with thin, visible cells are computed in f64 if the device has it ([`super::precision`]).
 //! 2. Starts of paths are not sorted in a list: a thread looks for the nearest four, and again for the next four.
 //! 3. Scalars and nodes are seen through a [`ScalarMap`](crate::optics::ScalarMap).
 //!
@@ -24,8 +25,10 @@ pub(super) mod stage_tests;
 use super::context::Context;
 use super::eye::{self, sides};
 use super::layout::{Params, depth_of};
+use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::Slot;
+use super::shaders::Precision;
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
 use crate::render::cpu::raycast::skips::CellChoice;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -49,6 +52,7 @@ pub struct Raycast {
     active_job: Option<ActiveJob>,
     presenter: Presenter,
     choice: CellChoice,
+    precision: PrecisionChoice,
     /// Of a tile.
     cost: UnitCost,
 }
@@ -56,6 +60,7 @@ pub struct Raycast {
 /// What a job under way needs beyond the buffers.
 struct ActiveJob {
     job: RenderJob,
+    precision: Precision,
     params: Params,
     tile_count: usize,
     /// First tile that has not been submitted.
@@ -80,6 +85,7 @@ impl Raycast {
             frame: Frame::default(),
             active_job: None,
             choice: CellChoice::default(),
+            precision: PrecisionChoice::default(),
             presenter: Presenter::new(),
             cost: UnitCost::default(),
         }
@@ -174,7 +180,7 @@ impl Raycast {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_bind_group(0, &groups.walk, &[]);
-            let walk = pipelines.walk(active.job.optics);
+            let walk = pipelines.walk(active.job.optics, active.precision);
             pass.set_pipeline(walk.ok_or_else(|| self.context.beyond("the walk has not been prepared".to_owned()))?);
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
@@ -301,13 +307,24 @@ impl Renderer for Raycast {
             self.presenter.prepare(&self.context, &job, &mut self.frame)?;
             let eye_cells: Vec<_> =
                 eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
-            self.scene.update(&self.context, &job, &eye_cells, &mut params)?;
+            let precision = self.precision.of(self.context.has_f64(), &job);
+            self.scene.update(&self.context, &job, precision, &eye_cells, &mut params)?;
+            self.frame.stats.in_f64 = precision == Precision::Double;
             self.frame.stats.entry_faces = u64::from(params.face_count);
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
             let tile_count = params.tile_count();
             let ms_before = job.stats.ms_decode + job.stats.ms_order;
-            let active =
-                ActiveJob { job, params, tile_count, next_tile: 0, tiles_done: 0, walk_ms: 0.0, started, ms_before };
+            let active = ActiveJob {
+                job,
+                precision,
+                params,
+                tile_count,
+                next_tile: 0,
+                tiles_done: 0,
+                walk_ms: 0.0,
+                started,
+                ms_before,
+            };
             self.active_job = Some(active);
             self.submit_preparation()?;
         }

@@ -4,7 +4,7 @@ use crate::optics::OpticsKind;
 use crate::render::RenderError;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::pipelines::{READ, UNIFORM, WRITE, bind_group_layout, pipeline, plane};
-use crate::render::gpu::shaders::{RecordSplit, Stage};
+use crate::render::gpu::shaders::{Precision, RecordSplit, Stage};
 
 /// A compute pipeline for each stage, and the layouts of what they bind.
 pub(super) struct Pipelines {
@@ -14,8 +14,8 @@ pub(super) struct Pipelines {
     pub(super) entries_count: wgpu::ComputePipeline,
     pub(super) entries_scan: wgpu::ComputePipeline,
     pub(super) entries_store: wgpu::ComputePipeline,
-    /// For the optics that have been asked for so far.
-    walks: Vec<(OpticsKind, wgpu::ComputePipeline)>,
+    /// For the optics and the precisions that have been asked for so far.
+    walks: Vec<((OpticsKind, Precision), wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
@@ -40,17 +40,23 @@ impl Pipelines {
         })
     }
 
-    /// Compiles the walk for `optics` unless that has been done.
-    pub(super) fn prepare_walk(&mut self, context: &Context, optics: OpticsKind) -> Result<(), RenderError> {
-        if self.walk(optics).is_none() {
-            let made = context.create(|device| pipeline(device, Stage::Walk(optics), self.split, &self.walk_layout))?;
-            self.walks.push((optics, made));
+    /// Compiles the walk for `optics` in a precision unless that has been done.
+    pub(super) fn prepare_walk(
+        &mut self,
+        context: &Context,
+        optics: OpticsKind,
+        precision: Precision,
+    ) -> Result<(), RenderError> {
+        if self.walk(optics, precision).is_none() {
+            let stage = Stage::Walk(optics, precision);
+            let made = context.create(|device| pipeline(device, stage, self.split, &self.walk_layout))?;
+            self.walks.push(((optics, precision), made));
         }
         Ok(())
     }
 
-    /// The walk for `optics`, if it has been prepared.
-    pub(super) fn walk(&self, optics: OpticsKind) -> Option<&wgpu::ComputePipeline> {
-        self.walks.iter().find(|(kind, _)| *kind == optics).map(|(_, pipeline)| pipeline)
+    /// The walk for `optics` in a precision, if it has been prepared.
+    pub(super) fn walk(&self, optics: OpticsKind, precision: Precision) -> Option<&wgpu::ComputePipeline> {
+        self.walks.iter().find(|(of, _)| *of == (optics, precision)).map(|(_, pipeline)| pipeline)
     }
 }

@@ -8,7 +8,7 @@ use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params, flags};
 use crate::render::gpu::pipelines::{Transform, bind_group};
-use crate::render::gpu::shaders::RecordSplit;
+use crate::render::gpu::shaders::{Precision, RecordSplit};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -81,10 +81,11 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
+        precision: Precision,
         eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<(), RenderError> {
-        let updated = self.update_parts(context, job, eye_cells, params);
+        let updated = self.update_parts(context, job, precision, eye_cells, params);
         if updated.is_err() {
             // Buffers may have been made anew before one was refused: the groups bind the old ones.
             self.groups = None;
@@ -96,6 +97,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
+        precision: Precision,
         eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<(), RenderError> {
@@ -109,7 +111,7 @@ impl Scene {
             stale = true;
         }
         if let Some(pipelines) = &mut self.pipelines {
-            pipelines.prepare_walk(context, job.optics)?;
+            pipelines.prepare_walk(context, job.optics, precision)?;
         }
         if self.transform.is_none() {
             self.transform = Some(Transform::new(context)?);
