@@ -57,8 +57,8 @@ fn optics_enter(scalar: f32) {
     optics.here = optics_at(scalar);
 }
 
-// Weights of the colours at both ends of a piece, and its transmittance.
-fn piece_weights(a0: f32, a1: f32) -> vec3<f32> {
+// Weights of the colours at both ends of a piece; together its opacity.
+fn piece_weights(a0: f32, a1: f32) -> vec2<f32> {
     let depth = 0.5 * (a0 + a1);
     if depth <= 0.25 {
         return weights_series(a0, a1, depth);
@@ -66,7 +66,7 @@ fn piece_weights(a0: f32, a1: f32) -> vec3<f32> {
     return weights_quadrature(a0, a1, depth);
 }
 
-fn weights_series(a0: f32, a1: f32, x: f32) -> vec3<f32> {
+fn weights_series(a0: f32, a1: f32, x: f32) -> vec2<f32> {
     let c5 = vec4(-1.0 / 720.0, -1.0 / 5040.0, -1.0 / 6720.0, -1.0 / 43200.0);
     let c4 = vec4(1.0 / 120.0, 1.0 / 720.0, 1.0 / 1008.0, 1.0 / 6048.0);
     let c3 = vec4(-1.0 / 24.0, -1.0 / 120.0, -1.0 / 180.0, -1.0 / 1008.0);
@@ -79,7 +79,7 @@ fn weights_series(a0: f32, a1: f32, x: f32) -> vec3<f32> {
     let bend = h * (sums.z + h * (0.5 * sums.w + h * (p3 + h * (1.0 / (24.0 * 630.0)))));
     let alpha = x * sums.x;
     let near = x * sums.y - bend;
-    return vec3(near, alpha - near, 1.0 - alpha);
+    return vec2(near, alpha - near);
 }
 
 const QUADRATURE_DEPTH: f32 = 1.5;
@@ -90,7 +90,7 @@ fn place_of_depth(a0: f32, b: f32, x: f32) -> f32 {
     return 2.0 * x / (a0 + sqrt(max(a0 * a0 + 4.0 * b * x, 0.0)));
 }
 
-fn weights_quadrature(a0: f32, a1: f32, depth: f32) -> vec3<f32> {
+fn weights_quadrature(a0: f32, a1: f32, depth: f32) -> vec2<f32> {
     let b = 0.5 * (a1 - a0);
     let reached = min(depth, DEPTH_MAX);
     let pieces = max(ceil(reached / QUADRATURE_DEPTH), 1.0);
@@ -116,10 +116,9 @@ fn weights_quadrature(a0: f32, a1: f32, depth: f32) -> vec3<f32> {
         mean_transmittance += width * (0.11846344 * outer + 0.23931434 * inner + 0.28444445 * at_middle);
         begin = next;
     }
-    let transmittance = exp_neg(depth);
-    let alpha = 1.0 - transmittance;
+    let alpha = 1.0 - exp_neg(depth);
     let near = clamp(1.0 - mean_transmittance, 0.0, alpha);
-    return vec3(near, alpha - near, transmittance);
+    return vec2(near, alpha - near);
 }
 
 // Composites a piece in the present interval, over which colour and extinction go linearly to `far`.
@@ -137,8 +136,11 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) {
     // where a ramp reaches zero.
     let weights = piece_weights(clamp(near.w * length, 0.0, 1e9), clamp(far.w * length, 0.0, 1e9));
     let transmittance = optics.transmittance;
-    optics.light += vec4(near.xyz, 1.0) * (transmittance * weights.x) + vec4(far.xyz, 1.0) * (transmittance * weights.y);
-    optics.transmittance = transmittance * weights.z;
+    let of_near = transmittance * weights.x;
+    let of_far = transmittance * weights.y;
+    optics.light += vec4(near.xyz, 1.0) * of_near + vec4(far.xyz, 1.0) * of_far;
+    // Not the product with what the piece lets through: of many equal pieces that is rounded alike each time.
+    optics.transmittance = transmittance - (of_near + of_far);
     optics.pieces += 1u;
 }
 

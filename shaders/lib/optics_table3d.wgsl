@@ -87,7 +87,7 @@ fn table3d_composite(entry: vec4<f32>, length: f32) {
     let depth = min(mean * min(length, 1e9 / max(mean, 1.0)), 1e9);
     let alpha = alpha_of_depth(depth);
     optics.light += entry * (alpha / max(mean, MEAN_MIN)) * optics.transmittance;
-    optics.transmittance *= 1.0 - alpha;
+    optics.transmittance -= optics.transmittance * alpha;
     if depth > 0.0 {
         optics.pieces += 1u;
         optics.visible = true;

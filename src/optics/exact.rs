@@ -310,8 +310,8 @@ impl<'a> Pieces<'a> {
             let count = self.waiting.min(WEIGHED_AT_ONCE);
             let weights = weigh(near, far, count);
             for (i, [near, far]) in colors.iter().enumerate().take(count) {
-                let [near_weight, far_weight, transmittance] = weights.map(|w| w[i]);
-                self.out.add(PieceWeights { near: near_weight, far: far_weight, transmittance }, *near, *far);
+                let [near_weight, far_weight] = weights.map(|w| w[i]);
+                self.out.add(PieceWeights { near: near_weight, far: far_weight }, *near, *far);
             }
             self.waiting -= count;
             if self.waiting == 0 {

@@ -127,17 +127,21 @@ impl Accumulator {
     }
 
     /// Composites a piece with linear colour from `near` to `far` (red, green, blue, 1) behind what has been gathered.
+    ///
+    /// What shines through becomes less by what is gathered. Multiplied by one less the piece's opacity instead, it would be off by
+    /// the rounding of that factor for each piece, and of equal pieces all are rounded alike: 7e-5 after 10^4 of them.
     #[inline]
     pub fn add(&mut self, weights: PieceWeights, near: Vec4, far: Vec4) {
-        self.rgba += near * (self.transmittance * weights.near) + far * (self.transmittance * weights.far);
-        self.transmittance *= weights.transmittance;
+        let (of_near, of_far) = (self.transmittance * weights.near, self.transmittance * weights.far);
+        self.rgba += near * of_near + far * of_far;
+        self.transmittance -= of_near + of_far;
     }
 
     /// Composites premultiplied light (red, green, blue, alpha) of opacity `alpha` behind what has been gathered.
     #[inline]
     pub fn add_premultiplied(&mut self, light: Vec4, alpha: f32) {
         self.rgba += light * self.transmittance;
-        self.transmittance *= 1.0 - alpha;
+        self.transmittance -= self.transmittance * alpha;
     }
 
     /// The gathered light as a pixel.

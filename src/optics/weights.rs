@@ -34,16 +34,13 @@ const PIECE_MAX: f32 = 1.5;
 /// Beyond this optical depth exp(-x) is below f32's rounding of 1.
 const DEPTH_MAX: f32 = 18.0;
 
-/// Weights of the colours at the two ends of a piece, and its transmittance; `near + far + transmittance == 1` up to
-/// rounding.
+/// Weights of the colours at the two ends of a piece; together its opacity, up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PieceWeights {
     /// Weight of the colour at the near end.
     pub near: f32,
     /// Weight of the colour at the far end.
     pub far: f32,
-    /// Transmittance of the piece.
-    pub transmittance: f32,
 }
 
 /// Weights of a piece whose extinction times length is `a0` at the near and `a1` at the far end (both finite and >= 0).
@@ -74,7 +71,7 @@ fn series(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     let bend = h * (p1 + h * (0.5 * p2 + h * (p3 + h * (1.0 / (24.0 * 630.0)))));
     let alpha = depth * alpha;
     let near = depth * first - bend;
-    PieceWeights { near, far: alpha - near, transmittance: 1.0 - alpha }
+    PieceWeights { near, far: alpha - near }
 }
 
 /// [`SERIES`] as numbers, order by order.
@@ -91,16 +88,16 @@ const fn series_by_order() -> [[f32; 4]; 6] {
 /// Pieces that [`weigh`] takes.
 pub(crate) const WEIGHED_AT_ONCE: usize = 16;
 
-/// [`piece_weights`] of the first `count` pieces, to the last bit: near, far and transmittance. The lanes of a vector are the pieces here, not the
+/// [`piece_weights`] of the first `count` pieces, to the last bit: near and far. The lanes of a vector are the pieces here, not the
 /// series.
 #[inline(always)]
 pub(crate) fn weigh(
     a0: &[f32; WEIGHED_AT_ONCE],
     a1: &[f32; WEIGHED_AT_ONCE],
     count: usize,
-) -> [[f32; WEIGHED_AT_ONCE]; 3] {
+) -> [[f32; WEIGHED_AT_ONCE]; 2] {
     let [c0, c1, c2, c3, c4, c5] = const { series_by_order() };
-    let mut weights = [[0.0; WEIGHED_AT_ONCE]; 3];
+    let mut weights = [[0.0; WEIGHED_AT_ONCE]; 2];
     let mut is_deep = false;
     for l in 0..WEIGHED_AT_ONCE {
         let x = 0.5 * (a0[l] + a1[l]);
@@ -110,7 +107,7 @@ pub(crate) fn weigh(
         let bend = h * (sum(2) + h * (0.5 * sum(3) + h * (p3 + h * (1.0 / (24.0 * 630.0)))));
         let alpha = x * sum(0);
         let near = x * sum(1) - bend;
-        (weights[0][l], weights[1][l], weights[2][l]) = (near, alpha - near, 1.0 - alpha);
+        (weights[0][l], weights[1][l]) = (near, alpha - near);
         is_deep |= x > SERIES_MAX;
     }
     if !is_deep {
@@ -119,8 +116,8 @@ pub(crate) fn weigh(
     for l in 0..count.min(WEIGHED_AT_ONCE) {
         let depth = 0.5 * (a0[l] + a1[l]);
         if depth > SERIES_MAX {
-            let PieceWeights { near, far, transmittance } = quadrature(a0[l], a1[l], depth);
-            (weights[0][l], weights[1][l], weights[2][l]) = (near, far, transmittance);
+            let PieceWeights { near, far } = quadrature(a0[l], a1[l], depth);
+            (weights[0][l], weights[1][l]) = (near, far);
         }
     }
     weights
@@ -156,7 +153,7 @@ fn quadrature(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     }
     let alpha = -(-depth).exp_m1();
     let near = (1.0 - mean_transmittance).clamp(0.0, alpha);
-    PieceWeights { near, far: alpha - near, transmittance: 1.0 - alpha }
+    PieceWeights { near, far: alpha - near }
 }
 
 #[cfg(test)]
@@ -191,7 +188,7 @@ mod tests {
                 let w = piece_weights(a0 as f32, a1 as f32);
                 let (near, far) = oracle(f64::from(a0 as f32), f64::from(a1 as f32));
                 worst = worst.max((f64::from(w.near) - near).abs()).max((f64::from(w.far) - far).abs());
-                assert!(w.near >= 0.0 && w.far >= -1e-7 && w.transmittance >= 0.0, "{a0} {a1} {w:?}");
+                assert!(w.near >= 0.0 && w.far >= -1e-7 && w.near + w.far <= 1.0 + f32::EPSILON, "{a0} {a1} {w:?}");
             }
         }
         // 4e-8 and 9e-8 of the two branches plus a few f32 roundings of numbers up to 1 (6e-8 each).
@@ -209,11 +206,7 @@ mod tests {
             for (l, pair) in some.iter().enumerate() {
                 [a0[l], a1[l]] = *pair;
             }
-            let of = |[near, far, transmittance]: [[f32; WEIGHED_AT_ONCE]; 3], l: usize| PieceWeights {
-                near: near[l],
-                far: far[l],
-                transmittance: transmittance[l],
-            };
+            let of = |[near, far]: [[f32; WEIGHED_AT_ONCE]; 2], l: usize| PieceWeights { near: near[l], far: far[l] };
             let (weights, other) = (weigh(&a0, &a1, some.len()), weigh(&a0.map(|a| a * 1.000_001), &a1, some.len()));
             for (l, &[a0, a1]) in some.iter().enumerate() {
                 assert_eq!(of(weights, l), piece_weights(a0, a1), "{a0} {a1}");
@@ -238,6 +231,6 @@ mod tests {
     #[test]
     fn a_constant_opaque_piece_shows_its_near_colour() {
         let w = piece_weights(1e7, 1e7);
-        assert!(w.transmittance == 0.0 && (w.near + w.far - 1.0).abs() < 1e-6 && w.far < 1e-6);
+        assert!((w.near + w.far - 1.0).abs() <= f32::EPSILON && w.far < 1e-6);
     }
 }

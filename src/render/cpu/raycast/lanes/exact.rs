@@ -420,10 +420,10 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             let near: &[[f32; WEIGHED_AT_ONCE]] = bytemuck::cast_slice(&self.steps.near_depth);
             let far: &[[f32; WEIGHED_AT_ONCE]] = bytemuck::cast_slice(&self.steps.far_depth);
             let weights = weigh(&near[pair], &far[pair], WEIGHED_AT_ONCE);
-            let [near, far, transmittance]: [[__m256; 2]; 3] = cast(weights);
-            self.add(rows, 2 * pair, &mut sum, [near[0], far[0], transmittance[0]], out);
+            let [near, far]: [[__m256; 2]; 2] = cast(weights);
+            self.add(rows, 2 * pair, &mut sum, [near[0], far[0]], out);
             if 2 * pair + 1 < count {
-                self.add(rows, 2 * pair + 1, &mut sum, [near[1], far[1], transmittance[1]], out);
+                self.add(rows, 2 * pair + 1, &mut sum, [near[1], far[1]], out);
             }
         }
         (self.rgba, self.transmittance) = (cast(sum.rgba), cast(sum.transmittance));
@@ -431,14 +431,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
 
     /// Composites the pieces of one step with these weights.
     #[inline(always)]
-    fn add(
-        &mut self,
-        rows: &Rows,
-        at: usize,
-        sum: &mut Sum,
-        [near, far, transmittance]: [__m256; 3],
-        out: &mut Out<'_>,
-    ) {
+    fn add(&mut self, rows: &Rows, at: usize, sum: &mut Sum, [near, far]: [__m256; 2], out: &mut Out<'_>) {
         let lanes = self.optics.lanes;
         let about = self.steps.about[at];
         if rows.ends.get(self.ends_passed).is_some_and(|end| end.row < about.row) {
@@ -452,8 +445,9 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             let both = lanes.add_f32(near, lanes.mul_f32(cast(self.steps.far[at][i]), far));
             sum.rgba[i] = lanes.add_f32(sum.rgba[i], both);
         }
-        sum.rgba[3] = lanes.add_f32(sum.rgba[3], lanes.add_f32(near, far));
-        sum.transmittance = lanes.mul_f32(sum.transmittance, transmittance);
+        let gathered = lanes.add_f32(near, far);
+        sum.rgba[3] = lanes.add_f32(sum.rgba[3], gathered);
+        sum.transmittance = lanes.sub_f32(sum.transmittance, gathered);
         let visible = about.visible & !self.opaque;
         out.stats.segments += u64::from(visible.count_ones());
         out.stats.out_of_order += u64::from((about.hidden & !self.opaque).count_ones());

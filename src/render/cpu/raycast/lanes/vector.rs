@@ -52,6 +52,7 @@ pub(in super::super) trait Lanes: Copy {
     fn select_f32(self, mask: Self::M, a: __m256, b: __m256) -> __m256;
     fn splat_f32(self, value: f32) -> __m256;
     fn add_f32(self, a: __m256, b: __m256) -> __m256;
+    fn sub_f32(self, a: __m256, b: __m256) -> __m256;
     fn mul_f32(self, a: __m256, b: __m256) -> __m256;
     /// The greater, `b` of equal ones.
     fn greater_f32(self, a: __m256, b: __m256) -> __m256;
@@ -195,6 +196,11 @@ impl Lanes for V4 {
     #[inline(always)]
     fn add_f32(self, a: __m256, b: __m256) -> __m256 {
         self.avx._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_sub_ps(a, b)
     }
 
     #[inline(always)]
@@ -379,6 +385,11 @@ impl Lanes for V3 {
     #[inline(always)]
     fn add_f32(self, a: __m256, b: __m256) -> __m256 {
         self.avx._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx._mm256_sub_ps(a, b)
     }
 
     #[inline(always)]
