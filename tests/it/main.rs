@@ -16,5 +16,6 @@ mod samples;
 mod series;
 mod skipping;
 mod store;
+mod stress;
 mod synth;
 mod transfer;

@@ -1,7 +1,6 @@
 //! Renderers against closed forms and against the reference.
 
 mod clear_cells;
-mod closed_form;
 mod depth;
 #[cfg(feature = "gpu")]
 pub mod gpu;

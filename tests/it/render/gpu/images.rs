@@ -304,3 +304,19 @@ fn one_renderer_draws_many_sizes() {
         assert_within(&format!("{size:?}"), &frame.color, &raycast(&job));
     }
 }
+
+#[test]
+fn slivers_agree_in_f64_and_nearly_in_f32() {
+    let squash = 1e-5;
+    let mut raw = grid(6, 0.16, 5, |_| true);
+    for p in &mut raw.points {
+        p.z *= squash;
+    }
+    let mesh = Arc::new(build(raw));
+    let scalars = sample(&mesh, |p| wave(DVec3::new(p.x, p.y, p.z / squash)));
+    let table = NodeTable::new(dense().nodes().iter().map(|n| Node { tau: n.tau / squash, ..*n }).collect()).unwrap();
+    for position in [DVec3::new(0.5, 0.3, 4.0), DVec3::new(2.0, 1.0, 3.0)] {
+        let job = job(&mesh, scalars.clone(), &camera(position, PERSPECTIVE), (64, 64), table.clone());
+        assert_slivers_agree(&job, &raycast(&job));
+    }
+}

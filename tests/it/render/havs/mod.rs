@@ -9,7 +9,6 @@ mod gpu_behaviour;
 mod oracle;
 mod random;
 mod samples;
-mod slivers;
 mod some_faces;
 
 use super::*;

@@ -1,0 +1,162 @@
+//! What an image does not depend on: the number of threads, left and right, where tiles and bands end.
+
+use super::cameras::oblique;
+use super::*;
+use crate::meshes::{build, grid, sample};
+use crate::render::{difference, raycast, reference};
+use glam::DVec3;
+use tetreel::image::RgbaImage;
+
+/// A mesh with a hole seen obliquely, over several tiles in both directions.
+fn case() -> Case {
+    let mesh = Arc::new(build(grid(8, 0.16, 1, |c| c.length() > 0.4)));
+    Case { cameras: oblique(), size: (83, 67), ..Case::new("hole", &mesh, sample(&mesh, wave), dense()) }
+}
+
+#[test]
+fn any_number_of_threads_draws_the_same_bits() {
+    let jobs = case().jobs();
+    let images = || -> Vec<Frame> {
+        let on_cpu = paths().into_iter().filter(|path| !path.on_gpu);
+        on_cpu.flat_map(|path| jobs.iter().map(move |job| (path.render)(job).unwrap())).collect()
+    };
+    let judged = || -> Vec<RgbaImage> { jobs.iter().map(reference).collect() };
+    let (expected, expected_judged) = (images(), judged());
+    for threads in [1, 2, 7] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for (frame, expected) in pool.install(images).iter().zip(&expected) {
+            assert_eq!((&frame.color, &frame.depth), (&expected.color, &expected.depth), "{threads} threads");
+        }
+        assert_eq!(pool.install(judged), expected_judged, "{threads} threads");
+    }
+}
+
+/// The job in a mirror at x = 0.
+fn mirrored(job: &RenderJob, scalars_at: impl Fn(DVec3) -> f64) -> RenderJob {
+    let flip = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
+    let mut mesh = grid(8, 0.16, 1, |c| c.length() > 0.4);
+    mesh.points.iter_mut().for_each(|p| *p = flip(*p));
+    let mesh = Arc::new(build(mesh));
+    let scalars = sample(&mesh, |p| scalars_at(flip(p)));
+    let mut view = job.view;
+    // Of a mirrored frame right is left: columns count the other way.
+    (view.eye, view.forward, view.up, view.right) =
+        (flip(view.eye), flip(view.forward), flip(view.up), -flip(view.right));
+    let active = tetreel::visibility::finite_cells(&mesh.topology, &scalars);
+    RenderJob { mesh, scalars: Arc::new(scalars), active: Arc::new(active), view, ..job.clone() }
+}
+
+fn flipped(image: &RgbaImage) -> RgbaImage {
+    let mut image = image.clone();
+    let width = image.width;
+    image.pixels.chunks_exact_mut(width).for_each(<[_]>::reverse);
+    image
+}
+
+/// The mesh is jittered and the views are oblique: no ray meets a vertex or an edge, where the mirror would decide otherwise.
+#[test]
+fn a_scene_in_a_mirror_has_the_mirrored_image() {
+    let jobs = case().jobs();
+    for path in paths() {
+        let mut worst = 0f64;
+        for job in &jobs {
+            let (Some(image), Some(other)) = ((path.render)(job), (path.render)(&mirrored(job, wave))) else {
+                continue;
+            };
+            let (_, max) = difference(&image.color, &flipped(&other.color));
+            assert!(max <= 1e-5, "{}: {max:.1e}", path.name);
+            worst = worst.max(max);
+            // A mirror with a flaw is noticed, and so is an image that is not turned round.
+            let flaw = mirrored(job, |p| wave(p) + 1e-3 * p.y);
+            let (_, max) = difference(&image.color, &flipped(&(path.render)(&flaw).unwrap().color));
+            assert!(max > 1e-5, "{}: {max:.1e} with another field", path.name);
+            let (_, max) = difference(&image.color, &other.color);
+            assert!(max > 1e-5, "{}: {max:.1e} of the unflipped image", path.name);
+        }
+        eprintln!("mirror | {} | max {worst:.1e}", path.name);
+    }
+}
+
+/// The job without `margin` pixels at each side; the same rays, but tiles end elsewhere.
+fn cropped(job: &RenderJob, margin: usize) -> RenderJob {
+    let mut view = job.view;
+    let (width, height) = (view.width_px - 2 * margin, view.height_px - 2 * margin);
+    view.half_width *= width as f64 / view.width_px as f64;
+    view.half_height *= height as f64 / view.height_px as f64;
+    (view.width_px, view.height_px) = (width, height);
+    RenderJob { view, ..job.clone() }
+}
+
+fn crop(image: &RgbaImage, margin: usize) -> RgbaImage {
+    let (width, height) = (image.width - 2 * margin, image.height - 2 * margin);
+    let row = |j: usize| &image.pixels[(j + margin) * image.width + margin..][..width];
+    RgbaImage { width, height, pixels: (0..height).flat_map(row).copied().collect() }
+}
+
+/// Rays of a cropped view are the same but for the rounding of their pixel's place: 2^-53, which moves an f32 by one unit at most, and
+/// sums of about a hundred by a few. Bands of the reference have 8 rows, bands of faces on the GPU any number of tiles.
+const CROP_BOUND: f64 = 1e-6;
+
+#[test]
+fn where_tiles_and_bands_end_does_not_show() {
+    let jobs = case().jobs();
+    for path in paths() {
+        let (mut worst, mut seen) = (0f64, 0);
+        for job in &jobs {
+            let Some(whole) = (path.render)(job) else { continue };
+            for margin in [1, 3, 5, 7, 11] {
+                let part = (path.render)(&cropped(job, margin)).unwrap().color;
+                let (_, max) = difference(&part, &crop(&whole.color, margin));
+                assert!(max <= CROP_BOUND, "{}, margin {margin}: {max:.1e}", path.name);
+                worst = worst.max(max);
+                seen += part.pixels.iter().filter(|p| p[3] > 0.0).count();
+            }
+            // A hundredth of a pixel is noticed.
+            let mut shifted = cropped(job, 3);
+            shifted.view.half_width *= 1.0 + 0.02 / shifted.view.width_px as f64;
+            let (_, max) = difference(&(path.render)(&shifted).unwrap().color, &crop(&whole.color, 3));
+            assert!(max > CROP_BOUND, "{}: {max:.1e} a hundredth of a pixel off", path.name);
+        }
+        eprintln!("crops | {} | max {worst:.1e} | {seen} pixels", path.name);
+    }
+    for job in &jobs {
+        for margin in [1, 3] {
+            let (_, max) = difference(&reference(&cropped(job, margin)), &crop(&reference(job), margin));
+            assert!(max <= CROP_BOUND, "reference, margin {margin}: {max:.1e}");
+        }
+    }
+}
+
+/// Width of a tile on every path.
+const TILE_PX: usize = 16;
+
+#[test]
+fn pixels_at_the_borders_of_tiles_are_as_right_as_others() {
+    for path in paths() {
+        // Sums and counts of absolute errors: at borders, elsewhere.
+        let mut sums = [(0.0, 0usize); 2];
+        for job in &case().jobs() {
+            let (Some(frame), judge) = ((path.render)(job), reference(job)) else { continue };
+            for (pixel, (a, b)) in frame.color.pixels.iter().zip(&judge.pixels).enumerate() {
+                let is_border = |place: usize| [0, TILE_PX - 1].contains(&(place % TILE_PX));
+                let inner = !(is_border(pixel % judge.width) || is_border(pixel / judge.width));
+                let error: f64 = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum();
+                let sum = &mut sums[usize::from(inner)];
+                *sum = (sum.0 + error, sum.1 + usize::from(b[3] > 0.0));
+            }
+        }
+        if sums[0].1 == 0 {
+            continue;
+        }
+        let [border, inner] = sums.map(|(sum, count)| sum / count as f64);
+        eprintln!("mean error | {} | at borders {border:.1e} | elsewhere {inner:.1e}", path.name);
+        // Of thousands of pixels each; a quarter more is beyond what chance makes of single pixels next to steps.
+        assert!(sums.iter().all(|s| s.1 > 5000), "{sums:?}");
+        assert!(border <= 1.25 * inner, "{}: {border:.1e} against {inner:.1e}", path.name);
+    }
+    // One in a hundred thousand of light lost at borders would be noticed.
+    let job = &case().jobs()[0];
+    let (image, judge) = (raycast(job), reference(job));
+    let (_, max) = difference(&image, &judge);
+    assert!(max < 1e-4, "{max:.1e}");
+}
