@@ -118,6 +118,23 @@ fn huge_offsets_keep_their_digits() {
 }
 
 #[test]
+fn the_eye_is_subtracted_before_anything_is_rounded() {
+    // Ten million away, f32 has no bits behind the point; f64 has 2^-29.
+    let offset = DVec3::new(1e7, -1e7, 1e7);
+    let near_by = camera();
+    let far_off = Camera { position: near_by.position + offset, focal_point: near_by.focal_point + offset, ..near_by };
+    let (a, b) = (near_by.view(64, 64).unwrap(), far_off.view(64, 64).unwrap());
+    let p = DVec3::new(0.3, -0.6, 0.45);
+    // Each coordinate of the eye and of the point is rounded by 2^-30 at most, and a direction within the view by as much.
+    let bound = 16.0 * 2.0f64.powi(-30);
+    assert!((a.to_view(p) - b.to_view(p + offset)).length() <= bound);
+    // In f32, as a vertex shader that gets world coordinates would have it, the point has jumped to another place.
+    let naive = (p + offset).as_vec3() - far_off.position.as_vec3();
+    let exact = p - near_by.position;
+    assert!((naive.as_dvec3() - exact).length() > 0.1, "{naive} instead of {exact}");
+}
+
+#[test]
 fn the_default_camera_frames_boxes_of_any_shape_size_and_place() {
     let boxes = [
         (DVec3::splat(-1.0), DVec3::ONE),

@@ -210,6 +210,20 @@ mod tests {
     }
 
     #[test]
+    fn constant_data_have_no_ratio_and_no_share_of_a_deviation() {
+        for value in [0.0, 5.0, -1e30, f32::MIN_POSITIVE] {
+            let found = quality(&[value; 6], &[value; 6], 2);
+            assert_eq!((found.snr_db, found.snr_min_db, found.snr_max_db), (None, None, None), "{value:e}");
+            assert_eq!((found.max_error, found.rmse, found.over_sigma.max), (0.0, 0.0, 0.0));
+        }
+        // The definition as it stands is zero by zero.
+        assert!((10.0 * (0.0f64 / 0.0).log10()).is_nan());
+        // Noise without a signal is all noise; a vertex that never moves has no deviation that it could be a share of.
+        let found = quality(&[5.0; 4], &[5.0, 6.0, 5.0, 5.0], 2);
+        assert_eq!((found.snr_db, found.over_sigma.max), (Some(f64::NEG_INFINITY), 0.0));
+    }
+
+    #[test]
     fn sums_go_on_from_their_numbers_as_if_nothing_had_been() {
         let values: Vec<f32> = (0..12).map(|i| (i as f32).sin()).collect();
         let add = |tally: &mut ErrorTally, steps: &[f32]| tally.add(steps, |_, _, out| out.fill(0.1));

@@ -64,6 +64,18 @@ fn a_huge_offset_does_not_drown_a_small_signal() {
     assert_eq!(statistics.variance[0], 0.0);
     // Half of the samples 64 above the others: the deviation is 32.
     assert!((statistics.variance[1].sqrt() - 32.0).abs() < 1e-4);
+    let cov = statistics.coefficient_of_variation(None, CovDenominator::Plain);
+    assert_eq!(cov[0], 0.0);
+    assert!((cov[1] / (32.0 / 1e9) - 1.0).abs() < 1e-5, "{:e}", cov[1]);
+    // The mean of the squares less the square of the mean: 1024 is what is left of two numbers of 1e18, which have a bit for 128.
+    let naive = |vertex: usize| {
+        let mean = |f: fn(f64) -> f64| steps.iter().map(|s| f(f64::from(s[vertex]))).sum::<f64>() / steps.len() as f64;
+        mean(|x| x * x) - mean(|x| x).powi(2)
+    };
+    assert!((naive(1) - 1024.0).abs() >= 32.0, "{}", naive(1));
+    // One pass in f32 does not even find the mean.
+    let sum = steps.iter().fold(0.0f32, |sum, s| sum + s[1]);
+    assert!((f64::from(sum) / steps.len() as f64 - (1e9 + 32.0)).abs() > 32.0);
 }
 
 #[test]

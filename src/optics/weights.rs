@@ -223,6 +223,9 @@ mod tests {
             let w = piece_weights(a, a);
             assert!((w.near / (a / 2.0) - 1.0).abs() < 1e-3 && (w.far / (a / 2.0) - 1.0).abs() < 1e-3, "{a} {w:?}");
         }
+        // What the definition says, evaluated as it stands, is nothing for a depth below the rounding of 1.
+        let naive = |a: f32| 1.0 - (-a).exp();
+        assert!((naive(1e-7) / 1e-7 - 1.0).abs() > 0.1 && naive(1e-8) == 0.0, "{:e}", naive(1e-7));
         // A ramp from nothing: Theta = b u^2, A = b / 3, B = 2 b / 3.
         let w = piece_weights(0.0, 2e-6);
         assert!((w.near / w.far - 0.5).abs() < 1e-5);

@@ -213,3 +213,49 @@ pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Opt
         Crossing { corners, edges, depth, scalar }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Depth by the plane through three corners: Cramer's rule for z = a x + b y + c at the origin.
+    fn by_determinant(p: &Sheared, q: &Sheared, r: &Sheared) -> f64 {
+        let (ux, uy, uw) = (q.x - p.x, q.y - p.y, q.w - p.w);
+        let (vx, vy, vw) = (r.x - p.x, r.y - p.y, r.w - p.w);
+        let normal = [uy * vw - uw * vy, uw * vx - ux * vw, ux * vy - uy * vx];
+        p.w + (normal[0] * p.x + normal[1] * p.y) / normal[2]
+    }
+
+    fn by_weights(p: &Sheared, q: &Sheared, r: &Sheared) -> f64 {
+        let edges = [accurate_edge(q, r, 1, 2).0, accurate_edge(r, p, 2, 0).0, accurate_edge(p, q, 0, 1).0];
+        hit(edges, p, q, r).0
+    }
+
+    #[test]
+    fn the_depth_of_a_face_seen_edge_on_lies_between_its_corners_and_by_its_plane_it_does_not() {
+        let mut far_outside = 0;
+        for i in 0..1000 {
+            // A sliver around the ray, turned, 1 long and 1e-17 wide on the image: rounding leaves of it a line, or less.
+            let (sin, cos) = (0.1 + 0.001 * f64::from(i)).sin_cos();
+            let at = |along: f64, across: f64, w: f64| {
+                let across = 1e-17 * across;
+                Sheared { x: along * cos - across * sin, y: along * sin + across * cos, w, s: w }
+            };
+            let (p, q, r) = (at(-0.7, -1.0, 3.0), at(0.3, -1.0, 4.0), at(0.1, 2.0, 5.0));
+            let depth = by_weights(&p, &q, &r);
+            // Weights add up to 1 but for three roundings.
+            assert!((3.0 - 1e-14..=5.0 + 1e-14).contains(&depth), "{depth}");
+            let plane = by_determinant(&p, &q, &r);
+            far_outside += u32::from(!(3.0 - 1e-9..=5.0 + 1e-9).contains(&plane));
+        }
+        // Measured: 385, of which 151 are no number.
+        assert!(far_outside > 100, "{far_outside} of 1000 by the plane");
+    }
+
+    #[test]
+    fn both_forms_agree_on_a_face_seen_from_its_front() {
+        let at = |x, y, w| Sheared { x, y, w, s: w };
+        let (p, q, r) = (at(-0.5, -0.4, 3.0), at(0.8, -0.3, 4.0), at(0.1, 0.9, 5.5));
+        assert!((by_weights(&p, &q, &r) - by_determinant(&p, &q, &r)).abs() < 1e-14);
+    }
+}

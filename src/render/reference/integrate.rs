@@ -114,3 +114,28 @@ fn add_piece(rgb: &mut [f64; 3], depth_so_far: &mut f64, from: &Node, to: &Node,
     }
     *depth_so_far += total;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thin_layers_keep_their_relative_opacity() {
+        for tau in [1e-300, 1e-18, 1e-9, 1e-3] {
+            let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0, 0.5, 0.0], tau }]).unwrap();
+            let chain = (0..10).map(|i| Segment {
+                near: f64::from(i),
+                far: f64::from(i + 1),
+                scalar_near: 0.0,
+                scalar_far: 1.0,
+            });
+            let [red, green, _, alpha] = integrate(&table, chain, 0.1).rgba;
+            // Ten segments of a tenth: an optical depth of tau. Half of its square is what the first term of the series leaves.
+            assert!((alpha / tau - 1.0).abs() <= 0.5 * tau + 1e-14, "{tau:e}: {alpha:e}");
+            assert!((red / alpha - 1.0).abs() < 1e-12 && (green / alpha - 0.5).abs() < 1e-12, "{tau:e}");
+        }
+        // By the definition as it stands there is nothing, or half of it.
+        let naive = |tau: f64| 1.0 - (-tau).exp();
+        assert!(naive(1e-18) == 0.0 && (naive(1e-16) / 1e-16 - 1.0).abs() > 0.1);
+    }
+}
