@@ -316,6 +316,30 @@ proptest! {
     }
 
     #[test]
+    fn the_order_and_orientation_of_cells_and_vertices_change_nothing_but_numbers(
+        seed: u64, n in prop::array::uniform3(1usize..4),
+    ) {
+        let mut random = Random(seed);
+        let raw = jittered(kuhn_grid(n), &mut random);
+        let (expected, _) = build(&raw);
+        let (mut other, labels) = shuffled(&raw, &mut random);
+        other.tets.iter_mut().for_each(|tet| random.shuffle(tet));
+        let (mesh, report) = build(&other);
+        mesh.check().unwrap();
+        prop_assert_eq!(labelled_faces(&mesh, |v| labels[v as usize]), labelled_faces(&expected, |v| v));
+        // Every inner face belongs to two cells, each of which has it as one of four.
+        let inner = mesh.topology.face_cells.iter().filter(|cells| cells[1] != NONE).count();
+        prop_assert_eq!(mesh.topology.faces.len() + inner, 4 * mesh.topology.tets.len());
+        prop_assert_eq!(report.boundary_faces, (mesh.topology.faces.len() - inner) as u64);
+        // Volumes are positive, and their sum does not depend on the order but for rounding: each of N is below the sum V, so that
+        // adding them rounds by N V ulp at most; what corners in another order round to is far below.
+        let cells = mesh.topology.tets.len() as u32;
+        prop_assert!((0..cells).all(|cell| mesh.cell_volume(cell) > 0.0));
+        let (a, b) = (mesh.total_volume(), expected.total_volume());
+        prop_assert!((a - b).abs() <= 2.0 * f64::from(cells) * f64::EPSILON * b, "{a} {b}");
+    }
+
+    #[test]
     fn faces_and_neighbours_are_those_of_a_naive_search(seed: u64, points in 4usize..12, cells in 1usize..40) {
         let raw = random_soup(seed, points, cells);
         let Ok((mesh, report)) = Mesh::build(raw) else { return Ok(()) };

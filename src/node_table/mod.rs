@@ -97,3 +97,93 @@ impl Node {
         Node { scalar, rgb: std::array::from_fn(|i| mix(a.rgb[i], b.rgb[i])), tau: mix(a.tau, b.tau) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Tables with steps, flat pieces, clear pieces and ramps, over ranges near and far.
+    fn tables() -> impl Strategy<Value = NodeTable> {
+        let value = prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64];
+        // A gap of 0 makes a step.
+        let node = (prop_oneof![Just(0.0), 1e-6..1.0_f64, Just(1e3)], prop::array::uniform4(value));
+        let offset = prop_oneof![Just(0.0), -10.0..10.0_f64, Just(1e6)];
+        (offset, prop::collection::vec(node, 1..12)).prop_map(|(offset, nodes)| {
+            let mut scalar: f64 = offset;
+            let mut table: Vec<Node> = Vec::new();
+            for (gap, [r, g, b, tau]) in nodes {
+                scalar += gap;
+                let is_third = table.len() > 1 && table[table.len() - 2].scalar == scalar;
+                if !is_third {
+                    table.push(Node { scalar, rgb: [r, g, b], tau: 30.0 * tau });
+                }
+            }
+            NodeTable::new(table).unwrap()
+        })
+    }
+
+    fn values(node: &Node) -> [f64; 4] {
+        [node.rgb[0], node.rgb[1], node.rgb[2], node.tau]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        #[test]
+        fn between_two_nodes_values_go_from_one_to_the_other_and_never_back(
+            table in tables(), shares in prop::collection::vec(0.0..1.0_f64, 1..12),
+        ) {
+            let mut shares = shares;
+            shares.sort_by(f64::total_cmp);
+            for pair in table.nodes().windows(2) {
+                let (from, to) = (values(&pair[0]), values(&pair[1]));
+                let mut last = from;
+                for share in &shares {
+                    let scalar = pair[0].scalar + share * (pair[1].scalar - pair[0].scalar);
+                    // At a step, and where rounding reaches the next node, the next piece holds.
+                    if scalar >= pair[1].scalar {
+                        continue;
+                    }
+                    let now = values(&table.eval(scalar));
+                    for i in 0..4 {
+                        // A rounding of the larger end at most.
+                        let slack = 4.0 * f64::EPSILON * from[i].max(to[i]);
+                        let way = if to[i] >= from[i] { now[i] - last[i] } else { last[i] - now[i] };
+                        prop_assert!(way >= -slack, "value {i} goes back at {scalar}: {last:?}, {now:?}");
+                        prop_assert!((from[i].min(to[i]) - slack..=from[i].max(to[i]) + slack).contains(&now[i]));
+                    }
+                    last = now;
+                }
+            }
+        }
+
+        #[test]
+        fn nodes_are_met_exactly_and_hold_on_outside(table in tables(), beyond in 1e-3..1e9_f64) {
+            let nodes = table.nodes();
+            for (i, node) in nodes.iter().enumerate() {
+                let right = nodes.get(i + 1).filter(|next| next.scalar == node.scalar).unwrap_or(node);
+                prop_assert_eq!(values(&table.eval(node.scalar)), values(right), "at a step the right side holds");
+            }
+            let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
+            prop_assert_eq!(values(&table.eval(first.scalar - beyond)), values(&first));
+            prop_assert_eq!(values(&table.eval(last.scalar + beyond)), values(&last));
+        }
+
+        #[test]
+        fn what_is_seen_anywhere_in_a_range_makes_it_visible(table in tables(), ends in prop::array::uniform2(-0.1..1.1_f64)) {
+            let nodes = table.nodes();
+            let (lo, hi) = (nodes[0].scalar, nodes[nodes.len() - 1].scalar);
+            let at = |share: f64| lo + share * (hi - lo + 1.0);
+            let (from, to) = (at(ends[0].min(ends[1])), at(ends[0].max(ends[1])));
+            // Extinction is linear between nodes: it is zero throughout if it is at both ends and at all nodes in between.
+            let inside = nodes.iter().filter(|n| (from..=to).contains(&n.scalar)).any(|n| n.tau > 0.0);
+            let expected = table.eval(from).tau > 0.0 || table.eval(to).tau > 0.0 || inside;
+            prop_assert_eq!(table.is_visible_in(from, to), expected);
+            for i in 0..=32 {
+                let seen = table.eval(from + (to - from) * f64::from(i) / 32.0).tau > 0.0;
+                prop_assert!(!seen || expected);
+            }
+        }
+    }
+}

@@ -201,6 +201,7 @@ impl fmt::Display for RangePolicy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const SERIES: (f64, f64) = (-2.0, 6.0);
     const STEP: (f64, f64) = (1.0, 3.0);
@@ -260,6 +261,41 @@ mod tests {
             }
             let symmetric = RangePolicy::Symmetric.resolve((v, v), (v, v)).unwrap();
             assert!(symmetric.lo() < symmetric.hi() && symmetric.lo() == -symmetric.hi());
+            // Its own ends make no axis: every scalar would be nowhere.
+            assert!(((v - v) / (v - v)).is_nan() && MappedRange::new(v, v, false).is_err());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        #[test]
+        fn an_axis_never_falls_and_is_its_own_inverse(
+            (lo, width) in (-1e6..1e6_f64, 1e-3..1e6_f64), log: bool, at in prop::collection::vec(0.0..=1.0, 2..20),
+        ) {
+            let range = if log { MappedRange::new(width, width * 1e3, true) } else { MappedRange::new(lo, lo + width, false) };
+            let range = range.unwrap();
+            let mut at = at;
+            at.sort_by(f64::total_cmp);
+            let scalars: Vec<f64> = at.iter().map(|&t| range.scalar_at(t)).collect();
+            prop_assert!(scalars.is_sorted() && scalars.iter().all(|s| (range.lo()..=range.hi()).contains(s)));
+            // A scalar is rounded by an ulp or two of the larger end; the axis is `width` long, and a logarithm rounds as little.
+            let bound = 8.0 * f64::EPSILON * (1.0 + range.lo().abs().max(range.hi().abs()) / (range.hi() - range.lo()));
+            for (t, s) in at.iter().zip(&scalars) {
+                prop_assert!((range.position_of(*s) - t).abs() <= bound, "{t} {s}");
+            }
+        }
+
+        #[test]
+        fn what_was_measured_lies_on_the_axis_of_every_policy(a in prop::num::f32::NORMAL | prop::num::f32::ZERO, b in prop::num::f32::NORMAL | prop::num::f32::ZERO) {
+            let (lo, hi) = (f64::from(a.min(b)), f64::from(a.max(b)));
+            for policy in [RangePolicy::Series, RangePolicy::Step, RangePolicy::Symmetric] {
+                let range = policy.resolve((lo, hi), (lo, hi)).unwrap();
+                prop_assert!(range.lo() <= lo && hi <= range.hi() && range.lo() < range.hi(), "{policy}: {range:?}");
+            }
+            let log = RangePolicy::Log.resolve((lo, hi), (lo, hi));
+            prop_assert_eq!(log.is_ok(), hi > 0.0);
+            prop_assert!(log.is_ok_and(|range| range.lo() > 0.0 && hi <= range.hi()) || hi <= 0.0);
         }
     }
 

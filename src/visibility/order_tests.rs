@@ -1,5 +1,6 @@
 //! The depth order beside a plain sort, and what it does not do again.
 
+use super::radix::RadixSort;
 use super::*;
 use crate::mesh::test_meshes::kuhn_grid;
 use crate::mesh::{Mesh, RawMesh};
@@ -180,6 +181,48 @@ fn a_cancelled_order_is_none_and_the_next_one_is_right() {
     let drawn = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));
     assert_eq!(drawn.faces, naive(&mesh, DVec3::X, &whole(&mesh)));
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (1, 0));
+}
+
+/// Depths from everywhere in the format, and many that are equal.
+fn depths() -> impl Strategy<Value = f32> {
+    let extremes = vec![
+        f32::NEG_INFINITY,
+        f32::MIN,
+        -1.0,
+        -1e-45,
+        -0.0,
+        0.0,
+        1e-45,
+        f32::MIN_POSITIVE,
+        1.0,
+        f32::MAX,
+        f32::INFINITY,
+    ];
+    prop_oneof![prop::sample::select(extremes), -1.0..1.0_f32, (-3..3_i8).prop_map(f32::from), prop::num::f32::NORMAL]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    #[test]
+    fn depths_are_sorted_as_the_standard_library_sorts_them(
+        depths in prop::collection::vec(depths(), 0..3000),
+        // What the depths are said to be spread over need not be true.
+        range in prop::sample::select(vec![[-1.0, 1.0], [0.0, 0.0], [f32::MIN, f32::MAX], [f32::INFINITY, f32::NEG_INFINITY]]),
+        copies in 1_usize..4,
+    ) {
+        let depths = depths.repeat(copies);
+        let mut expected: Vec<u32> = (0..depths.len() as u32).rev().collect();
+        expected.sort_by(|&a, &b| depths[a as usize].partial_cmp(&depths[b as usize]).unwrap());
+        let mut sort = RadixSort::default();
+        let (last, key) = (depths.len(), |id: u32| depths[id as usize]);
+        sort.sort(depths.len(), |at| (last - 1 - at) as u32, key, range, &Cancel::new()).unwrap();
+        prop_assert_eq!(sort.sorted(), &expected);
+        // Equal depths in another order would be seen.
+        if depths.windows(2).any(|pair| pair[0] == pair[1]) {
+            sort.sort(depths.len(), |at| at as u32, key, range, &Cancel::new()).unwrap();
+            prop_assert_ne!(sort.sorted(), &expected);
+        }
+    }
 }
 
 #[test]

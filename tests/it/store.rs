@@ -6,6 +6,7 @@ mod blocks;
 mod damage;
 mod growing;
 mod interop;
+mod properties;
 mod replace;
 mod round_trip;
 mod vq;

@@ -33,6 +33,8 @@ mod encoder;
 mod layout;
 mod pca;
 mod prepare;
+#[cfg(test)]
+mod properties;
 mod search;
 mod simd;
 #[cfg(test)]
