@@ -10,6 +10,7 @@ mod lod;
 mod lod_errors;
 mod mesh;
 mod meshes;
+mod peers;
 mod pipeline;
 mod render;
 mod samples;
