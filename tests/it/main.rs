@@ -10,6 +10,7 @@ mod lod;
 mod lod_errors;
 mod mesh;
 mod meshes;
+mod no_unsafe;
 mod peers;
 mod pipeline;
 mod render;
