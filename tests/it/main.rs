@@ -5,6 +5,7 @@ mod cli;
 mod common;
 mod exr;
 mod floors;
+mod fuzz;
 mod import;
 mod lod;
 mod lod_errors;

@@ -1,0 +1,363 @@
+//! The seeds in `fuzz/corpus`, written by the library's own writers and by hand. `fuzz/README.md` has the command that writes
+//! them anew; what fuzzing found lies beside them and is left alone.
+
+use super::CORPUS;
+use super::targets::archive::pack;
+use crate::meshes::{grid, noise};
+use ::exr::prelude::{
+    Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
+};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use tetreel::camera::Camera;
+use tetreel::codec::vq::{Search, VqEncoder, VqOptions};
+use tetreel::codec::{ChunkSink, Encoder, seal};
+use tetreel::error::FileResult;
+use tetreel::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
+use tetreel::image::{DepthImage, ExrColor, ExrValue, PngDepth, RgbaImage, write_exr, write_png_with_texts};
+use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
+use tetreel::mesh::RawMesh;
+use tetreel::task::{Cancel, Silent};
+use tetreel::transfer::{RangePolicy, TransferFunction};
+use tetreel::ui::settings::{SavedLook, Settings, SettingsFile};
+
+fn put(target: &str, name: &str, bytes: &[u8]) {
+    let folder = Path::new(CORPUS).join(target);
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join(name), bytes).unwrap();
+}
+
+#[test]
+#[ignore = "writes to the working tree"]
+fn the_seeds_are_written_anew() {
+    stores();
+    blocks();
+    xdmf_and_pvd();
+    images();
+    transfer_functions();
+    texts();
+}
+
+/// A series on six tets.
+struct Cube {
+    mesh: RawMesh,
+    times: TimeAxis,
+    fields: Vec<FieldInfo>,
+}
+
+impl SeriesSource for Cube {
+    fn describe(&self) -> String {
+        "cube".to_owned()
+    }
+
+    fn times(&self) -> &TimeAxis {
+        &self.times
+    }
+
+    fn fields(&self) -> &[FieldInfo] {
+        &self.fields
+    }
+
+    fn mesh(&self) -> FileResult<RawMesh> {
+        Ok(self.mesh.clone())
+    }
+
+    fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
+        let Component::Index(component) = component else { panic!("ingest reads components") };
+        out.clear();
+        out.extend((0..self.mesh.points.len()).map(|i| values(step + 100 * component)[i]));
+        // Special values for the codec.
+        if field.name == "T" && step == 5 {
+            out[3] = f32::NAN;
+        }
+        Ok(())
+    }
+}
+
+/// Eight numbers of a step.
+fn values(step: usize) -> Vec<f32> {
+    (0..8).map(|i| (0.1 * step as f64 + noise(1, i) + 0.01 * noise(2, 8 * step as u64 + i)) as f32).collect()
+}
+
+fn stores() {
+    let cube = |steps: usize, components| Cube {
+        mesh: grid(1, 0.0, 0, |_| true),
+        times: TimeAxis { values: (0..steps).map(|i| 0.5 * i as f64).collect() },
+        fields: vec![FieldInfo { name: "T".to_owned(), components, association: Association::Point }],
+    };
+    let vq = VqOptions { entries: 4, search: Search::Exact, own_scales: false };
+    for (name, source, codec) in [
+        ("raw", cube(2, 1), CodecChoice::Raw),
+        ("vector", cube(1, 2), CodecChoice::Raw),
+        ("vq", cube(66, 1), CodecChoice::Vq(vq)),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.zarr");
+        ingest(&source, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
+        put("store", name, &packed(&path));
+    }
+}
+
+/// The files below a folder as one input, chunks without their checksums.
+fn packed(root: &Path) -> Vec<u8> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+                files.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    // The root first: an input that is cut behind it is still a store, or nearly one, and where there is none readers wait.
+    let (root, others): (Vec<_>, Vec<_>) = files.iter().partition(|(name, _)| *name == "zarr.json");
+    let parts = root.into_iter().chain(others).map(|(name, bytes)| {
+        let payload = bytes.len().saturating_sub(4);
+        let sealed = bytes.len() > 4 && bytes[payload..] == seal(&bytes[..payload]);
+        (name.as_str(), if sealed { &bytes[..payload] } else { &bytes[..] }, sealed)
+    });
+    pack(parts)
+}
+
+/// Takes chunks as an encoder gives them.
+#[derive(Default)]
+struct Chunks(Vec<(String, Vec<u8>)>);
+
+impl ChunkSink for Chunks {
+    fn put(&mut self, key: &str, payload: &[u8]) -> FileResult<()> {
+        self.0.push((format!("f/{key}"), payload.to_vec()));
+        Ok(())
+    }
+}
+
+fn blocks() {
+    for (name, entries, own_scales, steps) in
+        [("narrow", 3, false, 65), ("scales", 4, true, 64), ("short", 2, false, 9), ("wide", 257, true, 1)]
+    {
+        let mut chunks = Chunks::default();
+        let mut encoder = Box::new(VqEncoder::new(8, VqOptions { entries, search: Search::Exact, own_scales }));
+        for step in 0..steps {
+            let mut values = values(step);
+            if name != "short" {
+                values[step % 8] = f32::INFINITY;
+            }
+            encoder.push(&values, &mut chunks).unwrap();
+        }
+        let parameters = encoder.finish(&mut chunks).unwrap().parameters;
+        let shape = serde_json::json!({ "steps": steps, "vertices": 8, "parameters": parameters }).to_string();
+        let first = [("f/shape.json", shape.as_bytes(), false)];
+        put("vq", name, &pack(first.into_iter().chain(chunks.0.iter().map(|(key, b)| (key.as_str(), &b[..], true)))));
+    }
+    let payload: Vec<u8> = (0..24).collect();
+    for kind in 0..7 {
+        let sealed = [&[kind], &payload[..], &seal(&payload)].concat();
+        put("chunk", &format!("whole_{kind}"), &sealed);
+    }
+    put("chunk", "empty", &[&[3][..], &seal(&[])].concat());
+    put("chunk", "key", b"\x03vq/mean/c/12/0");
+}
+
+fn xdmf_and_pvd() {
+    let data = |name: &str| fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)).unwrap();
+    for (name, others) in [
+        ("contiguous_f64", &["contiguous_f64.h5"][..]),
+        ("latest_f32", &["latest_f32.h5"]),
+        ("dolfinx", &["dolfinx.h5"]),
+        ("version2", &["version2.h5", "version2.bin"]),
+        ("gzip_f32", &["gzip_f32.h5"]),
+        ("meshio_xml", &[]),
+        ("spatial", &[]),
+    ] {
+        let main = data(&format!("xdmf/{name}.xdmf"));
+        let others: Vec<(&str, Vec<u8>)> =
+            others.iter().map(|other| (*other, data(&format!("xdmf/{other}")))).collect();
+        let others = others.iter().map(|(other, bytes)| (*other, &bytes[..], false));
+        put("xdmf", name, &pack([("fuzzed.xdmf", &main[..], false)].into_iter().chain(others)));
+    }
+    put("vtu", "pieces", &data("vtu/pieces_ascii.vtu"));
+    let list = br#"<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>
+<DataSet timestep="0" group="" part="0" file="a.vtu"/>
+<DataSet timestep="0.5" group="" part="0" file="b%20.vtu"/>
+<DataSet timestep="1e3" group="" part="0" file=".\a.vtu"/>
+</Collection></VTKFile>
+"#;
+    let (a, b) = (data("vtu/ascii.vtu"), data("vtu/raw_zlib_32_le.vtu"));
+    put("pvd", "two", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &a, false), ("b%20.vtu", &a, false)]));
+    let list = br#"<VTKFile type="Collection"><Collection>
+<DataSet part="1" file="b.vtu"/><DataSet part="0" file="a.vtu"/><DataSet part="2" file="surface.vtp"/>
+</Collection></VTKFile>
+"#;
+    put("pvd", "parts", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &b, false), ("b.vtu", &b, false)]));
+}
+
+fn images() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a");
+    let pixel = |i: u64| {
+        let alpha = 0.5 + 0.5 * noise(3, i).abs();
+        [0.2 * alpha, 0.5 * alpha, 0.9 * alpha, alpha].map(|c| c as f32)
+    };
+    let color = RgbaImage { width: 5, height: 4, pixels: (0..20).map(pixel).collect() };
+    let depth = DepthImage { width: 5, height: 4, pixels: (0..20).map(|i| 1.0 + i as f32).collect() };
+    let texts = [("Software", "tetreel"), ("tetreel fingerprint", "0123")];
+    for (name, background, depth) in [
+        ("straight_8", None, PngDepth::Eight),
+        ("straight_16", None, PngDepth::Sixteen),
+        ("opaque_8", Some([0.1, 0.2, 0.3]), PngDepth::Eight),
+    ] {
+        write_png_with_texts(&path, &color, background, depth, &texts).unwrap();
+        put("png", name, &fs::read(&path).unwrap());
+    }
+    for (name, color, bits, palette) in [
+        ("palette", png::ColorType::Indexed, png::BitDepth::Two, true),
+        ("gray_1", png::ColorType::Grayscale, png::BitDepth::One, false),
+        ("gray_alpha", png::ColorType::GrayscaleAlpha, png::BitDepth::Eight, false),
+    ] {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
+        encoder.set_color(color);
+        encoder.set_depth(bits);
+        if palette {
+            encoder.set_palette(vec![255, 0, 0, 0, 0, 255, 9, 9, 9]);
+            encoder.set_trns(vec![255, 128]);
+        }
+        let data = vec![0b0110_0000; if color == png::ColorType::GrayscaleAlpha { 8 } else { 2 }];
+        encoder.write_header().unwrap().write_image_data(&data).unwrap();
+        put("png", name, &bytes);
+    }
+    let attributes = BTreeMap::from([
+        ("software".to_owned(), ExrValue::Text("tetreel".to_owned())),
+        ("tetreel.time".to_owned(), ExrValue::Number(0.25)),
+    ]);
+    for (name, stored, depth) in [("raw", ExrColor::Raw, Some(&depth)), ("linear", ExrColor::Linear, None)] {
+        write_exr(&path, &color, depth, stored, &attributes).unwrap();
+        put("exr", name, &fs::read(&path).unwrap());
+    }
+    for (name, compression, blocks) in [
+        ("none", Compression::Uncompressed, Blocks::ScanLines),
+        ("rle", Compression::RLE, Blocks::ScanLines),
+        ("zips", Compression::ZIP1, Blocks::ScanLines),
+        ("zip_tiles", Compression::ZIP16, Blocks::Tiles(Vec2(4, 2))),
+        ("piz", Compression::PIZ, Blocks::ScanLines),
+        ("b44_tiles", Compression::B44, Blocks::Tiles(Vec2(8, 8))),
+        ("pxr24", Compression::PXR24, Blocks::ScanLines),
+    ] {
+        let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+        let channels = SpecificChannels::rgba(|Vec2(x, y): Vec2<usize>| {
+            let [r, g, b, a] = color.pixels[x + 5 * y];
+            (r, g, b, a)
+        });
+        let layer = Layer::new((5, 4), LayerAttributes::named("a"), encoding, channels);
+        Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
+        put("exr", name, &fs::read(&path).unwrap());
+    }
+}
+
+const MAPS: &[u8] = br#"[{"Name": "two", "ColorSpace": "RGB", "NanColor": [1, 1, 0],
+ "RGBPoints": [-1.0, 0, 0, 0.5, 0.25, 1, 0.5, 0, 3.0, 1, 1, 1], "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.3, 0.7, 3, 1, 0.5, 0]},
+{"Name": "lab", "ColorSpace": "Lab", "RGBPoints": [0, 0.1, 0.1, 0.4, 1, 0.9, 0.9, 0.2]},
+{"Name": "hsv", "ColorSpace": "HSV", "RGBPoints": [0, 1, 0, 0, 0.5, 0, 1, 0, 1, 0, 0, 1]},
+{"Name": "diverging", "ColorSpace": "Diverging", "RGBPoints": [0, 0.2, 0.3, 0.8, 1, 0.7, 0, 0.1]}]
+"#;
+
+fn transfer_functions() {
+    put("color_maps", "spaces", MAPS);
+    put("color_maps", "step", br#"[{"RGBPoints": [0, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3, 1, 1, 1, 1e300, 1, 1, 0]}]"#);
+    let one = br#"{"color_map": "maps.json#two_r", "positions": "relative", "values": "opacity",
+ "points": [[0, 0], [0.4, 0.2], [0.4, 1]]}"#;
+    put("transfer_function", "named", &pack([("fuzzed.json", &one[..], false), ("maps.json", MAPS, false)]));
+    let tf = TransferFunction::parse("viridis_r@0:0,0.3:0.5,0.3:0,1:1").unwrap().to_json();
+    put("transfer_function", "built_in", &pack([("fuzzed.json", tf.as_bytes(), false)]));
+    let full = br#"{"color_map": {"Name": "m", "ColorSpace": "Lab", "RGBPoints": [0, 0, 0, 0, 1, 1, 1, 1]},
+ "positions": "absolute", "values": "extinction", "points": [[-2.5, 0], [7, 30]]}"#;
+    put("transfer_function", "full", &pack([("fuzzed.json", &full[..], false)]));
+
+    let folder = tempfile::tempdir().unwrap();
+    let mut file = SettingsFile::at(folder.path());
+    let mut settings = Settings::default();
+    settings.remember_file(Path::new("/data/a.zarr"));
+    settings.looks.push(SavedLook {
+        path: "/data/a.zarr".into(),
+        used_ms: 5,
+        field: "T".to_owned(),
+        camera: Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap(),
+        tf: TransferFunction::parse("viridis_r@0:0,0.3:0.5,1:1").unwrap(),
+        range: RangePolicy::LogManual(0.5, 2.0),
+    });
+    assert_eq!(file.save(&mut settings), None);
+    put("settings", "look", &fs::read(folder.path().join("settings.json")).unwrap());
+    put("settings", "newer", br#"{"version": 2, "image_scale": 1}"#);
+    put("settings", "empty", b"{}");
+}
+
+fn texts() {
+    let lists: [(&str, &[&str]); 4] = [
+        (
+            "camera",
+            &[
+                "pos=0,0,5 focal=0,0,0 up=0,1,0 angle=30 near=0.1",
+                "parallel=2.5 pos=1e6,-2,3.5",
+                "",
+                "pos=1e-300,0,0 focal=0,0,0 up=0,1,1e-320",
+            ],
+        ),
+        (
+            "tf_text",
+            &["viridis", "inferno@0:0,1:0.5", "batlow_r@0:0,0.4:0.2,0.4:1,1:0", "gray@0.5:1e300", "vik@1:1e-320"],
+        ),
+        (
+            "options",
+            &[
+                "series",
+                "-1e3,2.5",
+                "log:1e-3,10",
+                "symmetric",
+                "0..99:10",
+                "5",
+                "..:4",
+                "T:mag",
+                "velocity:2",
+                "T=K",
+                "exact",
+                "auto",
+                "reference",
+                "time,legend",
+                "#ff8000",
+                "30000/1001",
+                "frame_%04d.png",
+                "16",
+                "linear",
+                "clear,hidden",
+                "jet",
+                "extinction",
+                "fast",
+                "all",
+                "none",
+                "6",
+            ],
+        ),
+        (
+            "command_line",
+            &[
+                "render\ns.zarr\n--tf\nviridis@0:0,1:0.5\n--range\nlog:1,2\n--output\nf_%04d.png\n--size\n640x480",
+                "render\ns.zarr\n--times\n0..1.5\n--duration\n10\n--orbit\n360\n--output\nmovie.mp4\n--fps\n25",
+                "import\nrun.pvd\n-o\ns.zarr\n--codec\nvq\n--entries\n256\n--fields\nT\n--steps\n0..9:3",
+                "synth\njet\n-o\nj.zarr\n--cells\n1000\n--steps\n5",
+                "compare\na.png\nb.png\n--sheet\nc.png\n--amplify\n10",
+                "info\ns.zarr\n--threads\n4",
+            ],
+        ),
+    ];
+    for (target, list) in lists {
+        for (i, text) in list.iter().enumerate() {
+            put(target, &format!("text_{i:02}"), text.as_bytes());
+        }
+    }
+}
