@@ -147,8 +147,9 @@ fn read_as<T: Element>(bytes: &[u8]) -> Outcome {
     let objects = Objects([("c".to_owned(), bytes.to_vec())].into());
     let payload = bytes.len().saturating_sub(seal(&[]).len());
     let count = payload / size_of::<T>();
-    let is_whole =
-        bytes.len() > payload && payload % size_of::<T>() == 0 && seal(&bytes[..payload])[..] == bytes[payload..];
+    let is_whole = bytes.len() > payload
+        && payload.is_multiple_of(size_of::<T>())
+        && seal(&bytes[..payload])[..] == bytes[payload..];
     let mut out = vec![T::zeroed(); count];
     let read = read_chunk(&objects, "c", &mut out);
     assert_eq!(read.is_ok(), is_whole, "{read:?}");
