@@ -1,8 +1,8 @@
 //! The frame and accuracy suites: what a frame costs, and how wrong it is.
 
 use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
-use crate::image::compare;
 use crate::optics::OpticsKind;
+use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -66,18 +66,7 @@ pub fn run_frames(
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.color.clone();
             let judge = pipeline.render_unless(&FrameRequest { mode: RenderMode::Reference, ..request }, cancel)?;
-            // Equal sizes by construction, and renderers give finite pixels; an image that cannot be compared is as wrong
-            // as can be.
-            let error = compare(&fast, &judge.color, [0.0; 3]).map_or(
-                RunError { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, judge: JUDGE_REFERENCE.to_owned() },
-                |m| RunError {
-                    rmse: m.rmse,
-                    max: m.max,
-                    psnr: m.psnr.is_finite().then_some(m.psnr),
-                    flip: Some(m.flip),
-                    judge: JUDGE_REFERENCE.to_owned(),
-                },
-            );
+            let error = RunError::between(&judge.color, &fast, JUDGE_REFERENCE);
             worst = Some(match worst {
                 Some(w) if w.rmse >= error.rmse => RunError { max: w.max.max(error.max), ..w },
                 Some(w) => RunError { max: w.max.max(error.max), ..error },
@@ -102,40 +91,60 @@ fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<F
 }
 
 fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], error: Option<RunError>) -> BenchRun {
+    BenchRun {
+        viewpoints: if bench.motion.camera { bench.frames } else { 1 },
+        time_moves: bench.motion.time,
+        camera_moves: bench.motion.camera,
+        error,
+        ..describe(pipeline, &bench.dataset, &bench.request, measured)
+    }
+}
+
+/// The record of frames of a request, which nothing moves and nobody has judged.
+pub(super) fn describe(
+    pipeline: &Pipeline,
+    dataset: &str,
+    request: &FrameRequest,
+    measured: &[FrameStats],
+) -> BenchRun {
     let ms = RunTimes::of(measured);
     let fps = if ms.frame > 0.0 { 1e3 / ms.frame } else { 0.0 };
     let mesh = pipeline.mesh();
     let cells = mesh.topology.tets.len() as u64;
-    let size = (bench.request.size_px.0 as u32, bench.request.size_px.1 as u32);
+    let drawn_by = request.drawn_by();
+    let k_buffer = (drawn_by == RenderMode::Havs).then_some(request.faces.k_buffer);
+    // The reference integrates exactly whatever was asked for.
+    let optics = if drawn_by == RenderMode::Reference { OpticsKind::Exact } else { request.optics };
     BenchRun {
-        dataset: bench.dataset.clone(),
+        dataset: dataset.to_owned(),
         cells,
         vertices: mesh.positions.local.len() as u64,
-        viewpoints: if bench.motion.camera { bench.frames } else { 1 },
-        time_moves: bench.motion.time,
-        camera_moves: bench.motion.camera,
-        size: [size.0, size.1],
+        viewpoints: 1,
+        time_moves: false,
+        camera_moves: false,
+        size: [request.size_px.0 as u32, request.size_px.1 as u32],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
-        mode: match bench.request.drawn_by() {
+        mode: match drawn_by {
             RenderMode::Reference => "reference",
             RenderMode::Havs => "havs",
             RenderMode::Auto | RenderMode::Raycast => "raycast",
         }
         .to_owned(),
-        lod: if bench.request.drawn_by() == RenderMode::Havs { bench.request.faces.lod } else { 1.0 },
-        // The reference integrates exactly whatever was asked for.
-        optics: match bench.request.drawn_by() {
-            RenderMode::Reference => OpticsKind::Exact,
-            RenderMode::Auto | RenderMode::Raycast | RenderMode::Havs => bench.request.optics,
-        }
-        .to_string(),
+        lod: if drawn_by == RenderMode::Havs { request.faces.lod } else { 1.0 },
+        optics: optics.to_string(),
         codec: pipeline.field().codec.clone(),
-        skip: bench.request.skip.clear_cells && bench.request.drawn_by() != RenderMode::Reference,
+        skip: request.skip.clear_cells && drawn_by != RenderMode::Reference,
+        k: k_buffer.map(|buffer| buffer.k),
+        exact_order: k_buffer.map(|buffer| buffer.exact_order),
+        table_size: (optics == OpticsKind::Table3d).then_some(Table3dResolution::default().scalars),
+        image_scale: 1.0,
+        ratio: None,
+        scene: None,
         threads: rayon::current_num_threads(),
         ms,
         fps,
         cells_per_s: cells as f64 * fps,
-        error,
+        error: None,
         stats: measured.get(measured.len() / 2).cloned().unwrap_or_default(),
     }
 }

@@ -3,10 +3,12 @@
 //! Claims of "no slower than" go through [`paired`]: the two sides run alternately, so that a machine that slows down or
 //! heats up slows both, and the ratio comes with an interval.
 
+pub mod accuracy;
 mod frames;
 mod machine;
 mod paired;
 mod playback;
+pub mod plot;
 mod report;
 mod statistics;
 
@@ -14,5 +16,5 @@ pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
-pub use report::{BenchReport, BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
+pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, RunError, RunTimes, SceneName};
 pub use statistics::{Spread, median, percentile};

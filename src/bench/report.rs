@@ -4,11 +4,15 @@
 //! infinite.
 
 use super::{Machine, PlaybackRun, percentile};
+use crate::image::{RgbaImage, compare};
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// [`RunError::judge`] of errors against the f64 reference renderer.
 pub const JUDGE_REFERENCE: &str = "reference";
+/// [`RunError::judge`] of errors against the f64 reference renderer with the values as they were before they were compressed.
+pub const JUDGE_RAW: &str = "reference of raw values";
 
 /// Everything that a benchmark has measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +55,24 @@ pub struct BenchRun {
     pub codec: String,
     /// Whether cells that cannot be seen are skipped.
     pub skip: bool,
+    /// Fragments that a pixel holds back; `None` where no faces are drawn.
+    #[serde(default)]
+    pub k: Option<u8>,
+    /// Whether fragments out of order are put right; `None` where no faces are drawn.
+    #[serde(default)]
+    pub exact_order: Option<bool>,
+    /// Entries of the pre-integrated table along a scalar axis; `None` without a table.
+    #[serde(default)]
+    pub table_size: Option<usize>,
+    /// Width and height of the image that was rendered and then enlarged, over those of `size`.
+    #[serde(default = "whole")]
+    pub image_scale: f64,
+    /// Bytes of the values as f32 over those in the store; `None` if that was not looked at.
+    #[serde(default)]
+    pub ratio: Option<f64>,
+    /// What was seen, where all paths saw the same (accuracy suite).
+    #[serde(default)]
+    pub scene: Option<SceneName>,
     /// Threads in use.
     pub threads: usize,
     /// Times.
@@ -63,6 +85,29 @@ pub struct BenchRun {
     pub error: Option<RunError>,
     /// Counts of one typical frame.
     pub stats: FrameStats,
+}
+
+fn whole() -> f64 {
+    1.0
+}
+
+/// What is seen in the runs of the accuracy suite.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneName {
+    /// The data set whose values are the truth.
+    pub series: String,
+    /// Name of the transfer function.
+    pub transfer_function: String,
+    /// Zero-based step.
+    pub step: usize,
+    /// Name of the view.
+    pub view: String,
+}
+
+impl fmt::Display for SceneName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}, step {}, {}", self.series, self.transfer_function, self.step, self.view)
+    }
 }
 
 /// Milliseconds a frame takes.
@@ -95,6 +140,21 @@ pub struct RunError {
     pub flip: Option<f64>,
     /// What the frames were compared with.
     pub judge: String,
+}
+
+impl RunError {
+    /// How far `image` is from what it should be. Images that cannot be compared (of other sizes, or not finite) are as wrong as
+    /// can be.
+    pub fn between(truth: &RgbaImage, image: &RgbaImage, judge: &str) -> Self {
+        let wrong = Self { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, judge: judge.to_owned() };
+        compare(truth, image, [0.0; 3]).map_or(wrong.clone(), |m| Self {
+            rmse: m.rmse,
+            max: m.max,
+            psnr: m.psnr.is_finite().then_some(m.psnr),
+            flip: Some(m.flip),
+            ..wrong
+        })
+    }
 }
 
 impl RunTimes {
@@ -135,6 +195,17 @@ mod tests {
             optics: "exact".to_owned(),
             codec: "raw".to_owned(),
             skip: true,
+            k: Some(8),
+            exact_order: Some(true),
+            table_size: None,
+            image_scale: 0.5,
+            ratio: Some(12.5),
+            scene: Some(SceneName {
+                series: "jet".to_owned(),
+                transfer_function: "dense".to_owned(),
+                step: 3,
+                view: "front".to_owned(),
+            }),
             threads: 2,
             ms: RunTimes { frame: 20.0, decode: 1.0, order: 2.0, render: 17.0, p50: 19.0, p95: 25.0 },
             fps: 50.0,
@@ -157,13 +228,38 @@ mod tests {
         assert_eq!(keys(&json), listed("machine runs"));
         assert_eq!(keys(&json["machine"]), listed("cpu cores adapter"));
         let run = &json["runs"][0];
-        let documented = "dataset cells vertices viewpoints time_moves camera_moves size backend mode lod optics codec skip \
-            threads ms fps cells_per_s error stats";
+        let documented = "dataset cells vertices viewpoints time_moves camera_moves size backend mode lod optics codec skip k \
+            exact_order table_size image_scale ratio scene threads ms fps cells_per_s error stats";
         assert_eq!(keys(run), listed(documented));
         assert_eq!(keys(&run["ms"]), listed("frame decode order render p50 p95"));
         assert_eq!(keys(&run["error"]), listed("rmse max psnr flip judge"));
+        assert_eq!(keys(&run["scene"]), listed("series transfer_function step view"));
         assert!(run["error"]["psnr"].is_null());
         assert_eq!(serde_json::from_value::<BenchReport>(json).unwrap(), report);
+    }
+
+    #[test]
+    fn a_record_from_before_the_accuracy_suite_still_reads() {
+        let mut json = serde_json::to_value(run()).unwrap();
+        for key in ["k", "exact_order", "table_size", "image_scale", "ratio", "scene"] {
+            json.as_object_mut().unwrap().remove(key);
+        }
+        let old: BenchRun = serde_json::from_value(json).unwrap();
+        assert_eq!((old.k, old.image_scale, old.scene), (None, 1.0, None));
+    }
+
+    #[test]
+    fn errors_are_those_of_the_images_and_what_cannot_be_compared_is_wrong() {
+        let truth = RgbaImage::new(4, 2);
+        let mut image = truth.clone();
+        image.pixels[3][1] = 0.25;
+        let error = RunError::between(&truth, &image, JUDGE_RAW);
+        // One channel in 32.
+        assert_eq!((error.max, error.rmse, error.judge.as_str()), (0.25, (0.0625_f64 / 32.0).sqrt(), JUDGE_RAW));
+        assert_eq!(RunError::between(&truth, &truth, JUDGE_RAW).psnr, None);
+        assert_eq!(RunError::between(&truth, &RgbaImage::new(2, 4), JUDGE_RAW).rmse, f64::MAX);
+        image.pixels[0][0] = f32::NAN;
+        assert_eq!(RunError::between(&truth, &image, JUDGE_RAW).max, f64::MAX);
     }
 
     #[test]

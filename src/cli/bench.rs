@@ -1,8 +1,11 @@
 //! `tetreel bench`: run time beside error.
 
+mod accuracy;
+
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::{Outcome, print_result, source};
+use crate::bench::accuracy::AccuracyTable;
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
     run_playback,
@@ -14,21 +17,26 @@ use std::path::{Path, PathBuf};
 
 /// Measure frames of one or more series: milliseconds and error together
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  tetreel bench jet.zarr --suite all --size 512x512 --json bench.json")]
+#[command(after_help = "Example:\n  tetreel bench jet.zarr --size 512x512 --json bench.json\n  \
+    tetreel bench jet.zarr jet-vq.zarr --suite accuracy --size 320x240 --frames 5 --plot plots")]
 pub(super) struct Args {
     /// Stores, or sources to import to the cache first
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
-    /// frame: time of frames; accuracy: error against the reference; playback: moving time beside standing still, and
-    /// seeks; all: all of them
+    /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes
+    /// (docs/accuracy.md); playback: moving time beside standing still, and seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
-    /// Frames measured in each run; of playback pairs, and seeks
+    /// Frames measured in each run (accuracy: of each path and scene); of playback pairs, and seeks
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Write the record to a JSON file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write plots of the accuracy suite to a folder, as SVG: error against time, compression, k, level of detail, size of the
+    /// table and of the image
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -48,10 +56,17 @@ impl Suite {
     fn runs(self) -> Vec<(Motion, bool)> {
         match self {
             Self::Frame => MOTIONS.map(|m| (m, false)).to_vec(),
-            Self::Accuracy => vec![(Motion { time: true, camera: true }, true)],
             Self::All => MOTIONS.map(|m| (m, m.time && m.camera)).to_vec(),
-            Self::Playback => Vec::new(),
+            Self::Playback | Self::Accuracy => Vec::new(),
         }
+    }
+
+    fn has_accuracy(self) -> bool {
+        matches!(self, Self::Accuracy | Self::All)
+    }
+
+    fn is_accuracy_alone(self) -> bool {
+        self == Self::Accuracy
     }
 
     fn has_playback(self) -> bool {
@@ -63,38 +78,51 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.json {
         files::check_place(path)?;
     }
-    let (mut runs, mut playback) = (Vec::new(), Vec::new());
-    let mut machine = Machine::detect();
-    for path in &args.stores {
-        let store = source::open(path, terminal)?;
-        let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
-        for (motion, judged) in args.suite.runs() {
-            terminal.check_interrupted()?;
-            let bench = FrameBench {
-                dataset: dataset_name(path),
-                request: scene.request(0)?,
-                motion,
-                frames: args.frames as usize,
-                judged,
-            };
-            terminal.begin("bench", u64::from(args.frames), "frames");
-            let measured = run_frames(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
-            terminal.end();
-            runs.push(measured?);
+    accuracy::check(args)?;
+    let mut report = BenchReport { machine: Machine::detect(), runs: Vec::new(), playback: Vec::new() };
+    if !args.suite.is_accuracy_alone() {
+        for path in &args.stores {
+            run_moving(path, args, terminal, &mut report)?;
         }
-        if args.suite.has_playback() {
-            playback.push(run_playback_on(path, &mut scene, args, terminal)?);
-        }
-        machine.adapter = scene.gpu_report().adapter.or(machine.adapter);
     }
-    let report = BenchReport { machine, runs, playback };
+    if args.suite.has_accuracy() {
+        let (runs, adapter) = accuracy::run(args, terminal)?;
+        report.runs.extend(runs);
+        report.machine.adapter = adapter.or(report.machine.adapter);
+    }
     if let Some(path) = &args.json {
         let mut text = serde_json::to_vec_pretty(&report)?;
         text.push(b'\n');
         files::replace_with(path, &text)?;
     }
+    accuracy::plot(args.plot.as_ref(), &report.runs, terminal)?;
     print_result(false, &report, &Table(&report))?;
     Ok(Outcome::Done)
+}
+
+/// The frame and playback suites on one series.
+fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
+    let store = source::open(path, terminal)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
+    for (motion, judged) in args.suite.runs() {
+        terminal.check_interrupted()?;
+        let bench = FrameBench {
+            dataset: dataset_name(path),
+            request: scene.request(0)?,
+            motion,
+            frames: args.frames as usize,
+            judged,
+        };
+        terminal.begin("bench", u64::from(args.frames), "frames");
+        let measured = run_frames(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
+        terminal.end();
+        report.runs.push(measured?);
+    }
+    if args.suite.has_playback() {
+        report.playback.push(run_playback_on(path, &mut scene, args, terminal)?);
+    }
+    report.machine.adapter = scene.gpu_report().adapter.or(report.machine.adapter.take());
+    Ok(())
 }
 
 /// The playback suite on one series.
@@ -121,11 +149,13 @@ impl fmt::Display for Table<'_> {
         if let Some(adapter) = &machine.adapter {
             writeln!(f, "{adapter}")?;
         }
-        if !self.0.runs.is_empty() {
+        let moving: Vec<&BenchRun> = self.0.runs.iter().filter(|run| run.scene.is_none()).collect();
+        if !moving.is_empty() {
             heading(f)?;
         }
-        self.0.runs.iter().try_for_each(|run| row(f, run))?;
-        self.0.playback.iter().try_for_each(|run| playback_rows(f, run))
+        moving.iter().try_for_each(|run| row(f, run))?;
+        self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
+        AccuracyTable(&self.0.runs).fmt(f)
     }
 }
 

@@ -91,7 +91,7 @@ impl Default for FaceArgs {
 }
 
 impl FaceArgs {
-    fn detail(&self) -> FaceDetail {
+    pub(super) fn detail(&self) -> FaceDetail {
         let k_buffer = KBuffer { k: self.k, exact_order: !self.inexact_order };
         FaceDetail { lod: self.lod, sampling: self.sampling, k_buffer }
     }

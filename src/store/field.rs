@@ -141,6 +141,12 @@ impl StoredField {
 }
 
 impl StoredField {
+    /// Where its own arrays of values are, below the root. Paths do not depend on how many values there are.
+    pub(super) fn array_paths(&self) -> impl Iterator<Item = String> {
+        let arrays = self.coding.arrays(1, 1).into_iter();
+        arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
+    }
+
     /// A decoder of the field's own values, with its blocks in `cache` if there is one.
     fn decoder(&self, series: &Series<'_>) -> Box<dyn Decoder> {
         let group = format!("{FIELDS}/{}", self.folder);

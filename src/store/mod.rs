@@ -192,6 +192,15 @@ impl Store {
         })
     }
 
+    /// Bytes on disk of a field's own values, checksums and metadata of their arrays included: 0 for one that is computed from
+    /// others.
+    ///
+    /// # Errors
+    /// If its files cannot be listed.
+    pub fn value_bytes(&self, field: &StoredField) -> FileResult<u64> {
+        field.array_paths().map(|path| writer::bytes_on_disk(&self.root.join(path))).sum()
+    }
+
     /// Summary of the store.
     ///
     /// # Errors

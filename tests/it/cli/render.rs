@@ -197,3 +197,31 @@ fn the_playback_suite_measures_moving_time_and_seeks() {
     assert_eq!((&run["pipelined"]["pairs"], &run["backend"], &run["codec"]), (&2.into(), &"cpu".into(), &"raw".into()));
     assert!(run["seek"]["ms"]["median"].as_f64().unwrap() > 0.0);
 }
+
+#[test]
+fn the_accuracy_suite_writes_records_tables_and_plots() {
+    let place = Place::with_slab();
+    let suite = ["bench", "slab.zarr", "--suite", "accuracy", "--field", "linear", "--frames", "1", "--size", "40x30"];
+    let on_cpu = ["--backend", "cpu", "--json", "a.json", "--plot", "plots"];
+    let run = place.run(&[&suite[..], &on_cpu].concat());
+    assert_eq!(run.code, Some(0), "{}", run.err);
+    let table: Vec<&str> = run.out.lines().filter(|line| line.starts_with('|')).collect();
+    assert_eq!(table[0], "| path | ms | dense: RMSE | max | tents: RMSE | max | FLIP |", "{}", run.out);
+    assert!(table.iter().any(|row| row.contains("havs, k = 2 inexact")), "{}", run.out);
+    assert!(run.err.contains("accuracy_ratio.svg was not written"), "{}", run.err);
+    for name in ["time", "k", "lod", "table", "scale"] {
+        let svg = std::fs::read_to_string(place.path(&format!("plots/accuracy_{name}.svg"))).unwrap();
+        assert!(svg.starts_with("<svg") && svg.contains("slab"), "{name}");
+    }
+    assert!(!place.path("plots/accuracy_ratio.svg").exists());
+    let report: Value = serde_json::from_slice(&std::fs::read(place.path("a.json")).unwrap()).unwrap();
+    let scene = &report["runs"][0]["scene"];
+    assert_eq!((&scene["series"], &scene["transfer_function"]), (&"slab".into(), &"dense".into()));
+
+    // What cannot work is refused before anything is measured.
+    std::fs::write(place.path("blocked"), "a file where a folder is wanted").unwrap();
+    place.refuses(&[&suite[..], &["--plot", "blocked"]].concat(), &["blocked"]);
+    place.refuses(&[&suite[..], &["--plot", "blocked/plots"]].concat(), &["blocked"]);
+    place.refuses(&[&suite[..], &["--lod", "0.1"]].concat(), &["--suite accuracy", "--lod"]);
+    place.refuses(&["bench", "slab.zarr", "--plot", "more"], &["--plot", "--suite accuracy"]);
+}

@@ -1,0 +1,155 @@
+//! The paths that the suite measures: one thing changed at a time, and pairs that belong together.
+
+use crate::optics::OpticsKind;
+use crate::optics::table3d::Table3dResolution;
+use crate::pipeline::{Backend, FaceDetail, RenderMode};
+use crate::render::KBuffer;
+
+/// One way from scalars to pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccuracyPath {
+    /// Ray caster or faces.
+    pub mode: RenderMode,
+    /// CPU or GPU.
+    pub backend: Backend,
+    /// How segments are integrated.
+    pub optics: OpticsKind,
+    /// Entries of the pre-integrated table along a scalar axis, where there is a table.
+    pub table_scalars: usize,
+    /// Share of the interior faces that is drawn, where faces are.
+    pub lod: f64,
+    /// How fragments come into order, where faces are drawn.
+    pub k_buffer: KBuffer,
+    /// Width and height of the image that is rendered and then enlarged, as a share of those that are judged.
+    pub image_scale: f64,
+}
+
+/// Levels of detail beside the whole.
+pub const LODS: [f64; 4] = [0.5, 0.25, 0.1, 0.05];
+/// Sizes of the buffer of fragments.
+pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
+/// Entries along a scalar axis of pre-integrated tables.
+pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
+/// Image scales beside 1.
+pub const IMAGE_SCALES: [f64; 2] = [0.5, 0.25];
+
+/// The ray caster on the CPU with nothing left out: every other path differs from it, or from [`FACES`], in one thing or two.
+const RAYS: AccuracyPath = AccuracyPath {
+    mode: RenderMode::Raycast,
+    backend: Backend::Cpu,
+    optics: OpticsKind::Exact,
+    table_scalars: 128,
+    lod: 1.0,
+    k_buffer: KBuffer { k: 8, exact_order: true },
+    image_scale: 1.0,
+};
+const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
+
+/// What is measured of values that a codec has changed: the error of the codec is the same on every exact path.
+pub const CODEC_PATHS: [AccuracyPath; 4] =
+    [RAYS, FACES, AccuracyPath { lod: 0.1, ..FACES }, AccuracyPath { image_scale: 0.5, ..RAYS }];
+
+/// What changes two things at once: what a preview on a slow machine would combine.
+const PAIRS: [AccuracyPath; 4] = [
+    AccuracyPath { optics: OpticsKind::Table3d, image_scale: 0.5, ..RAYS },
+    AccuracyPath { lod: 0.1, image_scale: 0.5, ..FACES },
+    AccuracyPath { lod: 0.1, k_buffer: KBuffer { k: 2, exact_order: false }, ..FACES },
+    AccuracyPath { lod: 0.25, optics: OpticsKind::Table3d, ..FACES },
+];
+
+/// All paths on these backends.
+pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
+    let mut all = vec![RAYS, FACES, AccuracyPath { optics: OpticsKind::Table3d, ..FACES }];
+    all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
+    all.extend(IMAGE_SCALES.map(|image_scale| AccuracyPath { image_scale, ..RAYS }));
+    all.extend(LODS.map(|lod| AccuracyPath { lod, ..FACES }));
+    for exact_order in [true, false] {
+        all.extend(KS.map(|k| AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
+    }
+    all.extend(PAIRS);
+    // The faces of the base, once more among the buffers.
+    let mut seen = Vec::new();
+    all.retain(|path| {
+        !seen.contains(path) && {
+            seen.push(*path);
+            true
+        }
+    });
+    on_backends(&all, backends)
+}
+
+/// The same paths on each of the backends that has them.
+pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<AccuracyPath> {
+    let on = |&backend: &Backend| {
+        paths
+            .iter()
+            .filter(move |path| backend != Backend::Gpu || path.is_of_gpu())
+            .map(move |path| AccuracyPath { backend, ..*path })
+    };
+    backends.iter().flat_map(on).collect()
+}
+
+impl AccuracyPath {
+    /// Whether the GPU has this path, and it is not one of its others: it has one size of tables, and in exact order no buffer.
+    fn is_of_gpu(&self) -> bool {
+        let KBuffer { k, exact_order } = self.k_buffer;
+        self.table_scalars == Table3dResolution::default().scalars && (!exact_order || k == RAYS.k_buffer.k)
+    }
+
+    /// Which faces are drawn, and how they come into order.
+    pub(super) fn faces(&self) -> FaceDetail {
+        FaceDetail { lod: self.lod, k_buffer: self.k_buffer, ..FaceDetail::default() }
+    }
+
+    /// Entries of the table along a scalar axis, if there is a table.
+    pub(super) fn table_size(&self) -> Option<usize> {
+        (self.optics == OpticsKind::Table3d).then_some(self.table_scalars)
+    }
+
+    /// Renderer and backend.
+    pub(super) fn mode_name(&self) -> &'static str {
+        match (self.mode, self.backend) {
+            (RenderMode::Havs, Backend::Gpu) => "havs on the GPU",
+            (RenderMode::Havs, _) => "havs",
+            (_, Backend::Gpu) => "raycast on the GPU",
+            _ => "raycast",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_of_every_factor_is_there_once_and_the_table_of_the_list_is_the_products() {
+        let all = paths(&[Backend::Cpu]);
+        assert_eq!(RAYS.table_scalars, Table3dResolution::default().scalars);
+        assert_eq!(FACES.faces(), FaceDetail::default());
+        assert_eq!((all[0], all[1]), (RAYS, FACES));
+        for (at, path) in all.iter().enumerate() {
+            assert!(!all[..at].contains(path), "{path:?} is there twice");
+        }
+        let has = |path: AccuracyPath| assert!(all.contains(&path), "{path:?}");
+        LODS.into_iter().for_each(|lod| has(AccuracyPath { lod, ..FACES }));
+        TABLE_SIZES
+            .into_iter()
+            .for_each(|table_scalars| has(AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
+        IMAGE_SCALES.into_iter().for_each(|image_scale| has(AccuracyPath { image_scale, ..RAYS }));
+        for exact_order in [true, false] {
+            KS.into_iter().for_each(|k| has(AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
+        }
+        CODEC_PATHS.into_iter().for_each(has);
+    }
+
+    #[test]
+    fn a_gpu_has_its_own_paths_of_every_kind_but_no_other_tables() {
+        let both = paths(&[Backend::Cpu, Backend::Gpu]);
+        let gpu: Vec<_> = both.iter().filter(|path| path.backend == Backend::Gpu).collect();
+        let cpu = paths(&[Backend::Cpu]);
+        assert_eq!(both.len(), cpu.len() + gpu.len());
+        assert!(gpu.iter().any(|path| path.optics == OpticsKind::Table3d && path.mode == RenderMode::Raycast));
+        assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.image_scale == 0.25));
+        assert!(gpu.iter().all(|path| path.table_scalars == 128));
+    }
+}

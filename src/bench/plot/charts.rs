@@ -1,0 +1,280 @@
+//! Which plots there are, and what is in them.
+
+use super::{Axis, Chart, Line, Panel, Point, Style};
+use crate::bench::accuracy::{PathSummary, summaries};
+use crate::bench::accuracy::{front_of, is_judged_by, series_of, transfer_functions_of};
+use crate::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
+use crate::render::KBuffer;
+
+/// A plot of the suite.
+pub(super) struct Kind {
+    /// Name of its file.
+    pub file: &'static str,
+    /// What has to be there for it to show anything.
+    pub needs: &'static str,
+    shows: Shows,
+}
+
+/// What a plot shows.
+enum Shows {
+    Time,
+    Factor(Factor),
+}
+
+/// Error against one thing that changes.
+struct Factor {
+    /// What comes after "error against".
+    title: &'static str,
+    /// The axis, with its unit.
+    axis: &'static str,
+    /// Whether the axis has its ticks where the points are.
+    ticks_at_points: bool,
+    /// Where a run belongs, and on which of several lines; `None` if it does not.
+    place: fn(&BenchRun) -> Option<(f64, &'static str)>,
+    /// Whether there must be values that a codec has changed.
+    is_of_codecs: bool,
+}
+
+/// Y axis of all plots.
+const ERROR_AXIS: &str = "largest RMSE of the scenes [1 = full intensity]";
+
+/// All plots.
+pub(super) static CHARTS: [Kind; 6] = [
+    Kind { file: "accuracy_time.svg", needs: "a path that was judged", shows: Shows::Time },
+    Kind {
+        file: "accuracy_ratio.svg",
+        needs: "a series in a lossy codec beside the same in codec raw",
+        shows: Shows::Factor(Factor {
+            title: "compression",
+            axis: "bytes as f32 over bytes in the store [1]",
+            ticks_at_points: false,
+            place: |run| {
+                (is_plain(run) && run.mode == "raycast")
+                    .then_some((run.ratio?, on(run, ["ray caster", "ray caster, GPU"])))
+            },
+            is_of_codecs: true,
+        }),
+    },
+    Kind {
+        file: "accuracy_k.svg",
+        needs: "faces with several sizes of the buffer",
+        shows: Shows::Factor(Factor {
+            title: "the buffer of fragments",
+            axis: "fragments that a pixel holds back, k [fragments]",
+            ticks_at_points: true,
+            place: |run| {
+                let line = match run.exact_order? {
+                    true => on(run, ["exact order", "exact order, GPU"]),
+                    false => on(run, ["as they come", "as they come, GPU"]),
+                };
+                (run.lod == 1.0 && is_plain(run)).then_some((f64::from(run.k?), line))
+            },
+            is_of_codecs: false,
+        }),
+    },
+    Kind {
+        file: "accuracy_lod.svg",
+        needs: "faces at several levels of detail",
+        shows: Shows::Factor(Factor {
+            title: "the level of detail",
+            axis: "interior faces that are drawn [%]",
+            ticks_at_points: true,
+            place: |run| {
+                let is_usual = has_usual_buffer(run) && is_plain(run);
+                is_usual.then_some((100.0 * run.lod, on(run, ["faces", "faces, GPU"])))
+            },
+            is_of_codecs: false,
+        }),
+    },
+    Kind {
+        file: "accuracy_table.svg",
+        needs: "tables of several sizes",
+        shows: Shows::Factor(Factor {
+            title: "the size of the pre-integrated table",
+            axis: "entries along each scalar axis [entries]",
+            ticks_at_points: true,
+            place: |run| {
+                let is_alone = run.mode == "raycast" && run.image_scale == 1.0;
+                is_alone.then_some((run.table_size? as f64, on(run, ["ray caster", "ray caster, GPU"])))
+            },
+            is_of_codecs: false,
+        }),
+    },
+    Kind {
+        file: "accuracy_scale.svg",
+        needs: "images of several sizes",
+        shows: Shows::Factor(Factor {
+            title: "the size of the image that is rendered and enlarged",
+            axis: "width rendered over width shown [1]",
+            ticks_at_points: true,
+            place: |run| {
+                let is_alone = run.mode == "raycast" && run.table_size.is_none();
+                is_alone.then_some((run.image_scale, on(run, ["ray caster", "ray caster, GPU"])))
+            },
+            is_of_codecs: false,
+        }),
+    },
+];
+
+/// The first name for the CPU, the second for the GPU.
+fn on(run: &BenchRun, names: [&'static str; 2]) -> &'static str {
+    names[usize::from(run.backend == "gpu")]
+}
+
+/// Full size, integrated without a table.
+fn is_plain(run: &BenchRun) -> bool {
+    run.image_scale == 1.0 && run.table_size.is_none()
+}
+
+fn has_usual_buffer(run: &BenchRun) -> bool {
+    let KBuffer { k, exact_order } = KBuffer::default();
+    run.k == Some(k) && run.exact_order == Some(exact_order)
+}
+
+/// The plot of these runs; `None` if there is nothing to show.
+pub(super) fn chart(kind: &Kind, runs: &[BenchRun]) -> Option<Chart> {
+    let chart = match &kind.shows {
+        Shows::Time => against_time(runs),
+        Shows::Factor(factor) => against(factor, runs),
+    };
+    Some(chart).filter(|chart| !chart.panels.is_empty())
+}
+
+/// Error against time, a panel for each series.
+fn against_time(runs: &[BenchRun]) -> Chart {
+    let all = summaries(runs);
+    let panels = series_of(&all).into_iter().filter_map(|series| time_panel(&all, series)).collect();
+    let x = Axis { name: "time of a frame, median of the scenes [ms]".to_owned(), ticks: None };
+    Chart { x, y: ERROR_AXIS.to_owned(), panels }
+}
+
+/// The paths of a series by renderer and backend, and the Pareto front through those that no other one beats.
+fn time_panel(all: &[PathSummary<'_>], series: &str) -> Option<Panel> {
+    let front = front_of(all, series);
+    let point = |at: usize| {
+        let (summary, is_in_front) = (&all[at], front.contains(&at));
+        let y = summary.worst?.0;
+        (summary.series == series).then(|| Point { x: summary.ms, y, name: is_in_front.then(|| summary.label.clone()) })
+    };
+    let kinds = [
+        ("ray caster", "raycast", "cpu"),
+        ("faces", "havs", "cpu"),
+        ("ray caster, GPU", "raycast", "gpu"),
+        ("faces, GPU", "havs", "gpu"),
+    ];
+    let line = |(name, mode, backend): (&str, &str, &str)| {
+        let is_of_kind =
+            |at: &usize| all[*at].runs.first().is_some_and(|run| run.mode == mode && run.backend == backend);
+        let points = (0..all.len()).filter(is_of_kind).filter_map(point).collect();
+        Line { name: name.to_owned(), points, style: Style::Points }
+    };
+    let mut lines: Vec<Line> = kinds.into_iter().map(line).collect();
+    let through = front.iter().filter_map(|&at| Some(Point { name: None, ..point(at)? })).collect();
+    lines.push(Line { name: "Pareto front".to_owned(), points: through, style: Style::Path });
+    let is_empty = lines.iter().all(|line| line.points.is_empty());
+    (!is_empty).then(|| Panel { title: format!("Error against time: {series}"), lines })
+}
+
+/// Error against one thing that changes, a panel for each transfer function, a line for each series and variant.
+fn against(factor: &Factor, runs: &[BenchRun]) -> Chart {
+    let is_wanted = |run: &&BenchRun| {
+        let is_own = is_judged_by(run, JUDGE_REFERENCE);
+        run.scene.is_some()
+            && (is_own || factor.is_of_codecs && is_judged_by(run, JUDGE_RAW))
+            && (factor.place)(run).is_some()
+    };
+    let runs: Vec<&BenchRun> = runs.iter().filter(is_wanted).collect();
+    let panel = |function: &str| {
+        let lines: Vec<Line> = lines(factor, &runs, function);
+        (!lines.is_empty()).then(|| Panel { title: format!("Error against {}: {function}", factor.title), lines })
+    };
+    let panels: Vec<Panel> = transfer_functions_of(&runs).into_iter().filter_map(panel).collect();
+    let points = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
+    let mut ticks: Vec<f64> = points.map(|point| point.x).collect();
+    ticks.sort_by(f64::total_cmp);
+    ticks.dedup();
+    let x = Axis { name: factor.axis.to_owned(), ticks: factor.ticks_at_points.then_some(ticks) };
+    Chart { x, y: ERROR_AXIS.to_owned(), panels }
+}
+
+/// The lines of a transfer function: of runs at the same place the largest error. A line needs two places.
+fn lines(factor: &Factor, runs: &[&BenchRun], function: &str) -> Vec<Line> {
+    let mut lines: Vec<Line> = Vec::new();
+    for run in runs {
+        let (Some(scene), Some(error), Some((x, variant))) = (&run.scene, &run.error, (factor.place)(run)) else {
+            continue;
+        };
+        if scene.transfer_function != function {
+            continue;
+        }
+        let name = format!("{}, {variant}", scene.series);
+        let at = lines.iter().position(|line| line.name == name).unwrap_or_else(|| {
+            lines.push(Line { name, points: Vec::new(), style: Style::Joined });
+            lines.len() - 1
+        });
+        match lines[at].points.iter_mut().find(|point| point.x == x) {
+            Some(point) => point.y = point.y.max(error.rmse),
+            None => lines[at].points.push(Point { x, y: error.rmse, name: None }),
+        }
+    }
+    lines.iter_mut().for_each(|line| line.points.sort_by(|a, b| a.x.total_cmp(&b.x)));
+    lines.retain(|line| line.points.len() > 1);
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::plot::test_runs::run;
+
+    fn kind(file: &str) -> &'static Kind {
+        CHARTS.iter().find(|kind| kind.file == file).unwrap()
+    }
+
+    #[test]
+    fn the_front_is_named_and_a_line_goes_through_it() {
+        let small = |scale: f64, ms, rmse| BenchRun { image_scale: scale, ..run("jet", ms, rmse) };
+        let runs = [small(1.0, 10.0, 0.0), small(0.5, 5.0, 1e-2), small(0.25, 6.0, 1e-1), run("heart", 3.0, 1e-7)];
+        let chart = chart(kind("accuracy_time.svg"), &runs).unwrap();
+        assert_eq!(chart.panels.len(), 2);
+        let lines = &chart.panels[0].lines;
+        let names: Vec<Option<&str>> = lines[0].points.iter().map(|point| point.name.as_deref()).collect();
+        assert_eq!(names, [Some("raycast"), Some("raycast, image 1/2"), None]);
+        let front: Vec<f64> = lines.last().unwrap().points.iter().map(|point| point.x).collect();
+        assert_eq!(front, [5.0, 10.0]);
+        assert_eq!(chart.panels[1].title, "Error against time: heart");
+    }
+
+    #[test]
+    fn a_line_has_the_worst_of_the_views_in_the_order_of_its_axis() {
+        let faces = |k: u8, exact_order: bool, rmse: f64| BenchRun {
+            mode: "havs".to_owned(),
+            k: Some(k),
+            exact_order: Some(exact_order),
+            ..run("jet", 1.0, rmse)
+        };
+        let level = BenchRun { lod: 0.5, ..faces(8, true, 0.5) };
+        let runs = [faces(8, false, 1e-3), faces(2, false, 1e-2), faces(2, false, 2e-2), faces(8, true, 0.0), level];
+        let k = chart(kind("accuracy_k.svg"), &runs).unwrap();
+        let points: Vec<(f64, f64)> = k.panels[0].lines[0].points.iter().map(|point| (point.x, point.y)).collect();
+        assert_eq!((points.as_slice(), k.panels[0].lines.len()), (&[(2.0, 2e-2), (8.0, 1e-3)][..], 1));
+        assert_eq!((k.x.ticks, k.panels[0].lines[0].name.as_str()), (Some(vec![2.0, 8.0]), "jet, as they come"));
+        let lod = chart(kind("accuracy_lod.svg"), &runs).unwrap();
+        assert_eq!(lod.x.ticks, Some(vec![50.0, 100.0]));
+        assert!(chart(kind("accuracy_table.svg"), &runs).is_none());
+    }
+
+    #[test]
+    fn compression_is_shown_only_against_the_values_from_before_it() {
+        let packed = |judge: &str| {
+            let mut packed = BenchRun { codec: "vq".to_owned(), ratio: Some(20.0), ..run("jet", 1.0, 1e-2) };
+            packed.error.as_mut().unwrap().judge = judge.to_owned();
+            packed
+        };
+        let ratio = kind("accuracy_ratio.svg");
+        let shown = chart(ratio, &[run("jet", 1.0, 1e-7), packed(JUDGE_RAW)]).unwrap();
+        assert_eq!(shown.panels[0].lines[0].points.len(), 2);
+        assert!(chart(ratio, &[run("jet", 1.0, 1e-7), run("jet", 2.0, 1e-7)]).is_none());
+        assert!(chart(kind("accuracy_scale.svg"), &[packed(JUDGE_RAW), run("jet", 1.0, 1e-7)]).is_none());
+    }
+}
