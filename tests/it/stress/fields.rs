@@ -66,6 +66,7 @@ fn all_magnitudes_in_one_field_agree() {
         over("1e-38..1e38", &magnitudes, three(1e-38, 1.0, 1e38)),
         over("1e-38..1e38, seen from 1 to 1e3", &magnitudes, three(1.0, 30.0, 1e3)),
         over("1e-38..1e38, seen at the small end", &magnitudes, three(1e-38, 1e-30, 1e-25)),
+        // Next to a node at zero, segments are 1e-38 times as long in scalars as the table is wide.
         over("+-1e-38..1e38", &signed, three(-1e38, 0.0, 1e38)),
     ]);
 }
