@@ -103,6 +103,12 @@ fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool
     return rank < pair(other, 1u).y;
 }
 
+// Notes that a loop was not gone through to its end: drivers in software give up after so many rounds (Mesa's after 65,535 of all
+// loops of a pixel together).
+fn expect_end(is_end: bool) {
+    ray_counts.broken |= !is_end;
+}
+
 // Moves for each fragment, on average, after which insertion is given up.
 const PATIENCE: u32 = 4u;
 
@@ -110,7 +116,8 @@ const PATIENCE: u32 = 4u;
 // places and looks at no more of them than their depths. Where that takes long, shell sort does not.
 fn sort(first: u32, count: u32, by_depth: bool) {
     var moves = 0u;
-    for (var i = 1u; i < count; i++) {
+    var i = 1u;
+    for (; i < count; i++) {
         // All before it are in order: the last of them is the greatest.
         let depth = depth_at(first + i);
         let rank = pair(first + i, 1u).y;
@@ -129,6 +136,7 @@ fn sort(first: u32, count: u32, by_depth: bool) {
             }
         }
     }
+    expect_end(i >= count);
 }
 
 fn shell_sort(first: u32, count: u32, by_depth: bool) {
@@ -151,6 +159,7 @@ fn shell_sort(first: u32, count: u32, by_depth: bool) {
         }
         gap /= 3u;
     }
+    expect_end(gap == 0u);
 }
 
 // Whether the fragment (depth, cells) belongs in front of another that came before it.
@@ -266,7 +275,8 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
 }
 
 fn follow_all(first: u32, count: u32) {
-    for (var i = 0u; i < count; i++) {
+    var i = 0u;
+    for (; i < count; i++) {
         let cells = cells_at(first + i);
         if cells.x == NONE && cells.y != NONE {
             ray_counts.hit = true;
@@ -276,13 +286,15 @@ fn follow_all(first: u32, count: u32) {
             }
         }
     }
+    expect_end(i >= count);
 }
 
 // Goes from fragment to fragment in the order in which they lie.
 fn advance_all(first: u32, count: u32) {
     var cell = NONE;
     ray_counts.hit = count > 0u;
-    for (var i = 0u; i < count; i++) {
+    var i = 0u;
+    for (; i < count; i++) {
         let slot = first + i;
         let cells = cells_at(slot);
         let to = real2(relative(depth_at(slot)), real(scalar_at(slot)));
@@ -307,6 +319,7 @@ fn advance_all(first: u32, count: u32) {
         cell = cells.y;
         ray_counts.stopped_early = is_opaque();
     }
+    expect_end(i >= count);
 }
 
 fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
