@@ -44,8 +44,8 @@ pub fn layered(name: &str, squash: f64, thinnest: f64) -> Case {
         .into_iter()
         .flat_map(|p| [cameras::PERSPECTIVE, PARALLEL].map(|projection| camera(DVec3::from_array(p), projection)))
         .collect();
-    let is_thin = squash < 1e-4 || thinnest < 1e-4;
-    let bound_on_gpu = if is_thin { THIN_ON_GPU } else { BOUND };
+    // Layers to 1e-6 keep the bound (measured: 7.7e-8, 1.8e-6): those in f32's reach of each other are next to nothing.
+    let bound_on_gpu = if squash < 1e-4 { THIN_ON_GPU } else { BOUND };
     Case { cameras, bound_on_gpu, ..Case::new(name, &mesh, scalars, dense_per(squash)) }
 }
 
