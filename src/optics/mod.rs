@@ -149,3 +149,62 @@ impl Accumulator {
         self.rgba.to_array()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How far opacity is off at most after any number of equal pieces of depth `a`, composited by `add`; and transmittance, beyond
+    /// half a bit of 1 for each piece: one subtraction rounds by that much. (Pieces thinner than that are seen, but what is behind ten
+    /// thousand of them is not dimmed by them.)
+    fn worst(a: f32, pieces: u32, add: impl Fn(&mut Accumulator)) -> [f64; 2] {
+        let mut light = Accumulator::CLEAR;
+        let mut worst = [0.0f64; 2];
+        for n in 1..=pieces {
+            // As a renderer ends a ray; what is behind is below the bound.
+            if light.is_opaque() {
+                break;
+            }
+            add(&mut light);
+            let depth = f64::from(a) * f64::from(n);
+            let opacity = (f64::from(light.pixel()[3]) + (-depth).exp_m1()).abs();
+            let through = (f64::from(light.transmittance) - (-depth).exp()).abs();
+            worst = [worst[0].max(opacity), worst[1].max(through - f64::from(n) * 0.5f64.powi(25))];
+        }
+        worst
+    }
+
+    #[test]
+    fn ten_thousand_pieces_are_as_exact_as_one() {
+        let white = Vec4::ONE;
+        let mut naive_worst = 0.0f64;
+        for a in [1e-9, 1e-7, 1e-6, 3.3e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.1, 0.24, 0.26, 2.0, 20.0] {
+            let weights = piece_weights(a, a);
+            let [off, through] = worst(a, 10_000, |light| light.add(weights, white, white));
+            // Measured: 5.9e-6 at most (a = 1e-3, where what is added comes near to the rounding of the sum), else below 2e-6.
+            assert!(off < 1e-5 && through < 1e-6, "{a:e}: off by {off:.1e}, {through:.1e}");
+            let alpha = weights.near + weights.far;
+            let [off, through] = worst(a, 10_000, |light| light.add_premultiplied(white * alpha, alpha));
+            assert!(off < 1e-5 && through < 1e-6, "premultiplied, {a:e}: off by {off:.1e}, {through:.1e}");
+            // The product of what the pieces let through.
+            let [naive, _] = worst(a, 10_000, |light| {
+                light.rgba += white * (light.transmittance * alpha);
+                light.transmittance *= 1.0 - alpha;
+            });
+            naive_worst = naive_worst.max(naive);
+        }
+        assert!(naive_worst > 5e-5, "the product is off by {naive_worst:.1e} only");
+    }
+
+    #[test]
+    fn an_opaque_piece_lets_exactly_nothing_through() {
+        for a in [17.0, 18.0, 30.0, 1e7, 1e30] {
+            for b in [17.0, 18.0, 30.0, 1e7, 1e30] {
+                let mut light = Accumulator::CLEAR;
+                light.add(piece_weights(0.3, 0.1), Vec4::ONE, Vec4::ONE);
+                light.add(piece_weights(a, b), Vec4::ONE, Vec4::ONE);
+                assert!(light.transmittance >= 0.0 && light.is_opaque(), "{a} {b}: {light:?}");
+            }
+        }
+    }
+}
