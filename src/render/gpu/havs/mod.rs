@@ -432,7 +432,8 @@ impl Renderer for Havs {
                     | if job.k_buffer.exact_order { flags::EXACT_ORDER } else { 0 },
                 ..FaceParams::default()
             };
-            self.scene.update(&self.context, &job, precision, &drawn, &eye_cells, &mut params, &mut face_params)?;
+            self.scene.make_pipelines(&self.context, &job, precision)?;
+            self.scene.update(&self.context, &job, &drawn, &eye_cells, &mut params, &mut face_params)?;
             self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
             for cost in &mut self.costs {
                 (cost.ms, cost.units) = (0.0, 0);

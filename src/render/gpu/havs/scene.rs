@@ -78,14 +78,12 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        precision: Precision,
         drawn: &Arc<DrawnFaces>,
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,
     ) -> Result<(), RenderError> {
         self.bytes_sent = 0;
-        self.make_pipelines(context, job, precision)?;
         let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
         // Buffers may have been made anew before one was refused: the groups bind the old ones.
         if !matches!(made, Ok(false)) {
@@ -98,7 +96,13 @@ impl Scene {
         Ok(())
     }
 
-    fn make_pipelines(&mut self, context: &Context, job: &RenderJob, precision: Precision) -> Result<(), RenderError> {
+    /// Compiles what a job needs unless that has been done; before [`Self::update`].
+    pub(super) fn make_pipelines(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        precision: Precision,
+    ) -> Result<(), RenderError> {
         if self.pipelines.is_none() {
             self.pipelines = Some(Pipelines::new(context)?);
         }
