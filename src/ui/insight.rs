@@ -30,6 +30,11 @@ fn in_pixels((x, y): (f64, f64), shown: &FrameRequest) -> (f64, f64) {
     (x * width as f64, y * height as f64)
 }
 
+/// Whether two ask for the same place of the same picture.
+fn is_same(a: &HoverRequest, b: &HoverRequest) -> bool {
+    a.at_px == b.at_px && Arc::ptr_eq(&a.series, &b.series) && a.request == b.request
+}
+
 /// Finds out, on threads of its own.
 pub(super) struct Insight {
     wake: Arc<dyn Fn() + Send + Sync>,
@@ -39,8 +44,10 @@ pub(super) struct Insight {
     /// Where the mouse is, as shares of the picture's width and height from its left upper corner.
     mouse: Option<(f64, f64)>,
     hover: Option<Hover>,
-    /// What is under the mouse is to be picked, once it is known.
-    wants_pick: bool,
+    /// What was asked last.
+    asked: Option<HoverRequest>,
+    /// What is at this place is to be picked, once it is known. Until then nothing else is asked: the mouse may have gone on.
+    wants_pick: Option<HoverRequest>,
     picked: Option<(Probe, Option<Arc<Curve>>)>,
 }
 
@@ -55,7 +62,8 @@ impl Insight {
             wake,
             mouse: None,
             hover: None,
-            wants_pick: false,
+            asked: None,
+            wants_pick: None,
             picked: None,
         })
     }
@@ -66,7 +74,7 @@ impl Insight {
     /// If the system gives no thread.
     pub(super) fn turn_to(&mut self, series: &Arc<Series>) -> io::Result<()> {
         self.survey = Survey::start(series.clone(), self.wake.clone())?;
-        self.hover = None;
+        (self.hover, self.asked, self.wants_pick) = (None, None, None);
         if let Some((probe, _)) = self.picked {
             self.prober.pick(series.clone(), probe.cell, probe.weights);
         }
@@ -76,6 +84,12 @@ impl Insight {
     /// Takes what was found; `shown` is what is on the screen.
     pub(super) fn take(&mut self, shown: Option<&FrameRequest>) {
         while let Some(hover) = self.prober.take_hover() {
+            let is_same = |wanted: &HoverRequest| is_same(wanted, &hover.asked);
+            if self.wants_pick.as_ref().is_some_and(is_same) {
+                self.wants_pick = None;
+                self.pick_found(&hover);
+                self.prober.hover(self.asked.clone());
+            }
             self.hover = Some(hover);
         }
         // What is elsewhere in the picture or of another picture is not what is under the mouse.
@@ -85,10 +99,6 @@ impl Insight {
         if !self.hover.as_ref().is_some_and(|hover| is_of_screen(&hover.asked)) {
             self.hover = None;
         }
-        if self.wants_pick && self.hover.as_ref().is_some_and(|hover| Some(hover.asked.at_px) == place) {
-            self.wants_pick = false;
-            self.pick_found();
-        }
         if let Some((_, curve)) = &mut self.picked {
             *curve = self.prober.curve();
         }
@@ -96,14 +106,15 @@ impl Insight {
 
     /// The mouse is at this place of the picture `shown`, or another picture is under it.
     pub(super) fn point_at(&mut self, place: Option<(f64, f64)>, series: &Arc<Series>, shown: Option<&FrameRequest>) {
-        self.wants_pick &= self.mouse == place;
         self.mouse = place;
-        let asked = place.zip(shown).map(|((x, y), shown)| HoverRequest {
+        self.asked = place.zip(shown).map(|((x, y), shown)| HoverRequest {
             series: series.clone(),
             request: shown.clone(),
             at_px: in_pixels((x, y), shown),
         });
-        self.prober.hover(asked);
+        if self.wants_pick.is_none() {
+            self.prober.hover(self.asked.clone());
+        }
     }
 
     /// Another picture is on the screen.
@@ -125,11 +136,15 @@ impl Insight {
 
     /// Picks the point that is under the mouse, as soon as it is known; nothing if there is none.
     pub(super) fn pick(&mut self) {
-        self.wants_pick = self.mouse.is_some();
+        let Some(asked) = &self.asked else { return };
+        match self.hover.clone().filter(|hover| is_same(asked, &hover.asked)) {
+            Some(known) => self.pick_found(&known),
+            None => self.wants_pick = Some(asked.clone()),
+        }
     }
 
-    fn pick_found(&mut self) {
-        if let Some(Hover { asked, found: Ok(Some(probe)) }) = &self.hover {
+    fn pick_found(&mut self, hover: &Hover) {
+        if let Hover { asked, found: Ok(Some(probe)) } = hover {
             self.prober.pick(asked.series.clone(), probe.cell, probe.weights);
             self.picked = Some((*probe, None));
         }
