@@ -1,4 +1,4 @@
-// View transform: vertices to view coordinates, once per frame. CPU twin: render/cpu/raycast/view.rs, `transform`.
+// View transform: vertices to view coordinates, once per frame. CPU twin: render/cpu/ray.rs, `transform`.
 //
 // The CPU works in f64. Here coordinates are unevaluated sums of two f32: the eye is subtracted without error, products of
 // 12-bit parts are exact, and their sums keep their rounding errors. What is left is 2^-44 of the distance to the eye.

@@ -1,4 +1,4 @@
-// Which rays hit a face, and where. CPU twin: render/cpu/havs/raster.rs.
+// Which rays hit a face, and where. CPU twin: render/cpu/raster.
 //
 // A ray hits a face if the three edge functions of its corners, sheared along the ray, have one sign. Each is computed with
 // the lower of its two vertices first: faces that share an edge see the same bits, whatever the compiler makes of them.

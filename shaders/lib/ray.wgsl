@@ -1,4 +1,4 @@
-// Planar geometry of a ray. CPU twin: render/cpu/raycast/view.rs.
+// Planar geometry of a ray. CPU twin: render/cpu/ray.rs.
 //
 // The ray of a pixel is made the origin of a plane by shearing all vertices along it. How that is computed, and with what numbers
 // (`real`), is said in ray_single.wgsl and in ray_double.wgsl, of which one comes before this.
