@@ -172,7 +172,7 @@ fn run_apart(name: &str, out: &Path) -> Result<(), String> {
 const LAST: &str = "last";
 
 #[test]
-#[ignore = "the other side of the tests beside it, which run it in a process of its own"]
+#[ignore = "the tests beside it run it, with --ignored, in a process of its own for each target"]
 fn the_mutants_of_one_target() {
     let (Ok(name), Some(out)) = (std::env::var(CHILD_TARGET), std::env::var_os(CHILD_OUT)) else { return };
     let known = TARGETS.iter().chain(planted::TARGETS).find(|target| target.name == name);

@@ -8,7 +8,7 @@ use ::exr::prelude::{
     Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
 };
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use tetreel::camera::Camera;
@@ -23,21 +23,43 @@ use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{RangePolicy, TransferFunction};
 use tetreel::ui::settings::{SavedLook, Settings, SettingsFile};
 
-fn put(target: &str, name: &str, bytes: &[u8]) {
-    let folder = Path::new(CORPUS).join(target);
+fn put(to: &Path, target: &str, name: &str, bytes: &[u8]) {
+    let folder = to.join(target);
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join(name), bytes).unwrap();
 }
 
+fn write_all(to: &Path) {
+    stores(to);
+    blocks(to);
+    xdmf_and_pvd(to);
+    images(to);
+    transfer_functions(to);
+    texts(to);
+}
+
+/// Names of the seeds in a folder, each with that of its target.
+fn names(folder: &Path) -> BTreeSet<String> {
+    let entries = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let name = |path: &Path| path.strip_prefix(folder).unwrap().to_string_lossy().replace('\\', "/");
+    entries(folder).filter(|path| path.is_dir()).flat_map(|path| entries(&path)).map(|path| name(&path)).collect()
+}
+
 #[test]
-#[ignore = "writes to the working tree"]
+fn the_seeds_are_those_that_are_written() {
+    let temp = tempfile::tempdir().unwrap();
+    write_all(temp.path());
+    let (written, kept) = (names(temp.path()), names(Path::new(CORPUS)));
+    // What once failed is kept as it was, whoever wrote it.
+    let seeds: BTreeSet<String> = kept.into_iter().filter(|name| !name.contains("/found_")).collect();
+    assert_eq!(written, seeds);
+    assert!(written.len() > 50, "{} seeds", written.len());
+}
+
+#[test]
+#[ignore = "writes to the working tree; what it does is run by the test above, into another folder"]
 fn the_seeds_are_written_anew() {
-    stores();
-    blocks();
-    xdmf_and_pvd();
-    images();
-    transfer_functions();
-    texts();
+    write_all(Path::new(CORPUS));
 }
 
 /// A series on six tets.
@@ -81,7 +103,7 @@ fn values(step: usize) -> Vec<f32> {
     (0..8).map(|i| (0.1 * step as f64 + noise(1, i) + 0.01 * noise(2, 8 * step as u64 + i)) as f32).collect()
 }
 
-fn stores() {
+fn stores(to: &Path) {
     let cube = |steps: usize, components| Cube {
         mesh: grid(1, 0.0, 0, |_| true),
         times: TimeAxis { values: (0..steps).map(|i| 0.5 * i as f64).collect() },
@@ -96,7 +118,7 @@ fn stores() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.zarr");
         ingest(&source, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
-        put("store", name, &packed(&path));
+        put(to, "store", name, &packed(&path));
     }
 }
 
@@ -136,7 +158,7 @@ impl ChunkSink for Chunks {
     }
 }
 
-fn blocks() {
+fn blocks(to: &Path) {
     for (name, entries, own_scales, steps) in
         [("narrow", 3, false, 65), ("scales", 4, true, 64), ("short", 2, false, 9), ("wide", 257, true, 1)]
     {
@@ -152,18 +174,23 @@ fn blocks() {
         let parameters = encoder.finish(&mut chunks).unwrap().parameters;
         let shape = serde_json::json!({ "steps": steps, "vertices": 8, "parameters": parameters }).to_string();
         let first = [("f/shape.json", shape.as_bytes(), false)];
-        put("vq", name, &pack(first.into_iter().chain(chunks.0.iter().map(|(key, b)| (key.as_str(), &b[..], true)))));
+        put(
+            to,
+            "vq",
+            name,
+            &pack(first.into_iter().chain(chunks.0.iter().map(|(key, b)| (key.as_str(), &b[..], true)))),
+        );
     }
     let payload: Vec<u8> = (0..24).collect();
     for kind in 0..7 {
         let sealed = [&[kind], &payload[..], &seal(&payload)].concat();
-        put("chunk", &format!("whole_{kind}"), &sealed);
+        put(to, "chunk", &format!("whole_{kind}"), &sealed);
     }
-    put("chunk", "empty", &[&[3][..], &seal(&[])].concat());
-    put("chunk", "key", b"\x03vq/mean/c/12/0");
+    put(to, "chunk", "empty", &[&[3][..], &seal(&[])].concat());
+    put(to, "chunk", "key", b"\x03vq/mean/c/12/0");
 }
 
-fn xdmf_and_pvd() {
+fn xdmf_and_pvd(to: &Path) {
     let data = |name: &str| fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)).unwrap();
     for (name, others) in [
         ("contiguous_f64", &["contiguous_f64.h5"][..]),
@@ -178,9 +205,9 @@ fn xdmf_and_pvd() {
         let others: Vec<(&str, Vec<u8>)> =
             others.iter().map(|other| (*other, data(&format!("xdmf/{other}")))).collect();
         let others = others.iter().map(|(other, bytes)| (*other, &bytes[..], false));
-        put("xdmf", name, &pack([("fuzzed.xdmf", &main[..], false)].into_iter().chain(others)));
+        put(to, "xdmf", name, &pack([("fuzzed.xdmf", &main[..], false)].into_iter().chain(others)));
     }
-    put("vtu", "pieces", &data("vtu/pieces_ascii.vtu"));
+    put(to, "vtu", "pieces", &data("vtu/pieces_ascii.vtu"));
     let list = br#"<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>
 <DataSet timestep="0" group="" part="0" file="a.vtu"/>
@@ -189,15 +216,15 @@ fn xdmf_and_pvd() {
 </Collection></VTKFile>
 "#;
     let (a, b) = (data("vtu/ascii.vtu"), data("vtu/raw_zlib_32_le.vtu"));
-    put("pvd", "two", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &a, false), ("b%20.vtu", &a, false)]));
+    put(to, "pvd", "two", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &a, false), ("b%20.vtu", &a, false)]));
     let list = br#"<VTKFile type="Collection"><Collection>
 <DataSet part="1" file="b.vtu"/><DataSet part="0" file="a.vtu"/><DataSet part="2" file="surface.vtp"/>
 </Collection></VTKFile>
 "#;
-    put("pvd", "parts", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &b, false), ("b.vtu", &b, false)]));
+    put(to, "pvd", "parts", &pack([("fuzzed.pvd", &list[..], false), ("a.vtu", &b, false), ("b.vtu", &b, false)]));
 }
 
-fn images() {
+fn images(to: &Path) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");
     let pixel = |i: u64| {
@@ -213,7 +240,7 @@ fn images() {
         ("opaque_8", Some([0.1, 0.2, 0.3]), PngDepth::Eight),
     ] {
         write_png_with_texts(&path, &color, background, depth, &texts).unwrap();
-        put("png", name, &fs::read(&path).unwrap());
+        put(to, "png", name, &fs::read(&path).unwrap());
     }
     for (name, color, bits, palette) in [
         ("palette", png::ColorType::Indexed, png::BitDepth::Two, true),
@@ -230,7 +257,7 @@ fn images() {
         }
         let data = vec![0b0110_0000; if color == png::ColorType::GrayscaleAlpha { 8 } else { 2 }];
         encoder.write_header().unwrap().write_image_data(&data).unwrap();
-        put("png", name, &bytes);
+        put(to, "png", name, &bytes);
     }
     let attributes = BTreeMap::from([
         ("software".to_owned(), ExrValue::Text("tetreel".to_owned())),
@@ -238,7 +265,7 @@ fn images() {
     ]);
     for (name, stored, depth) in [("raw", ExrColor::Raw, Some(&depth)), ("linear", ExrColor::Linear, None)] {
         write_exr(&path, &color, depth, stored, &attributes).unwrap();
-        put("exr", name, &fs::read(&path).unwrap());
+        put(to, "exr", name, &fs::read(&path).unwrap());
     }
     for (name, compression, blocks) in [
         ("none", Compression::Uncompressed, Blocks::ScanLines),
@@ -256,7 +283,7 @@ fn images() {
         });
         let layer = Layer::new((5, 4), LayerAttributes::named("a"), encoding, channels);
         Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
-        put("exr", name, &fs::read(&path).unwrap());
+        put(to, "exr", name, &fs::read(&path).unwrap());
     }
 }
 
@@ -267,17 +294,17 @@ const MAPS: &[u8] = br#"[{"Name": "two", "ColorSpace": "RGB", "NanColor": [1, 1,
 {"Name": "diverging", "ColorSpace": "Diverging", "RGBPoints": [0, 0.2, 0.3, 0.8, 1, 0.7, 0, 0.1]}]
 "#;
 
-fn transfer_functions() {
-    put("color_maps", "spaces", MAPS);
-    put("color_maps", "step", br#"[{"RGBPoints": [0, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3, 1, 1, 1, 1e300, 1, 1, 0]}]"#);
+fn transfer_functions(to: &Path) {
+    put(to, "color_maps", "spaces", MAPS);
+    put(to, "color_maps", "step", br#"[{"RGBPoints": [0, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3, 1, 1, 1, 1e300, 1, 1, 0]}]"#);
     let one = br#"{"color_map": "maps.json#two_r", "positions": "relative", "values": "opacity",
  "points": [[0, 0], [0.4, 0.2], [0.4, 1]]}"#;
-    put("transfer_function", "named", &pack([("fuzzed.json", &one[..], false), ("maps.json", MAPS, false)]));
+    put(to, "transfer_function", "named", &pack([("fuzzed.json", &one[..], false), ("maps.json", MAPS, false)]));
     let tf = TransferFunction::parse("viridis_r@0:0,0.3:0.5,0.3:0,1:1").unwrap().to_json();
-    put("transfer_function", "built_in", &pack([("fuzzed.json", tf.as_bytes(), false)]));
+    put(to, "transfer_function", "built_in", &pack([("fuzzed.json", tf.as_bytes(), false)]));
     let full = br#"{"color_map": {"Name": "m", "ColorSpace": "Lab", "RGBPoints": [0, 0, 0, 0, 1, 1, 1, 1]},
  "positions": "absolute", "values": "extinction", "points": [[-2.5, 0], [7, 30]]}"#;
-    put("transfer_function", "full", &pack([("fuzzed.json", &full[..], false)]));
+    put(to, "transfer_function", "full", &pack([("fuzzed.json", &full[..], false)]));
 
     let folder = tempfile::tempdir().unwrap();
     let mut file = SettingsFile::at(folder.path());
@@ -292,12 +319,12 @@ fn transfer_functions() {
         range: RangePolicy::LogManual(0.5, 2.0),
     });
     assert_eq!(file.save(&mut settings), None);
-    put("settings", "look", &fs::read(folder.path().join("settings.json")).unwrap());
-    put("settings", "newer", br#"{"version": 2, "image_scale": 1}"#);
-    put("settings", "empty", b"{}");
+    put(to, "settings", "look", &fs::read(folder.path().join("settings.json")).unwrap());
+    put(to, "settings", "newer", br#"{"version": 2, "image_scale": 1}"#);
+    put(to, "settings", "empty", b"{}");
 }
 
-fn texts() {
+fn texts(to: &Path) {
     let lists: [(&str, &[&str]); 4] = [
         (
             "camera",
@@ -357,7 +384,7 @@ fn texts() {
     ];
     for (target, list) in lists {
         for (i, text) in list.iter().enumerate() {
-            put(target, &format!("text_{i:02}"), text.as_bytes());
+            put(to, target, &format!("text_{i:02}"), text.as_bytes());
         }
     }
 }
