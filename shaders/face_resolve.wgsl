@@ -6,13 +6,9 @@
 // - In exact order, some faces: sorted by depth, neighbours within rounding by their cells.
 // - Else: sorted by rank, the order of the list, then as far as a buffer of k fragments does it.
 //
-// A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie.
+// A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie. Those of deep pixels have been sorted
+// (face_sort.wgsl).
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> face_params: FaceParams;
-@group(0) @binding(2) var<storage, read> lists: array<u32>;
-@group(0) @binding(3) var<storage, read_write> fragments_0: array<vec2<u32>>;
-@group(0) @binding(4) var<storage, read_write> fragments_1: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> active_cells: array<u32>;
 @group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> counters: array<u32>;
@@ -28,55 +24,11 @@ const BROKEN: u32 = 6u;
 const COUNTERS: u32 = 8u;
 var<workgroup> counts: array<atomic<u32>, COUNTERS>;
 
-// As it is stored.
-struct Stored {
-    depth: vec2<u32>,
-    scalar_rank: vec2<u32>,
-    cells: vec2<u32>,
-}
-
-fn pair(slot: u32, i: u32) -> vec2<u32> {
-    let part = face_params.fragment_part;
-    if slot < part {
-        return fragments_0[FRAGMENT_PAIRS * slot + i];
-    }
-    return fragments_1[FRAGMENT_PAIRS * (slot - part) + i];
-}
-
-fn load_stored(slot: u32) -> Stored {
-    let part = face_params.fragment_part;
-    if slot < part {
-        let at = FRAGMENT_PAIRS * slot;
-        return Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u]);
-    }
-    let at = FRAGMENT_PAIRS * (slot - part);
-    return Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u]);
-}
-
-fn store(slot: u32, stored: Stored) {
-    let part = face_params.fragment_part;
-    if slot < part {
-        let at = FRAGMENT_PAIRS * slot;
-        fragments_0[at] = stored.depth;
-        fragments_0[at + 1u] = stored.scalar_rank;
-        fragments_0[at + 2u] = stored.cells;
-    } else {
-        let at = FRAGMENT_PAIRS * (slot - part);
-        fragments_1[at] = stored.depth;
-        fragments_1[at + 1u] = stored.scalar_rank;
-        fragments_1[at + 2u] = stored.cells;
-    }
-}
-
 fn active_or_none(cell: u32) -> u32 {
     if cell == NONE || (params.flags & ALL_ACTIVE) != 0u || (active_cells[cell >> 5u] >> (cell & 31u) & 1u) == 1u {
         return cell;
     }
     return NONE;
-}
-
-fn depth_at(slot: u32) -> vec2<f32> {
-    return bitcast<vec2<f32>>(pair(slot, 0u));
 }
 
 fn scalar_at(slot: u32) -> f32 {
@@ -87,20 +39,6 @@ fn scalar_at(slot: u32) -> f32 {
 fn cells_at(slot: u32) -> vec2<u32> {
     let cells = pair(slot, 2u);
     return vec2(active_or_none(cells.x), active_or_none(cells.y));
-}
-
-// Whether one fragment comes before another: by depth, equal ones by rank; or by rank.
-fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool {
-    if by_depth {
-        let there = depth_at(other);
-        if depth.x != there.x {
-            return depth.x < there.x;
-        }
-        if depth.y != there.y {
-            return depth.y < there.y;
-        }
-    }
-    return rank < pair(other, 1u).y;
 }
 
 // Notes that a loop was not gone through to its end: drivers in software give up after so many rounds (Mesa's after 65,535 of all
@@ -227,38 +165,36 @@ fn begin_path(slot: u32) {
     light.placed = false;
 }
 
-// The fragment of a path whose ray leaves `cell` there: it comes next in nearly all lists.
-fn find_exit(first: u32, count: u32, from_: u32, cell: u32) -> u32 {
-    for (var i = from_ + 1u; i < count; i++) {
-        if active_or_none(pair(first + i, 2u).x) == cell {
-            return i;
-        }
-    }
-    for (var i = from_; i > 0u; i--) {
-        if active_or_none(pair(first + i - 1u, 2u).x) == cell {
-            return i - 1u;
-        }
-    }
-    return NONE;
-}
-
 // Depths may be that far off for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
 // 2 at most.
 const NEAR_EYE: f32 = 1.0 / 1024.0;
 
-// Goes through the path that begins at fragment `start`; false if the ray ends within it.
+// Fragments that paths have not gone through yet.
+var<private> left: u32;
+
+// Goes through the path that begins at fragment `start`; false if the ray ends within it. The fragment at which the ray leaves a cell
+// comes next in nearly all lists; else it is looked for to the end of the list, then from its begin. One loop for both: drivers
+// in software count the rounds of all.
 fn follow(first: u32, count: u32, start: u32) -> bool {
     begin_path(first + start);
     var at = start;
     var cell = cells_at(first + start).y;
+    // Fragments that have been looked at since the last of the path.
+    var looked_at = 0u;
+    left -= 1u;
     // No path has more fragments than there are: should cells go round in a circle, it ends all the same.
-    for (var i = 0u; i < count && cell != NONE; i++) {
-        let next = find_exit(first, count, at, cell);
-        if next == NONE {
+    while cell != NONE && left > 0u {
+        looked_at += 1u;
+        if looked_at >= count {
             // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
             let from_eye = light.behind + light.last.x;
             ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > real(NEAR_EYE);
             return true;
+        }
+        let next = (at + looked_at) % count;
+        let cells = cells_at(first + next);
+        if cells.x != cell {
+            continue;
         }
         let to = real2(relative(depth_at(first + next)), real(scalar_at(first + next)));
         if to.x > light.last.x {
@@ -268,15 +204,19 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
         if is_opaque() {
             return false;
         }
-        cell = cells_at(first + next).y;
+        cell = cells.y;
         at = next;
+        looked_at = 0u;
+        left -= 1u;
     }
     return true;
 }
 
 fn follow_all(first: u32, count: u32) {
+    left = count;
     var i = 0u;
-    for (; i < count; i++) {
+    // Most rays have one path, and then nothing is left.
+    for (; i < count && left > 0u; i++) {
         let cells = cells_at(first + i);
         if cells.x == NONE && cells.y != NONE {
             ray_counts.hit = true;
@@ -286,7 +226,7 @@ fn follow_all(first: u32, count: u32) {
             }
         }
     }
-    expect_end(i >= count);
+    expect_end(i >= count || left == 0u);
 }
 
 // Goes from fragment to fragment in the order in which they lie.
@@ -326,14 +266,13 @@ fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
     ray_counts = Rays(false, false, false, 0u);
     origin = vec2(0.0);
     light_clear(ray_of_pixel(pixel).length_per_depth);
-    var begin = 0u;
-    if local > 0u {
-        begin = lists[pixel_of(tile, local - 1u)];
-    }
-    let count = lists[pixel_of(tile, local)] - begin;
-    let first = lists[base_of(tile)] + begin;
+    let fragments = fragments_of(tile, local);
+    let first = fragments.x;
+    let count = fragments.y;
     let exact_order = (face_params.flags & EXACT_ORDER) != 0u;
-    sort(first, count, exact_order);
+    if count <= DEEP {
+        sort(first, count, exact_order);
+    }
     if exact_order && (face_params.flags & COMPLETE) != 0u {
         follow_all(first, count);
     } else {

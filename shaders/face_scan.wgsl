@@ -1,11 +1,12 @@
 // Face scan: from the number of fragments of each pixel to the place of its first in its tile; a workgroup is a tile. The
-// host sums up the tiles and decides how many of them are done at a time.
+// host sums up the tiles and decides how many of them are done at a time, and whether some are to be sorted first.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> face_params: FaceParams;
 @group(0) @binding(2) var<storage, read_write> lists: array<u32>;
 
 var<workgroup> sums: array<u32, TILE_PIXELS>;
+var<workgroup> deepest: atomic<u32>;
 
 // A sum that stops at the largest number: more fragments than there can be room for.
 fn add_up(a: u32, b: u32) -> u32 {
@@ -19,6 +20,7 @@ fn face_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     sums[local] = lists[pixel_of(tile, local)];
+    atomicMax(&deepest, sums[local]);
     workgroupBarrier();
     for (var step = 1u; step < TILE_PIXELS; step *= 2u) {
         var before = 0u;
@@ -36,5 +38,6 @@ fn face_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     lists[pixel_of(tile, local)] = place;
     if local == TILE_PIXELS - 1u {
         lists[sum_of(tile)] = sums[local];
+        lists[base_of(tile)] = atomicLoad(&deepest);
     }
 }

@@ -24,8 +24,9 @@ struct FaceParams {
     // Depths closer than that may be in the wrong order.
     tie: f32,
     flags: u32,
-    unused_0: u32,
-    unused_1: u32,
+    // Of a round of sorting: the bits in which the places of two fragments that are compared differ.
+    sort_mask: u32,
+    unused: u32,
 }
 
 // Flags: all faces of the active cells are drawn; fragments are put in order whatever it takes.
@@ -33,6 +34,9 @@ const COMPLETE: u32 = 1u;
 const EXACT_ORDER: u32 = 2u;
 
 const TILE_PIXELS: u32 = 256u;
+
+// Pixels with more fragments are sorted before they are resolved.
+const DEEP: u32 = 1024u;
 
 // Words of a face: three corners, ascending; the cell in front of it and the one behind it, for a ray that sees them
 // counter-clockwise.
@@ -46,8 +50,8 @@ const FRAGMENT_PAIRS: u32 = 3u;
 // Words of a piece of a large face: its place in the list, a tile.
 const PIECE_WORDS: u32 = 2u;
 
-// In `lists`: the number of pieces; for each tile its fragments; for each tile where its first one is, before the tile's first
-// pixel; for each pixel of each tile how many fragments it has, then where they begin in the tile, then where they end; the
+// In `lists`: the number of pieces; for each tile its fragments; for each tile how many its deepest pixel has, then where its
+// first one is, before the tile's first pixel; for each pixel of each tile how many fragments it has, then where they begin in the tile, then where they end; the
 // pieces.
 const PIECE_COUNT: u32 = 0u;
 const LISTS_HEAD: u32 = 4u;

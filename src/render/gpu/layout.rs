@@ -46,6 +46,9 @@ pub mod flags {
     pub const EXACT_ORDER: u32 = 2;
 }
 
+/// Pixels with more fragments are sorted before they are resolved.
+pub const DEEP: u32 = 1024;
+
 /// Pixels of a tile.
 pub const TILE_PIXELS: usize = TILE_PX * TILE_PX;
 
@@ -77,7 +80,7 @@ impl Lists {
         Self::HEAD
     }
 
-    /// Where the first fragment of each tile is, before the tile's first pixel.
+    /// For each tile how many fragments its deepest pixel has, then where its first fragment is, before the tile's first pixel.
     pub fn bases(self) -> u64 {
         Self::HEAD + self.tiles
     }
@@ -125,10 +128,10 @@ pub struct FaceParams {
     pub tie: f32,
     /// Bits of [`flags`].
     pub flags: u32,
+    /// Of a round of sorting: the bits in which the places of two fragments that are compared differ.
+    pub sort_mask: u32,
     /// Nothing.
-    pub unused_0: u32,
-    /// Nothing.
-    pub unused_1: u32,
+    pub unused: u32,
 }
 
 /// Parameters of a frame, as all stages see them.

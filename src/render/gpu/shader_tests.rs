@@ -44,7 +44,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 27);
+    assert_eq!(checked, 2 * 28);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(crate::optics::OpticsKind::Exact, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -138,15 +138,15 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         k,
         tie,
         flags,
-        unused_0,
-        unused_1,
+        sort_mask,
+        unused,
     );
     let mut checked = 0;
     for stage in stages().filter(|stage| stage.name().starts_with("face")) {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 17);
+    assert_eq!(checked, 18);
 }
 
 #[test]
@@ -168,6 +168,7 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
         ("EYE_WORDS", layout::EYE_WORDS as f64),
         ("FRAGMENT_PAIRS", layout::FRAGMENT_BYTES as f64 / 8.0),
         ("PIECE_WORDS", layout::PIECE_WORDS as f64),
+        ("DEEP", f64::from(layout::DEEP)),
         ("LISTS_HEAD", Lists::HEAD as f64),
         ("COMPLETE", f64::from(layout::flags::COMPLETE)),
         ("EXACT_ORDER", f64::from(layout::flags::EXACT_ORDER)),

@@ -47,6 +47,8 @@ pub enum Stage {
     FaceStarts(Pass, Precision),
     /// From fragments per pixel to places.
     FaceScan,
+    /// The fragments of deep pixels, one round of sorting.
+    FaceSort,
     /// Fragments put in order, and composited.
     FaceResolve(OpticsKind, Precision),
 }
@@ -61,6 +63,7 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::EntriesStore,
         Stage::Present,
         Stage::FaceScan,
+        Stage::FaceSort,
     ];
     let with = |precision: Precision| {
         let finding = [Pass::Count, Pass::Store].into_iter().flat_map(move |pass| {
@@ -119,6 +122,7 @@ impl Stage {
             Self::FacePieces(..) => "face_pieces",
             Self::FaceStarts(..) => "face_starts",
             Self::FaceScan => "face_scan",
+            Self::FaceSort => "face_sort",
             Self::FaceResolve(..) => "face_resolve",
         }
     }
@@ -160,8 +164,11 @@ impl Stage {
                 finding(pass, precision, include_str!("../../../shaders/face_starts.wgsl"))
             }
             Self::FaceScan => [lib::FRAME, lib::FACES, include_str!("../../../shaders/face_scan.wgsl")].concat(),
+            Self::FaceSort => {
+                [lib::FRAME, lib::FACES, lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
+            }
             Self::FaceResolve(optics, precision) => {
-                let resolve = [lib::FACES, include_str!("../../../shaders/face_resolve.wgsl")].concat();
+                let resolve = [lib::FACES, lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
                 [gathering(optics, precision, 10), resolve].concat()
             }
         }
@@ -185,6 +192,7 @@ mod lib {
     pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
     pub(super) const FACES: &str = include_str!("../../../shaders/lib/faces.wgsl");
     pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");
+    pub(super) const FRAGMENTS: &str = include_str!("../../../shaders/lib/fragments.wgsl");
     pub(super) const FRAGMENTS_COUNT: &str = include_str!("../../../shaders/lib/fragments_count.wgsl");
     pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");
 }

@@ -11,6 +11,8 @@ pub(super) struct Band {
     /// Pixels of each tile; not all of them only where a tile is one too many for the memory.
     pub(super) pixels: Range<usize>,
     pub(super) fragments: u32,
+    /// Most fragments of a pixel of its tiles.
+    pub(super) deepest: u32,
     /// Fragments of the tile that come before `pixels`.
     pub(super) skipped: u32,
 }
@@ -25,20 +27,24 @@ impl Band {
 /// Where the fragments of each pixel of a tile begin, counted from the tile's first.
 pub(super) type Places = [u32; TILE_PIXELS];
 
-/// Groups tiles with so many fragments each into bands of at most `capacity`, as long as possible. `places` is asked where
-/// the fragments of a tile with more are; `refused` makes the error of a single pixel with more.
+/// Groups tiles with so many fragments each (`sums`; `deepest`: of their deepest pixels) into bands of at most `capacity`, as long
+/// as possible. `places` is asked where the fragments of a tile with more are; `refused` makes the error of a single pixel with
+/// more.
 pub(super) fn bands(
     sums: &[u32],
+    deepest: &[u32],
     capacity: u32,
     mut places: impl FnMut(usize) -> Result<Places, RenderError>,
     refused: impl Fn(u32) -> RenderError,
     out: &mut Vec<Band>,
 ) -> Result<(), RenderError> {
     out.clear();
-    let mut band = Band { tiles: 0..0, pixels: 0..TILE_PIXELS, fragments: 0, skipped: 0 };
-    for (tile, &sum) in sums.iter().enumerate() {
+    let from = |tile: usize| Band { tiles: tile..tile, pixels: 0..TILE_PIXELS, fragments: 0, deepest: 0, skipped: 0 };
+    let mut band = from(0);
+    for (tile, (&sum, &deepest)) in sums.iter().zip(deepest).enumerate() {
         if u64::from(band.fragments) + u64::from(sum) <= u64::from(capacity) {
             band.fragments += sum;
+            band.deepest = band.deepest.max(deepest);
             band.tiles.end = tile + 1;
             continue;
         }
@@ -47,9 +53,9 @@ pub(super) fn bands(
         }
         if sum > capacity {
             split(tile, sum, capacity, &places(tile)?, &refused, out)?;
-            band = Band { tiles: tile + 1..tile + 1, pixels: 0..TILE_PIXELS, fragments: 0, skipped: 0 };
+            band = from(tile + 1);
         } else {
-            band = Band { tiles: tile..tile + 1, pixels: 0..TILE_PIXELS, fragments: sum, skipped: 0 };
+            band = Band { tiles: tile..tile + 1, fragments: sum, deepest, ..from(tile) };
         }
     }
     if !band.tiles.is_empty() {
@@ -72,17 +78,24 @@ fn split(
         return Err(refused(sum));
     }
     let end_of = |pixel: usize| places.get(pixel + 1).copied().unwrap_or(sum);
-    let mut first = 0;
+    let (mut first, mut deepest) = (0, 0);
     for pixel in 0..TILE_PIXELS {
         let count = end_of(pixel) - places[pixel];
+        deepest = deepest.max(count);
         if count > capacity {
             return Err(refused(count));
         }
         let is_last = pixel + 1 == TILE_PIXELS;
         if is_last || end_of(pixel + 1) - places[first] > capacity {
             let fragments = end_of(pixel) - places[first];
-            out.push(Band { tiles: tile..tile + 1, pixels: first..pixel + 1, fragments, skipped: places[first] });
-            first = pixel + 1;
+            out.push(Band {
+                tiles: tile..tile + 1,
+                pixels: first..pixel + 1,
+                fragments,
+                deepest,
+                skipped: places[first],
+            });
+            (first, deepest) = (pixel + 1, 0);
         }
     }
     Ok(())
@@ -98,6 +111,7 @@ mod tests {
 
     fn bands_of(counts: &[Places], capacity: u32) -> Result<Vec<Band>, RenderError> {
         let sums: Vec<u32> = counts.iter().map(|tile| tile.iter().sum()).collect();
+        let deepest: Vec<u32> = counts.iter().map(|tile| tile.iter().copied().max().unwrap_or(0)).collect();
         let places = |tile: usize| {
             let mut sum = 0;
             Ok(counts[tile].map(|count| {
@@ -106,7 +120,7 @@ mod tests {
             }))
         };
         let mut out = Vec::new();
-        bands(&sums, capacity, places, refused, &mut out)?;
+        bands(&sums, &deepest, capacity, places, refused, &mut out)?;
         Ok(out)
     }
 
@@ -122,6 +136,7 @@ mod tests {
                 assert!(band.fragments <= capacity, "{band:?}");
                 assert_eq!((band.tiles.start, band.pixels.start), next);
                 let here = counts[band.tiles.clone()].iter().flat_map(|tile| &tile[band.pixels.clone()]);
+                assert_eq!(here.clone().max().copied().unwrap_or(0), band.deepest);
                 assert_eq!(here.sum::<u32>(), band.fragments);
                 assert_eq!(counts[band.tiles.start][..band.pixels.start].iter().sum::<u32>(), band.skipped);
                 next = if band.ends_tiles() { (band.tiles.end, 0) } else { (band.tiles.start, band.pixels.end) };

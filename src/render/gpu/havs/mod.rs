@@ -7,8 +7,8 @@
 //! 2. **scan**: from counts to the place of each pixel's first fragment within its tile. The CPU reads the tiles' sums: so
 //!    much is known of the frame before a fragment is written, and no list is too short.
 //! 3. For one band of tiles after the other, as large as there is memory for: **store**, the same stages again, which now
-//!    write depth, scalar, rank and cells; then **resolve**, a workgroup a tile, a thread a pixel: fragments are put in order
-//!    and composited.
+//!    write depth, scalar, rank and cells; **sort**, of pixels with more than a thousand fragments (`face_sort.wgsl`); then
+//!    **resolve**, a workgroup a tile, a thread a pixel: fragments are put in order and composited.
 //!
 //! Order: the fragments of a pixel are stored in any order, and sorted by depth and rank (place in the list); so images are the
 //! same each time. With a complete list in exact order they are then followed from cell to cell, which makes depths within
@@ -34,7 +34,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Slot, Words};
 use super::shaders::Precision;
-use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, dispatch};
+use super::slices::{IN_FLIGHT, SLICE, SLOTS, dispatch};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
@@ -44,7 +44,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use steps::{ActiveJob, FACES_PER_GROUP, Flight, STEPS, Step, StepCost, stage};
+use steps::{ActiveJob, Flight, STEPS, Step, StepCost, stage};
 
 /// Bytes that all fragments of a band take at most, unless told otherwise.
 const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
@@ -163,15 +163,8 @@ impl Havs {
             return Ok(());
         };
         let (step, context) = (active.step, &self.context);
-        let face_params = &mut active.face_params;
-        (face_params.first, face_params.end) = match step {
-            Step::CountFaces | Step::StoreFaces => {
-                let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP);
-                (face(units.start), face(units.end).min(face_params.drawn_count))
-            }
-            Step::Scan => (0, active.params.tile_count() as u32),
-            _ => (units.start as u32, units.end as u32),
-        };
+        let workgroups = active.choose(step, &units);
+        let face_params = &active.face_params;
         self.scene.face_params.write(context, 0, bytemuck::bytes_of(face_params))?;
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
@@ -183,8 +176,7 @@ impl Havs {
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
-            let workgroups = if step == Step::Scan { active.params.tile_count() } else { units.len() };
-            dispatch(&mut pass, workgroups as u32);
+            dispatch(&mut pass, workgroups);
         }
         let mut slot = None;
         if step == Step::Resolve {
@@ -214,7 +206,8 @@ impl Havs {
             Step::Scan => return self.counts_are_known(),
             Step::StoreFaces => Step::StoreStarts,
             Step::StoreStarts => Step::StorePieces,
-            Step::StorePieces => Step::Resolve,
+            Step::StorePieces => Step::Sort,
+            Step::Sort => Step::Resolve,
             Step::Resolve => {
                 active.band += 1;
                 return self.begin_band();
@@ -255,8 +248,10 @@ impl Havs {
         let Some(active) = &mut self.active_job else { return Ok(()) };
         let (context, lists) = (&self.context, self.scene.lists.get(&self.context)?);
         self.sums.clear();
-        self.words.read(context, lists, active.lists.sums(), active.lists.tiles, &mut self.sums)?;
-        self.frame.stats.fragments = self.sums.iter().map(|&sum| u64::from(sum)).sum();
+        // Behind the sums, what the deepest pixels have.
+        self.words.read(context, lists, active.lists.sums(), 2 * active.lists.tiles, &mut self.sums)?;
+        let (sums, deepest) = self.sums.split_at_checked(active.lists.tiles as usize).unwrap_or_default();
+        self.frame.stats.fragments = sums.iter().map(|&sum| u64::from(sum)).sum();
         let capacity = Scene::fragment_capacity(context, self.fragment_bytes);
         let (words, places_at) = (&mut self.words, active.lists.pixels());
         let places = |tile: usize| -> Result<Places, RenderError> {
@@ -267,7 +262,7 @@ impl Havs {
         let refused = |fragments: u32| {
             context.beyond(format!("a pixel has {fragments} fragments, and there is memory for {capacity}"))
         };
-        bands(&self.sums, capacity, places, refused, &mut self.bands)?;
+        bands(sums, deepest, capacity, places, refused, &mut self.bands)?;
         let most = self.bands.iter().map(|band| band.fragments).max().unwrap_or_default();
         self.scene.reserve_fragments(context, most, capacity, &mut active.face_params)?;
         active.band = 0;
@@ -367,9 +362,8 @@ impl Havs {
                 continue;
             }
             if step != Step::End && self.in_flight.len() < IN_FLIGHT {
-                let most = if step == Step::Resolve { GROUPS_MAX as usize } else { u32::MAX as usize };
                 let cost = self.costs[step as usize % STEPS].unit;
-                let count = cost.units_for(budget, step.first_units(), most).max(step.least_units());
+                let count = cost.units_for(budget, step.first_units(), step.most_units()).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
                 self.submit_units(units)?;
                 continue;

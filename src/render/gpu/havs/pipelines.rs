@@ -21,6 +21,8 @@ pub(super) struct Pipelines {
     pub(super) store_layout: wgpu::BindGroupLayout,
     pub(super) resolve_layout: wgpu::BindGroupLayout,
     pub(super) scan: wgpu::ComputePipeline,
+    /// Binds what the last stage does.
+    pub(super) sort: wgpu::ComputePipeline,
     /// For the precisions that have been asked for so far.
     findings: Vec<Finding>,
     /// For the optics and the precisions that have been asked for so far.
@@ -43,6 +45,7 @@ impl Pipelines {
             );
             Self {
                 scan: pipeline(device, Stage::FaceScan, NO_RECORDS, &scan_layout),
+                sort: pipeline(device, Stage::FaceSort, NO_RECORDS, &resolve_layout),
                 findings: Vec::new(),
                 resolves: Vec::new(),
                 count_layout,

@@ -2,8 +2,8 @@
 //! CPU's renderer. Each comparison is shown to notice a small change of one side.
 
 use super::*;
-use crate::camera::View;
-use crate::mesh::NONE;
+use crate::camera::{Camera, Projection, View};
+use crate::mesh::{Mesh, NONE, RawMesh};
 use crate::render::gpu::layout::FRAGMENT_BYTES;
 use crate::render::gpu::raycast::stage_tests::{
     Meeting, active_cells, cameras, context, has_eye, job, meet, mesh, read_back, seen,
@@ -43,7 +43,7 @@ fn run_until(renderer: &mut Havs, job: &RenderJob, step: Step) {
         if active.next >= units.end {
             renderer.next_step().unwrap();
         } else {
-            let next = active.next..units.end;
+            let next = active.next..units.end.min(active.next.saturating_add(active.step.most_units()));
             renderer.submit_units(next).unwrap();
         }
     }
@@ -190,6 +190,60 @@ fn fragments_are_stored_where_they_belong_with_their_depths() {
         assert!(largest <= depth_bound(&view), "{name}: {largest:.1e} of {:.1e}", depth_bound(&view));
         assert!(shifted > depth_bound(&view), "{name}: the comparison notices a shift");
     }
+}
+
+/// A column of `cubes` cubes along z, each of six cells that a ray along it goes through three of.
+fn column(cubes: usize) -> Mesh {
+    let height = 2.0 / cubes as f64;
+    let corner = |n: usize| {
+        let side = |bit: usize| if n >> bit & 1 == 1 { 0.5 * height } else { -0.5 * height };
+        DVec3::new(side(0), side(1), (n / 4) as f64 * height - 1.0)
+    };
+    let paths = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
+    let cube = |c: usize| paths.map(|path| [0, path[0], path[1], 7].map(|v| (4 * c + v) as u32));
+    let points = (0..4 * (cubes + 1)).map(corner).collect();
+    Mesh::build(RawMesh { points, tets: (0..cubes).flat_map(cube).collect() }).unwrap().0
+}
+
+/// Whether the fragments of each pixel, before `step`, are in order of depth and rank; and the most that a pixel has.
+fn sorted_before(context: &Arc<Context>, job: &RenderJob, step: Step) -> (bool, usize) {
+    let mut renderer = Havs::new(context.clone());
+    run_until(&mut renderer, job, step);
+    let lists = renderer.active_job.as_ref().unwrap().lists;
+    let words = read_back(context, renderer.scene.lists.get(context).unwrap());
+    let fragments = read_back(context, renderer.scene.fragments[0].get(context).unwrap());
+    let key = |fragment: &[u32]| (f32::from_bits(fragment[0]), f32::from_bits(fragment[1]), fragment[3]);
+    let keys: Vec<_> = fragments.chunks_exact(FRAGMENT_BYTES as usize / 4).map(key).collect();
+    let (mut is_sorted, mut most) = (true, 0);
+    for (place, &end) in pixels(&words, lists).iter().enumerate() {
+        let base = words[lists.bases() as usize + place / 256];
+        let first = if place.is_multiple_of(256) { 0 } else { pixels(&words, lists)[place - 1] };
+        let here = &keys[(base + first) as usize..(base + end) as usize];
+        (is_sorted, most) = (is_sorted && here.is_sorted(), most.max(here.len()));
+    }
+    (is_sorted, most)
+}
+
+#[test]
+fn fragments_of_deep_pixels_come_sorted_to_the_last_stage() {
+    let Some(context) = context() else { return };
+    let mesh = Arc::new(column(500));
+    let camera = Camera {
+        position: DVec3::new(0.0, 0.0, 5.0),
+        focal_point: DVec3::ZERO,
+        view_up: DVec3::Y,
+        projection: Projection::Parallel { scale: 0.4 * 2.0 / 500.0 },
+        near: 0.0,
+    };
+    let mut job = with_faces(job(&mesh, &camera, (5, 3)));
+    // As bad as it gets: faces from the back to the front.
+    let mut faces = job.faces.as_ref().unwrap().faces.clone();
+    faces.reverse();
+    job.faces = Some(Arc::new(DrawnFaces { faces, is_complete: true }));
+    let (before, most) = sorted_before(&context, &job, Step::Sort);
+    assert!(most > crate::render::gpu::layout::DEEP as usize, "{most} fragments");
+    assert!(!before, "nothing is to be sorted");
+    assert!(sorted_before(&context, &job, Step::Resolve).0);
 }
 
 #[test]

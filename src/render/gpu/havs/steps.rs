@@ -5,14 +5,14 @@ use super::pipelines::Pipelines;
 use super::scene::Groups;
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
-use crate::render::gpu::layout::{FaceParams, Lists, Params};
+use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
 use crate::render::gpu::shaders::{Pass, Precision};
-use crate::render::gpu::slices::UnitCost;
+use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
 use std::ops::Range;
 use std::time::Instant;
 
 /// Faces of a workgroup.
-pub(super) const FACES_PER_GROUP: u32 = 64;
+const FACES_PER_GROUP: u32 = 64;
 
 /// What the GPU is given to do, in this order; those from `StoreFaces` on again for each band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,19 +24,21 @@ pub(super) enum Step {
     StoreFaces,
     StoreStarts,
     StorePieces,
+    Sort,
     Resolve,
     /// All has been submitted.
     End,
 }
 
 /// Number of steps before the end.
-pub(super) const STEPS: usize = 8;
+pub(super) const STEPS: usize = 9;
 
 impl Step {
     /// Units of the first slice of all, before anything is known of their cost.
     pub(super) fn first_units(self) -> usize {
         match self {
             Self::CountFaces | Self::StoreFaces => 64,
+            Self::Sort => 1,
             _ => 32,
         }
     }
@@ -46,12 +48,44 @@ impl Step {
     pub(super) fn least_units(self) -> usize {
         match self {
             Self::CountFaces | Self::StoreFaces => 32,
+            Self::Sort => 1,
             _ => 4,
+        }
+    }
+
+    /// Most units of a slice.
+    pub(super) fn most_units(self) -> usize {
+        match self {
+            Self::Resolve => GROUPS_MAX as usize,
+            // What a round compares is in the parameters of its slice.
+            Self::Sort => 1,
+            _ => u32::MAX as usize,
         }
     }
 }
 
-/// What a step costs: a unit is a workgroup.
+/// Rounds of a sorting network for `count` fragments: for each power of two up to the first that is not less, one more than for
+/// the one before.
+fn sort_rounds(count: u32) -> usize {
+    let levels = count.max(1).next_power_of_two().ilog2() as usize;
+    levels * (levels + 1) / 2
+}
+
+/// The bits in which the places of the fragments that are compared differ, in round `round` of a sorting network: in the first
+/// round of a level all of the level (what is sorted in each half goes up in one and down in the other), then one after the other.
+fn sort_mask(round: usize) -> u32 {
+    let (mut level, mut first) = (1, 0);
+    while first + level <= round {
+        first += level;
+        level += 1;
+    }
+    match round - first {
+        0 => (1 << level) - 1,
+        next => 1 << (level - 1 - next),
+    }
+}
+
+/// What a step costs: a unit is a workgroup; of sorting, a round.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StepCost {
     pub(super) unit: UnitCost,
@@ -91,8 +125,8 @@ pub(super) struct ActiveJob {
 impl ActiveJob {
     /// Units of a step.
     pub(super) fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
-        let band =
-            || bands.get(self.band).cloned().unwrap_or(Band { tiles: 0..0, pixels: 0..0, fragments: 0, skipped: 0 });
+        let none = || Band { tiles: 0..0, pixels: 0..0, fragments: 0, deepest: 0, skipped: 0 };
+        let band = || bands.get(self.band).cloned().unwrap_or_else(none);
         let is_empty = || band().fragments == 0;
         let has_starts = self.face_params.eye_count > 0;
         let groups = self.face_params.drawn_count.div_ceil(FACES_PER_GROUP) as usize;
@@ -104,8 +138,32 @@ impl ActiveJob {
             Step::StoreFaces if !is_empty() => 0..groups,
             Step::StoreStarts if has_starts && !is_empty() => band().tiles,
             Step::StorePieces if !is_empty() => 0..self.pieces as usize,
+            Step::Sort if band().deepest > DEEP => 0..sort_rounds(band().deepest),
             Step::Resolve => band().tiles,
-            Step::CountStarts | Step::StoreFaces | Step::StoreStarts | Step::StorePieces | Step::End => 0..0,
+            Step::Sort | Step::CountStarts | Step::StoreFaces | Step::StoreStarts | Step::StorePieces | Step::End => {
+                0..0
+            }
+        }
+    }
+
+    /// Writes to the parameters which units of a step come next; returns how many workgroups do them.
+    pub(super) fn choose(&mut self, step: Step, units: &Range<usize>) -> u32 {
+        let face_params = &mut self.face_params;
+        let tiles = self.params.tile_count() as u32;
+        match step {
+            Step::CountFaces | Step::StoreFaces => {
+                let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP);
+                face_params.first = face(units.start);
+                face_params.end = face(units.end).min(face_params.drawn_count);
+            }
+            Step::Scan => (face_params.first, face_params.end) = (0, tiles),
+            Step::Sort => face_params.sort_mask = sort_mask(units.start),
+            _ => (face_params.first, face_params.end) = (units.start as u32, units.end as u32),
+        }
+        match step {
+            Step::Scan => tiles,
+            Step::Sort => face_params.end_tile - face_params.first_tile,
+            _ => units.len() as u32,
         }
     }
 }
@@ -128,7 +186,43 @@ pub(super) fn stage<'a>(
         Step::StoreFaces => store().map(|store| (&store.faces, &groups.store)),
         Step::StoreStarts => store().map(|store| (&store.starts, &groups.store)),
         Step::StorePieces => store().map(|store| (&store.pieces, &groups.store)),
+        Step::Sort => Some((&pipelines.sort, &groups.resolve)),
         Step::Resolve => pipelines.resolve(optics, precision).map(|pipeline| (pipeline, &groups.resolve)),
         Step::End => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sorts as `face_sort.wgsl` does it.
+    fn sorted(mut list: Vec<u32>, rounds: usize) -> Vec<u32> {
+        for mask in (0..rounds).map(sort_mask) {
+            let (below, count) = ((1usize << mask.ilog2()) - 1, list.len());
+            for near in (0..count).map(|i| ((i & !below) << 1) | (i & below)).take_while(|near| *near < count) {
+                let far = near ^ mask as usize;
+                if far < count && list[far] < list[near] {
+                    list.swap(near, far);
+                }
+            }
+        }
+        list
+    }
+
+    #[test]
+    fn a_network_sorts_lists_of_any_length_and_without_its_last_round_does_not() {
+        let mut lazy = 0;
+        for count in (0..70).chain([127, 128, 129, 1000, 1025]) {
+            // Numbers of a multiplicative generator, without any order.
+            let list: Vec<u32> = (1..=count).map(|i: u32| i.wrapping_mul(2_654_435_761) >> 12).collect();
+            let mut right = list.clone();
+            right.sort_unstable();
+            assert_eq!(sorted(list.clone(), sort_rounds(count)), right, "{count}");
+            // A network for more sorts fewer as well.
+            assert_eq!(sorted(list.clone(), sort_rounds(2048)), right, "{count}");
+            lazy += usize::from(count > 1 && sorted(list, sort_rounds(count) - 1) != right);
+        }
+        assert!(lazy > 50, "{lazy} lists need the last round");
     }
 }

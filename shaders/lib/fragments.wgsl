@@ -1,0 +1,74 @@
+// Fragments where they lie, for the stages that come after they have been stored.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> face_params: FaceParams;
+@group(0) @binding(2) var<storage, read> lists: array<u32>;
+@group(0) @binding(3) var<storage, read_write> fragments_0: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> fragments_1: array<vec2<u32>>;
+
+// As it is stored.
+struct Stored {
+    depth: vec2<u32>,
+    scalar_rank: vec2<u32>,
+    cells: vec2<u32>,
+}
+
+fn pair(slot: u32, i: u32) -> vec2<u32> {
+    let part = face_params.fragment_part;
+    if slot < part {
+        return fragments_0[FRAGMENT_PAIRS * slot + i];
+    }
+    return fragments_1[FRAGMENT_PAIRS * (slot - part) + i];
+}
+
+fn load_stored(slot: u32) -> Stored {
+    let part = face_params.fragment_part;
+    if slot < part {
+        let at = FRAGMENT_PAIRS * slot;
+        return Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u]);
+    }
+    let at = FRAGMENT_PAIRS * (slot - part);
+    return Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u]);
+}
+
+fn store(slot: u32, stored: Stored) {
+    let part = face_params.fragment_part;
+    if slot < part {
+        let at = FRAGMENT_PAIRS * slot;
+        fragments_0[at] = stored.depth;
+        fragments_0[at + 1u] = stored.scalar_rank;
+        fragments_0[at + 2u] = stored.cells;
+    } else {
+        let at = FRAGMENT_PAIRS * (slot - part);
+        fragments_1[at] = stored.depth;
+        fragments_1[at + 1u] = stored.scalar_rank;
+        fragments_1[at + 2u] = stored.cells;
+    }
+}
+
+fn depth_at(slot: u32) -> vec2<f32> {
+    return bitcast<vec2<f32>>(pair(slot, 0u));
+}
+
+// Whether one fragment comes before another: by depth, equal ones by rank; or by rank.
+fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool {
+    if by_depth {
+        let there = depth_at(other);
+        if depth.x != there.x {
+            return depth.x < there.x;
+        }
+        if depth.y != there.y {
+            return depth.y < there.y;
+        }
+    }
+    return rank < pair(other, 1u).y;
+}
+
+// First fragment of a pixel, and how many it has.
+fn fragments_of(tile: u32, local: u32) -> vec2<u32> {
+    var begin = 0u;
+    if local > 0u {
+        begin = lists[pixel_of(tile, local - 1u)];
+    }
+    return vec2(lists[base_of(tile)] + begin, lists[pixel_of(tile, local)] - begin);
+}
