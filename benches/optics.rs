@@ -8,11 +8,13 @@ use tetreel::camera::Camera;
 use tetreel::field::{Component, SeriesSource};
 use tetreel::image::compare;
 use tetreel::mesh::Mesh;
+use tetreel::node_table::{Node, NodeTable};
 use tetreel::optics::OpticsKind;
 use tetreel::optics::table3d::{Table3d, Table3dResolution};
 use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::Cancel;
 use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::CellSet;
 
@@ -46,10 +48,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             view: Camera::default_for(bounds)?.view(256, 256)?,
             table: Arc::new(table),
             optics: OpticsKind::Exact,
+            prepared: None,
             faces: None,
             k_buffer: Default::default(),
             skip: Default::default(),
             thread_limit: Default::default(),
+            grid: None,
             for_window: false,
             cancel: Default::default(),
             compressed: None,
@@ -59,6 +63,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut exact = Raycast::new();
         exact.render(job.clone())?;
         let judge = exact.render(job.clone())?.clone();
+        let partial = RenderJob { optics: OpticsKind::Partial, ..job.clone() };
+        let mut renderer = Raycast::new();
+        renderer.render(partial.clone())?;
+        let frame = renderer.render(partial)?;
+        let error = compare(&frame.color, &judge.color, [0.0; 3])?;
+        let (ms, of_exact) = (frame.stats.ms_frame, judge.stats.ms_frame);
+        println!("{name:8} {nodes:5}  partial {ms:41.1} {of_exact:7.1}  {:8.1e}  {:8.1e}", error.rmse, error.max);
+        rebuild(&job.table, mesh.positions.scale)?;
         for (scalars, lengths) in [64, 128, 256].into_iter().flat_map(|s| [16, 32, 64].map(|l| (s, l))) {
             let resolution = Table3dResolution { scalars, lengths };
             let started = Instant::now();
@@ -79,6 +91,28 @@ fn main() -> Result<(), Box<dyn Error>> {
                 error.max
             );
         }
+    }
+    Ok(())
+}
+
+/// Milliseconds to build a table anew, and to change it after an edit of one node.
+fn rebuild(table: &NodeTable, scale: f64) -> Result<(), Box<dyn std::error::Error>> {
+    let (range, resolution) = (Table3d::range_of(table), Table3dResolution::default());
+    let build = |last: Option<(&NodeTable, &Table3d)>, table: &NodeTable| {
+        let started = Instant::now();
+        let built = Table3d::changed(last, table, range, 0.1, scale, resolution, &Cancel::new());
+        (started.elapsed().as_secs_f64() * 1e3, built)
+    };
+    let (_, old) = build(None, table);
+    for tenths in [1, 3, 5, 7, 9] {
+        let mut nodes = table.nodes().to_vec();
+        let at = (nodes.len() * tenths / 10).clamp(1, nodes.len().saturating_sub(2));
+        nodes[at] = Node { tau: 0.5 * nodes[at].tau + 0.1, ..nodes[at] };
+        let edited = NodeTable::new(nodes)?;
+        let ((whole, new), (part, changed)) = (build(None, &edited), build(Some((table, &old)), &edited));
+        assert!(new.entries() == changed.entries());
+        let share = changed.entries_built() as f64 / new.entries_built() as f64;
+        println!("  node {at}: whole {whole:.1} ms, changed {part:.1} ms, {:.0} % of the entries", 100.0 * share);
     }
     Ok(())
 }

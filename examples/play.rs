@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     player.apply(Command::Mode(Mode::AsFastAsPossible), started.elapsed())?;
     player.apply(Command::Play, started.elapsed())?;
     while !player.clock().state().ended {
-        let request = &mut |time| FrameRequest::new(time, camera, table.clone(), (320, 240));
+        let request = &mut |time| Some(FrameRequest::new(time, camera, table.clone(), (320, 240)));
         if let Some(delivery) = player.tick(started.elapsed(), request).shown {
             let (time, frame) = (delivery.request.time.time(&times), delivery.frame?);
             println!(

@@ -4,7 +4,7 @@
 // cell's exit; else at the eye, with the scalar there.
 fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
     let bits = eye_word(index, 1u);
-    var entry = FaceHit(false, false, true, vec2(0.0), 0.0);
+    var entry = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
     var exit = entry;
     var entered_in_front = true;
     var left_in_front = false;
@@ -34,10 +34,12 @@ fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
     let from_ = entry.depth.x + entry.depth.y;
     let to = exit.depth.x + exit.depth.y;
     if (face_params.flags & wanted) != wanted && from_ < 0.0 && to > from_ {
-        entry.scalar += (exit.scalar - entry.scalar) * (-from_ / (to - from_));
+        let share = -from_ / (to - from_);
+        entry.scalar += (exit.scalar - entry.scalar) * share;
+        entry.value += (exit.value - entry.value) * share;
         entry.depth = vec2(0.0);
     }
-    keep_fragment(tile, local, entry.depth, entry.scalar, index, vec2(NONE, eye_word(index, 0u)));
+    keep_fragment(tile, local, entry, index, vec2(NONE, eye_word(index, 0u)));
 }
 
 @compute @workgroup_size(256)

@@ -8,15 +8,16 @@
 //! |---|---|
 //! | 0a | [`error`] |
 //! | 0b | [`files`], [`task`] |
-//! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`] |
-//! | 1b | [`field`] |
+//! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`], [`timeline`] |
+//! | 1b | [`field`], [`histograms`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 3b | [`lod`] |
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
-//! | 7 | [`playback`] |
+//! | 7a | [`playback`] |
+//! | 7b | [`project`] |
 //! | 8 | [`export`] |
 //! | 9 | [`mod@bench`], [`ui`] |
 //! | 10 | [`cli`] |
@@ -31,6 +32,7 @@ pub mod error;
 pub mod export;
 pub mod field;
 pub mod files;
+pub mod histograms;
 pub mod image;
 pub mod import;
 pub mod ingest;
@@ -41,11 +43,13 @@ pub mod node_table;
 pub mod optics;
 pub mod pipeline;
 pub mod playback;
+pub mod project;
 pub mod render;
 pub mod stats;
 pub mod store;
 pub mod synth;
 pub mod task;
+pub mod timeline;
 pub mod transfer;
 pub mod ui;
 pub mod visibility;

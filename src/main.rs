@@ -1,7 +1,5 @@
 //! The `tetreel` command.
 
-use clap::Parser;
-
 fn main() -> std::process::ExitCode {
-    tetreel::cli::run(tetreel::cli::Cli::parse())
+    tetreel::cli::run(tetreel::cli::Cli::of(std::env::args_os()))
 }

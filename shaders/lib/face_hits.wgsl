@@ -60,11 +60,13 @@ struct FaceHit {
     // As `Params` counts, as a sum of two.
     depth: vec2<f32>,
     scalar: f32,
+    // In a grid, the quantity of vertices.
+    value: f32,
 }
 
 // `ids` ascending; depths of the ray are counted as `Params` has it.
 fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> FaceHit {
-    var found = FaceHit(false, false, true, vec2(0.0), 0.0);
+    var found = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
     let p = shear(ray, a);
     let q = shear(ray, b);
     let r = shear(ray, c);
@@ -87,6 +89,7 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);
     found.depth = depth_of_hit(ray, weights, a, b, c);
     found.scalar = f32(p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w));
+    found.value = value_at_hit(edges, ids);
     return found;
 }
 
@@ -169,7 +172,7 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
             let found = hit_face(ray_through(vec2(x, y)), face.ids, a, b, c);
             if found.hit && (!at_eye || is_seen(found, face)) {
                 let cells = select(face.cells, face.cells.yx, found.turned);
-                keep_fragment(tile, local, found.depth, found.scalar, face_params.eye_count + rank, cells);
+                keep_fragment(tile, local, found, face_params.eye_count + rank, cells);
             }
         }
     }

@@ -45,8 +45,9 @@ const FACE_WORDS: u32 = 5u;
 // the face; 4 + i, strictly inside; 8 + i, the face has one active cell; 12 + i, a ray that sees its corners counter-clockwise
 // enters the cell.
 const EYE_WORDS: u32 = 6u;
-// Pairs of words of a fragment: depth as a sum of two; scalar, rank; cell left, cell entered.
-const FRAGMENT_PAIRS: u32 = 3u;
+// FRAGMENT_PAIRS, the pairs of words of a fragment, comes from the composition. Depth as a sum of two; scalar, rank; cell left,
+// cell entered; in a grid, the quantity of vertices and nothing.
+const GRID_PAIRS: u32 = 4u;
 // Words of a piece of a large face: its place in the list, a tile.
 const PIECE_WORDS: u32 = 2u;
 

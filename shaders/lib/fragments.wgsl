@@ -11,6 +11,8 @@ struct Stored {
     depth: vec2<u32>,
     scalar_rank: vec2<u32>,
     cells: vec2<u32>,
+    // In a grid, the quantity of vertices and nothing.
+    value: vec2<u32>,
 }
 
 fn pair(slot: u32, i: u32) -> vec2<u32> {
@@ -25,10 +27,18 @@ fn load_stored(slot: u32) -> Stored {
     let part = face_params.fragment_part;
     if slot < part {
         let at = FRAGMENT_PAIRS * slot;
-        return Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u]);
+        var stored = Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u], vec2(0u));
+        if FRAGMENT_PAIRS == GRID_PAIRS {
+            stored.value = fragments_0[at + 3u];
+        }
+        return stored;
     }
     let at = FRAGMENT_PAIRS * (slot - part);
-    return Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u]);
+    var stored = Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u], vec2(0u));
+    if FRAGMENT_PAIRS == GRID_PAIRS {
+        stored.value = fragments_1[at + 3u];
+    }
+    return stored;
 }
 
 fn store(slot: u32, stored: Stored) {
@@ -38,16 +48,30 @@ fn store(slot: u32, stored: Stored) {
         fragments_0[at] = stored.depth;
         fragments_0[at + 1u] = stored.scalar_rank;
         fragments_0[at + 2u] = stored.cells;
+        if FRAGMENT_PAIRS == GRID_PAIRS {
+            fragments_0[at + 3u] = stored.value;
+        }
     } else {
         let at = FRAGMENT_PAIRS * (slot - part);
         fragments_1[at] = stored.depth;
         fragments_1[at + 1u] = stored.scalar_rank;
         fragments_1[at + 2u] = stored.cells;
+        if FRAGMENT_PAIRS == GRID_PAIRS {
+            fragments_1[at + 3u] = stored.value;
+        }
     }
 }
 
 fn depth_at(slot: u32) -> vec2<f32> {
     return bitcast<vec2<f32>>(pair(slot, 0u));
+}
+
+// The quantity of vertices at a fragment, in a grid.
+fn value_at(slot: u32) -> f32 {
+    if FRAGMENT_PAIRS == GRID_PAIRS {
+        return bitcast<f32>(pair(slot, 3u).x);
+    }
+    return 0.0;
 }
 
 // Whether one fragment comes before another: by depth, equal ones by rank; or by rank.

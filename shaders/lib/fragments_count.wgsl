@@ -6,7 +6,7 @@ fn count_fragment(tile: u32, local: u32) {
     atomicAdd(&lists[pixel_of(tile, local)], 1u);
 }
 
-fn keep_fragment(tile: u32, local: u32, depth: vec2<f32>, scalar: f32, rank: u32, cells: vec2<u32>) {
+fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u32>) {
     count_fragment(tile, local);
 }
 

@@ -10,11 +10,13 @@
 //! faces, pre-integrated tables, pipelines of a GPU) is made before the clock starts.
 
 mod enlarge;
+mod integration;
 mod paths;
 mod scenes;
 mod summary;
 
 pub use enlarge::enlarged;
+pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
 pub use scenes::{AccuracyScene, TRANSFER_FUNCTIONS, VIEWS, View, scenes};
 pub use summary::{AccuracyTable, PathSummary, front_of, path_label, summaries};
@@ -23,10 +25,11 @@ pub(in crate::bench) use summary::{is_judged_by, series_of, transfer_functions_o
 use super::frames::describe;
 use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
+use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
 use crate::render::cpu::raycast::Raycast;
-use crate::render::{Frame, RenderError, Renderer};
+use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 use crate::visibility::Skip;
@@ -177,7 +180,9 @@ fn render_with<'a>(
     request: &FrameRequest,
     cancel: &Cancel,
 ) -> Result<&'a Frame, PipelineError> {
-    let job = pipeline.prepare_unless(request, cancel)?;
+    // The table is the renderer's: the one of the product is not needed.
+    let prepared = pipeline.prepare_unless(&FrameRequest { optics: OpticsKind::Exact, ..request.clone() }, cancel)?;
+    let job = RenderJob { optics: request.optics, ..prepared };
     renderer.render_unless_cancelled(job)?.ok_or(PipelineError::Cancelled)
 }
 

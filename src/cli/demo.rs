@@ -76,14 +76,15 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let path = store_path.display();
         terminal
             .say(&format!("playing {path} (again: tetreel play {path}); with --no-window there are pictures instead"));
-        let playing = Playing { background: Some(BACKGROUND_COLOR), follows: false, size: None, plays: true };
+        let background = Some(BACKGROUND_COLOR);
+        let playing = Playing { background, follows: false, size: None, plays: true, project: None };
         let start = Start::Play(Box::new(play::open_store(&store_path, &scene_args)?));
         match play::show(start, &scene_args, &playing, terminal) {
             Err(error) if error.is::<WindowError>() => terminal.say(&format!("{error}; here they are")),
             shown => return shown.map(|()| Outcome::Done),
         }
     }
-    let mut scene = Scene::open(&store, &scene_args, SIZE)?;
+    let mut scene = Scene::open(&store, &scene_args, SIZE, None)?;
     let frames_dir = dir.join("frames");
     std::fs::create_dir_all(&frames_dir)
         .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;

@@ -99,7 +99,8 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let series = open(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
-    let options = IngestOptions { fields, units, steps: args.steps, overwrite: args.overwrite, codec };
+    let options =
+        IngestOptions { fields, units, steps: args.steps, overwrite: args.overwrite, codec, without_histograms: false };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args)?;

@@ -14,6 +14,7 @@ mod manual;
 #[cfg(feature = "gui")]
 mod play;
 mod progress;
+mod project;
 mod render;
 mod scene;
 mod source;
@@ -23,6 +24,7 @@ mod trace;
 use crate::pipeline::PipelineError;
 use clap::{Parser, Subcommand};
 use progress::Terminal;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Exit code of a run that was interrupted, as shells have it for SIGINT.
@@ -44,6 +46,9 @@ const THREADS_MAX: i64 = 1024;
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// The words that it was read from.
+    #[arg(skip)]
+    words: Vec<OsString>,
     /// Threads to compute with (0: one per core)
     #[arg(long, global = true, default_value_t = 0, value_name = "N", help_heading = COMMON)]
     #[arg(value_parser = clap::value_parser!(u16).range(..=THREADS_MAX))]
@@ -54,6 +59,14 @@ pub struct Cli {
     /// Say nothing but errors and results
     #[arg(short, long, global = true, help_heading = COMMON)]
     quiet: bool,
+}
+
+impl Cli {
+    /// The command line of these words, the first of which is the program's name. Help and mistakes end the program.
+    pub fn of(words: impl IntoIterator<Item = OsString>) -> Self {
+        let words: Vec<OsString> = words.into_iter().collect();
+        Self { words: words.clone(), ..Self::parse_from(words) }
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -97,8 +110,8 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Import(args) => import::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         #[cfg(feature = "gui")]
-        Command::Play(args) => play::run(args, &terminal),
-        Command::Render(args) => render::run(args, &terminal),
+        Command::Play(args) => play::run(args, &cli.words, &terminal),
+        Command::Render(args) => render::run(args, &cli.words, &terminal),
         Command::Compare(args) => compare::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal),
         Command::Synth(args) => synth::run(args, &terminal),

@@ -2,17 +2,21 @@
 
 use super::Outcome;
 use super::progress::Terminal;
+use super::project::{self, Taker};
 use super::scene::{SceneArgs, SizePx};
 use crate::export::still::Background;
 use crate::ingest::Origin;
 use crate::pipeline::{PipelinedOptions, Series};
+use crate::project::{Animation, Project};
 use crate::store::{Store, is_store};
-use crate::transfer::TransferFunction;
-use crate::ui::DEFAULT_TF;
+use crate::task::Cancel;
+use crate::transfer::{Space, TransferFunction};
 use crate::ui::opening::{Opened, OpeningOptions};
 use crate::ui::settings::SettingsFile;
-use crate::ui::window::{self, Dress, Start, WindowOptions};
+use crate::ui::window::{self, Dress, Dressed, Start, WindowOptions};
+use crate::ui::{DEFAULT_TF, Look};
 use anyhow::{Context, bail};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,13 +27,15 @@ Example:
   tetreel play case.zarr --field T --tf 'inferno@0:0,0.3:0,1:0.4'
   tetreel play case.pvd             imported to a cache first; the next time it is there
   tetreel play running.zarr --follow
+  tetreel play PROJECT.toml         with its ensembles, its timeline and its camera path (docs/projects.md)
   tetreel play                      drop a file on the window
 
 In the window, H shows all keys: Space plays and pauses, Left and Right step, a drag turns, the wheel zooms, a click follows a
 point over time, S saves the picture.")]
 pub(super) struct Args {
-    /// A store, or a source (.pvd, .vtu, .xdmf) to import to the cache first; several .vtu files are one series; none: ask for one
-    #[arg(value_name = "NAME.zarr")]
+    /// A store, a source (.pvd, .vtu, .xdmf) to import to the cache first (several .vtu files are one series), or a project
+    /// (docs/projects.md); none: ask for one
+    #[arg(value_name = "NAME.zarr|PROJECT.toml")]
     paths: Vec<PathBuf>,
     /// Take up steps that are added to the store while it plays (by import --append)
     #[arg(long)]
@@ -53,15 +59,34 @@ fn parse_color(text: &str) -> Result<[f32; 3], String> {
     text.parse::<Background>()?.color().ok_or_else(|| problem.to_owned())
 }
 
-pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+/// Plays what the command says; `words` are those of the whole command line, which come before what a project says.
+pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
+    match &*args.paths {
+        [path] if project::is_project(path) => {
+            let opened = project::open::<Args>(path, words, Taker::Play)?;
+            play(&[opened.source], &opened.args, Some(opened.project), terminal)
+        }
+        paths => {
+            if let Some(project) = paths.iter().find(|path| project::is_project(path)) {
+                bail!("{}: a project is played alone", project.display());
+            }
+            play(paths, args, None, terminal)
+        }
+    }
+}
+
+fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
     // What cannot work fails here, before there is a window.
     TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf))?;
-    let start = match &*args.paths {
+    let start = match paths {
         [] if args.follow => bail!("--follow needs a store to follow"),
         [] => Start::Nothing,
         [path] if is_store(path) || path.extension().is_some_and(|e| e == "zarr") => {
             let opened = open_store(path, &args.scene)?;
-            args.scene.look(&opened.series, FRAMING)?;
+            let look = args.scene.look(&opened.series, FRAMING)?;
+            if let Some(project) = &project {
+                check(project, &opened.series, &look)?;
+            }
             Start::Play(Box::new(opened))
         }
         paths => {
@@ -76,13 +101,21 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             "there is no display for a window (DISPLAY and WAYLAND_DISPLAY are not set); `tetreel render` makes pictures without one"
         );
     }
-    show(
-        start,
-        &args.scene,
-        &Playing { background: args.background, follows: args.follow, size: args.size, plays: false },
-        terminal,
-    )?;
+    let (background, follows, size) = (args.background, args.follow, args.size);
+    show(start, &args.scene, &Playing { background, follows, size, plays: false, project }, terminal)?;
     Ok(Outcome::Done)
+}
+
+/// Whether what a project shows first can be had. Members that need histograms are left to the window: these may have to be counted.
+fn check(project: &Project, series: &Arc<Series>, look: &Look) -> anyhow::Result<()> {
+    let Some(&first) = series.times().values.first() else { return Ok(()) };
+    let mut project = project.clone();
+    for member in project.ensembles.iter_mut().flat_map(|ensemble| &mut ensemble.members) {
+        member.enabled &= member.space == Space::Scalar;
+    }
+    let mut animation = Animation::new(Arc::new(project), series.clone(), look.opacity_kind, look.unit_distance);
+    animation.at(0.into(), first, &Cancel::new())?;
+    Ok(())
 }
 
 /// Opens a store and the field of it that is shown.
@@ -104,6 +137,8 @@ pub(super) struct Playing {
     pub(super) size: Option<SizePx>,
     /// Whether it plays at once, in a loop.
     pub(super) plays: bool,
+    /// What is shown of it, from moment to moment.
+    pub(super) project: Option<Arc<Project>>,
 }
 
 /// Shows a window until it is closed.
@@ -111,15 +146,17 @@ pub(super) struct Playing {
 /// # Errors
 /// If the system shows none, or Ctrl-C closed it.
 pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal: &Terminal) -> anyhow::Result<()> {
-    let (args, &Playing { background, follows, size, plays }) = (scene.clone(), playing);
+    let (args, project) = (scene.clone(), playing.project.clone());
+    let &Playing { background, follows, size, plays, .. } = playing;
     let dress: Dress = Arc::new(move |series: &Series| {
         let look = args.look(series, FRAMING).map_err(|error| format!("{error:#}"))?;
         // A camera that only says how wide it looks still frames the mesh.
         let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
-        Ok((look, args.camera.as_deref().is_some_and(says_where)))
+        let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);
+        Ok(Dressed { look, camera_is_chosen, project: project.clone() })
     });
     let is_default = scene.field.is_none() && scene.tf == DEFAULT_TF && scene.range == Default::default();
-    let restores = is_default && scene.camera.is_none();
+    let restores = is_default && scene.camera.is_none() && playing.project.is_none();
     let opening =
         OpeningOptions { block_bytes: scene.block_memory.0, field: scene.field.clone(), ..Default::default() };
     let options = WindowOptions {

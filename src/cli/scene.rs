@@ -2,17 +2,18 @@
 
 use crate::camera::Camera;
 use crate::codec::BlockCache;
-use crate::export::annotate::ColorScale;
 use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series};
+use crate::project::{Animation, Project};
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
-use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction};
+use crate::task::Cancel;
+use crate::transfer::{ColorMap, ColorPoint, MappedRange, OpacityKind, RangePolicy, TransferFunction};
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
@@ -55,7 +56,7 @@ pub(super) struct SceneArgs {
     /// Memory for steps that are read ahead or kept, as they are in the store: a number of bytes, or of K, M or G
     #[arg(long, value_name = "SIZE", default_value = DEFAULT_BLOCK_MEMORY)]
     pub(super) block_memory: ByteCount,
-    /// Integration of a ray's segments: exact, or table3d (pre-integrated table); reference has its own
+    /// Integration of a ray's segments: exact, partial (partial pre-integration) or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
     /// What is left out where the image does not need it: all, none, all,-NAME,... or NAME,... of clear-cells, clear-chunks,
@@ -188,6 +189,8 @@ pub(super) struct Scene {
     pub(super) gpu: ContextOptions,
     /// The last table and the range it is for.
     table: Option<(MappedRange, Arc<NodeTable>)>,
+    /// What a project says, in place of the look.
+    animation: Option<Animation>,
 }
 
 impl SceneArgs {
@@ -236,7 +239,13 @@ impl SceneArgs {
 }
 
 impl Scene {
-    pub(super) fn open(store: &Store, args: &SceneArgs, size: SizePx) -> anyhow::Result<Self> {
+    /// The scene of the options, or with a project that of the project's timeline.
+    pub(super) fn open(
+        store: &Store,
+        args: &SceneArgs,
+        size: SizePx,
+        project: Option<&Arc<Project>>,
+    ) -> anyhow::Result<Self> {
         let mut pipeline = Pipeline::new(args.series(store)?);
         let look = args.look(pipeline.series(), size)?;
         #[cfg(feature = "gpu")]
@@ -252,7 +261,12 @@ impl Scene {
             #[cfg(feature = "gpu")]
             gpu: args.gpu(),
             table: None,
+            animation: None,
         };
+        let Look { opacity_kind, unit_distance, .. } = scene.look;
+        scene.animation = project.map(|project| {
+            Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, unit_distance)
+        });
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             scene.request(0)?;
@@ -273,10 +287,30 @@ impl Scene {
     /// The request for a step, or for a moment between two.
     pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
         let time = time.into();
-        let table = self.table(time)?;
+        self.request_at(time, time.time(self.pipeline.times()))
+    }
+
+    /// The request for a moment of the series at a time of the project's timeline.
+    pub(super) fn request_at(&mut self, moment: FrameTime, at: f64) -> anyhow::Result<FrameRequest> {
+        let said = self.animation.as_mut().map(|animation| animation.at(moment, at, &Cancel::new())).transpose()?;
+        let said = said.unwrap_or_default();
+        let table = match said.table {
+            Some(table) => self.keep(table)?,
+            None => self.table(moment)?,
+        };
         let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
-        let request = FrameRequest::new(time, camera, table, (self.size.0, self.size.1));
-        Ok(FrameRequest { mode, faces, optics, backend, skip, ..request })
+        let camera = said.camera.unwrap_or(camera);
+        let faces = FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces };
+        let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
+        let optics = said.optics.unwrap_or(optics);
+        Ok(FrameRequest { mode, faces, optics, backend, skip, grid: said.grid, ..request })
+    }
+
+    /// A table of the timeline, over the range of the series: what a legend shows.
+    fn keep(&mut self, table: Arc<NodeTable>) -> anyhow::Result<Arc<NodeTable>> {
+        let range = mapped_range(self.pipeline.field(), &RangePolicy::Series, 0.into())?;
+        self.table = Some((range, table.clone()));
+        Ok(table)
     }
 
     /// What is known of the GPU by now.
@@ -290,9 +324,14 @@ impl Scene {
         GpuReport::default()
     }
 
-    /// What colours mean over a range.
-    pub(super) fn color_scale(&self, range: MappedRange) -> ColorScale<'_> {
-        ColorScale { map: self.look.tf.color_map(), range }
+    /// What the colours of the last request mean.
+    pub(super) fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
+        let (range, table) = self.table.as_ref()?;
+        let map = match self.animation {
+            Some(_) => colors_of(table, range)?,
+            None => self.look.tf.color_map().clone(),
+        };
+        Some((map, *range))
     }
 
     /// What the frame of the last `request` shows, as frame number `frame` of the run.
@@ -305,7 +344,10 @@ impl Scene {
             field: field.name.clone(),
             units: field.units.clone(),
             camera: request.camera.to_string(),
-            transfer_function: self.tf_text.clone(),
+            transfer_function: match &self.animation {
+                Some(animation) => format!("{} ensembles on a timeline", animation.project().ensembles.len()),
+                None => self.tf_text.clone(),
+            },
             range: self.table.as_ref().map(|(range, _)| *range),
             opacity_kind: self.look.opacity_kind,
             unit_distance: self.look.unit_distance,
@@ -328,6 +370,15 @@ impl Scene {
         self.table = Some((range, table.clone()));
         Ok(table)
     }
+}
+
+/// The colours of a table over a linear range.
+fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
+    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
+    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
+    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
+    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
+    ColorMap::new("ensemble", points, None).ok()
 }
 
 #[cfg(test)]

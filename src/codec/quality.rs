@@ -195,6 +195,7 @@ mod tests {
         assert_eq!((found.max_error, found.rmse), (2.0, 1.5f64.sqrt()));
         // Both vertices have a standard deviation of 2, and errors of root 2.5 and root 0.5.
         let sigma = found.over_sigma;
+        // Numbers below 1, of which root and quotient are rounded here and there: four times 2^-54.
         assert!((sigma.max - 2.5f64.sqrt() / 2.0).abs() < 1e-15 && (sigma.median - 0.5f64.sqrt() / 2.0).abs() < 1e-15);
         assert_eq!(sigma.p99, sigma.max);
     }

@@ -25,7 +25,7 @@ mod tests {
 
     #[test]
     fn published_values_are_met() {
-        // sRGB 0.5 is 0.21404 of linear light; both ends stay, the curve goes on above and is odd.
+        // sRGB 0.5 is 0.21404 of linear light, but for a few roundings of numbers below 1 (2^-54 each); both ends stay, the curve goes on above and is odd.
         assert!((linear_from_srgb(0.5) - 0.214_041_140_482_232_55).abs() < 1e-15);
         assert_eq!((linear_from_srgb(0.0), linear_from_srgb(1.0)), (0.0, 1.0));
         assert_eq!(linear_from_srgb(-0.5), -linear_from_srgb(0.5));
@@ -40,6 +40,8 @@ mod tests {
             let back = srgb_from_linear(linear_from_srgb(c));
             // A few roundings of f64, of which subtracting 0.055 makes the first ones up to 2.4 times larger.
             assert!((back - c).abs() <= 16.0 * f64::EPSILON * c.abs(), "{c} {back}");
+            let brighter = srgb_from_linear(linear_from_srgb(c) * (1.0 + 1e-13));
+            assert!((brighter - c).abs() > 16.0 * f64::EPSILON * c.abs(), "light off by 1e-13: {c} {brighter}");
         }
     }
 }

@@ -118,8 +118,8 @@ impl ImportCache {
             clear(&target)?;
         }
         announce(CacheEvent::Importing(&target));
-        let report =
-            ingest(&*source, &target, &IngestOptions { overwrite: true, ..Default::default() }, progress, cancel)?;
+        let options = IngestOptions { overwrite: true, without_histograms: true, ..Default::default() };
+        let report = ingest(&*source, &target, &options, progress, cancel)?;
         Ok((Store::open(&target)?, Origin::Imported(Box::new(report))))
     }
 }

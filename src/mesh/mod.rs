@@ -7,6 +7,9 @@ mod curve;
 mod error;
 mod faces;
 mod geometry;
+mod gradient;
+#[cfg(test)]
+mod gradient_tests;
 mod locate;
 mod positions;
 mod repair;
@@ -19,6 +22,7 @@ mod topology;
 
 pub use error::MeshError;
 pub use geometry::tet_volume;
+pub use gradient::tet_gradient_magnitude;
 pub use positions::Positions;
 pub use report::RepairReport;
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};

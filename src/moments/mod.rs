@@ -5,12 +5,16 @@
 //! series has a variance of exactly 0, and a large common offset costs nothing. Non-finite samples are left out and
 //! counted; -0 counts as smaller than +0, so that a range has one answer whatever the order of the comparisons.
 
+mod bins;
 mod histogram;
+#[cfg(test)]
+mod histogram_tests;
 mod spread;
 #[cfg(test)]
 mod tests;
 
-pub use histogram::Histogram1d;
+pub use bins::{AxisScale, Bins};
+pub use histogram::{CountScale, Histogram1d, Histogram2d};
 pub use spread::{CovDenominator, VertexStatistics};
 
 use rayon::prelude::*;

@@ -1,5 +1,9 @@
-//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included.
+//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`GridTable`] if it is of more than
+//! the scalar.
 
+mod grid;
+
+pub use grid::{GridAxis, GridTable, GridTableError};
 use serde::{Deserialize, Serialize};
 
 /// One node of a [`NodeTable`].
@@ -78,14 +82,24 @@ impl NodeTable {
         Node::lerp(&self.nodes[after - 1], &hi, scalar)
     }
 
-    /// Whether extinction is non-zero somewhere in the closed range `[lo, hi]`. Exact: decided from nodes, so that a spike
-    /// of any width counts.
+    /// Whether extinction is non-zero somewhere in the closed range `[lo, hi]`. Exact: nodes are compared, nothing is
+    /// interpolated, so that a spike of any width counts, and the foot of a ramp however close to its clear end.
     pub fn is_visible_in(&self, lo: f64, hi: f64) -> bool {
-        if self.eval(lo).tau > 0.0 || self.eval(hi).tau > 0.0 {
-            return true;
-        }
-        let first = self.nodes.partition_point(|n| n.scalar < lo);
-        self.nodes[first..].iter().take_while(|n| n.scalar <= hi).any(|n| n.tau > 0.0)
+        let below = self.nodes.partition_point(|n| n.scalar < lo);
+        let until = self.nodes.partition_point(|n| n.scalar <= hi);
+        let reached = &self.nodes[below..until];
+        // Beyond these, the piece in which the range begins and the one in which it ends: each shows something if either of its
+        // ends does (a piece that the range only touches with a node belongs to its neighbours).
+        let begins = reached.first().is_none_or(|n| n.scalar > lo) && self.piece_shows(below);
+        let ends = reached.last().is_none_or(|n| n.scalar < hi) && self.piece_shows(until);
+        begins || ends || reached.iter().any(|n| n.tau > 0.0)
+    }
+
+    /// Whether there is extinction between the node before `at` and the one there, ends left out; beyond the first and
+    /// the last one their values go on.
+    fn piece_shows(&self, at: usize) -> bool {
+        let shows = |at: usize| self.nodes.get(at).is_some_and(|n| n.tau > 0.0);
+        shows(at) || at > 0 && shows(at - 1)
     }
 }
 
@@ -176,14 +190,27 @@ mod tests {
             let (lo, hi) = (nodes[0].scalar, nodes[nodes.len() - 1].scalar);
             let at = |share: f64| lo + share * (hi - lo + 1.0);
             let (from, to) = (at(ends[0].min(ends[1])), at(ends[0].max(ends[1])));
-            // Extinction is linear between nodes: it is zero throughout if it is at both ends and at all nodes in between.
-            let inside = nodes.iter().filter(|n| (from..=to).contains(&n.scalar)).any(|n| n.tau > 0.0);
-            let expected = table.eval(from).tau > 0.0 || table.eval(to).tau > 0.0 || inside;
+            // Extinction is linear between nodes: a piece without its ends shows something throughout or nowhere.
+            let first = [f64::NEG_INFINITY, nodes[0].scalar, nodes[0].tau];
+            let last = [nodes[nodes.len() - 1].scalar, f64::INFINITY, nodes[nodes.len() - 1].tau];
+            let between = nodes.windows(2).map(|n| [n[0].scalar, n[1].scalar, n[0].tau.max(n[1].tau)]);
+            let shows = between.chain([first, last]).any(|[a, b, tau]| a < to && b > from && tau > 0.0);
+            let expected = shows || nodes.iter().any(|n| (from..=to).contains(&n.scalar) && n.tau > 0.0);
             prop_assert_eq!(table.is_visible_in(from, to), expected);
             for i in 0..=32 {
                 let seen = table.eval(from + (to - from) * f64::from(i) / 32.0).tau > 0.0;
                 prop_assert!(!seen || expected);
             }
         }
+    }
+
+    /// At the very foot of a ramp the extinction that is computed is zero by rounding; the one that is there is not.
+    #[test]
+    fn the_foot_of_a_ramp_is_visible_however_close_to_its_end() {
+        let node = |scalar: f64, tau: f64| Node { scalar, rgb: [0.5; 3], tau };
+        let table = NodeTable::new(vec![node(-0.05, 0.1), node(0.0, 0.0)]).unwrap();
+        assert_eq!(table.eval(-1e-45).tau, 0.0, "what is interpolated says nothing is there");
+        assert!(table.is_visible_in(-1e-45, 0.0) && table.is_visible_in(-1e-45, -1e-45));
+        assert!(!table.is_visible_in(0.0, 0.0) && !table.is_visible_in(0.0, 1e9));
     }
 }

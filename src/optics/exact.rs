@@ -12,7 +12,7 @@ use glam::Vec4;
 
 /// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
-struct Optical(Vec4);
+pub(super) struct Optical(Vec4);
 
 impl Optical {
     #[inline(always)]
@@ -22,7 +22,7 @@ impl Optical {
 
     /// Red, green, blue, 1.
     #[inline(always)]
-    fn color(self) -> Vec4 {
+    pub(super) fn color(self) -> Vec4 {
         self.0.with_w(1.0)
     }
 }
@@ -41,7 +41,7 @@ pub(crate) struct Interval {
     /// Value at `hi` less that at `lo`.
     rise: Optical,
     /// Extinction is zero throughout.
-    clear: bool,
+    pub(super) clear: bool,
 }
 
 impl Interval {
@@ -62,7 +62,7 @@ impl Interval {
     }
 
     #[inline]
-    fn at(&self, scalar: f64) -> Optical {
+    pub(super) fn at(&self, scalar: f64) -> Optical {
         let share = if self.per_width == 0.0 { 0.0 } else { ((scalar - self.lo) * self.per_width) as f32 };
         Optical(self.at_lo.0 + self.rise.0 * share)
     }
@@ -124,6 +124,11 @@ impl ExactTable {
     #[inline]
     pub(crate) fn interval_at(&self, scalar: f64) -> usize {
         self.intervals.partition_point(|i| i.hi <= scalar)
+    }
+
+    /// All intervals, by their scalars.
+    pub(super) fn intervals(&self) -> &[Interval] {
+        &self.intervals
     }
 
     #[inline(always)]

@@ -24,9 +24,15 @@ impl ScalarMap {
     /// would lose digits.
     pub fn of_table(table: &NodeTable, prescale: f64) -> Self {
         let nodes = table.nodes();
-        let (lo, hi) = (nodes[0].scalar * prescale, nodes[nodes.len() - 1].scalar * prescale);
+        Self::of_range(nodes[0].scalar, nodes[nodes.len() - 1].scalar, prescale)
+    }
+
+    /// The map for nodes within a range.
+    pub fn of_range(lo: f64, hi: f64, prescale: f64) -> Self {
+        let (lo, hi) = (lo * prescale, hi * prescale);
         let is_far = lo.signum() == hi.signum() && lo.abs().min(hi.abs()) > hi - lo;
-        let offset = if is_far { f64::from((0.5 * lo + 0.5 * hi) as f32) } else { 0.0 };
+        let middle = f64::from((0.5 * lo + 0.5 * hi) as f32);
+        let offset = if is_far && middle.is_finite() { middle } else { 0.0 };
         let largest = (lo - offset).abs().max((hi - offset).abs());
         let exponent = if largest > 0.0 { largest.log2().ceil() as i32 } else { 0 };
         let scale = 2f64.powi((-exponent).clamp(-EXPONENT_MAX, EXPONENT_MAX));

@@ -65,6 +65,7 @@ pub struct Table3d {
     exact: ExactTable,
     /// (m r, m g, m b, m); length varies fastest, then s0, then s1.
     entries: Vec<Vec4>,
+    entries_built: usize,
     resolution: Table3dResolution,
     lo: f64,
     hi: f64,
@@ -121,11 +122,13 @@ impl Table3d {
         world_per_length: f64,
         resolution: Table3dResolution,
     ) -> Self {
-        Self::new_unless(table, range, length_max, world_per_length, resolution, &Cancel::new())
+        Self::changed(None, table, range, length_max, world_per_length, resolution, &Cancel::new())
     }
 
-    /// The same, but of no use if `cancel` is raised.
-    pub fn new_unless(
+    /// The same, but of no use if `cancel` is raised; and of `last`, a table and what it was made from with the same
+    /// `world_per_length`, those entries are taken that meet nothing of what has changed, if the axes are the same.
+    pub fn changed(
+        last: Option<(&NodeTable, &Self)>,
         table: &NodeTable,
         range: (f64, f64),
         length_max: f64,
@@ -145,20 +148,33 @@ impl Table3d {
         let length = |k: usize| length_max * (k as f64 / (resolution.lengths - 1) as f64).powi(2);
         let lengths: Vec<f64> = (0..resolution.lengths).map(length).collect();
         let scalars: Vec<f64> = (0..resolution.scalars).map(scalar).collect();
-        let mut entries = vec![Vec4::ZERO; resolution.scalars * resolution.scalars * resolution.lengths];
-        entries
+        let last = last.filter(|(_, last)| {
+            (last.lo, last.hi, last.length_max, last.resolution) == (lo, hi, length_max, resolution)
+        });
+        let changed = last.map_or((f64::NEG_INFINITY, f64::INFINITY), |(before, _)| change(before, table));
+        let mut entries = match last {
+            Some((_, last)) => last.entries.clone(),
+            None => vec![Vec4::ZERO; resolution.scalars * resolution.scalars * resolution.lengths],
+        };
+        let entries_built = entries
             .par_chunks_exact_mut(resolution.scalars * resolution.lengths)
             .zip(&scalars)
             .take_any_while(|_| !cancel.is_cancelled())
-            .for_each(|(row, &s1)| fill_row(&nodes, &scalars, s1, &lengths, row));
+            .map(|(row, &s1)| fill_row(&nodes, &scalars, s1, &lengths, changed, row))
+            .sum();
         let (below, above) = (Limits::at(&nodes, lo).left, Limits::at(&nodes, hi).right);
         let exact = ExactTable::new(table, world_per_length);
-        Self { exact, entries, resolution, lo, hi, per_scalar, length_max, below, above }
+        Self { exact, entries, entries_built, resolution, lo, hi, per_scalar, length_max, below, above }
     }
 
     /// The entries (m r, m g, m b, m); length varies fastest, then s0, then s1.
     pub fn entries(&self) -> &[Vec4] {
         &self.entries
+    }
+
+    /// How many of the entries were computed for it, others taken from another table.
+    pub fn entries_built(&self) -> usize {
+        self.entries_built
     }
 
     /// Entries along the axes.
@@ -247,6 +263,20 @@ impl Table3d {
         visible += composite(outside(s1 < s0), after * length, out);
         visible.min(1)
     }
+}
+
+/// The scalars between which two tables are not the same, both ends included; from infinity to -infinity if they are.
+fn change(a: &NodeTable, b: &NodeTable) -> (f64, f64) {
+    let (a, b) = (a.nodes(), b.nodes());
+    let before = a.iter().zip(b).take_while(|(a, b)| a == b).count();
+    if before == a.len() && before == b.len() {
+        return (f64::INFINITY, f64::NEG_INFINITY);
+    }
+    let behind = a.iter().rev().zip(b.iter().rev()).take_while(|(a, b)| a == b).count();
+    // A node that is the same counts for both: what has changed begins behind the one and ends before the other.
+    let lo = before.checked_sub(1).map_or(f64::NEG_INFINITY, |last| a[last].scalar);
+    let hi = a.len().checked_sub(behind).and_then(|first| a.get(first)).map_or(f64::INFINITY, |n| n.scalar);
+    (lo.min(hi), hi.max(lo))
 }
 
 /// Composites a length with this entry; 1 if it can be seen.

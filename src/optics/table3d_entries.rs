@@ -67,10 +67,21 @@ fn pieces(nodes: &[Node], s0: f64, s1: f64, out: &mut Vec<Piece>) {
     }
 }
 
-/// Entries of all `s0` in `scalars` for one `s1`: those of one `s0` side by side, one for each of `lengths`.
-pub(super) fn fill_row(nodes: &[Node], scalars: &[f64], s1: f64, lengths: &[f64], row: &mut [Vec4]) {
+/// Entries of all `s0` in `scalars` for one `s1`, those of one `s0` side by side, one for each of `lengths`; only of segments that meet
+/// the scalars from `changed.0` to `changed.1`. Returns how many these are.
+pub(super) fn fill_row(
+    nodes: &[Node],
+    scalars: &[f64],
+    s1: f64,
+    lengths: &[f64],
+    changed: (f64, f64),
+    row: &mut [Vec4],
+) -> usize {
     let mut found = Vec::new();
-    for (&s0, entries) in scalars.iter().zip(row.chunks_exact_mut(lengths.len())) {
+    let mut filled = 0;
+    let meets = |s0: f64| s0.min(s1) <= changed.1 && s0.max(s1) >= changed.0;
+    for (&s0, entries) in scalars.iter().zip(row.chunks_exact_mut(lengths.len())).filter(|(s0, _)| meets(**s0)) {
+        filled += entries.len();
         if s0 == s1 {
             entries.fill(diagonal(nodes, scalars, s0));
             continue;
@@ -81,6 +92,7 @@ pub(super) fn fill_row(nodes: &[Node], scalars: &[f64], s1: f64, lengths: &[f64]
             *entry = of_length(&found, short, length);
         }
     }
+    filled
 }
 
 /// A constant segment: both sides of a step count half, at the ends of the range the inner side.

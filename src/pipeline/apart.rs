@@ -58,6 +58,7 @@ impl Series {
             blocks,
             rankings: Default::default(),
             ranges: Default::default(),
+            quantities: Default::default(),
         })
     }
 }

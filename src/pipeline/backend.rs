@@ -8,6 +8,7 @@ use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -23,6 +24,17 @@ pub enum Backend {
     Cpu,
     /// On a GPU, be it one in software; without one there is no frame.
     Gpu,
+}
+
+impl fmt::Display for Backend {
+    /// As it is read.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        })
+    }
 }
 
 impl FromStr for Backend {

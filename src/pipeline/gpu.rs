@@ -42,13 +42,15 @@ struct Beyond {
     view: View,
     mode: RenderMode,
     faces: usize,
+    has_grid: bool,
     error: RenderError,
 }
 
 impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
-        Arc::ptr_eq(&self.mesh, &job.mesh) && self.view == job.view && self.mode == mode && self.faces == faces_of(job)
+        let is_same = self.view == job.view && self.mode == mode && self.faces == faces_of(job);
+        Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.has_grid == job.grid.is_some()
     }
 }
 
@@ -207,8 +209,9 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    let (faces, error) = (faces_of(&job), error.clone());
-                    self.beyond = Some(Beyond { mesh: job.mesh, view: job.view, mode, faces, error: error.clone() });
+                    let (faces, has_grid) = (faces_of(&job), job.grid.is_some());
+                    let (mesh, view) = (job.mesh, job.view);
+                    self.beyond = Some(Beyond { mesh, view, mode, faces, has_grid, error: error.clone() });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)
@@ -216,6 +219,7 @@ impl Gpu {
                 | RenderError::CellCount { .. }
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
+                | RenderError::GridValueCount { .. }
                 | RenderError::BadK(_) => return Err(error),
             }
         }

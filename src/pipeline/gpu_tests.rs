@@ -30,11 +30,13 @@ fn one_tet() -> RenderJob {
         compressed: None,
         finite: None,
         optics: Default::default(),
+        prepared: None,
         faces: None,
         k_buffer: Default::default(),
         skip: Default::default(),
         cancel: Default::default(),
         thread_limit: Default::default(),
+        grid: None,
         for_window: false,
         stats: Default::default(),
     }

@@ -13,6 +13,7 @@ mod gpu;
 mod pipelined;
 mod prefetch;
 mod preparation;
+mod quantities;
 mod queue;
 mod ranges;
 mod rankings;

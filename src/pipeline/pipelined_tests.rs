@@ -112,6 +112,7 @@ proptest! {
             let series = jet();
             let requests = requests(&series);
             let alone = rendered_alone(&series, &requests);
+            assert!(alone.iter().any(|frame| *frame != alone[0]), "frames of another request would not be seen");
             (series, requests, alone)
         });
         let pipelined = start(series, &options(threads, if keeps { 1 << 20 } else { 0 }));

@@ -9,7 +9,7 @@ use crate::lod::Selector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::render::{CompressedStep, RenderJob};
+use crate::render::{CompressedStep, OpticsTables, RenderJob};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label};
@@ -83,6 +83,8 @@ pub(super) struct Order {
     /// For modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
+    /// Here rather than where it is drawn: a table takes longer than a frame.
+    tables: OpticsTables,
 }
 
 impl Order {
@@ -109,8 +111,11 @@ impl Order {
             RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
             _ => None,
         };
-        stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
-        Ok(RenderJob {
+        let grid = match &request.grid {
+            None => None,
+            Some(table) => Some(series.grid_scene(table, &scalars, cancel)?.ok_or(PipelineError::Cancelled)?),
+        };
+        let mut job = RenderJob {
             mesh: series.mesh.clone(),
             scalars,
             compressed,
@@ -119,7 +124,10 @@ impl Order {
             active,
             view,
             table: request.table.clone(),
-            optics: request.optics,
+            // A grid is integrated exactly: nothing is to be prepared for other optics.
+            optics: if grid.is_some() { OpticsKind::Exact } else { request.optics },
+            grid,
+            prepared: None,
             faces,
             k_buffer: request.faces.k_buffer,
             skip: request.skip,
@@ -127,7 +135,24 @@ impl Order {
             thread_limit: ThreadLimit::none(),
             for_window: request.for_window,
             stats,
-        })
+        };
+        if request.drawn_by() != RenderMode::Reference {
+            self.prepare_table(&mut job)?;
+        }
+        job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
+        Ok(job)
+    }
+
+    /// The transfer function as the renderers read it, the same [`Arc`] until it or its optics change.
+    fn prepare_table(&mut self, job: &mut RenderJob) -> Result<(), PipelineError> {
+        let built = self.tables.entries_built();
+        let prepared = self.tables.prepare(job);
+        if job.cancel.is_cancelled() {
+            return Err(PipelineError::Cancelled);
+        }
+        job.stats.table_entries_built = self.tables.entries_built() - built;
+        job.prepared = Some(prepared);
+        Ok(())
     }
 
     /// The faces to draw, front to back.
@@ -184,7 +209,7 @@ impl Clear {
         }
         // A sampled table shows something beside what the transfer function has there.
         let samples = match request.optics {
-            OpticsKind::Exact => None,
+            OpticsKind::Exact | OpticsKind::Partial => None,
             OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
         };
         let is_same = |(table, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| {

@@ -206,7 +206,11 @@ impl Series {
     }
 
     /// Coefficients of variation: those of the store, or from its statistics, or from all steps.
-    fn vertex_importance(&self, denominator: CovDenominator, cancel: &Cancel) -> FileResult<Option<Vec<f32>>> {
+    pub(super) fn vertex_importance(
+        &self,
+        denominator: CovDenominator,
+        cancel: &Cancel,
+    ) -> FileResult<Option<Vec<f32>>> {
         if denominator == CovDenominator::default()
             && let Some(stored) = self.source.vertex_importance()
         {

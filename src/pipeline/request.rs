@@ -3,11 +3,12 @@
 use super::{Backend, FrameTime, Sampling};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
-use crate::node_table::NodeTable;
+use crate::node_table::{GridTable, NodeTable};
 use crate::optics::OpticsKind;
 use crate::render::{KBuffer, RenderError};
 use crate::visibility::Skip;
 use serde::{Deserialize, Serialize, Serializer};
+use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -25,6 +26,18 @@ pub enum RenderMode {
     Havs,
     /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
+}
+
+impl fmt::Display for RenderMode {
+    /// As it is read.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Raycast => "raycast",
+            Self::Havs => "havs",
+            Self::Reference => "reference",
+        })
+    }
 }
 
 impl FromStr for RenderMode {
@@ -69,6 +82,10 @@ pub struct FrameRequest {
     /// Transfer function over the field's scalars.
     #[serde(serialize_with = "serialize_table")]
     pub table: Arc<NodeTable>,
+    /// The transfer function, if it is also over coefficients of variation (rows) or magnitudes of gradients (layers); `table` is then
+    /// its [projection](GridTable::projection), and segments are integrated exactly, whatever the optics.
+    #[serde(serialize_with = "serialize_grid")]
+    pub grid: Option<Arc<GridTable>>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
     /// Which renderer.
@@ -93,8 +110,14 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (mode, faces, optics, backend, for_window, skip) = Default::default();
-        Self { time: time.into(), camera, table, size_px, mode, faces, optics, backend, for_window, skip }
+        let (grid, mode, faces, optics, backend, for_window, skip) = Default::default();
+        Self { time: time.into(), camera, table, grid, size_px, mode, faces, optics, backend, for_window, skip }
+    }
+
+    /// The frame with a transfer function of more than the scalar.
+    #[must_use]
+    pub fn with_grid(self, grid: Arc<GridTable>) -> Self {
+        Self { table: Arc::new(grid.projection()), grid: Some(grid), ..self }
     }
 
     /// The renderer that draws it: what [`RenderMode::Auto`] comes to, else [`Self::mode`].
@@ -109,7 +132,11 @@ impl FrameRequest {
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
         // By address first: tables are long, and mostly the same one.
-        let same_table = Arc::ptr_eq(&self.table, &other.table) || self.table == other.table;
+        let same_table = match (&self.grid, &other.grid) {
+            (None, None) => Arc::ptr_eq(&self.table, &other.table) || self.table == other.table,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b) || a == b,
+            _ => false,
+        };
         let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window, r.skip);
         same_table && rest(self) == rest(other)
     }
@@ -118,6 +145,11 @@ impl FrameRequest {
 /// What the table is, not where.
 fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
     NodeTable::serialize(table, serializer)
+}
+
+/// Likewise.
+fn serialize_grid<S: Serializer>(grid: &Option<Arc<GridTable>>, serializer: S) -> Result<S::Ok, S::Error> {
+    grid.as_deref().serialize(serializer)
 }
 
 /// Why a request did not become a frame.

@@ -1,11 +1,15 @@
 //! One field of a store, opened for playing.
 
+use super::quantities::Quantities;
 use super::ranges::ChunkRanges;
 use super::rankings::Rankings;
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, Wanted};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
+use crate::histograms::Histogram;
+#[cfg(doc)]
+use crate::histograms::Kind;
 use crate::lod::Interval;
 use crate::mesh::Mesh;
 use crate::moments::VertexStatistics;
@@ -53,6 +57,11 @@ pub(super) trait StepSource: Send + Sync {
     /// Mean and variance of every vertex, if they were stored.
     fn vertex_statistics(&self) -> Option<VertexStatistics> {
         None
+    }
+
+    /// Histograms of the whole series, one for each of [`Kind::ALL`]; `None` if there are none, or `cancel` was raised.
+    fn histograms(&self, _mesh: &Mesh, _cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+        Ok(None)
     }
 
     /// So many intervals that were chosen at import.
@@ -104,6 +113,10 @@ impl StepSource for FieldReader {
         FieldReader::vertex_statistics(self).ok().flatten()
     }
 
+    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+        FieldReader::histograms(self, mesh, cancel)
+    }
+
     fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
         FieldReader::intervals(self, count)
     }
@@ -122,6 +135,7 @@ pub struct Series {
     pub(super) blocks: Arc<BlockCache>,
     pub(super) rankings: Rankings,
     pub(super) ranges: ChunkRanges,
+    pub(super) quantities: Quantities,
 }
 
 impl Series {
@@ -175,6 +189,7 @@ impl Series {
             blocks,
             rankings: Rankings::default(),
             ranges: ChunkRanges::default(),
+            quantities: Quantities::default(),
         })
     }
 
@@ -196,6 +211,15 @@ impl Series {
     /// Times of the steps.
     pub fn times(&self) -> &TimeAxis {
         &self.times
+    }
+
+    /// How often which values occur over all steps, one histogram for each of [`Kind::ALL`]; `None` if there are none, or
+    /// `cancel` was raised. A store that has none of them is counted through, which takes as long as decoding every step.
+    ///
+    /// # Errors
+    /// If a step has to be decoded and cannot be.
+    pub fn histograms(&self, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+        self.source.histograms(&self.mesh, cancel)
     }
 
     /// The field that is played.

@@ -5,9 +5,10 @@ use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
+use crate::histograms::Histogram;
 use crate::ingest::{IngestOptions, ingest};
 use crate::mesh::Mesh;
-use crate::store::Store;
+use crate::store::{Store, StoredField};
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -54,9 +55,16 @@ impl Log {
         self.with(|state| state.takes = duration);
     }
 
-    /// From now on decoding waits until it is cancelled, or until this is called again.
+    /// From now on decoding waits until it is cancelled, or until this is called again; so does counting histograms, which there are
+    /// none of.
     pub(crate) fn hang(&self, hangs: bool) {
         self.with(|state| state.hangs = hangs);
+    }
+
+    fn hang_unless(&self, cancel: &Cancel) {
+        while self.with(|state| state.hangs) && !cancel.is_cancelled() {
+            std::thread::yield_now();
+        }
     }
 }
 
@@ -67,9 +75,7 @@ struct Fake {
 
 impl StepSource for Fake {
     fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        while self.log.with(|state| state.hangs) && !cancel.is_cancelled() {
-            std::thread::yield_now();
-        }
+        self.log.hang_unless(cancel);
         let (begun, takes) = (Instant::now(), self.log.with(|state| state.takes));
         while begun.elapsed() < takes && !cancel.is_cancelled() {
             std::thread::yield_now();
@@ -88,6 +94,11 @@ impl StepSource for Fake {
     }
 
     fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<VqBlock>>> {
+        Ok(None)
+    }
+
+    fn histograms(&self, _mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+        self.log.hang_unless(cancel);
         Ok(None)
     }
 
@@ -121,9 +132,23 @@ pub(crate) fn jet() -> Arc<Series> {
 
 /// A series of so many steps on the mesh of the small one, whose step s has the value s everywhere.
 pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
-    let log = Log::default();
+    of_field(steps, field())
+}
+
+/// The same of a field that has no finite value, as far as anybody knows.
+pub(crate) fn without_values(steps: usize) -> Arc<Series> {
+    let mut field = field();
+    (field.range, field.range_per_step) = (None, vec![None; steps]);
+    of_field(steps, field).0
+}
+
+fn field() -> StoredField {
     let name = stored().fields()[0].name.clone();
-    let field = stored().field(&FieldSelector { name, component: None }).unwrap().info().clone();
+    stored().field(&FieldSelector { name, component: None }).unwrap().info().clone()
+}
+
+fn of_field(steps: usize, field: StoredField) -> (Arc<Series>, Log) {
+    let log = Log::default();
     let times = TimeAxis { values: (0..steps).map(|step| step as f64).collect() };
     let (source, blocks) = (Box::new(Fake { log: log.clone() }), Arc::new(BlockCache::new(0)));
     (
@@ -135,6 +160,7 @@ pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
             blocks,
             rankings: Default::default(),
             ranges: Default::default(),
+            quantities: Default::default(),
         }),
         log,
     )

@@ -1,6 +1,7 @@
 //! The moment that a frame shows.
 
 use crate::field::TimeAxis;
+use crate::store::StoredField;
 use serde::Serialize;
 
 /// The moment that a frame shows: a step, or a linear mixture of two.
@@ -71,6 +72,18 @@ impl FrameTime {
     pub fn time(self, times: &TimeAxis) -> f64 {
         let time_of = |step: usize| times.values.get(step).copied().unwrap_or(f64::NAN);
         self.mix(time_of(self.step), time_of)
+    }
+
+    /// Smallest and largest scalar of the whole series and of this moment; NaN if there is no finite one.
+    ///
+    /// Between two steps their ranges are interpolated as the scalars are: no mixed scalar lies outside, and colours do not jump at
+    /// a step. A step without a finite value shows nothing, whatever the colours: it has the range of the series.
+    pub fn scalar_ranges(self, field: &StoredField) -> ((f64, f64), (f64, f64)) {
+        let ends = |[lo, hi]: [f32; 2]| (f64::from(lo), f64::from(hi));
+        let series = field.range.map_or((f64::NAN, f64::NAN), ends);
+        let of = |step: usize| field.range_per_step.get(step).copied().flatten().map_or(series, ends);
+        let (lo, hi) = of(self.step);
+        (series, (self.mix(lo, |next| of(next).0), self.mix(hi, |next| of(next).1)))
     }
 
     /// `first` at one step; between two steps, the mixture with the value `of` the second.

@@ -131,11 +131,19 @@ impl Settings {
     /// Speed of [`Mode::EveryStep`] unless another is asked for.
     pub const DEFAULT_FRAMES_PER_SECOND: f64 = 25.0;
 
-    /// Itself for a series of so many steps: the range in order and within the series.
-    pub(super) fn checked(mut self, steps: usize) -> Result<Self, CommandError> {
+    /// Whether its numbers make sense.
+    ///
+    /// # Errors
+    /// The first that does not.
+    pub fn check(&self) -> Result<(), CommandError> {
         check_speed(self.frames_per_second)?;
         self.time_per_second.map_or(Ok(()), check_speed)?;
-        check_stride(self.stride)?;
+        check_stride(self.stride)
+    }
+
+    /// Itself for a series of so many steps: the range in order and within the series.
+    pub(super) fn checked(mut self, steps: usize) -> Result<Self, CommandError> {
+        self.check()?;
         self.range = self.range.and_then(|range| range.within(steps));
         Ok(self)
     }

@@ -36,6 +36,9 @@ pub struct Player {
     ready: VecDeque<Ready>,
     /// A command may have gone elsewhere since the last tick.
     is_redirected: bool,
+    /// What was due when nobody knew yet what it looks like. It comes first when that is known: the clock may be past it by then,
+    /// and past every other moment when that one's time comes.
+    unknown: Option<FrameTime>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -68,8 +71,8 @@ pub struct Tick {
 impl Player {
     /// A player of what `pipelined` renders. The first frame is due at once.
     pub fn new(clock: Clock, pipelined: Pipelined) -> Self {
-        let (asked, ready) = Default::default();
-        Self { clock, pipelined, look: 0, shown_look: 0, shown_number: 0, asked, ready, is_redirected: false }
+        let (asked, ready, is_redirected, unknown) = Default::default();
+        Self { clock, pipelined, look: 0, shown_look: 0, shown_number: 0, asked, ready, is_redirected, unknown }
     }
 
     /// The clock, to be read.
@@ -125,8 +128,8 @@ impl Player {
     }
 
     /// Shows what is due at the caller's monotonic time `now`, and asks for what comes next; `request` says what a moment
-    /// looks like.
-    pub fn tick(&mut self, now: Duration, request: &mut dyn FnMut(FrameTime) -> FrameRequest) -> Tick {
+    /// looks like. `None`: that is not known yet; tick again when it is.
+    pub fn tick(&mut self, now: Duration, request: &mut dyn FnMut(FrameTime) -> Option<FrameRequest>) -> Tick {
         self.collect();
         let due = self.clock.due(now);
         self.ask(due.frame, due.dropped, request);
@@ -171,12 +174,21 @@ impl Player {
     }
 
     /// Asks for what is due, or for what is on the screen if that looks different now, and for what comes after it.
-    fn ask(&mut self, due: Option<FrameTime>, dropped: u64, request: &mut dyn FnMut(FrameTime) -> FrameRequest) {
+    fn ask(
+        &mut self,
+        due: Option<FrameTime>,
+        dropped: u64,
+        request: &mut dyn FnMut(FrameTime) -> Option<FrameRequest>,
+    ) {
         let state = self.clock.state();
+        let redirected = std::mem::take(&mut self.is_redirected);
+        let unknown = self.unknown.take().filter(|_| due.is_some() && !redirected);
+        let is_late = unknown.is_some() && unknown != due;
+        let due = unknown.or(due);
         let wanted = due.or(state.frame.filter(|_| self.shown_look != self.look));
         let is_mixing = state.settings.mode == Mode::RealTime && state.settings.interpolate;
         // Who comes late has no use for what comes later.
-        let ahead = if state.playing && !is_mixing && dropped == 0 { AHEAD } else { 0 };
+        let ahead = if state.playing && !is_mixing && !is_late && dropped == 0 { AHEAD } else { 0 };
         let expected: Vec<FrameTime> = wanted.into_iter().chain(self.clock.upcoming(ahead)).take(1 + ahead).collect();
         // What is on the screen keeps its number when it is asked for again.
         let first_number = self.shown_number + u64::from(due.is_some() || wanted.is_none());
@@ -189,7 +201,6 @@ impl Player {
         let fitting = &on_their_way[before..];
         let fits = fitting.len() <= expected.len()
             && fitting.iter().zip(&expected).all(|(&(time, look), &e)| time == e && look == self.look);
-        let redirected = std::mem::take(&mut self.is_redirected);
         let is_known = fits && !fitting.is_empty();
         let mut missing = &expected[if is_known { fitting.len() } else { 0 }..];
         let must_seek = redirected && (before > 0 || !fits);
@@ -200,11 +211,17 @@ impl Player {
                 }
                 return;
             };
-            let id = if must_seek {
+            if must_seek {
                 self.forget_all();
-                self.pipelined.seek(request(first))
+            }
+            let Some(request) = request(first) else {
+                self.unknown = due;
+                return;
+            };
+            let id = if must_seek {
+                self.pipelined.seek(request)
             } else {
-                let id = self.pipelined.replace(request(first));
+                let id = self.pipelined.replace(request);
                 self.asked.retain(|asked| self.pipelined.is_wanted(asked.id));
                 id
             };
@@ -214,7 +231,11 @@ impl Player {
         let room = expected.len().saturating_sub(self.asked.len() + self.ready.len());
         let number = first_number + (expected.len() - missing.len()) as u64;
         for (number, &time) in (number..).zip(missing.iter().take(room)) {
-            let id = self.pipelined.push(request(time));
+            let Some(request) = request(time) else {
+                self.unknown = due.filter(|&due| due == time);
+                return;
+            };
+            let id = self.pipelined.push(request);
             self.asked.extend(id.map(|id| Asked { id, time, look: self.look, number }));
         }
     }

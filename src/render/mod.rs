@@ -6,6 +6,8 @@
 
 pub mod cpu;
 pub mod gpu;
+mod grid;
+mod optics_tables;
 pub mod probe;
 pub mod reference;
 
@@ -18,6 +20,8 @@ use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::visibility::{CellSet, DrawnFaces, Skip};
+pub use grid::GridScene;
+pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -44,8 +48,14 @@ pub struct RenderJob {
     pub view: View,
     /// Transfer function.
     pub table: Arc<NodeTable>,
+    /// The transfer function, if it is of more than the scalar; `table` is then its
+    /// [projection](crate::node_table::GridTable::projection), for whatever leaves out where nothing is to be seen. Segments are
+    /// integrated exactly then, whatever the optics.
+    pub grid: Option<GridScene>,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
+    /// The transfer function prepared for these optics, if that has been done; a renderer does it itself otherwise.
+    pub prepared: Option<PreparedOptics>,
     /// What may be left out; the image is the same.
     pub skip: Skip,
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
@@ -103,6 +113,16 @@ pub enum RenderError {
         /// Cells of the mesh.
         cells: usize,
     },
+    /// Quantities beside the scalar and mesh do not belong together.
+    #[error("{given} values beside the scalar for a mesh of {expected} {of}")]
+    GridValueCount {
+        /// Values given.
+        given: usize,
+        /// Vertices or cells.
+        of: &'static str,
+        /// How many of them the mesh has.
+        expected: usize,
+    },
     /// A renderer that draws faces has been given none.
     #[error("no faces were chosen for a renderer that draws faces")]
     NoFaces,
@@ -150,7 +170,7 @@ impl RenderJob {
     /// Checks that the parts belong together.
     ///
     /// # Errors
-    /// If scalars or active cells are of another mesh.
+    /// If scalars, active cells or quantities beside the scalar are of another mesh.
     pub fn check(&self) -> Result<(), RenderError> {
         let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
         if self.scalars.len() != vertices {
@@ -159,7 +179,15 @@ impl RenderJob {
         if self.active.universe() != cells {
             return Err(RenderError::CellCount { set: self.active.universe(), cells });
         }
-        Ok(())
+        self.grid.as_ref().map_or(Ok(()), |grid| grid.check(&self.mesh))
+    }
+
+    /// The job with the optics that it is rendered with: exact ones for a grid.
+    fn with_optics_of_grid(mut self) -> Self {
+        if self.grid.is_some() {
+            self.optics = OpticsKind::Exact;
+        }
+        self
     }
 
     /// The view in the mesh's local coordinates: eye subtracted and scaled in f64, so that the offset of the mesh in the

@@ -17,11 +17,10 @@
 //! Clipping and pieces are the reference's own code, so that a probe sees the cells that the judge sees; tests compare the sum
 //! of all contributions with its pixels. All in f64 and on one thread.
 
-use super::reference::clip::{Cell, Segment};
-use super::reference::integrate::{END_DEPTH, pieces};
+use super::reference::clip::{Beside, Cell, Segment};
+use super::reference::integrate::{END_DEPTH, Transfer};
 use super::{RenderError, RenderJob};
 use crate::camera::View;
-use crate::node_table::NodeTable;
 use glam::DVec3;
 
 /// A point in the mesh that is seen in an image.
@@ -64,7 +63,7 @@ pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, Render
     let chain = ray.chain(job);
     let mut total = 0.0;
     let mut best: Option<(f64, &OnRay)> = None;
-    ray.absorb(&job.table, &chain, |on_ray, contribution| {
+    ray.absorb(Transfer::of(job), &chain, |on_ray, contribution| {
         total += contribution;
         if contribution > best.map_or(0.0, |(most, _)| most) {
             best = Some((contribution, on_ray));
@@ -114,7 +113,7 @@ impl Ray {
         let clipped = |number: u32| {
             let tet = job.mesh.topology.tets[number as usize];
             let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
-            let cell = Cell::new(view, tet.map(to_view), scalars)?;
+            let cell = Cell::new(view, tet.map(to_view), scalars, Beside::of_cell(job, number))?;
             let segment = cell.clip(view, self.px, self.py)?;
             Some(OnRay { number, cell, segment })
         };
@@ -163,7 +162,7 @@ impl Ray {
     }
 
     /// Tells what each visible segment gives to the opacity of the ray, from the front, until no more comes through.
-    fn absorb<'a>(&self, table: &NodeTable, chain: &'a [OnRay], mut give: impl FnMut(&'a OnRay, f64)) {
+    fn absorb<'a>(&self, table: Transfer<'_>, chain: &'a [OnRay], mut give: impl FnMut(&'a OnRay, f64)) {
         let mut depth_so_far = 0.0_f64;
         for on_ray in chain {
             let depth: f64 = self.absorbing(table, &on_ray.segment).map(|piece| piece.depth).sum();
@@ -178,9 +177,9 @@ impl Ray {
     }
 
     /// The pieces of a segment between the nodes of the table, from the front.
-    fn absorbing(&self, table: &NodeTable, segment: &Segment) -> impl Iterator<Item = Piece> {
+    fn absorbing(&self, table: Transfer<'_>, segment: &Segment) -> impl Iterator<Item = Piece> + use<> {
         let length = (segment.far - segment.near) * self.world_per_depth;
-        pieces(table, segment.scalar_near, segment.scalar_far).into_iter().map(move |(from, to, share)| Piece {
+        table.pieces(segment).into_iter().map(move |(from, to, share)| Piece {
             share,
             from: from.tau,
             to: to.tau,
@@ -192,7 +191,7 @@ impl Ray {
     /// The point of a segment in front of which half of its opacity lies.
     fn point(&self, job: &RenderJob, on_ray: &OnRay, share: f64) -> Probe {
         let OnRay { number, cell, segment } = on_ray;
-        let pieces: Vec<Piece> = self.absorbing(&job.table, segment).collect();
+        let pieces: Vec<Piece> = self.absorbing(Transfer::of(job), segment).collect();
         let depth = segment.near + half_absorbed(&pieces) * (segment.far - segment.near);
         let weights = normalised(cell.weights(self.at(depth)));
         let (mesh, tet) = (&job.mesh, job.mesh.topology.tets[*number as usize]);

@@ -3,6 +3,7 @@
 use super::array::StoredArray;
 use super::field::{Coding, StoredField};
 use super::folder::FolderSink;
+use super::histograms::HISTOGRAMS;
 use super::importance::LOD;
 use super::layout::{self, FIELDS, TIME};
 use super::staging::Staging;
@@ -170,7 +171,7 @@ fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };
     let Some((folder, key)) = key.split_once('/') else { return key != "zarr.json" };
     let Some(i) = store.fields.iter().position(|f| f.folder == folder) else { return true };
-    let renewed = ["range_per_step", "moments", ERRORS_PER_STEP, ERRORS_PER_VERTEX];
+    let renewed = ["range_per_step", "moments", HISTOGRAMS, ERRORS_PER_STEP, ERRORS_PER_VERTEX];
     if key == "zarr.json" || renewed.iter().any(|name| within(key, name)) {
         return false;
     }

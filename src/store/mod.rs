@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
-//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from) |
+//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
@@ -14,12 +14,13 @@
 //! [`StoreWriter`] writes beside the final place and moves the whole store there at the end; to add steps it begins with links to
 //! the files of the store that is there ([`StoreWriter::append`]), and [`Store::refreshed`] opens what has grown. [`Store`] reads: metadata,
 //! times and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing,
-//! damaged or other one is derived again (faces, neighbours) or not there (moments, level of detail: who needs them computes them).
+//! damaged or other one is derived again (faces, neighbours) or not there (moments, level of detail, histograms: who needs them computes them).
 
 mod append;
 mod array;
 mod field;
 mod folder;
+mod histograms;
 mod importance;
 mod info;
 mod layout;
@@ -152,8 +153,7 @@ impl Store {
         // Both lengths have been compared with the sizes of files.
         let vertices = usize::try_from(self.mesh.vertices)
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
-        let component = |folder: &String| self.fields.iter().find(|f| &f.folder == folder);
-        let components: Vec<&StoredField> = info.component_folders.iter().filter_map(component).collect();
+        let components = components_of(&self.fields, info);
         let source = self.source_of(info, &components)?;
         let series = Series {
             root: &self.root,
@@ -208,6 +208,12 @@ impl Store {
     pub fn info(&self) -> FileResult<StoreInfo> {
         StoreInfo::of(self)
     }
+}
+
+/// The fields whose norm a field is.
+fn components_of<'a>(fields: &'a [StoredField], info: &StoredField) -> Vec<&'a StoredField> {
+    let component = |folder: &String| fields.iter().find(|f| &f.folder == folder);
+    info.component_folders.iter().filter_map(component).collect()
 }
 
 fn read_times(root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<TimeAxis> {

@@ -110,14 +110,19 @@ impl StoreWriter {
         FieldWriter { root, storage: self.storage.clone(), folder, description, content, sink }
     }
 
+    pub(super) fn write_fields(&self) -> FileResult<()> {
+        let attributes = FieldsAttributes { folders: self.folders.clone() };
+        layout::write_group(self.staging.path(), &self.storage, FIELDS, &attributes)
+    }
+
     /// Writes the attributes, makes everything durable and moves the store to its place. Returns the bytes on disk.
     /// `source` says what the series was read from, `notes` what was skipped.
     ///
     /// # Errors
     /// If a file cannot be written, or the place was taken or the store that goes on was changed meanwhile.
     pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
+        self.write_fields()?;
         let root = self.staging.path();
-        layout::write_group(root, &self.storage, FIELDS, &FieldsAttributes { folders: self.folders })?;
         let attributes = RootAttributes {
             tetreel_store: layout::store_version(),
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),

@@ -65,8 +65,8 @@ fn the_box_of_decay_has_a_cavity_and_lacks_a_corner() {
     let mesh = generate(&spec(SeriesName::Decay, 20_000, 1)).unwrap().mesh().unwrap();
     let volume: f64 = mesh.tets.iter().map(|t| volume6(&mesh.points, t) / 6.0).sum();
     let domain = SeriesName::Decay.model(1).domain();
-    // Stepped outlines and jitter move the volume by a few per cent of what is missing at most.
-    assert!((volume / 8.0 - domain.fraction).abs() < 0.02, "{volume}");
+    // Stepped outlines and jitter move the volume. Measured: by 1.8e-4.
+    assert!((volume / 8.0 - domain.fraction).abs() < 1e-3, "{volume}");
     let nearest_to = |p: DVec3| mesh.points.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
     assert!(nearest_to(DVec3::new(-0.25, -0.25, -0.2)) > 0.3);
     assert!(nearest_to(DVec3::splat(1.0)) > 0.8);
@@ -83,7 +83,8 @@ fn jitter_moves_inner_points_only_and_stays_within_its_bound() {
         let at = (p - domain.lo) / edge;
         let shift = (at - at.round()).abs().max_element();
         moved += usize::from(shift > 0.01);
-        assert!(shift <= kuhn::JITTER + 1e-12, "{p}");
+        // Coordinates up to 1 are rounded to 2^-53, and divided by edges of a sixth.
+        assert!(shift <= kuhn::JITTER + 1e-14, "{p}");
     }
     // 4 * 5 * 3 points are inside; one of them stays within 0.01 on every axis once in 3000 times. Most points on faces move too.
     assert!(moved > 60, "{moved}");
@@ -107,6 +108,7 @@ fn ten_million_cells_are_met_by_arithmetic_alone() {
             let domain = name.model(1).domain();
             let cubes = domain.cubes_for(cells as f64).map(f64::from);
             let expected = 6.0 * cubes.iter().product::<f64>() * domain.fraction;
+            // Cubes are whole along three axes. Measured: 0.26 %.
             assert!((expected / cells as f64 - 1.0).abs() < 0.01, "{name}: {expected}");
             assert!(cubes.iter().map(|n| n + 1.0).product::<f64>() < f64::from(u32::MAX));
         }
@@ -147,6 +149,7 @@ fn times_increase_strictly_and_are_no_multiples_of_a_step() {
         let times = &series.times().values;
         assert_eq!(times.len(), name.default_steps());
         assert!(times.windows(2).all(|w| w[0] < w[1]), "{name}");
+        // Measured: 4e-16 of the dipole's times, 1.7e-3 and more of others.
         let uneven = times.windows(3).any(|w| (w[2] - 2.0 * w[1] + w[0]).abs() > 1e-6 * w[2]);
         assert_eq!(uneven, name != SeriesName::Dipole, "{name}: only a turning dipole keeps its step");
     }
@@ -180,7 +183,9 @@ fn decay_fades_linearly_in_time_and_ends_at_zero() {
     let first = read(&series, 0, Component::Index(0), 0);
     let middle = read(&series, 0, Component::Index(0), 4);
     let left = 1.0 - series.times().values[4] / decay::DURATION;
+    assert!(first.iter().any(|v| *v > 0.1) && left > 0.1 && left < 0.9);
     for (a, b) in first.iter().zip(&middle) {
+        // Each is rounded to f32 once: by half of this.
         assert!((f64::from(*a) * left - f64::from(*b)).abs() <= 2.0 * f64::from(a.abs() * f32::EPSILON));
     }
     assert!(first.iter().any(|v| *v > 0.3));
@@ -236,11 +241,15 @@ fn the_magnitude_of_a_vector_is_the_norm_of_its_components() {
         let parts: Vec<Vec<f32>> = (0..3).map(|i| read(&series, 1, Component::Index(i), 3)).collect();
         let magnitude = read(&series, 1, Component::Magnitude, 3);
         assert!(magnitude.iter().any(|m| *m > 0.1));
+        let mut noticed = 0;
         for (i, m) in magnitude.iter().enumerate() {
             let norm = parts.iter().map(|p| f64::from(p[i]).powi(2)).sum::<f64>().sqrt();
             // Components and norm are each rounded to f32 once.
-            assert!((norm - f64::from(*m)).abs() <= 2.0 * norm * f64::from(f32::EPSILON), "{name}");
+            let is_same = |found: f64| (norm - found).abs() <= 2.0 * norm * f64::from(f32::EPSILON);
+            assert!(is_same(f64::from(*m)), "{name}");
+            noticed += usize::from(!is_same(f64::from(parts[0][i]).hypot(f64::from(parts[1][i]))));
         }
+        assert!(noticed > 100, "{name}: a norm of two components is noticed {noticed} times");
     }
 }
 

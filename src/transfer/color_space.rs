@@ -183,8 +183,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn is_close(a: [f64; 3], b: [f64; 3], tolerance: f64) -> bool {
+        a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance)
+    }
+
     fn assert_close(a: [f64; 3], b: [f64; 3], tolerance: f64) {
-        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance), "{a:?} instead of {b:?}");
+        assert!(is_close(a, b, tolerance), "{a:?} instead of {b:?}");
     }
 
     /// `vtkColorTransferFunction::GetColor` of VTK 9.7.2 (HSV without wrapping) between two colours.
@@ -230,9 +234,10 @@ mod tests {
         for (space, from, to, colours) in VTK {
             for (f, rgb) in colours {
                 // VTK's matrix from XYZ back to RGB has four digits: up to 5e-5 of a linear channel, and sRGB's curve is
-                // less than 13 times as steep. HSV has no matrix.
-                let tolerance = if space == ColorSpace::Hsv { 1e-12 } else { 13.0 * 5e-5 };
+                // less than 13 times as steep. HSV has no matrix, only some roundings of hues up to 6 (4e-16 each).
+                let tolerance = if space == ColorSpace::Hsv { 4e-15 } else { 13.0 * 5e-5 };
                 assert_close(interpolate(space, from, to, f), rgb, tolerance);
+                assert!(!is_close(interpolate(space, from, to, f + 0.01), rgb, tolerance), "{space:?} {f}");
             }
         }
     }
@@ -244,10 +249,19 @@ mod tests {
     proptest! {
         #[test]
         fn conversions_are_inverses(rgb in colour()) {
+            let other = rgb.map(|c| if c < 0.5 { c + 0.005 } else { c - 0.005 });
+            let check = |there_and_back: &dyn Fn([f64; 3]) -> [f64; 3], tolerance: f64| {
+                assert_close(there_and_back(rgb), rgb, tolerance);
+                assert!(!is_close(there_and_back(other), rgb, tolerance), "{other:?} is taken for {rgb:?}");
+            };
             // The linear pieces of sRGB and Lab are published with four digits: their joints are off by up to 1e-5.
-            assert_close(lab_to_rgb(rgb_to_lab(rgb)), rgb, 1e-5);
-            assert_close(hsv_to_rgb(rgb_to_hsv(rgb)), rgb, 1e-12);
-            assert_close(lab_to_rgb(msh_to_lab(rgb_to_msh(rgb))), rgb, 1e-3);
+            check(&|c| lab_to_rgb(rgb_to_lab(c)), 1e-5);
+            // Some roundings of hues up to 6 (4e-16 each), and of saturations, which are differences of channels divided.
+            check(&|c| hsv_to_rgb(rgb_to_hsv(c)), 1e-14);
+            // Msh has no hue where a and b are below 0.001 of M, which is 100 at most: without 0.1 of b, Z is off by 3 * 0.1 / 200 and
+            // blue by as much at white, where sRGB's slope is 0.44; without 0.1 of a, red by 3.2 * 3 * 0.1 / 500 of that. In dark
+            // colours less.
+            check(&|c| lab_to_rgb(msh_to_lab(rgb_to_msh(c))), 1e-3);
         }
 
         #[test]
@@ -258,8 +272,10 @@ mod tests {
                 let after = refined.partition_point(|p| p.position <= f);
                 let (p, q) = (refined[after - 1], refined[after]);
                 let chord = mix(p.rgb, q.rgb, (f - p.position) / (q.position - p.position));
-                assert_close(chord, interpolate(space, a, b, f), 1.0 / 4096.0);
+                assert_close(chord, interpolate(space, a, b, f), REFINEMENT);
             }
+            // Without refinement it is noticed.
+            assert!(!is_close(mix(BLUE, AMBER, 0.5), interpolate(ColorSpace::Lab, BLUE, AMBER, 0.5), 0.01));
         }
     }
 }

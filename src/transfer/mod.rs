@@ -2,26 +2,41 @@
 //! that renderers see.
 //!
 //! A [`TransferFunction`] is a [`ColorMap`] and opacity points. A [`RangePolicy`] says which scalars its axis 0..1 covers
-//! ([`MappedRange`]). [`build_node_table`] puts both together. `docs/transfer-functions.md` is the user's page.
+//! ([`MappedRange`]), which a [`RangeMap`] may stretch. [`build_node_table`] puts both together; an [`Ensemble`] blends several
+//! by way of [`Curve`]s. `docs/transfer-functions.md` is the user's page.
 
+mod blend;
 mod color_map;
 mod color_space;
+mod curve;
+mod ensemble;
 mod file;
 mod function;
+mod keyframes;
 mod paraview;
+mod pieces;
 mod profile;
 mod range;
+mod range_map;
 mod table;
 mod text;
+mod widget;
 
+pub use blend::{Blend, ColorWeighting};
 pub use color_map::{ColorMap, ColorPoint};
+pub use curve::Curve;
+pub use ensemble::{
+    Context, Counts2d, Ensemble, Evaluator, Function, Line, Member, Reduction, Sample, Space, grid_table,
+};
 pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};
 pub use range::{MappedRange, RangePolicy};
+pub use range_map::RangeMap;
 pub use table::{OpacityKind, TOLERANCE, build_node_table};
+pub use widget::{Part, Polyline, PolylinePoint, Rectangle, Triangle, Widget};
 
 use crate::error::FileError;
-use crate::node_table::NodeTableError;
+use crate::node_table::{GridTableError, NodeTableError};
 
 /// Why a transfer function, a range or a table cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -78,12 +93,42 @@ pub enum TransferError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// A member of an ensemble is at fault.
+    #[error("member '{member}': {problem}")]
+    BadMember {
+        /// Name of the member.
+        member: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Two ensembles of which one has opacities and the other extinctions.
+    #[error(
+        "an ensemble of opacities and one of extinctions cannot be mixed; the opacity kind 'extinction' makes both alike"
+    )]
+    MixedKinds,
+    /// The curve of an ensemble has too many points.
+    #[error("an ensemble has more than {most} points in one curve; it has too many members or widgets")]
+    TooManyPoints {
+        /// How many there may be.
+        most: usize,
+    },
+    /// A range map does not increase.
+    #[error(
+        "range map: point {index} is followed by one that does not lie to the right of it and above; between 0,0 and 1,1 both coordinates must increase"
+    )]
+    BadRangeMap {
+        /// Which point, counted from 0, the end at 0,0.
+        index: usize,
+    },
     /// A unit distance that is not positive, not finite, or so small that extinction overflows.
     #[error("unit distance {0} must be positive and finite, and extinction per unit must not overflow")]
     BadUnitDistance(f64),
     /// The nodes do not make a table.
     #[error(transparent)]
     Table(#[from] NodeTableError),
+    /// Values do not make a table over several axes.
+    #[error(transparent)]
+    Grid(#[from] GridTableError),
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
-//! A transfer function over its mapped range, as a curve that is linear in the scalar between points.
+//! A transfer function over its axis, as a curve that is linear in the scalar between points.
 
 use super::TransferError;
 use super::color_map::{lerp, mix};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::range::MappedRange;
+use super::range_map::RangeMap;
 use super::table::{OpacityKind, TOLERANCE};
 
 /// Colour and opacity at one side of a scalar.
@@ -16,7 +17,7 @@ pub(super) struct Side {
 }
 
 /// A point of the curve; a step where its sides differ.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ProfilePoint {
     /// The scalar, in the field's unit.
     pub scalar: f64,
@@ -35,6 +36,23 @@ impl Side {
 /// What refinement of a logarithmic axis may use up of the table's tolerance.
 pub(super) const AXIS_TOLERANCE: f64 = TOLERANCE / 16.0;
 
+/// How closely a curve that is linear on a logarithmic axis is followed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Precision {
+    pub kind: OpacityKind,
+    /// Largest error of a colour and of an opacity; of an optical depth a, as a share of 1 + a.
+    pub tolerance: f64,
+    /// Whether colours also count where nothing is seen: where they are blended with others.
+    pub where_clear: bool,
+}
+
+/// The axis of a transfer function: a mapped range, whose positions a range map moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axis<'a> {
+    range: &'a MappedRange,
+    map: &'a RangeMap,
+}
+
 /// A place where the curve has a point: its position on the axis and its scalar.
 #[derive(Clone, Copy)]
 struct Knot {
@@ -42,82 +60,132 @@ struct Knot {
     scalar: f64,
 }
 
-/// The curve of `tf` over `range`: sorted by scalar, at least two points, all scalars different.
-///
-/// On a logarithmic axis the curve is linear in the logarithm; it is refined until within [`AXIS_TOLERANCE`].
+impl<'a> Axis<'a> {
+    pub(super) fn new(range: &'a MappedRange, map: &'a RangeMap) -> Self {
+        Self { range, map }
+    }
+
+    /// The scalar at a position 0..=1.
+    pub(super) fn scalar_at(&self, position: f64) -> f64 {
+        self.range.scalar_at(self.map.inverse(position))
+    }
+
+    /// The position of a scalar, also outside of 0..=1.
+    pub(super) fn position_of(&self, scalar: f64) -> f64 {
+        self.map.eval(self.range.position_of(scalar))
+    }
+
+    fn knot(&self, position: f64) -> Knot {
+        Knot { position, scalar: self.scalar_at(position) }
+    }
+
+    /// The curve of what has `sides` at a position and is linear between these knots: sorted by scalar, at least two
+    /// points, all scalars different.
+    ///
+    /// On a logarithmic axis such a curve is linear in the logarithm between two knots; it is refined to `precision`.
+    fn curve(
+        &self,
+        mut knots: Vec<Knot>,
+        sides: impl Fn(f64) -> [Side; 2],
+        precision: &Precision,
+    ) -> Vec<ProfilePoint> {
+        // The ends of the axis are points of the map.
+        knots.extend(self.map.points().iter().map(|p| self.knot(p[1])));
+        knots.sort_by(|a, b| a.position.total_cmp(&b.position));
+        knots.dedup_by(|next, kept| next.position == kept.position);
+        let refinement = Refinement { axis: self, precision };
+        let mut points: Vec<ProfilePoint> = Vec::new();
+        let mut previous: Option<(Knot, ProfilePoint)> = None;
+        for knot in knots {
+            let [left, right] = sides(knot.position);
+            let point = ProfilePoint { scalar: knot.scalar, left, right };
+            if self.range.is_log()
+                && let Some((before, p)) = previous
+            {
+                refinement.append((before, p.right), (knot, point.left), &mut points);
+            }
+            match points.last_mut() {
+                // Two positions nearer to each other than doubles are at this magnitude: one point, with the outer sides.
+                Some(last) if last.scalar >= point.scalar => last.right = point.right,
+                _ => points.push(point),
+            }
+            previous = Some((knot, point));
+        }
+        points
+    }
+
+    /// The curve of what has `sides` at a position and is linear between `positions`.
+    pub(super) fn curve_between(
+        &self,
+        positions: impl Iterator<Item = f64>,
+        sides: impl Fn(f64) -> [Side; 2],
+        precision: &Precision,
+    ) -> Vec<ProfilePoint> {
+        self.curve(positions.map(|p| self.knot(p)).collect(), sides, precision)
+    }
+}
+
+/// The curve of `tf` over `axis`: sorted by scalar, at least two points, all scalars different.
 pub(super) fn profile(
     tf: &TransferFunction,
-    range: &MappedRange,
-    kind: OpacityKind,
+    axis: &Axis,
+    precision: &Precision,
     unit_distance: f64,
 ) -> Result<Vec<ProfilePoint>, TransferError> {
-    let opacity = opacity_on_axis(tf, range, kind, unit_distance)?;
-    let mut points: Vec<ProfilePoint> = Vec::new();
-    let mut previous: Option<(Knot, ProfilePoint)> = None;
-    for knot in knots(tf, range) {
-        let [left_rgb, right_rgb] = tf.color_map().eval_sides(knot.position);
-        let [left_value, right_value] = value_sides(&opacity, knot.position);
-        let point = ProfilePoint {
-            scalar: knot.scalar,
-            left: Side { rgb: left_rgb, value: left_value },
-            right: Side { rgb: right_rgb, value: right_value },
-        };
-        if range.is_log()
-            && let Some((before, p)) = previous
-        {
-            refine(range, kind, (before, p.right), (knot, point.left), &mut points);
-        }
-        match points.last_mut() {
-            // Two positions nearer to each other than doubles are at this magnitude: one point, with the outer sides.
-            Some(last) if last.scalar >= point.scalar => last.right = point.right,
-            _ => points.push(point),
-        }
-        previous = Some((knot, point));
-    }
-    Ok(points)
-}
-
-/// All places where colour or opacity have a point, sorted.
-fn knots(tf: &TransferFunction, range: &MappedRange) -> Vec<Knot> {
-    let relative = |position: f64| Knot { position, scalar: range.scalar_at(position) };
-    let mut knots: Vec<Knot> = tf.color_map().points().iter().map(|p| relative(p.position)).collect();
-    knots.extend([relative(0.0), relative(1.0)]);
+    let on_axis = OnAxis::new(tf, axis, precision.kind, unit_distance)?;
+    let mut knots: Vec<Knot> = tf.color_map().points().iter().map(|p| axis.knot(p.position)).collect();
     knots.extend(tf.points().iter().map(|p| match tf.positions() {
-        PositionKind::Relative => relative(p.position),
-        PositionKind::Absolute => Knot { position: range.position_of(p.position), scalar: p.position },
+        PositionKind::Relative => axis.knot(p.position),
+        PositionKind::Absolute => Knot { position: axis.position_of(p.position), scalar: p.position },
     }));
-    knots.sort_by(|a, b| a.position.total_cmp(&b.position));
-    knots.dedup_by(|next, kept| next.position == kept.position);
-    knots
+    Ok(axis.curve(knots, |position| on_axis.sides(position), precision))
 }
 
-/// The opacity points with their positions on the axis and their values per unit distance.
-fn opacity_on_axis(
-    tf: &TransferFunction,
-    range: &MappedRange,
-    kind: OpacityKind,
-    unit_distance: f64,
-) -> Result<Vec<OpacityPoint>, TransferError> {
-    let convert = |(index, point): (usize, &OpacityPoint)| {
-        let OpacityPoint { position, value } = *point;
-        let bad = |problem| Err(TransferError::BadPoint { index, position, value, problem });
-        let on_axis = match tf.positions() {
-            PositionKind::Relative => position,
-            PositionKind::Absolute => range.position_of(position),
-        };
-        if !on_axis.is_finite() {
-            return bad("the position cannot be reached from this range (a logarithmic one is positive)");
-        }
-        let value = match tf.values() {
-            OpacityValues::Extinction => value * unit_distance,
-            OpacityValues::Opacity if kind == OpacityKind::Alpha && value > 1.0 => {
-                return bad("an opacity is at most 1; the opacity kind 'extinction' has no bound");
+/// A transfer function with the opacity points at their positions on an axis and their values per unit distance.
+#[derive(Debug)]
+pub(super) struct OnAxis<'a> {
+    tf: &'a TransferFunction,
+    opacity: Vec<OpacityPoint>,
+}
+
+impl<'a> OnAxis<'a> {
+    pub(super) fn new(
+        tf: &'a TransferFunction,
+        axis: &Axis,
+        kind: OpacityKind,
+        unit_distance: f64,
+    ) -> Result<Self, TransferError> {
+        let convert = |(index, point): (usize, &OpacityPoint)| {
+            let OpacityPoint { position, value } = *point;
+            let bad = |problem| Err(TransferError::BadPoint { index, position, value, problem });
+            let on_axis = match tf.positions() {
+                PositionKind::Relative => position,
+                PositionKind::Absolute => axis.position_of(position),
+            };
+            if !on_axis.is_finite() {
+                return bad("the position cannot be reached from this range (a logarithmic one is positive)");
             }
-            OpacityValues::Opacity => value,
+            let value = match tf.values() {
+                OpacityValues::Extinction => value * unit_distance,
+                OpacityValues::Opacity if kind == OpacityKind::Alpha && value > 1.0 => {
+                    return bad("an opacity is at most 1; the opacity kind 'extinction' has no bound");
+                }
+                OpacityValues::Opacity => value,
+            };
+            if value.is_finite() {
+                Ok(OpacityPoint { position: on_axis, value })
+            } else {
+                bad("the extinction overflows")
+            }
         };
-        if value.is_finite() { Ok(OpacityPoint { position: on_axis, value }) } else { bad("the extinction overflows") }
-    };
-    tf.points().iter().enumerate().map(convert).collect()
+        Ok(Self { tf, opacity: tf.points().iter().enumerate().map(convert).collect::<Result<_, _>>()? })
+    }
+
+    /// Colour and value just left of a position, and at it.
+    pub(super) fn sides(&self, position: f64) -> [Side; 2] {
+        let (rgb, value) = (self.tf.color_map().eval_sides(position), value_sides(&self.opacity, position));
+        std::array::from_fn(|i| Side { rgb: rgb[i], value: value[i] })
+    }
 }
 
 /// Value just left of a position, and at it.
@@ -135,34 +203,36 @@ fn value_sides(points: &[OpacityPoint], position: f64) -> [f64; 2] {
     [between(left), between(right)]
 }
 
-/// Appends the points that make a piece of a logarithmic axis, linear in the logarithm, linear in the scalar.
-fn refine(
-    range: &MappedRange,
-    kind: OpacityKind,
-    (a, a_side): (Knot, Side),
-    (b, b_side): (Knot, Side),
-    points: &mut Vec<ProfilePoint>,
-) {
-    if a_side.value == 0.0 && b_side.value == 0.0 {
-        return;
+/// Makes pieces of a logarithmic axis, linear in the logarithm, linear in the scalar.
+struct Refinement<'a> {
+    axis: &'a Axis<'a>,
+    precision: &'a Precision,
+}
+
+impl Refinement<'_> {
+    /// Appends the points that are needed between two knots.
+    fn append(&self, (a, a_side): (Knot, Side), (b, b_side): (Knot, Side), points: &mut Vec<ProfilePoint>) {
+        let Precision { kind, tolerance, where_clear } = *self.precision;
+        if a_side.value == 0.0 && b_side.value == 0.0 && !where_clear {
+            return;
+        }
+        let middle = self.axis.knot(0.5 * (a.position + b.position));
+        let splits = a.scalar < middle.scalar && middle.scalar < b.scalar;
+        let bow = chord_error_of_log(a.scalar, b.scalar);
+        let allowance = match kind {
+            OpacityKind::Alpha => 1.0,
+            OpacityKind::Extinction => 1.0 + a_side.value.min(b_side.value),
+        };
+        let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= tolerance);
+        let value_ok = bow * (a_side.value - b_side.value).abs() <= tolerance * allowance;
+        if (colour_ok && value_ok) || !splits {
+            return;
+        }
+        let side = Side::mix(&a_side, &b_side, 0.5);
+        self.append((a, a_side), (middle, side), points);
+        points.push(ProfilePoint { scalar: middle.scalar, left: side, right: side });
+        self.append((middle, side), (b, b_side), points);
     }
-    let position = 0.5 * (a.position + b.position);
-    let middle = Knot { position, scalar: range.scalar_at(position) };
-    let splits = a.scalar < middle.scalar && middle.scalar < b.scalar;
-    let bow = chord_error_of_log(a.scalar, b.scalar);
-    let allowance = match kind {
-        OpacityKind::Alpha => 1.0,
-        OpacityKind::Extinction => 1.0 + a_side.value.min(b_side.value),
-    };
-    let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= AXIS_TOLERANCE);
-    let value_ok = bow * (a_side.value - b_side.value).abs() <= AXIS_TOLERANCE * allowance;
-    if (colour_ok && value_ok) || !splits {
-        return;
-    }
-    let side = Side::mix(&a_side, &b_side, 0.5);
-    refine(range, kind, (a, a_side), (middle, side), points);
-    points.push(ProfilePoint { scalar: middle.scalar, left: side, right: side });
-    refine(range, kind, (middle, side), (b, b_side), points);
 }
 
 /// Largest distance between the logarithm and its chord from `a` to `b`, as a share of the logarithm's rise.

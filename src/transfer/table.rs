@@ -14,11 +14,13 @@
 use super::TransferError;
 use super::color_map::lerp;
 use super::function::{OpacityValues, TransferFunction};
-use super::profile::{AXIS_TOLERANCE, ProfilePoint, Side, profile};
+use super::profile::{AXIS_TOLERANCE, Axis, Precision, ProfilePoint, Side, profile};
 use super::range::MappedRange;
+use super::range_map::RangeMap;
 use crate::node_table::{Node, NodeTable};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
+use std::fmt;
 use std::str::FromStr;
 
 /// What the values of opacity points mean, a, over the unit distance u.
@@ -31,6 +33,16 @@ pub enum OpacityKind {
     /// a is the optical depth of such a layer, unbounded; between two points extinction is linear. tau = a / u. This is
     /// what the unstructured-grid mappers of VTK and ParaView do.
     Extinction,
+}
+
+impl fmt::Display for OpacityKind {
+    /// As it is read.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Alpha => "alpha",
+            Self::Extinction => "extinction",
+        })
+    }
 }
 
 impl FromStr for OpacityKind {
@@ -82,12 +94,27 @@ pub fn build_node_table(
     kind: OpacityKind,
     unit_distance: f64,
 ) -> Result<NodeTable, TransferError> {
-    if !(unit_distance > 0.0 && unit_distance.is_finite() && (OPAQUE_DEPTH / unit_distance).is_finite()) {
-        return Err(TransferError::BadUnitDistance(unit_distance));
-    }
+    check_unit_distance(unit_distance)?;
     let kind = if tf.values() == OpacityValues::Extinction { OpacityKind::Extinction } else { kind };
-    let curve = profile(tf, range, kind, unit_distance)?;
-    let vertices = vertices(&curve, kind);
+    let map = RangeMap::default();
+    let precision = Precision { kind, tolerance: AXIS_TOLERANCE, where_clear: false };
+    let curve = profile(tf, &Axis::new(range, &map), &precision, unit_distance)?;
+    node_table(&curve, kind, unit_distance)
+}
+
+fn check_unit_distance(unit_distance: f64) -> Result<(), TransferError> {
+    let is_usable = unit_distance > 0.0 && unit_distance.is_finite() && (OPAQUE_DEPTH / unit_distance).is_finite();
+    if is_usable { Ok(()) } else { Err(TransferError::BadUnitDistance(unit_distance)) }
+}
+
+/// The table of a curve: at least one point, all scalars different.
+pub(super) fn node_table(
+    curve: &[ProfilePoint],
+    kind: OpacityKind,
+    unit_distance: f64,
+) -> Result<NodeTable, TransferError> {
+    check_unit_distance(unit_distance)?;
+    let vertices = vertices(curve, kind);
     let node =
         |v: &Vertex| Node { scalar: v.scalar, rgb: v.rgb.map(|c| c.clamp(0.0, 1.0)), tau: v.depth / unit_distance };
     let nodes: Vec<Node> = vertices.iter().map(node).collect();

@@ -1,5 +1,6 @@
 //! What a user can do, as plain data.
 
+use super::EnsembleChoice;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
@@ -50,6 +51,10 @@ pub enum Action {
     },
     /// Parallel projection, or perspective.
     OtherProjection,
+    /// Ensembles of the project, or those of its timeline again and with them its levels of detail and optics.
+    Ensembles(EnsembleChoice),
+    /// Whether the camera goes along the path of the project.
+    CameraPath(bool),
     /// Another field of the store.
     Field(FieldSelector),
     /// Other colours.

@@ -1,6 +1,6 @@
 //! The table of keys: what they do, and what the help says about them.
 
-use super::Action;
+use super::{Action, EnsembleChoice};
 use crate::camera::Axis;
 use crate::playback::Command;
 
@@ -43,8 +43,11 @@ pub fn bindings() -> Vec<Binding> {
     let shifted = |key, action, help| Binding { key, shift: true, action, help };
     let letter = |c, action, help| plain(Key::Char(c), action, help);
     let along = |axis, from_positive| Action::ViewAlong { axis, from_positive };
+    let ensemble = |(index, digit)| {
+        letter(digit, Action::Ensembles(EnsembleChoice::One(index)), "an ensemble of the project, at all times")
+    };
     let (axes, other_side) = ("look along an axis", "the same from the other side");
-    vec![
+    let mut all = vec![
         plain(Key::Space, Action::Play(Command::Toggle), "play or pause"),
         plain(Key::Left, Action::Play(Command::Step(-1)), "one step back or on"),
         plain(Key::Right, Action::Play(Command::Step(1)), "one step back or on"),
@@ -68,10 +71,16 @@ pub fn bindings() -> Vec<Binding> {
         shifted(Key::Char('Y'), along(Axis::Y, true), other_side),
         shifted(Key::Char('Z'), along(Axis::Z, true), other_side),
         letter('V', Action::OtherProjection, "perspective or parallel"),
+    ];
+    all.extend(('1'..='9').enumerate().map(ensemble));
+    all.extend([
+        letter('0', Action::Ensembles(EnsembleChoice::Project), "the project's timeline again, with its ensembles"),
+        letter('C', Action::CameraPath(true), "the project's camera path again"),
         letter('S', Action::Screenshot, "save the picture as a PNG file here"),
         letter('H', Action::Help, "this help"),
         letter('?', Action::Help, "this help"),
-    ]
+    ]);
+    all
 }
 
 const MANY_STEPS_HELP: &str = "ten steps back or on";

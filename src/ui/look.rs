@@ -1,9 +1,11 @@
 //! What frames look like, and the requests for them.
 
+use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{Node, NodeTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
+use crate::project::{Moment, Project};
 use crate::store::StoredField;
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction, build_node_table};
 use crate::visibility::Skip;
@@ -35,27 +37,17 @@ pub struct Look {
     pub optics: OpticsKind,
     /// What may be left out.
     pub skip: Skip,
+    /// What a project says instead, if there is one.
+    pub followed: Followed,
 }
 
-/// The scalars that a transfer function covers at a moment of a field.
-///
-/// Between two steps their ranges are interpolated as the scalars are: no mixed scalar lies outside, and colours do not jump
-/// at a step.
+/// The scalars that a transfer function covers at a moment of a field ([`FrameTime::scalar_ranges`]).
 ///
 /// # Errors
 /// As [`RangePolicy::resolve`].
 pub fn mapped_range(field: &StoredField, policy: &RangePolicy, time: FrameTime) -> Result<MappedRange, TransferError> {
-    let nothing = (f64::NAN, f64::NAN);
-    let ends = |range: Option<[f32; 2]>| range.map_or(nothing, |[lo, hi]| (f64::from(lo), f64::from(hi)));
-    let series = ends(field.range);
-    // A step without a finite value shows nothing, whatever the colours.
-    let of = |step: usize| match field.range_per_step.get(step).copied().flatten() {
-        None => series,
-        range => ends(range),
-    };
-    let (lo, hi) = of(time.step());
-    let of_step = (time.mix(lo, |next| of(next).0), time.mix(hi, |next| of(next).1));
-    policy.resolve(series, of_step)
+    let (series, step) = time.scalar_ranges(field);
+    policy.resolve(series, step)
 }
 
 impl Look {
@@ -65,11 +57,11 @@ impl Look {
     /// If the mesh has no extent that a camera can frame.
     pub fn default_for(series: &Series, tf: TransferFunction) -> Result<Self, CameraError> {
         let bounds = series.mesh().positions.world_bounds();
-        let (range, opacity_kind, mode, faces, backend, optics, skip) = Default::default();
+        let (range, opacity_kind, mode, faces, backend, optics, skip, followed) = Default::default();
         let camera = Camera::default_for(bounds)?;
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics, skip })
+        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics, skip, followed })
     }
 
     /// The table over a range.
@@ -85,8 +77,10 @@ impl Look {
 const TABLES_KEPT: usize = 4;
 
 /// Makes requests, and tables only when they change.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Requests {
+    /// What a project says, if there is one.
+    moments: Option<Moments>,
     /// What the tables are for.
     tables_of: Option<Look>,
     tables: Vec<(MappedRange, Arc<NodeTable>)>,
@@ -97,21 +91,61 @@ pub(super) struct Requests {
 }
 
 impl Requests {
-    /// The request for a moment. If there is no table for it, an empty one, and [`Self::problem`] says why.
+    /// With a project, whose moments come before looks.
+    pub(super) fn of(moments: Option<Moments>) -> Self {
+        Self { moments, ..Self::default() }
+    }
+
+    /// The project.
+    pub(super) fn project(&self) -> Option<&Arc<Project>> {
+        self.moments.as_ref().map(Moments::project)
+    }
+
+    /// Whether a moment of the project is being worked out.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.moments.as_ref().is_some_and(Moments::is_waiting)
+    }
+
+    /// Takes what has been worked out.
+    pub(super) fn collect(&mut self) {
+        if let Some(moments) = &mut self.moments {
+            moments.collect();
+        }
+    }
+
+    /// The request for a moment; `None`: what the project says is not known yet. `level` is the level of detail for one that is
+    /// wanted. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
     pub(super) fn make(
         &mut self,
         look: &Look,
-        field: &StoredField,
+        series: &Arc<Series>,
         time: FrameTime,
         size: (usize, usize),
-    ) -> FrameRequest {
-        let table = self.table(look, field, time).unwrap_or_else(|error| {
-            self.problem = Some(format!("field {}: {error}", field.name));
-            Arc::new(clear())
+        level: &mut dyn FnMut(f64) -> f64,
+    ) -> Option<FrameRequest> {
+        let said = match &mut self.moments {
+            None => Ok(Moment::default()),
+            Some(moments) => moments.at(look, series, time)?,
+        };
+        let made = said.and_then(|said| {
+            let table = match &said.table {
+                Some(table) => table.clone(),
+                None => self.table(look, series.field(), time).map_err(|error| error.to_string())?,
+            };
+            Ok((said, table))
         });
-        let Look { mode, faces, optics, backend, skip, camera, .. } = *look;
+        let (said, table) = made.unwrap_or_else(|error| {
+            self.problem = Some(format!("field {}: {error}", series.field().name));
+            (Moment::default(), Arc::new(clear()))
+        });
+        let Look { mode, faces, backend, skip, followed, .. } = *look;
+        let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
+        let lod = level(said.lod.filter(|_| followed.lod).unwrap_or(faces.lod));
+        let faces = FaceDetail { lod, ..faces };
+        let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
-        FrameRequest { mode, faces, optics, backend, for_window, skip, ..FrameRequest::new(time, camera, table, size) }
+        let request = FrameRequest::new(time, camera, table, size);
+        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, grid: said.grid, ..request })
     }
 
     fn table(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Arc<NodeTable>, TransferError> {

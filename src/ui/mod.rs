@@ -5,7 +5,7 @@
 //! none. With the feature `gui`, `window` shows it.
 //!
 //! The thread of the window never decodes, renders, converts an image or touches a file: the pipeline has its own threads, so
-//! have [`picture`], [`mod@probe`], [`survey`] and [`thumbnails`], and fields are opened and images written on threads of their
+//! have [`picture`], [`mod@probe`], [`survey`] and [`thumbnails`], what a project shows is worked out beside it, and fields are opened and images written on threads of their
 //! own. While nothing changes, nothing is asked of the pipeline and the window is not painted.
 
 mod action;
@@ -17,6 +17,7 @@ mod jobs;
 mod keeper;
 pub mod keys;
 mod look;
+mod moments;
 mod motion;
 mod notice;
 pub mod opacity;
@@ -24,6 +25,8 @@ pub mod opening;
 mod pace;
 pub mod picture;
 pub mod probe;
+#[cfg(test)]
+mod project_tests;
 mod session;
 #[cfg(test)]
 mod session_tests;
@@ -39,6 +42,7 @@ pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;
 pub use look::{DEFAULT_TF, Look, mapped_range};
+pub use moments::{EnsembleChoice, Followed};
 pub use motion::{DEFAULT_TARGET_FPS, TARGET_FPS};
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;

@@ -63,7 +63,7 @@ mod tests {
     fn fast_frames_stay_in_full_and_slow_ones_become_smaller() {
         let share_for = |full_ms| super::share_for(full_ms, TARGET_MS);
         assert_eq!([0.0, 5.0, TARGET_MS].map(share_for), [1.0; 3]);
-        assert!((share_for(4.0 * TARGET_MS) - 0.5).abs() < 1e-12);
+        assert_eq!(share_for(4.0 * TARGET_MS), 0.5, "a quarter and its root are exact");
         assert_eq!([share_for(1e9), share_for(f64::NAN)], [SCALE_MIN, 1.0]);
     }
 

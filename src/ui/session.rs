@@ -10,13 +10,15 @@ use super::insight::Insight;
 use super::jobs::Jobs;
 use super::look::{Look, Requests};
 use super::mapped_range;
+use super::moments::{EnsembleChoice, Moments};
 use super::motion::Motion;
 use super::notice::{self, Notice, NoticeKind};
 use crate::camera::Camera;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::playback::{Player, State};
+use crate::project::Project;
 use crate::store::Store;
-use crate::transfer::MappedRange;
+use crate::transfer::{MappedRange, RangePolicy};
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,6 +30,8 @@ pub struct SessionOptions {
     pub store: Arc<Store>,
     /// What frames look like.
     pub look: Look,
+    /// What is shown instead, from moment to moment.
+    pub project: Option<Arc<Project>>,
     /// Whether somebody chose the camera; otherwise it frames the mesh in whatever window there is.
     pub camera_is_chosen: bool,
     /// Display-referred colour behind the volume.
@@ -53,6 +57,14 @@ pub struct Shown {
     pub is_kept: bool,
 }
 
+/// What frames are asked for anew if it changes.
+struct Asked {
+    look: Look,
+    size_px: (usize, usize),
+    /// Level of detail of the moment.
+    lod: f64,
+}
+
 /// A player, what its frames look like, and what the user is told.
 ///
 /// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits for anything. `now` is the
@@ -62,8 +74,10 @@ pub struct Session {
     store: Arc<Store>,
     look: Look,
     requests: Requests,
+    /// Those of small pictures.
+    previews: Requests,
     /// What the frames on their way look like.
-    asked: Option<(Look, (usize, usize))>,
+    asked: Option<Asked>,
     home: Camera,
     camera_is_chosen: bool,
     motion: Motion,
@@ -108,13 +122,18 @@ impl Session {
     pub fn new(player: Player, options: SessionOptions, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let insight = Insight::of(player.pipelined().series().clone(), wake.clone())?;
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
-        let SessionOptions { target_fps, holds_rate, screenshot_folder, .. } = options;
+        let SessionOptions { target_fps, holds_rate, screenshot_folder, project, .. } = options;
+        let requests = || -> io::Result<Requests> {
+            let moments = project.clone().map(|project| Moments::start(project, wake.clone()));
+            Ok(Requests::of(moments.transpose()?))
+        };
         Ok(Self {
             player,
             store,
             home: look.camera,
             look,
-            requests: Requests::default(),
+            requests: requests()?,
+            previews: requests()?,
             asked: None,
             camera_is_chosen,
             motion: Motion::default(),
@@ -161,6 +180,34 @@ impl Session {
         &self.look
     }
 
+    /// What is shown instead, from moment to moment.
+    pub fn project(&self) -> Option<&Arc<Project>> {
+        self.requests.project()
+    }
+
+    /// Whether colours come from ensembles of the project.
+    pub fn shows_ensembles(&self) -> bool {
+        let has_ensembles = self.project().is_some_and(|project| !project.ensembles.is_empty());
+        has_ensembles && self.look.followed.ensembles != EnsembleChoice::Own
+    }
+
+    /// Whether the camera goes along the path of the project.
+    pub fn follows_path(&self) -> bool {
+        let has_path = self.project().is_some_and(|project| !project.timeline.cameras.keys().is_empty());
+        has_path && self.look.followed.camera
+    }
+
+    /// Where from: on the path of the project, as the picture on the screen.
+    pub fn camera(&self) -> Camera {
+        let on_path = self.shown.as_ref().filter(|_| self.follows_path());
+        on_path.map_or(self.look.camera, |shown| shown.request.camera)
+    }
+
+    /// Whether what the project shows is being worked out.
+    pub fn is_working_out(&self) -> bool {
+        self.requests.is_waiting()
+    }
+
     /// Display-referred colour behind the volume.
     pub fn background(&self) -> [f32; 3] {
         self.background
@@ -178,7 +225,7 @@ impl Session {
 
     /// Whether a frame is on its way.
     pub fn is_waiting(&self) -> bool {
-        self.player.pipelined().wanted() > 0
+        self.player.pipelined().wanted() > 0 || self.requests.is_waiting()
     }
 
     /// How many frames were shown that had been kept.
@@ -263,6 +310,19 @@ impl Session {
     pub fn shown_range(&self) -> Option<MappedRange> {
         let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
         mapped_range(self.series().field(), &self.look.range, time).ok()
+    }
+
+    /// The scalars that a legend covers, and their colours by positions 0..=1.
+    pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
+        // Members of ensembles have ranges of their own.
+        let table = self.shown.as_ref().filter(|_| self.shows_ensembles()).map(|shown| &shown.request.table);
+        let series = || mapped_range(self.series().field(), &RangePolicy::Series, 0.into()).ok();
+        let range = if table.is_some() { series() } else { self.shown_range() }?;
+        let colors = move |position| match table {
+            Some(table) => table.eval(range.scalar_at(position)).rgb,
+            None => self.look.tf.color_map().eval(position),
+        };
+        Some((range, colors))
     }
 
     /// The place for the image has so many pixels of the screen; none: nothing is rendered.

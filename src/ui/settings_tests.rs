@@ -22,6 +22,7 @@ fn look(scale: f64) -> Look {
         backend,
         optics,
         skip: Default::default(),
+        followed: Default::default(),
     }
 }
 

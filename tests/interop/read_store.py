@@ -50,6 +50,8 @@ def check_field(group, steps, vertices):
     mean, variance, count = group["moments"][:]
     assert mean.shape == (vertices,) and (count <= steps).all()
     assert (variance[count > 0] >= 0).all()
+    if "histograms" in group:  # only of stores that were imported at once
+        check_histograms(group["histograms"], steps, vertices)
     if group.attrs["codec"] == "magnitude":
         assert group.attrs["magnitude_of"]
         return
@@ -63,6 +65,22 @@ def check_field(group, steps, vertices):
         finite = values[np.isfinite(values)]
         expected = [finite.min(), finite.max()] if len(finite) else [np.nan, np.nan]
         np.testing.assert_array_equal(ranges[step], np.array(expected, np.float32))
+
+
+def check_histograms(group, steps, vertices):
+    for name, shape, samples in [
+        ("scalar", (256,), steps * vertices),
+        ("scalar_gradient", (64, 256), None),  # of cells
+        ("cov", (256,), vertices),
+        ("scalar_cov", (64, 256), steps * vertices),
+    ]:
+        counts = group[name]
+        assert counts.shape == shape and counts.dtype == np.uint64 and counts.attrs["steps"] == steps
+        total = counts[:].sum() + counts.attrs["nonfinite"]
+        assert samples is None or total == samples
+        for axis in ["x_range", "y_range"]:
+            ends = counts.attrs[axis]
+            assert ends is None or ends[0] <= ends[1]
 
 
 def decode_vq(group, step):

@@ -49,14 +49,16 @@ fn the_most_important_vertices_of_real_series_change() {
         let source = import::open(&dir.join(file)).unwrap();
         let store = imported(&*source, &out.path().join("series.zarr"), field, StepRange::default());
         let [ours, plain] = [CovDenominator::default(), CovDenominator::Plain].map(|d| dead_share(&store, d));
+        // Measured: none.
         assert!(ours < 0.05, "{field}: {ours}");
         let (statistics, range) = statistics(&store);
         if field == "dye" {
-            // 84 % in an evaluation by other means.
-            assert!((plain - 0.84).abs() < 0.01, "the plain formula is worth a floor: {plain}");
+            // 84 % in an evaluation by other means (half a unit of its last digit); measured: 84.3 %.
+            assert!((plain - 0.84).abs() < 0.005, "the plain formula is worth a floor: {plain}");
         } else {
             // Sines about zero: what the plain formula orders is the rounding of their means.
             let cov = statistics.coefficient_of_variation(Some(range), CovDenominator::Plain);
+            // Measured: all are beyond.
             let large = cov.iter().filter(|&&c| c > 1e6).count();
             assert!(large as f64 > 0.9 * cov.len() as f64, "{large} of {}", cov.len());
         }
@@ -68,7 +70,7 @@ fn the_most_important_vertices_of_a_series_around_zero_change() {
     let out = tempfile::tempdir().unwrap();
     let store = imported(&dipole(60), &out.path().join("dipole.zarr"), "potential", StepRange::default());
     assert!(dead_share(&store, CovDenominator::default()) < 0.05);
-    // Whole turns: means are rounding noise, and the plain formula divides by them.
+    // Whole turns: means are rounding noise, and the plain formula divides by them. Measured: 35, and infinity; none is dead.
     let (statistics, range) = statistics(&store);
     let greatest = |d| statistics.coefficient_of_variation(Some(range), d).into_iter().fold(0.0, f64::max);
     assert!(greatest(CovDenominator::default()) < 100.0 && greatest(CovDenominator::Plain) > 1e4);

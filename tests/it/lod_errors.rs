@@ -99,6 +99,8 @@ fn the_usual_ranking_is_no_worse_than_chance_and_mostly_better() {
         let field = if field.is_empty() { store.fields()[0].name.clone() } else { field.to_owned() };
         let [ours, global] = ratios(&store, &field, &samplings).try_into().unwrap();
         println!("{file} {field}: {ours:.3?} of the error of chance at levels {LEVELS:?}; global {global:.3?}");
+        // Measured: 1.048 at most (jet dye at 5 %), which is within what one random subset differs from others by
+        // (`docs/performance.md`, 0.90 to 1.11). By the coefficient of variation: up to 3.3, on convection.
         assert!(ours.iter().all(|&r| r <= 1.05), "{file} {field}: {ours:?}");
         better += ours.iter().filter(|&&r| r < 1.0).count();
         all += LEVELS.len();

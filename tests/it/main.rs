@@ -15,6 +15,7 @@ mod meshes;
 mod no_unsafe;
 mod peers;
 mod pipeline;
+mod range_map;
 mod render;
 mod samples;
 mod series;

@@ -26,8 +26,8 @@ use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use tetreel::ui::mapped_range;
 
-/// The project's bound for pixels whose value is known.
-const EXACT: f64 = 1e-5;
+/// What a channel whose value is known may be off by: roundings of f32 sums below 0.1. Measured: 1.8e-8.
+const EXACT: f64 = 1e-7;
 
 /// Every renderer that there is on the CPU.
 fn all(job: &RenderJob) -> [(&'static str, RgbaImage); 3] {
@@ -75,7 +75,8 @@ mod narrow_opacities {
         let tf = file(temp.path());
         let table = build_node_table(&tf, &range, OpacityKind::Extinction, UNIT_DISTANCE).unwrap();
         assert_eq!(tf.color_map().points().len(), 2, "the colours have no node within the tent");
-        // The area of the tent, 0.2 x 0.2 / 2, over the unit distance: an optical depth of 0.08, an opacity of 0.0769.
+        // The area of the tent, 0.2 x 0.2 / 2, over the unit distance: an optical depth of 0.08, an opacity of 0.0769 (half a unit
+        // of its last digit).
         let depth = 0.5 * 0.2 * 0.2 / UNIT_DISTANCE;
         assert!((-(-depth).exp_m1() - 0.0769).abs() < 5e-5);
         for jitter in [0.0, 0.16] {
@@ -87,7 +88,7 @@ mod narrow_opacities {
             let ends = NodeTable::new(vec![table.eval(0.0), table.eval(1.0)]).unwrap();
             let job = RenderJob { table: Arc::new(ends), ..job };
             for (name, image) in all(&job) {
-                assert!(worst(&job, &image, depth) > 1000.0 * EXACT, "{name} would not have been told from nothing");
+                assert!(worst(&job, &image, depth) > 1e5 * EXACT, "{name} would not have been told from nothing");
             }
         }
     }
@@ -120,6 +121,7 @@ mod narrow_opacities {
             // A table may be off by 2^-12 in the opacity of a unit distance, here over a length of 0.2 of four such.
             let bound = 0.8 * tetreel::transfer::TOLERANCE + EXACT;
             assert!(worst(&job, &image, depth) <= bound, "{name}: off by {:.1e}", worst(&job, &image, depth));
+            assert!(worst(&job, &image, 1.01 * depth) > bound, "{name}: a hundredth more is not noticed");
         }
     }
 }
@@ -202,7 +204,7 @@ mod ranges_that_widen {
         player.apply(Command::Play, Duration::ZERO).unwrap();
         let mut shown = Vec::new();
         while !player.clock().state().ended || player.pipelined().wanted() > 0 {
-            match player.tick(Duration::ZERO, &mut |time| request(time)).shown {
+            match player.tick(Duration::ZERO, &mut |time| Some(request(time))).shown {
                 Some(delivery) => shown.push(bits(&delivery.frame.unwrap())),
                 None => drop(player.wait(LONG)),
             }
@@ -333,7 +335,7 @@ mod pixel_centres {
                 assert!(max <= EXACT, "{name}: off by {max:.1e}");
                 // Half a pixel to one side is noticed. Measured: RMSE 0.07 and more.
                 let (rmse, _) = difference(left, &mirrored(half));
-                assert!(rmse > 1000.0 * EXACT, "{name}: half a pixel makes a difference of {rmse:.1e} only");
+                assert!(rmse > 1e5 * EXACT, "{name}: half a pixel makes a difference of {rmse:.1e} only");
             }
         }
     }

@@ -66,6 +66,7 @@ fn blocks_are_read_ahead_as_far_as_the_budget_goes_and_frames_do_not_depend_on_i
         let series = Arc::new(Series::open_with(&store, None, blocks.clone()).unwrap());
         let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
         let pipelined = Pipelined::start(Pipeline::new(series.clone()), &options, || ()).unwrap();
+        let mut before = None;
         for first in 0..6 {
             let upcoming: Vec<usize> = (first..6).collect();
             pipelined.expect(&upcoming);
@@ -78,7 +79,10 @@ fn blocks_are_read_ahead_as_far_as_the_budget_goes_and_frames_do_not_depend_on_i
             pipelined.push(at_step.clone()).unwrap();
             let frame = pipelined.wait(LONG).unwrap().frame.unwrap();
             assert_eq!(frame.stats.bytes_read, 0, "step {first} was there before it was needed");
-            assert!(bits(&frame) == bits(alone.render(&at_step).unwrap()));
+            let expected = bits(alone.render(&at_step).unwrap());
+            assert!(bits(&frame) == expected);
+            assert!(before.as_ref() != Some(&expected), "another step would be seen");
+            before = Some(expected);
             assert!(blocks.statistics().resident_bytes <= (budget_steps * step_bytes).max(step_bytes));
         }
     }
@@ -106,7 +110,7 @@ fn a_player_shows_the_steps_that_a_running_simulation_adds() {
             let mut shown = Vec::new();
             player.apply(Command::Play, Duration::ZERO).unwrap();
             while !player.clock().state().ended || player.pipelined().wanted() > 0 {
-                let tick = player.tick(Duration::ZERO, &mut |time| FrameRequest { time, ..request.clone() });
+                let tick = player.tick(Duration::ZERO, &mut |time| Some(FrameRequest { time, ..request.clone() }));
                 match tick.shown {
                     Some(delivery) => shown.push((delivery.request.time.step(), bits(&delivery.frame.unwrap()))),
                     None => drop(player.wait(LONG)),
@@ -241,4 +245,46 @@ mod gpu {
         }
         assert!(pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request }).is_ok());
     }
+}
+
+#[test]
+fn tables_come_to_the_renderer_ready_made_and_are_changed_where_the_transfer_function_is() {
+    use tetreel::optics::OpticsKind;
+    use tetreel::render::{RenderJob, Renderer, cpu::raycast::Raycast};
+    let temp = tempfile::tempdir().unwrap();
+    let (mut pipeline, request) = jet(temp.path());
+    let with_node = |at: f64, tau: f64| {
+        let mut nodes = request.table.nodes().to_vec();
+        let scalar = nodes[0].scalar + at * (nodes[nodes.len() - 1].scalar - nodes[0].scalar);
+        let place = nodes.partition_point(|n| n.scalar < scalar);
+        nodes[place].tau = tau;
+        Arc::new(tetreel::node_table::NodeTable::new(nodes).unwrap())
+    };
+    let looked_up = FrameRequest { optics: OpticsKind::Table3d, ..request.clone() };
+    let mut built = |request: &FrameRequest| {
+        let job = pipeline.prepare(request).unwrap();
+        assert!(job.prepared.is_some(), "it is made where cells are ordered");
+        let found = job.stats.table_entries_built;
+        let anew = RenderJob { prepared: None, ..job.clone() };
+        let [given, anew] = [job, anew].map(|job| bits(Raycast::new().render(job).unwrap()));
+        assert!(given == anew, "a table that was changed is one made anew");
+        found
+    };
+    let all = 128 * 128 * 16;
+    assert_eq!(built(&looked_up), all);
+    // Another step, another camera: the same table.
+    assert_eq!(built(&FrameRequest { time: 1.into(), ..looked_up.clone() }), 0);
+    let late = built(&FrameRequest { table: with_node(0.9, 3.0), ..looked_up.clone() });
+    assert!(late > 0 && late < all / 2, "{late} of {all}");
+    for optics in [OpticsKind::Exact, OpticsKind::Partial] {
+        assert_eq!(built(&FrameRequest { optics, ..request.clone() }), 0);
+    }
+    // The count comes out with the frame, from the pipeline with stages of their own too.
+    let series = Arc::new(Series::open(&Store::open(temp.path().join("jet.zarr")).unwrap(), None).unwrap());
+    let pipelined = Pipelined::start(Pipeline::new(series), &PipelinedOptions::default(), || ()).unwrap();
+    let entries = [looked_up.clone(), FrameRequest { time: 2.into(), ..looked_up }].map(|request| {
+        pipelined.push(request).unwrap();
+        pipelined.wait(LONG).unwrap().frame.unwrap().stats.table_entries_built
+    });
+    assert_eq!(entries, [all, 0]);
 }

@@ -2,7 +2,7 @@
 
 #[cfg(feature = "gpu")]
 use crate::render::havs;
-use crate::render::{assert_within, raycast, reference};
+use crate::render::{assert_within, is_within, raycast, reference, stretched};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -103,6 +103,8 @@ pub fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize])
                 seen = seen.max(assert_frame_agrees(&name, &job));
                 if tf == TRANSFER_FUNCTIONS[0] && step == steps[0] {
                     assert_faces_agree(&name, &job);
+                    let is_noticed = c > 0 || !is_within(&raycast(&stretched(&job)), &raycast(&job));
+                    assert!(is_noticed, "{name}: a quarter of a pixel makes no difference");
                 }
             }
         }

@@ -5,6 +5,7 @@ mod append;
 mod blocks;
 mod damage;
 mod growing;
+mod histograms;
 mod interop;
 mod properties;
 mod replace;

@@ -59,7 +59,9 @@ const PAIRS: [AccuracyPath; 4] = [
 
 /// All paths on these backends.
 pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
-    let mut all = vec![RAYS, FACES, AccuracyPath { optics: OpticsKind::Table3d, ..FACES }];
+    let mut all = vec![RAYS, FACES];
+    all.extend([RAYS, FACES].map(|path| AccuracyPath { optics: OpticsKind::Partial, ..path }));
+    all.push(AccuracyPath { optics: OpticsKind::Table3d, ..FACES });
     all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
     all.extend(IMAGE_SCALES.map(|image_scale| AccuracyPath { image_scale, ..RAYS }));
     all.extend(LODS.map(|lod| AccuracyPath { lod, ..FACES }));
@@ -148,7 +150,12 @@ mod tests {
         let gpu: Vec<_> = both.iter().filter(|path| path.backend == Backend::Gpu).collect();
         let cpu = paths(&[Backend::Cpu]);
         assert_eq!(both.len(), cpu.len() + gpu.len());
-        assert!(gpu.iter().any(|path| path.optics == OpticsKind::Table3d && path.mode == RenderMode::Raycast));
+        for optics in OpticsKind::ALL {
+            for mode in [RenderMode::Raycast, RenderMode::Havs] {
+                let on_gpu = gpu.iter().filter(|path| (path.optics, path.mode) == (optics, mode)).count();
+                assert!(on_gpu >= 1, "{optics} {mode:?}");
+            }
+        }
         assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.image_scale == 0.25));
         assert!(gpu.iter().all(|path| path.table_scalars == 128));
     }

@@ -4,6 +4,7 @@ use crate::bench::plot::pareto_front;
 use crate::bench::report::{BenchRun, RunError};
 use crate::bench::statistics::median;
 use crate::codec::raw;
+use crate::optics::OpticsKind;
 use crate::render::KBuffer;
 use std::fmt;
 
@@ -38,6 +39,9 @@ pub fn path_label(run: &BenchRun) -> String {
         (Some(k), Some(true)) if k != usual.k => label.push_str(&format!(", k = {k}")),
         (Some(k), Some(false)) => label.push_str(&format!(", k = {k} inexact")),
         _ => {}
+    }
+    if run.optics == OpticsKind::Partial.to_string() {
+        label.push_str(", partial");
     }
     if let Some(size) = run.table_size {
         label.push_str(&format!(", table {size}"));
@@ -198,6 +202,8 @@ mod tests {
         assert_eq!(path_label(&inexact), "havs GPU, k = 8 inexact");
         let small = BenchRun { image_scale: 0.25, table_size: Some(64), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&small), "raycast, table 64, image 1/4");
+        let partial = BenchRun { optics: "partial".to_owned(), ..run("jet", 1.0, 0.0) };
+        assert_eq!(path_label(&partial), "raycast, partial");
         let packed = BenchRun { codec: "vq".to_owned(), ratio: Some(12.4), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&packed), "raycast, vq 12:1");
     }

@@ -6,13 +6,13 @@ use super::sink::{Sink, Target};
 use super::{FrameRecord, Origin};
 use crate::cli::progress::Terminal;
 use crate::cli::scene::Scene;
-use crate::export::annotate::Annotator;
+use crate::export::annotate::{Annotator, ColorScale};
 use crate::export::still::{FrameAttributes, OutputFrame};
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, SharedFrame};
 use crate::render::Frame;
 use crate::stats::FrameStats;
 use crate::task::Progress;
-use crate::transfer::MappedRange;
+use crate::transfer::{ColorMap, MappedRange};
 use anyhow::{Context, ensure};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -74,14 +74,18 @@ impl Job<'_> {
         let mut records = Vec::with_capacity(frames.len());
         let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
         let (mut asked, mut refused) = (0, None);
+        // What was asked for last, and how it comes about.
+        let mut last: Option<(Origin, FrameRequest)> = None;
         // A moment that is held while nothing moves is rendered once.
         let mut held: Option<SharedFrame> = None;
         while records.len() < frames.len() {
             terminal.check_interrupted()?;
             while refused.is_none() && asked < frames.len() && on_their_way.len() < AHEAD {
-                let previous = on_their_way.back().map(|pending| pending.origin).or(records.last().map(origin_of));
-                match self.ask(asked, previous, pipelined, scene) {
-                    Ok(pending) => on_their_way.push_back(pending),
+                match self.ask(asked, last.as_ref(), pipelined, scene) {
+                    Ok((pending, request)) => {
+                        last = Some((pending.origin, request));
+                        on_their_way.push_back(pending);
+                    }
                     Err(error) => refused = Some(error),
                 }
                 asked += 1;
@@ -99,8 +103,8 @@ impl Job<'_> {
             let record = pending.record(self.plan, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = output_of(frame, pending.attributes);
-                if let (Some(annotator), Some(range)) = (&self.annotator, pending.range) {
-                    annotator.draw(&mut output.color, record.time, &scene.color_scale(range));
+                if let (Some(annotator), Some((map, range))) = (&self.annotator, pending.scale) {
+                    annotator.draw(&mut output.color, record.time, &ColorScale { map: &map, range });
                 }
                 sink.send(output, &pending.file, terminal)?;
             }
@@ -114,29 +118,29 @@ impl Job<'_> {
     fn ask(
         &self,
         index: usize,
-        previous: Option<Origin>,
+        last: Option<&(Origin, FrameRequest)>,
         pipelined: &Pipelined,
         scene: &mut Scene,
-    ) -> anyhow::Result<Pending> {
+    ) -> anyhow::Result<(Pending, FrameRequest)> {
         let planned = &self.plan.frames[index];
         let request = request_for(scene, planned)?;
         let file = self.output.path(index);
         let mut attributes = scene.attributes(&request, index);
-        let range = attributes.range;
+        let scale = scene.color_scale();
         let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request, &attributes)).transpose()?;
         let is_done = self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f));
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
-        let is_same = index > 0 && self.plan.frames[index - 1] == *planned;
-        let origin = match previous {
+        let is_same = |other: &FrameRequest| other.time == request.time && other.same_view(&request);
+        let origin = match last {
             _ if is_done => Origin::Kept,
-            Some(Origin::Rendered | Origin::Repeated) if is_same => Origin::Repeated,
+            Some((Origin::Rendered | Origin::Repeated, other)) if is_same(other) => Origin::Repeated,
             _ => Origin::Rendered,
         };
         if origin == Origin::Rendered {
             // Few are on their way: there is room for this one.
-            pipelined.push(request).context("more frames were asked for than the pipeline takes")?;
+            pipelined.push(request.clone()).context("more frames were asked for than the pipeline takes")?;
         }
-        Ok(Pending { index, attributes, range, file, origin })
+        Ok((Pending { index, attributes, scale, file, origin }, request))
     }
 }
 
@@ -151,7 +155,7 @@ struct Pending {
     index: usize,
     attributes: FrameAttributes,
     /// What its colours are for.
-    range: Option<MappedRange>,
+    scale: Option<(ColorMap, MappedRange)>,
     file: PathBuf,
     origin: Origin,
 }
@@ -169,10 +173,6 @@ impl Pending {
             stats,
         }
     }
-}
-
-fn origin_of(record: &FrameRecord) -> Origin {
-    record.origin
 }
 
 /// The next frame, unless somebody interrupts.
@@ -194,7 +194,7 @@ fn is_device_failure(error: &anyhow::Error) -> bool {
 
 /// The request of a frame: its moment, and the camera turned as far as it is by then.
 fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<FrameRequest> {
-    let mut request = scene.request(planned.time)?;
+    let mut request = scene.request_at(planned.time, planned.at)?;
     if planned.azimuth_deg != 0.0 {
         request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
     }

@@ -6,6 +6,7 @@ mod resume;
 mod sink;
 
 use super::progress::Terminal;
+use super::project::{self, Opened, Taker};
 use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::trace::Trace;
 use super::{Outcome, source};
@@ -16,16 +17,19 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
+use crate::project::Project;
 use crate::stats::FrameStats;
 use crate::store::is_store;
 use crate::task::Progress;
-use anyhow::bail;
+use anyhow::{Context, bail};
 use job::Job;
 use plan::{Plan, TimeArgs};
 use resume::Fingerprints;
 use serde::Serialize;
 use sink::{Sink, Target};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Render steps of a series to image files or to a movie
 #[derive(Debug, clap::Args)]
@@ -37,12 +41,13 @@ Example:
 
 Movies need ffmpeg on the path, or named in TETREEL_FFMPEG.")]
 pub(super) struct Args {
-    /// A store, or a source (.pvd, .vtu, .xdmf) to import to the cache first
-    #[arg(value_name = "NAME.zarr")]
+    /// A store, a source (.pvd, .vtu, .xdmf) to import to the cache first, or a project (docs/projects.md)
+    #[arg(value_name = "NAME.zarr|PROJECT.toml")]
     store: PathBuf,
-    /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9)
+    /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9); of a project, the
+    /// one that it names if none is given
     #[arg(short, long, value_name = "frame_%04d.png|movie.mp4")]
-    output: Target,
+    output: Option<Target>,
     #[command(flatten)]
     time: TimeArgs,
     #[command(flatten)]
@@ -73,9 +78,14 @@ pub(super) struct Args {
 }
 
 impl Args {
+    /// Where frames go.
+    fn target(&self) -> anyhow::Result<&Target> {
+        self.output.as_ref().context("where to? Give -o frame_%04d.png, or -o movie.mp4")
+    }
+
     /// How images are written.
     fn still_options(&self) -> anyhow::Result<StillOptions> {
-        let file = self.output.path(0);
+        let file = self.target()?.path(0);
         let is = |format| StillFormat::of(&file) == Some(format);
         if self.exr.is_some() && !is(StillFormat::Exr) {
             bail!("--exr is for EXR files; {} is none", file.display());
@@ -115,8 +125,9 @@ impl Args {
 
     /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
     fn check(&self) -> anyhow::Result<Option<Ffmpeg>> {
-        let format = match self.output {
-            Target::Movie(_, format) => Some(format),
+        let output = self.target()?;
+        let format = match output {
+            Target::Movie(_, format) => Some(*format),
             Target::Images(_) => None,
         };
         self.time.check(format.is_some())?;
@@ -124,7 +135,7 @@ impl Args {
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
         }
-        self.output.check_place()?;
+        output.check_place()?;
         for (option, path) in self.side_files() {
             files::check_place(path)?;
             if self.inputs().iter().any(|input| is_within(path, input)) {
@@ -184,42 +195,53 @@ pub(super) struct FrameRecord {
     stats: Option<FrameStats>,
 }
 
-pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+/// Renders what the command says; `words` are those of the whole command line, which come before what a project says.
+pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
+    if project::is_project(&args.store) {
+        let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, Taker::Render)?;
+        args.store = source;
+        return render(&args, Some(&project), terminal);
+    }
+    render(args, None, terminal)
+}
+
+fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let ffmpeg = args.check()?;
+    let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
     let plan = args.time.plan(store.times())?;
-    if let Target::Images(pattern) = &args.output
+    if let Target::Images(pattern) = output
         && plan.frames.len() > 1
         && !pattern.is_numbered()
     {
         bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
     }
-    if let Target::Images(pattern) = &args.output
+    if let Target::Images(pattern) = output
         && let Some(folder) = (0..plan.frames.len()).map(|frame| pattern.path(frame)).find(|path| path.is_dir())
     {
         bail!("{} is a folder; choose another name", folder.display());
     }
     for (option, path) in args.side_files() {
-        if (0..plan.frames.len()).any(|frame| same_place(path, &args.output.path(frame))) {
+        if (0..plan.frames.len()).any(|frame| same_place(path, &output.path(frame))) {
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
-    let mut scene = Scene::open(&store, &args.scene, args.image.size)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, project)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
     terminal.end();
     let checksums = checked?;
     terminal.detail(&format!("camera: {}", scene.look.camera));
-    let annotator = annotator(args, &scene);
+    let annotator = annotator(args, output, &scene);
     let (sink, fingerprints) = match ffmpeg {
         Some(ffmpeg) => {
             if args.background == Background::Transparent {
                 terminal.say("the movie is over black; --background COLOR gives it another colour");
             }
             let options = movie_options(args, &scene)?;
-            (Sink::movie(&ffmpeg, &args.output.path(0), &options)?, None)
+            (Sink::movie(&ffmpeg, &output.path(0), &options)?, None)
         }
         None => {
             let options = args.still_options()?;
@@ -229,19 +251,19 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             (Sink::images(options), Some(fingerprints))
         }
     };
-    let job = Job { plan: &plan, output: &args.output, fingerprints, annotator, resume: args.resume };
+    let job = Job { plan: &plan, output, fingerprints, annotator, resume: args.resume };
     let records = job.run(&mut scene, sink, terminal)?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
     trace.map(Trace::end).transpose()?;
-    terminal.say(&summary(&args.output, &records));
+    terminal.say(&summary(output, &records));
     Ok(Outcome::Done)
 }
 
 /// What is drawn over the frames.
-fn annotator(args: &Args, scene: &Scene) -> Option<Annotator> {
+fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
     let field = scene.pipeline.field();
     let about = AboutSeries {
         dataset: &dataset_name(&args.store),
@@ -250,7 +272,7 @@ fn annotator(args: &Args, scene: &Scene) -> Option<Annotator> {
         times: &scene.pipeline.times().values,
         time_units: None,
     };
-    let background = match args.output {
+    let background = match output {
         Target::Movie(..) => Some(args.background.color().unwrap_or_default()),
         Target::Images(_) => args.background.color(),
     };
@@ -321,7 +343,7 @@ pub(super) fn render_steps(
     options: StillOptions,
     terminal: &Terminal,
 ) -> anyhow::Result<Vec<FrameRecord>> {
-    let (plan, output) = (Plan::of_steps(steps), Target::Images(output.clone()));
+    let (plan, output) = (Plan::of_steps(steps, scene.pipeline.times()), Target::Images(output.clone()));
     let job = Job { plan: &plan, output: &output, fingerprints: None, annotator: None, resume: false };
     job.run(scene, Sink::images(options), terminal)
 }

@@ -36,6 +36,8 @@ pub(super) struct TimeArgs {
 pub(super) struct PlannedFrame {
     /// What it shows.
     pub(super) time: FrameTime,
+    /// Where it is on a project's timeline: with `--duration` the time that it stands for, though a step is held.
+    pub(super) at: f64,
     /// How far the camera has turned, degrees.
     pub(super) azimuth_deg: f64,
 }
@@ -55,8 +57,11 @@ const FRAMES_MAX: usize = 1_000_000;
 
 impl Plan {
     /// One frame for each of these steps.
-    pub(super) fn of_steps(steps: &[usize]) -> Self {
-        let frame = |&step: &usize| PlannedFrame { time: step.into(), azimuth_deg: 0.0 };
+    pub(super) fn of_steps(steps: &[usize], times: &TimeAxis) -> Self {
+        let frame = |&step: &usize| {
+            let time = FrameTime::from(step);
+            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0 }
+        };
         Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
     }
 
@@ -103,7 +108,7 @@ impl TimeArgs {
     pub(super) fn plan(&self, times: &TimeAxis) -> anyhow::Result<Plan> {
         let selected = self.steps.select(times.len())?;
         let mut plan = match self.frame_count()? {
-            None => Plan::of_steps(&self.steps_within(&selected, times)?),
+            None => Plan::of_steps(&self.steps_within(&selected, times)?, times),
             Some(count) => self.spread(&selected, times, count)?,
         };
         if let Some(degrees) = self.turntable {
@@ -134,9 +139,9 @@ impl TimeArgs {
         for n in 0..count {
             let share = if count > 1 { n as f64 / (count - 1) as f64 } else { 0.0 };
             // Exact at both ends, and without a difference that could overflow.
-            let time = begin * (1.0 - share) + end * share;
-            if let Some(time) = FrameTime::at(times, selected, time, self.interpolate) {
-                frames.push(PlannedFrame { time, azimuth_deg: 0.0 });
+            let at = begin * (1.0 - share) + end * share;
+            if let Some(time) = FrameTime::at(times, selected, at, self.interpolate) {
+                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0 });
             }
         }
         let shown = frames.iter().flat_map(|f| [Some(f.time.step()), f.time.toward().map(|(next, _)| next)]);
@@ -188,9 +193,9 @@ mod tests {
     #[test]
     fn without_a_duration_each_step_is_a_frame() {
         let args = TimeArgs { steps: "1..4:3".parse().unwrap(), ..Default::default() };
-        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 4]));
+        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 4], &times()));
         let args = TimeArgs { times: Some((0.1, 0.7)), ..Default::default() };
-        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 2, 3]));
+        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 2, 3], &times()));
     }
 
     #[test]
@@ -205,6 +210,7 @@ mod tests {
         assert_eq!((plan.frames.len(), &plan.steps[..]), (5, &[2, 3][..]), "no step lies in the range itself");
         let shown: Vec<f64> = plan.frames.iter().map(|f| f.time.time(&times())).collect();
         for (time, expected) in shown.iter().zip([0.4, 0.45, 0.5, 0.55, 0.6]) {
+            // A few roundings of numbers below 1, 1.1e-16 each. Measured: one.
             assert!((time - expected).abs() < 1e-15, "{shown:?}");
         }
     }
@@ -216,7 +222,7 @@ mod tests {
         let args = TimeArgs { duration: Some(4.0), ..one_step };
         let plan = args.plan(&times()).unwrap();
         assert_eq!(plan.frames.len(), 100);
-        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), azimuth_deg: 90.0 });
+        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0 });
         assert_eq!((plan.frames[0].azimuth_deg, plan.frames[99].azimuth_deg), (0.0, 356.4));
         let args = TimeArgs { turntable: Some(-50.0), ..Default::default() };
         let angles: Vec<f64> = args.plan(&times()).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();

@@ -237,6 +237,7 @@ mod tests {
             assert!(found <= last, "{iterations}: {found} after {last}");
             last = found;
         }
+        // Measured: 0.91.
         assert!(last < 0.97 * distortion(&vectors, &train(&vectors, 64, 0)));
     }
 
@@ -264,6 +265,7 @@ mod tests {
         assert!(entries.row(1).iter().all(|&x| x < 200.0));
         // The entry that had served them in the meantime moves back by the next iteration.
         update(&vectors, &nearest(&vectors, &entries), &mut entries);
-        assert!(distortion(&vectors, &entries) < 0.1 * before);
+        // Measured: 2e-5.
+        assert!(distortion(&vectors, &entries) < 1e-4 * before);
     }
 }

@@ -186,7 +186,9 @@ mod tests {
             let of = |v: &Vector| (f64::from(v[i]) - mean(i)) * (f64::from(v[j]) - mean(j));
             let expected = vectors.iter().map(of).sum::<f64>() / n;
             // Products up to 12^2, batches of 64 summed in f32: 64 * 2^-24 of that at most.
-            assert!((matrix[i][j] - expected).abs() < 64.0 * 144.0 * 2f64.powi(-24), "{i} {j}");
+            let bound = 64.0 * 144.0 * 2f64.powi(-24);
+            assert!((matrix[i][j] - expected).abs() < bound, "{i} {j}");
+            assert!((matrix[i][(j + 1) % STEPS] - expected).abs() > bound, "{i} {j}: the neighbour is not noticed");
         }
     }
 

@@ -259,6 +259,7 @@ mod tests {
 
     #[test]
     fn means_differences_and_group_means_are_those_of_the_definition() {
+        let mut noticed = 0;
         for (vertices, steps) in [(37, 64), (5, 64), (20, 23), (3, 1)] {
             let mut random = Random(vertices as u64);
             let mut values: Vec<f32> = (0..vertices * steps).map(|_| 7.0 + random.signed()).collect();
@@ -272,7 +273,8 @@ mod tests {
             for v in 0..vertices {
                 let x = |j: usize| f64::from(values[j * vertices + v]);
                 let mean = (0..steps).map(x).sum::<f64>() / steps as f64;
-                assert!((f64::from(prepared.mean[v]) - mean).abs() <= 8.0 * f64::from(f32::EPSILON));
+                // Rounded to f32 once, by two of these below 8. Measured: 1.94.
+                assert!((f64::from(prepared.mean[v]) - mean).abs() <= 4.0 * f64::from(f32::EPSILON));
                 assert_eq!(prepared.moves[v], v != 2 && steps > 1);
                 let differences = prepared.differences(&[v; LANES]);
                 for (j, row) in differences.iter().enumerate() {
@@ -284,10 +286,13 @@ mod tests {
                     let sum: f64 = members.map(|j| x(j) - f64::from(prepared.mean[v])).sum();
                     let expected = if size == 0.0 { 0.0 } else { sum / f64::from(size.sqrt()) };
                     // Sums of eight numbers below 2, each rounded, then divided.
-                    assert!((f64::from(coarse.get(v, g) * unit) - expected).abs() < 32.0 * f64::from(f32::EPSILON));
+                    let is_same = |found: f32| (f64::from(found) - expected).abs() < 32.0 * f64::from(f32::EPSILON);
+                    assert!(is_same(coarse.get(v, g) * unit));
+                    noticed += usize::from(!is_same(coarse.get((v + 1) % vertices, g) * unit));
                 }
             }
         }
+        assert!(noticed > 100, "the neighbour's means are not noticed: {noticed}");
     }
 
     #[test]

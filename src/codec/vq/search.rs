@@ -239,6 +239,7 @@ mod tests {
             portable(Task { tiles: &tiles.data, dims, rows: &entries.rows, half: &half, entry, distance });
             let wide = nearest(&tiles, &entries);
             assert_eq!(wide.entry, plain.entry);
+            assert!(plain.entry.iter().any(|&e| e != plain.entry[0]) && plain.distance.iter().all(|&d| d > 0.0));
             assert!(wide.distance.iter().zip(&plain.distance).all(|(a, b)| a.to_bits() == b.to_bits()));
         }
     }
@@ -253,6 +254,7 @@ mod tests {
         let mut reversed = nearest(&tiles.select(&part), &entries);
         reversed.entry.reverse();
         reversed.distance.reverse();
+        assert!(all.entry != all.entry.iter().rev().copied().collect::<Vec<_>>(), "the order matters");
         assert_eq!((all.entry, all.distance), (reversed.entry, reversed.distance));
     }
 }

@@ -114,11 +114,11 @@ fn any_step_is_decoded_in_any_order_and_the_last_block_may_be_short() {
         for step in (0..steps).rev() {
             assert_eq!(coded.step(step, vertices), forwards[step * vertices..][..vertices]);
         }
-        // 64 entries for 300 smooth series: well above 25 dB, or something is misplaced.
-        assert!(coded.quality.snr_min_db.is_none_or(|snr| snr > 25.0), "{steps}: {:?}", coded.quality);
+        // 64 entries for 300 smooth series: above 40 dB (measured: 46), or something is misplaced.
+        assert!(coded.quality.snr_min_db.is_none_or(|snr| snr > 40.0), "{steps}: {:?}", coded.quality);
         let worst = values.iter().zip(&forwards).map(|(x, y)| f64::from(x - y).abs()).fold(0.0, f64::max);
-        // The difference is rounded here, and not there.
-        assert!((worst - coded.quality.max_error).abs() <= 1e-6 * worst, "{worst} {:?}", coded.quality);
+        // The difference is rounded here, by 2^-24 of itself, and not there. Measured: the same.
+        assert!((worst - coded.quality.max_error).abs() <= 6e-8 * worst, "{worst} {:?}", coded.quality);
         assert!(coded.decoder.decode_step(steps, &mut vec![0.0; vertices]).is_err());
     }
 }
@@ -175,7 +175,8 @@ fn a_single_nan_leaves_the_other_values_as_close_as_they_were() {
     holed[30 * vertices + 1234] = f32::NAN;
     let after = code(&holed, vertices, options(64));
     assert_eq!(after.all(steps, vertices).iter().filter(|x| !x.is_finite()).count(), 1);
-    assert!(after.quality.rmse < 1.01 * before.quality.rmse, "{:?} {:?}", before.quality, after.quality);
+    // Measured: 4e-6 more.
+    assert!(after.quality.rmse < 1.00004 * before.quality.rmse, "{:?} {:?}", before.quality, after.quality);
 }
 
 #[test]
@@ -240,7 +241,8 @@ fn a_large_offset_costs_the_rounding_of_its_numbers_and_no_more() {
         code(&values, vertices, options(64)).quality.rmse
     };
     let zero_mean = rmse(0.0);
-    assert!((rmse(2.0) - zero_mean).abs() < 0.02 * zero_mean, "only roundings may fall otherwise");
+    // Measured: 4.5e-10.
+    assert!((rmse(2.0) - zero_mean).abs() < 5e-9 * zero_mean, "only roundings may fall otherwise");
     for offset in [1e3f32, -1e6] {
         // Values, means and results are each rounded to the spacing of floats there, by half of it at most.
         let spacing = f64::from(offset.abs()) * f64::from(f32::EPSILON);
@@ -256,6 +258,7 @@ fn one_vertex_and_constant_fields_are_kept_for_any_number_of_steps() {
         for (x, y) in one.iter().zip(&decoded) {
             // Mean, two differences and their two sums are rounded, all below 4.
             assert!((x - y).abs() <= 5.0 * 2.0 * f32::EPSILON, "{steps}: {x} {y}");
+            assert!((x * 1.000_01 - y).abs() > 5.0 * 2.0 * f32::EPSILON, "a hundred-thousandth is noticed");
         }
         let constant = vec![-273.15; steps * 9];
         let coded = code(&constant, 9, options(256));
@@ -317,6 +320,7 @@ fn with_a_scale_of_its_own_every_vertex_of_a_huge_range_is_close() {
     let own = code(&values, vertices, VqOptions { own_scales: true, ..options(256) });
     assert!(common.quality.over_sigma.median > 0.9, "a common scale loses all but the largest");
     let sigma = own.quality.over_sigma;
+    // Measured: 0.06 and 0.12.
     assert!(sigma.median < 0.1 && sigma.p99 < 0.2, "{sigma:?}");
 }
 
@@ -343,6 +347,7 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
     };
     let (one, three) = (with(1), with(3));
     assert!(one.0 == three.0 && one.1 == three.1);
+    assert!(one.1.rmse > 0.0, "a code without errors would hide another one");
 }
 
 #[test]
@@ -350,9 +355,16 @@ fn the_fast_search_is_within_half_a_decibel_of_full_lbg() {
     let vertices = 20_000;
     let values = waves(64, vertices);
     for entries in [64, 256] {
-        let snr = |search| code(&values, vertices, VqOptions { search, ..options(entries) }).quality.snr_db.unwrap();
-        let (fast, exact) = (snr(Search::Fast), snr(Search::Exact));
+        let snr =
+            |search, entries| code(&values, vertices, VqOptions { search, ..options(entries) }).quality.snr_db.unwrap();
+        let (fast, exact) = (snr(Search::Fast, entries), snr(Search::Exact, entries));
+        let fewer = snr(Search::Fast, entries * 3 / 4);
+        // Measured: 0.2 dB, and 0.9 dB with a quarter of the entries less.
         assert!(fast > exact - 0.5, "{entries}: {fast} against {exact}");
+        assert!(
+            fewer <= exact - 0.5,
+            "{entries}: a quarter of the entries less is not noticed: {fewer} against {exact}"
+        );
     }
 }
 
@@ -362,7 +374,8 @@ fn more_entries_are_closer() {
     let values = waves(steps, vertices);
     let rmse = |entries: usize| code(&values, vertices, options(entries)).quality.rmse;
     let errors = [4, 32, 256, 2048].map(rmse);
-    assert!(errors.windows(2).all(|w| w[1] < 0.7 * w[0]), "{errors:?}");
+    // Measured: 0.39 and less.
+    assert!(errors.windows(2).all(|w| w[1] < 0.5 * w[0]), "{errors:?}");
 }
 
 #[test]
@@ -459,6 +472,7 @@ fn the_tally_is_that_of_the_decoder() {
     let mut moments = Moments::new(vertices);
     values.chunks_exact(vertices).for_each(|row| _ = moments.add_step(row));
     assert_eq!(tally.quality(&moments.vertex_statistics()), coded.quality);
+    assert!(coded.quality.rmse > 0.0, "a code without errors would hide another tally");
 }
 
 #[test]

@@ -96,7 +96,7 @@ fn seeking_while_playing_goes_on_from_there_once_the_frame_is_on_the_screen() {
         player.now = secs(5.0);
         player.refresh();
         let wait = player.refresh().unwrap().as_secs_f64();
-        assert!((wait - 1.0).abs() < 1e-6, "{mode:?}: a whole interval: {wait}");
+        assert!(is_same(wait, 1.0), "{mode:?}: a whole interval: {wait}");
         player.show(4);
         assert_eq!(player.steps(), [0, 5, 6, 7], "{mode:?}");
     }

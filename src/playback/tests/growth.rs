@@ -118,14 +118,14 @@ fn the_share_of_the_interval_is_kept_and_a_speed_that_was_asked_for_too() {
     player.refresh();
     player.extend(21);
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 0.25).abs() < 1e-6, "{wait}");
+    assert!(is_same(wait, 0.25), "{wait}");
     let mut player = Player::with(11, &[Command::Mode(Mode::RealTime), Command::Speed(1.0), PLAY]);
     player.refresh();
     player.now = secs(0.75);
     player.refresh();
     player.extend(21);
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 0.25).abs() < 1e-6 && player.state().time == Some(0.75), "{wait}");
+    assert!(is_same(wait, 0.25) && player.state().time == Some(0.75), "{wait}");
 }
 
 #[test]

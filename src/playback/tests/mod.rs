@@ -12,6 +12,19 @@ use crate::field::TimeAxis;
 use crate::pipeline::FrameTime;
 use std::time::Duration;
 
+/// Times of the tests are sums of a few durations, each rounded to a nanosecond. Measured: 4e-9 of a time.
+const FEW_NANOSECONDS: f64 = 1e-8;
+
+/// The same time, or the same rate.
+fn is_same(found: f64, expected: f64) -> bool {
+    (found / expected - 1.0).abs() <= FEW_NANOSECONDS
+}
+
+#[test]
+fn the_comparison_of_times_notices_a_microsecond() {
+    assert!(is_same(0.25, 0.25) && !is_same(0.25, 0.250_001) && !is_same(f64::NAN, 0.25));
+}
+
 fn secs(secs: f64) -> Duration {
     Duration::from_secs_f64(secs)
 }

@@ -59,7 +59,7 @@ fn a_renderer_that_does_not_keep_up_slows_the_playback_and_drops_nothing() {
     player.run(2.95, Duration::ZERO);
     assert_eq!(player.steps(), (0..30).collect::<Vec<_>>());
     let measured = player.state().frames_per_second.unwrap();
-    assert!((measured / 10.0 - 1.0).abs() < 1e-6, "the rate reported is the one achieved: {measured}");
+    assert!(is_same(measured, 10.0), "the rate reported is the one achieved: {measured}");
     assert_eq!(player.state().dropped, 0);
 }
 
@@ -73,7 +73,11 @@ fn after_a_hiccup_one_interval_is_made_up_for_and_no_more() {
     let before = player.now;
     player.show(14);
     let after: Vec<f64> = player.shown[11..].iter().map(|&(at, _)| at - before.as_secs_f64()).collect();
-    assert!(after.iter().zip([0.0, 0.1, 0.2]).all(|(at, expected)| (at - expected).abs() < 1e-3), "{after:?}");
+    // Measured: a nanosecond.
+    assert!(
+        after.iter().zip([0.0, 0.1, 0.2]).all(|(at, expected)| (at - expected).abs() < FEW_NANOSECONDS),
+        "{after:?}"
+    );
 }
 
 #[test]
@@ -111,7 +115,7 @@ fn pausing_keeps_what_has_passed_of_the_interval() {
     assert_eq!(player.steps(), [0]);
     player.apply(Command::Toggle);
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 0.25).abs() < 1e-6, "{wait}");
+    assert!(is_same(wait, 0.25), "{wait}");
 }
 
 #[test]
@@ -121,7 +125,7 @@ fn changing_the_speed_keeps_the_share_that_has_passed() {
     player.now = secs(0.75);
     player.apply(Command::Speed(0.1));
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 2.5).abs() < 1e-6, "{wait}");
+    assert!(is_same(wait, 2.5), "{wait}");
     assert_eq!(player.steps(), [0]);
 }
 
@@ -132,7 +136,7 @@ fn turning_round_in_between_keeps_the_frame_and_its_time() {
     player.now = secs(0.75);
     player.apply(Command::Reverse);
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 0.25).abs() < 1e-6, "{wait}");
+    assert!(is_same(wait, 0.25), "{wait}");
     player.show(99);
     assert_eq!(player.steps(), [2, 1, 0]);
 }
@@ -192,6 +196,7 @@ fn a_caller_with_a_refresh_rate_of_its_own_gets_the_rate_on_average() {
     for (fps, refresh) in [(24.0, 60.0), (50.0, 60.0), (59.0, 60.0), (60.0, 60.0), (25.0, 144.0), (60.0, 59.94)] {
         let mut player = Player::with(10, &[Command::Loop(Loop::All), Command::Speed(fps), PLAY]);
         player.run(10.0, secs(1.0 / refresh));
+        // In ten seconds one frame more or less is up to a two hundred and fortieth. Measured: 0.42 %.
         let rate = (player.shown.len() - 1) as f64 / 10.0;
         assert!((rate / fps - 1.0).abs() < 0.01, "{fps} at {refresh} Hz: {rate}");
         let reported = player.state().frames_per_second.unwrap();
@@ -208,7 +213,7 @@ fn time_that_goes_back_stands_still_and_goes_on_from_there() {
     player.refresh();
     player.now = secs(3.0);
     let wait = player.refresh().unwrap().as_secs_f64();
-    assert!((wait - 0.5).abs() < 1e-6, "{wait}");
+    assert!(is_same(wait, 0.5), "{wait}");
     player.now = secs(3.5);
     player.refresh();
     assert_eq!(player.steps(), [0, 1]);

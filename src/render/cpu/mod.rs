@@ -1,8 +1,9 @@
 //! Renderers on the CPU.
 
+mod grid;
 pub mod havs;
-mod prepared;
 mod raster;
 mod ray;
 pub mod raycast;
 mod tiles;
+mod visible;

@@ -158,13 +158,19 @@ pub(super) fn accurate_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (
 /// triangle of nothing but rounding is hit in its middle.
 #[inline]
 pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
-    let e = [greater(e[0], 0.0), greater(e[1], 0.0), greater(e[2], 0.0)];
-    let sum = e[0] + e[1] + e[2];
-    let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
-    let (wp, wq, wr) = (e[0] * per_sum, e[1] * per_sum, e[2] * per_sum);
+    let [wp, wq, wr] = hit_weights(e);
     let scalar = p.s + wq * (q.s - p.s) + wr * (r.s - p.s);
     let (lo, hi) = (less(less(p.s, q.s), r.s), greater(greater(p.s, q.s), r.s));
     (wp * p.w + wq * q.w + wr * r.w, less(greater(scalar, lo), hi))
+}
+
+/// The weights of the corners p, q, r in [`hit`].
+#[inline(always)]
+pub(super) fn hit_weights(e: [f64; 3]) -> [f64; 3] {
+    let e = [greater(e[0], 0.0), greater(e[1], 0.0), greater(e[2], 0.0)];
+    let sum = e[0] + e[1] + e[2];
+    let (e, per_sum) = if sum > 0.0 { (e, 1.0 / sum) } else { ([1.0; 3], 1.0 / 3.0) };
+    [e[0] * per_sum, e[1] * per_sum, e[2] * per_sum]
 }
 
 /// The greater of two numbers, `b` of equal ones, as an instruction of x86 has it: lanes of a vector do the same.
@@ -256,6 +262,10 @@ mod tests {
     fn both_forms_agree_on_a_face_seen_from_its_front() {
         let at = |x, y, w| Sheared { x, y, w, s: w };
         let (p, q, r) = (at(-0.5, -0.4, 3.0), at(0.8, -0.3, 4.0), at(0.1, 0.9, 5.5));
-        assert!((by_weights(&p, &q, &r) - by_determinant(&p, &q, &r)).abs() < 1e-14);
+        let by_weights = by_weights(&p, &q, &r);
+        // A few roundings of a number between 3 and 5.5, 4e-16 each. Measured: none.
+        assert!((by_weights - by_determinant(&p, &q, &r)).abs() < 1e-14);
+        let moved = at(0.1, 0.9, 5.500_001);
+        assert!((by_weights - by_determinant(&p, &q, &moved)).abs() > 1e-14, "a corner that is a millionth off");
     }
 }

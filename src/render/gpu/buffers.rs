@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::decode::BlockDecoder;
+use super::grid::VertexValues;
 use super::layout::VIEW_VERTEX_BYTES;
 use crate::mesh::Mesh;
 use crate::render::{RenderError, RenderJob};
@@ -83,8 +84,9 @@ pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// In view coordinates.
+    /// In view coordinates; in a grid, behind them the quantity of vertices.
     pub(super) vertices: GrowingBuffer,
+    values: Option<VertexValues>,
 }
 
 impl VertexBuffers {
@@ -94,6 +96,7 @@ impl VertexBuffers {
             positions: GrowingBuffer::storage("positions"),
             scalars: GrowingBuffer::storage("scalars"),
             vertices: GrowingBuffer::storage("view vertices"),
+            values: None,
         }
     }
 
@@ -102,13 +105,32 @@ impl VertexBuffers {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
         }
-        self.of = None;
+        (self.of, self.values) = (None, None);
         let vertices = mesh.positions.local.len() as u64;
         let mut made = self.positions.reserve(context, 12 * vertices)?;
         made |= self.scalars.reserve(context, 4 * vertices)?;
         made |= self.vertices.reserve(context, VIEW_VERTEX_BYTES * vertices)?;
         let sent = self.positions.write(context, 0, bytemuck::cast_slice(&mesh.positions.local))?;
         self.of = Some(mesh.clone());
+        Ok((made, sent))
+    }
+
+    /// Brings the quantity of vertices to the GPU unless it is there, if the job has a grid; after [`Self::upload`]. Returns whether
+    /// the buffer was made, and the bytes sent.
+    pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
+        let Some(grid) = &job.grid else { return Ok((false, 0)) };
+        let vertices = job.mesh.positions.local.len();
+        let first = VIEW_VERTEX_BYTES * vertices as u64;
+        // Whole view vertices: they are an array.
+        let bytes = (4 * vertices as u64).next_multiple_of(VIEW_VERTEX_BYTES);
+        let made = self.vertices.reserve(context, first + bytes).inspect_err(|_| self.of = None)?;
+        if !made && self.values.as_ref().is_some_and(|values| values.is_of(grid)) {
+            return Ok((false, 0));
+        }
+        self.values = None;
+        let (values, words) = VertexValues::of(grid, vertices);
+        let sent = self.vertices.write(context, first, bytemuck::cast_slice(&words))?;
+        self.values = Some(values);
         Ok((made, sent))
     }
 }

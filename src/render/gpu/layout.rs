@@ -61,6 +61,9 @@ pub const EYE_WORDS: usize = 6;
 /// Bytes of a fragment: depth as a sum of two, scalar, rank, the cells left and entered.
 pub const FRAGMENT_BYTES: u64 = 24;
 
+/// Bytes of a fragment in a grid: the quantity of vertices, too, and nothing.
+pub const GRID_FRAGMENT_BYTES: u64 = 32;
+
 /// Words of a piece of a large face: its place in the list, a tile.
 pub const PIECE_WORDS: u64 = 2;
 
@@ -233,6 +236,30 @@ impl Params {
     }
 }
 
+/// Where the parts of a grid are in the buffer of the table, in vectors of four (`shaders/lib/optics_grid.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct GridParams {
+    /// Intervals of the scalar.
+    pub scalar_intervals: u32,
+    /// How many they are.
+    pub scalar_count: u32,
+    /// Intervals of the rows.
+    pub row_intervals: u32,
+    /// How many they are.
+    pub row_count: u32,
+    /// Values, the first layer first.
+    pub values: u32,
+    /// Values of a row.
+    pub columns: u32,
+    /// Values of a layer.
+    pub layer_values: u32,
+    /// Layers of the cells, two cells a vector.
+    pub cells: u32,
+    /// Cells that have one.
+    pub cell_count: u32,
+}
+
 /// Parameters of the decoder of codec `vq`: places in the block, in words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -288,12 +315,18 @@ mod tests {
     fn parts_add_up_to_the_number() {
         for x in [1.0 / 3.0, -0.7, 1e-9, 123.456, -1.0, 0.0] {
             let sum: f64 = three_parts(x).iter().map(|&p| f64::from(p)).sum();
+            // What a part is cut from loses all but 2^-11 to it, twice; the rest is rounded by 2^-24 of itself.
             assert!((sum - x).abs() <= x.abs() * 2f64.powi(-46), "{x}");
+            // Twice rounded, by 2^-24 each.
             assert!((depth_of(two_parts(x)) - x).abs() <= x.abs() * 2f64.powi(-48), "{x}");
             for part in &three_parts(x)[..2] {
                 assert_eq!(part.to_bits() & 0xfff, 0);
             }
         }
+        // Without the last part the sum would be off by more.
+        let (x, [a, b, _], [high, _]) = (1.0 / 3.0, three_parts(1.0 / 3.0), two_parts(1.0 / 3.0));
+        assert!((f64::from(a) + f64::from(b) - x).abs() > x * 2f64.powi(-46));
+        assert!((f64::from(high) - x).abs() > x * 2f64.powi(-48));
     }
 
     fn view(distance: f64, projection: Projection) -> View {

@@ -20,6 +20,8 @@ mod eye;
 #[cfg(feature = "gpu")]
 mod frame_texture;
 #[cfg(feature = "gpu")]
+mod grid;
+#[cfg(feature = "gpu")]
 pub mod havs;
 #[cfg(feature = "gpu")]
 mod pipelines;

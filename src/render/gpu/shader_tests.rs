@@ -1,7 +1,8 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
-use super::layout::{self, FaceParams, Lists, Params, VqStep};
-use super::shaders::{Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
+use super::layout::{self, FaceParams, GridParams, Lists, Params, VqStep};
+use super::shaders::{FragmentKind, Gathering, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
+use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
 
@@ -44,9 +45,9 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 28);
+    assert_eq!(checked, 2 * 43);
     // Only those in f64 need a device that has it.
-    let double = Stage::Walk(crate::optics::OpticsKind::Exact, Precision::Double).source(SPLITS[0]);
+    let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
     // The check can fail.
     let broken = Stage::ViewTransform.source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
@@ -146,7 +147,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 18);
+    assert_eq!(checked, 29);
 }
 
 #[test]
@@ -160,8 +161,8 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
             ref other => panic!("{name}: {other:?}"),
         }
     };
-    let walk = Stage::Walk(crate::optics::OpticsKind::Exact, Precision::Single);
-    let resolve = Stage::FaceResolve(crate::optics::OpticsKind::Exact, Precision::Single);
+    let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Precision::Single);
+    let resolve = Stage::FaceResolve(Gathering::Scalar(OpticsKind::Exact), Precision::Single);
     for (name, rust) in [
         ("TILE_PIXELS", layout::TILE_PIXELS as f64),
         ("FACE_WORDS", layout::FACE_WORDS as f64),
@@ -176,6 +177,11 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
     ] {
         assert_eq!(value(resolve, name), rust, "{name}");
     }
+    let sort = |kind| value(Stage::FaceSort(kind), "FRAGMENT_PAIRS");
+    let grid_pairs = layout::GRID_FRAGMENT_BYTES as f64 / 8.0;
+    assert_eq!(sort(FragmentKind::Grid), grid_pairs);
+    assert_eq!(value(Stage::FaceSort(FragmentKind::Plain), "GRID_PAIRS"), grid_pairs);
+    assert_ne!(sort(FragmentKind::Plain), grid_pairs);
     for (name, rust) in [
         ("TILE_PX", layout::TILE_PX as f64),
         ("PAIR_WORDS", layout::PAIR_WORDS as f64),
@@ -209,6 +215,50 @@ fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
         scalars,
         lengths,
     );
-    let shader = members(&module(Stage::Walk(crate::optics::OpticsKind::Table3d, Precision::Single)), "Table3dParams");
+    let shader =
+        members(&module(Stage::Walk(Gathering::Scalar(OpticsKind::Table3d), Precision::Single)), "Table3dParams");
     assert_eq!(shader, (rust, size_of::<Table3dParams>()));
+}
+
+#[test]
+fn the_parameters_of_a_grid_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(GridParams, $field))),*] };
+    }
+    let rust = rust_offsets!(
+        scalar_intervals,
+        scalar_count,
+        row_intervals,
+        row_count,
+        values,
+        columns,
+        layer_values,
+        cells,
+        cell_count,
+    );
+    for stage in
+        [Stage::Walk(Gathering::Grid, Precision::Single), Stage::FaceResolve(Gathering::Grid, Precision::Single)]
+    {
+        assert_eq!(members(&module(stage), "GridParams"), (rust.clone(), size_of::<GridParams>()), "{stage:?}");
+    }
+}
+
+#[test]
+fn transfer_functions_of_the_scalar_do_nothing_for_a_grid() {
+    // What they call is empty, and what fragments have is what they had.
+    let is_empty = |stage: Stage, function: &str| {
+        let module = module(stage);
+        let (_, found) = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(function)).unwrap();
+        found.body.iter().all(|statement| matches!(statement, naga::Statement::Return { .. }))
+    };
+    for optics in OpticsKind::ALL {
+        for function in ["grid_begin", "grid_pass", "grid_cut"] {
+            assert!(
+                is_empty(Stage::Walk(Gathering::Scalar(optics), Precision::Single), function),
+                "{optics}, {function}"
+            );
+        }
+    }
+    assert!(!is_empty(Stage::Walk(Gathering::Grid, Precision::Single), "grid_pass"));
+    assert_eq!(FragmentKind::Plain.bytes(), layout::FRAGMENT_BYTES);
 }

@@ -1,6 +1,8 @@
 //! The shaders, composed from their parts. The only place that knows which parts a stage is made of.
 
+use super::layout::{FRAGMENT_BYTES, GRID_FRAGMENT_BYTES};
 use crate::optics::OpticsKind;
+use crate::render::RenderJob;
 use std::fmt;
 
 /// The numbers of planar geometry and of depths.
@@ -19,7 +21,63 @@ pub enum Pass {
     /// They are counted.
     Count,
     /// They are stored.
-    Store,
+    Store(FragmentKind),
+}
+
+/// What a fragment has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FragmentKind {
+    /// Depth, scalar, cells.
+    Plain,
+    /// The quantity of vertices, too, for a transfer function of more than the scalar.
+    Grid,
+}
+
+impl FragmentKind {
+    /// What fragments of a job have.
+    pub fn of(job: &RenderJob) -> Self {
+        if job.grid.is_some() { Self::Grid } else { Self::Plain }
+    }
+
+    /// Bytes of a fragment.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Plain => FRAGMENT_BYTES,
+            Self::Grid => GRID_FRAGMENT_BYTES,
+        }
+    }
+}
+
+/// How segments are integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gathering {
+    /// A transfer function of the scalar, with these optics.
+    Scalar(OpticsKind),
+    /// One of more than the scalar, exactly.
+    Grid,
+}
+
+impl Gathering {
+    /// All of them.
+    pub const ALL: [Self; 4] = [
+        Self::Scalar(OpticsKind::Exact),
+        Self::Scalar(OpticsKind::Table3d),
+        Self::Scalar(OpticsKind::Partial),
+        Self::Grid,
+    ];
+
+    /// How those of a job are.
+    pub fn of(job: &RenderJob) -> Self {
+        if job.grid.is_some() { Self::Grid } else { Self::Scalar(job.optics) }
+    }
+
+    /// What fragments have that are integrated so.
+    fn fragments(self) -> FragmentKind {
+        match self {
+            Self::Scalar(_) => FragmentKind::Plain,
+            Self::Grid => FragmentKind::Grid,
+        }
+    }
 }
 
 /// A stage of a renderer: one entry point in one file.
@@ -36,7 +94,7 @@ pub enum Stage {
     /// The items of each tile.
     EntriesStore,
     /// From entries through the cells.
-    Walk(OpticsKind, Precision),
+    Walk(Gathering, Precision),
     /// To where a window samples it.
     Present,
     /// Faces against the pixels of their boxes.
@@ -48,9 +106,9 @@ pub enum Stage {
     /// From fragments per pixel to places.
     FaceScan,
     /// The fragments of deep pixels, one round of sorting.
-    FaceSort,
+    FaceSort(FragmentKind),
     /// Fragments put in order, and composited.
-    FaceResolve(OpticsKind, Precision),
+    FaceResolve(Gathering, Precision),
 }
 
 /// All stages.
@@ -63,16 +121,16 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::EntriesStore,
         Stage::Present,
         Stage::FaceScan,
-        Stage::FaceSort,
+        Stage::FaceSort(FragmentKind::Plain),
+        Stage::FaceSort(FragmentKind::Grid),
     ];
     let with = |precision: Precision| {
-        let finding = [Pass::Count, Pass::Store].into_iter().flat_map(move |pass| {
+        let passes = [Pass::Count, Pass::Store(FragmentKind::Plain), Pass::Store(FragmentKind::Grid)];
+        let finding = passes.into_iter().flat_map(move |pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
-        let gathering = [OpticsKind::Exact, OpticsKind::Table3d]
-            .into_iter()
-            .flat_map(move |optics| [Stage::Walk(optics, precision), Stage::FaceResolve(optics, precision)]);
-        finding.chain(gathering)
+        let gathering = Gathering::ALL.into_iter();
+        finding.chain(gathering.flat_map(move |how| [Stage::Walk(how, precision), Stage::FaceResolve(how, precision)]))
     };
     alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
 }
@@ -122,7 +180,7 @@ impl Stage {
             Self::FacePieces(..) => "face_pieces",
             Self::FaceStarts(..) => "face_starts",
             Self::FaceScan => "face_scan",
-            Self::FaceSort => "face_sort",
+            Self::FaceSort(_) => "face_sort",
             Self::FaceResolve(..) => "face_resolve",
         }
     }
@@ -151,9 +209,9 @@ impl Stage {
             Self::EntriesCount => entering(constants, include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
             Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
-            Self::Walk(optics, precision) => {
+            Self::Walk(how, precision) => {
                 let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
-                [constants, &gathering(optics, precision, 11), &walk].concat()
+                [constants, &gathering(how, precision, 11), vertex_values(how.fragments()), &walk].concat()
             }
             Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
             Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
@@ -163,13 +221,15 @@ impl Stage {
             Self::FaceStarts(pass, precision) => {
                 finding(pass, precision, include_str!("../../../shaders/face_starts.wgsl"))
             }
-            Self::FaceScan => [lib::FRAME, lib::FACES, include_str!("../../../shaders/face_scan.wgsl")].concat(),
-            Self::FaceSort => {
-                [lib::FRAME, lib::FACES, lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
+            Self::FaceScan => {
+                [lib::FRAME, &faces(FragmentKind::Plain), include_str!("../../../shaders/face_scan.wgsl")].concat()
             }
-            Self::FaceResolve(optics, precision) => {
-                let resolve = [lib::FACES, lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
-                [gathering(optics, precision, 10), resolve].concat()
+            Self::FaceSort(kind) => {
+                [lib::FRAME, &faces(kind), lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
+            }
+            Self::FaceResolve(how, precision) => {
+                let resolve = [lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
+                [gathering(how, precision, 10), faces(how.fragments()), resolve].concat()
             }
         }
     }
@@ -187,8 +247,14 @@ mod lib {
     pub(super) const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
     pub(super) const CROSSING: &str = include_str!("../../../shaders/lib/crossing.wgsl");
     pub(super) const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
+    pub(super) const WEIGHTS: &str = include_str!("../../../shaders/lib/optics_weights.wgsl");
     pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
+    pub(super) const PARTIAL: &str = include_str!("../../../shaders/lib/optics_partial.wgsl");
     pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
+    pub(super) const GRID: &str = include_str!("../../../shaders/lib/optics_grid.wgsl");
+    pub(super) const NO_GRID: &str = include_str!("../../../shaders/lib/no_grid.wgsl");
+    pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
+    pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");
     pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
     pub(super) const FACES: &str = include_str!("../../../shaders/lib/faces.wgsl");
     pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");
@@ -197,13 +263,16 @@ mod lib {
     pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");
 }
 
-/// A stage that integrates along rays. `table3d`: the binding of that table's parameters.
-fn gathering(optics: OpticsKind, precision: Precision, table3d: u32) -> String {
-    let optics = match optics {
-        OpticsKind::Exact => lib::EXACT.to_owned(),
-        OpticsKind::Table3d => {
-            format!("{}\n@group(0) @binding({table3d}) var<uniform> table3d: Table3dParams;\n", lib::TABLE3D)
+/// A stage that integrates along rays. `parameters`: the binding of what the table has beside its entries.
+fn gathering(how: Gathering, precision: Precision, parameters: u32) -> String {
+    let bound = |variable: &str| format!("\n@group(0) @binding({parameters}) var<uniform> {variable};\n");
+    let optics = match how {
+        Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_GRID].concat(),
+        Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_GRID].concat(),
+        Gathering::Scalar(OpticsKind::Table3d) => {
+            [lib::TABLE3D, &bound("table3d: Table3dParams"), lib::NO_GRID].concat()
         }
+        Gathering::Grid => [lib::WEIGHTS, lib::GRID, &bound("grid: GridParams")].concat(),
     };
     [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
 }
@@ -216,14 +285,28 @@ fn numbers(precision: Precision) -> &'static str {
     }
 }
 
+/// What vertices have beside their scalars.
+fn vertex_values(kind: FragmentKind) -> &'static str {
+    match kind {
+        FragmentKind::Plain => lib::NO_VERTEX_VALUES,
+        FragmentKind::Grid => lib::VERTEX_VALUES,
+    }
+}
+
+/// What stages of the face renderer share.
+fn faces(kind: FragmentKind) -> String {
+    format!("const FRAGMENT_PAIRS: u32 = {}u;\n{}", kind.bytes() / 8, lib::FACES)
+}
+
 /// A stage that finds fragments.
 fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
-    let kept = match pass {
-        Pass::Count => lib::FRAGMENTS_COUNT,
-        Pass::Store => lib::FRAGMENTS_STORE,
+    let (kept, kind) = match pass {
+        Pass::Count => (lib::FRAGMENTS_COUNT, FragmentKind::Plain),
+        Pass::Store(kind) => (lib::FRAGMENTS_STORE, kind),
     };
     let ray = [numbers(precision), lib::RAY].concat();
-    [lib::FRAME, lib::FACES, lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, kept, stage].concat()
+    let values = vertex_values(kind);
+    [lib::FRAME, &faces(kind), lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, values, kept, stage].concat()
 }
 
 /// A stage that finds entries.

@@ -2,6 +2,7 @@
 
 use super::{GRAZING_LENGTH, INFLATION};
 use crate::camera::View;
+use crate::render::RenderJob;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -12,23 +13,45 @@ pub(in crate::render) struct Cell {
     offset: [f64; 4],
     gradient: [DVec3; 4],
     scalars: [f64; 4],
+    beside: Beside,
     /// Pixels whose rays may meet the cell.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
 }
 
-/// The part of a ray inside a cell: depths and scalars at its ends.
+/// What a cell has beside its scalars, for a transfer function of more than them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::render) struct Beside {
+    /// The quantity of its vertices.
+    pub(in crate::render) vertex_values: [f64; 4],
+    /// The quantity of the cell.
+    pub(in crate::render) cell_value: f64,
+}
+
+impl Beside {
+    /// What a cell of a job has.
+    pub(in crate::render) fn of_cell(job: &RenderJob, cell: u32) -> Self {
+        let Some(grid) = &job.grid else { return Self::default() };
+        let tet = job.mesh.topology.tets[cell as usize];
+        Self { vertex_values: tet.map(|v| grid.vertex_value(v)), cell_value: grid.cell_value(cell) }
+    }
+}
+
+/// The part of a ray inside a cell: depths, scalars and the quantity of vertices at its ends; the quantity of the cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::render) struct Segment {
     pub(in crate::render) near: f64,
     pub(in crate::render) far: f64,
     pub(in crate::render) scalar_near: f64,
     pub(in crate::render) scalar_far: f64,
+    pub(in crate::render) value_near: f64,
+    pub(in crate::render) value_far: f64,
+    pub(in crate::render) cell_value: f64,
 }
 
 impl Cell {
     /// `None` if no pixel can see the cell.
-    pub(in crate::render) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4]) -> Option<Self> {
+    pub(in crate::render) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4], beside: Beside) -> Option<Self> {
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];
@@ -43,7 +66,7 @@ impl Cell {
             gradient[i] = normal / height;
             offset[i] = -gradient[i].dot(a);
         }
-        Some(Self { offset, gradient, scalars, columns, rows })
+        Some(Self { offset, gradient, scalars, beside, columns, rows })
     }
 
     /// Barycentric coordinates of a point in view coordinates, outside of the cell too.
@@ -68,12 +91,20 @@ impl Cell {
         let grazing = || inside(start, &at_zero, &slope, -INFLATION).filter(|(near, far)| far - near > GRAZING_LENGTH);
         let (near, far) = inside(start, &at_zero, &slope, 0.0).or_else(grazing)?;
         // Relative to one corner's: a constant scalar stays what it is, exactly on a step of the table perhaps.
-        let first = self.scalars[0];
-        let scalar = |depth: f64| -> f64 {
-            let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (self.scalars[i] - first);
-            first + (1..4).map(rise).sum::<f64>()
+        let between = |values: &[f64; 4], depth: f64| -> f64 {
+            let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (values[i] - values[0]);
+            values[0] + (1..4).map(rise).sum::<f64>()
         };
-        Some(Segment { near, far, scalar_near: scalar(near), scalar_far: scalar(far) })
+        let Beside { vertex_values, cell_value } = &self.beside;
+        Some(Segment {
+            near,
+            far,
+            scalar_near: between(&self.scalars, near),
+            scalar_far: between(&self.scalars, far),
+            value_near: between(vertex_values, near),
+            value_far: between(vertex_values, far),
+            cell_value: *cell_value,
+        })
     }
 }
 
@@ -130,6 +161,7 @@ impl Segment {
             let f = (front - self.near) / (self.far - self.near);
             cut.near = front;
             cut.scalar_near = self.scalar_near + f * (self.scalar_far - self.scalar_near);
+            cut.value_near = self.value_near + f * (self.value_far - self.value_near);
         }
         Some(cut)
     }

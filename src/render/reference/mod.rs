@@ -1,8 +1,8 @@
 //! The judge: float64, brute force, no adjacency, no tables.
 //!
 //! For every pixel every tet is clipped against the ray; the segments are sorted by depth and integrated one after the
-//! other. Slow and obvious. Nothing is shared with the fast paths but the [`NodeTable`](crate::node_table::NodeTable) and
-//! the stored coordinates.
+//! other. Slow and obvious. Nothing is shared with the fast paths but the [`NodeTable`](crate::node_table::NodeTable) (or
+//! [`GridTable`](crate::node_table::GridTable)) and the stored coordinates.
 //!
 //! 1. A tet is clipped by its barycentric coordinates, which are linear along the ray: the ray is inside where all four
 //!    are >= 0, or, if it is nowhere, where they are >= -[`INFLATION`] over more than [`GRAZING_LENGTH`]: rays that run in a
@@ -10,16 +10,18 @@
 //! 2. Inflated cells overlap by as much, and invalid meshes more: segments are taken by their near end, each from where
 //!    the last one ended. A point of the ray is in one cell.
 //! 3. A segment is split where the scalar meets a node; each piece is integrated by its definition
-//!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth.
+//!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. In a grid it is split at all lines
+//!    of that.
 //!
 //! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
 pub(super) mod clip;
+mod grid;
 pub(super) mod integrate;
 
 use super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::camera::View;
-use clip::{Cell, Segment};
+use clip::{Beside, Cell, Segment};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -77,7 +79,8 @@ impl Renderer for Reference {
             .filter(|&c| job.active.contains(c))
             .filter_map(|c| {
                 let tet = topology.tets[c as usize];
-                Cell::new(&view, tet.map(to_view), tet.map(|v| f64::from(job.scalars[v as usize])))
+                let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
+                Cell::new(&view, tet.map(to_view), scalars, Beside::of_cell(&job, c))
             })
             .collect();
         self.frame.stats = crate::stats::FrameStats {
@@ -161,7 +164,7 @@ fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], de
         let world_per_depth = local_per_depth * active.job.mesh.positions.scale;
         let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
-        let light = integrate::integrate(&active.job.table, chain, world_per_depth);
+        let light = integrate::integrate(&integrate::Transfer::of(&active.job), chain, world_per_depth);
         pixels[pixel] = light.rgba.map(|v| v as f32);
         depths[pixel] = (light.visible_from * active.job.mesh.positions.scale) as f32;
     }

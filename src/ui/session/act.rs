@@ -5,8 +5,8 @@ use crate::camera::{Camera, CameraError};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
 use crate::transfer::{PositionKind, TransferError, TransferFunction};
-use crate::ui::Action;
 use crate::ui::motion::TARGET_FPS;
+use crate::ui::{Action, EnsembleChoice, Followed};
 use std::time::Duration;
 
 /// One notch of speed: two of them are twice as fast.
@@ -44,11 +44,19 @@ impl Session {
             }
             Action::Pan(by) => self.move_camera(|camera| camera.pan(by), now),
             Action::Zoom { factor, cursor } => self.move_camera(|camera| camera.zoom_to_cursor(factor, cursor), now),
-            Action::ResetView => self.look.camera = self.home_camera(),
+            Action::ResetView => {
+                self.look.camera = self.home_camera();
+                self.leave(|followed| followed.camera = false);
+            }
             Action::ViewAlong { axis, from_positive } => {
                 self.change_camera(|camera| camera.along(axis, from_positive));
             }
             Action::OtherProjection => self.change_camera(Camera::with_other_projection),
+            Action::Ensembles(choice) => self.choose_ensembles(choice),
+            Action::CameraPath(follows) => {
+                self.look.camera = self.camera();
+                self.leave(|followed| followed.camera = follows);
+            }
             Action::Field(field) => {
                 if !self.opens_field && field.to_string() != self.series().field().name {
                     self.opens_field = true;
@@ -65,13 +73,22 @@ impl Session {
                 let map = tf.color_map().clone();
                 self.set_tf(TransferFunction::new(map, points, PositionKind::Relative, tf.values()));
             }
-            Action::Range(range) => self.look.range = range,
+            Action::Range(range) => {
+                self.look.range = range;
+                self.leave(|followed| followed.ensembles = EnsembleChoice::Own);
+            }
             Action::Background(color) => self.background = color,
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
-            Action::Optics(optics) => self.look.optics = optics,
+            Action::Optics(optics) => {
+                self.look.optics = optics;
+                self.leave(|followed| followed.optics = false);
+            }
             Action::LevelOfDetail(lod) if lod.is_nan() => {}
-            Action::LevelOfDetail(lod) => self.look.faces.lod = lod.clamp(0.0, 1.0),
+            Action::LevelOfDetail(lod) => {
+                self.look.faces.lod = lod.clamp(0.0, 1.0);
+                self.leave(|followed| followed.lod = false);
+            }
             Action::TargetRate(fps) if fps.is_nan() => {}
             Action::TargetRate(fps) => self.target_fps = fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()),
             Action::HoldRate(holds) => self.holds_rate = holds,
@@ -118,8 +135,9 @@ impl Session {
 
     /// Follows the mouse: images are smaller meanwhile. At the end of the world the camera stays where it is.
     fn move_camera(&mut self, moved: impl FnOnce(&Camera) -> Result<Camera, CameraError>, now: Duration) {
-        if let Ok(camera) = moved(&self.look.camera) {
+        if let Ok(camera) = moved(&self.camera()) {
             self.look.camera = camera;
+            self.leave(|followed| followed.camera = false);
             // Where the level of detail holds the rate, images need not be smaller.
             let full_ms = self.full_frame_ms().filter(|_| !self.has_levels());
             self.motion.moved(now, full_ms, 1e3 / self.target_fps);
@@ -127,16 +145,40 @@ impl Session {
     }
 
     fn change_camera(&mut self, changed: impl FnOnce(&Camera) -> Result<Camera, CameraError>) {
-        match changed(&self.look.camera) {
-            Ok(camera) => self.look.camera = camera,
+        match changed(&self.camera()) {
+            Ok(camera) => {
+                self.look.camera = camera;
+                self.leave(|followed| followed.camera = false);
+            }
             Err(error) => self.fail(format!("{error}; R shows the whole mesh again")),
         }
     }
 
     fn set_tf(&mut self, tf: Result<TransferFunction, TransferError>) {
         match tf {
-            Ok(tf) => self.look.tf = tf,
+            Ok(tf) => {
+                self.look.tf = tf;
+                self.leave(|followed| followed.ensembles = EnsembleChoice::Own);
+            }
             Err(error) => self.fail(error.to_string()),
+        }
+    }
+
+    /// Something is not as the project has it any more, if there is one.
+    fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
+        if self.project().is_some() {
+            change(&mut self.look.followed);
+        }
+    }
+
+    /// Nothing if the project has no such ensemble.
+    fn choose_ensembles(&mut self, choice: EnsembleChoice) {
+        let count = self.project().map_or(0, |project| project.ensembles.len());
+        let followed = &mut self.look.followed;
+        match choice {
+            EnsembleChoice::One(index) if index >= count => {}
+            EnsembleChoice::Project => *followed = Followed { camera: followed.camera, ..Followed::default() },
+            EnsembleChoice::One(_) | EnsembleChoice::Own => followed.ensembles = choice,
         }
     }
 

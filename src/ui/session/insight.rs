@@ -36,7 +36,7 @@ impl Session {
             return None;
         };
         let series = self.series().clone();
-        let request = self.requests.make(&self.look, series.field(), FrameTime::from(step), size);
+        let request = self.previews.make(&self.look, &series, FrameTime::from(step), size, &mut |lod| lod)?;
         self.insight.thumbnail(&series, &request, self.background)
     }
 }

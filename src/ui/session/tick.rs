@@ -1,11 +1,10 @@
 //! What a session does whenever its time comes.
 
-use super::{Session, Shown};
+use super::{Asked, Session, Shown};
 use crate::pipeline::{FaceDetail, FrameRequest, RenderMode};
 use crate::playback::State;
 use crate::ui::detail::{Measured, Wanted};
 use crate::ui::jobs::{Done, Screenshot};
-use crate::ui::look::Look;
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;
 use std::time::Duration;
@@ -15,32 +14,32 @@ impl Session {
     /// call again at the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
+        self.requests.collect();
         let (state, is_busy) = (self.state(), now < self.busy_until);
         self.player.pipelined().leave_a_core(is_busy);
         let Some(size) = self.size_px(now) else { return (false, None) };
         // An image that is to be saved must be here.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
-        let lod = self.level_in_motion(&state, size, now);
-        let is_asked = self.asked.as_mut().is_some_and(|(asked, asked_size)| {
-            // Frames of another level are as good while more of them follow; at rest it is the one that was chosen.
-            let before = std::mem::replace(&mut asked.faces.lod, self.look.faces.lod);
-            let is_same = *asked == self.look && *asked_size == size;
-            asked.faces.lod = lod;
-            is_same && (state.playing || before == lod)
-        });
-        if !is_asked || self.requests.for_window != for_window {
-            self.requests.for_window = for_window;
+        let (series, held_ms) = (self.series().clone(), self.held_ms(&state, now));
+        let Self { player, requests, detail, look, asked, .. } = self;
+        let (mode, pixels) = (look.mode, size.0 * size.1);
+        let mut level = |most| detail.level(Wanted { mode, most, held_ms, pixels });
+        let lod = level(look.faces.lod);
+        // Frames of another level are as good while more of them follow; at rest it is the one that was chosen.
+        let is_same = |asked: &mut Asked| {
+            let before = std::mem::replace(&mut asked.lod, lod);
+            asked.look == *look && asked.size_px == size && (state.playing || before == lod)
+        };
+        if !asked.as_mut().is_some_and(is_same) || requests.for_window != for_window {
+            requests.for_window = for_window;
             // Before the first frame there is nothing to draw again.
-            if self.asked.is_some() {
-                self.player.redraw();
+            if asked.is_some() {
+                player.redraw();
             }
-            let faces = FaceDetail { lod, ..self.look.faces };
-            self.asked = Some((Look { faces, ..self.look.clone() }, size));
+            *asked = Some(Asked { look: look.clone(), size_px: size, lod });
         }
-        let series = self.series().clone();
-        let Self { player, requests, asked: Some((look, _)), .. } = self else { return (false, None) };
-        let tick = player.tick(now, &mut |time| requests.make(look, series.field(), time, size));
+        let tick = player.tick(now, &mut |time| requests.make(look, &series, time, size, &mut level));
         if let Some(problem) = self.requests.problem.take() {
             self.fail(problem);
         }
@@ -92,21 +91,23 @@ impl Session {
         self.holds_rate && matches!(self.look.mode, RenderMode::Auto | RenderMode::Havs)
     }
 
-    /// The level of detail of the next frames: another than the one chosen while something moves and the rate is to be held, or
-    /// where all cells are drawn as fast.
-    fn level_in_motion(&mut self, state: &State, (width, height): (usize, usize), now: Duration) -> f64 {
+    /// Milliseconds that a frame may take, if its level of detail is to be lower for it: while something moves and the rate is to
+    /// be held.
+    fn held_ms(&self, state: &State, now: Duration) -> Option<f64> {
         let moves = state.playing || self.motion.scale_at(now).is_some();
-        let held_ms = (moves && self.has_levels()).then_some(1e3 / self.target_fps);
-        let Look { mode, faces, .. } = self.look;
-        self.detail.level(Wanted { mode, most: faces.lod, held_ms, pixels: width * height })
+        (moves && self.has_levels()).then_some(1e3 / self.target_fps)
     }
 
     /// Of what is on the screen, once that is what it should be: in full, and of the camera as it is.
     fn take_screenshot(&mut self) {
         let (Some(shown), Some(size)) = (&self.shown, self.size_at(1.0)) else { return };
         let series = self.series().clone();
-        let wanted = self.requests.make(&self.look, series.field(), shown.request.time, size);
-        let wanted = FrameRequest { for_window: shown.request.for_window, ..wanted };
+        let wanted = self.requests.make(&self.look, &series, shown.request.time, size, &mut |lod| lod);
+        let Some(wanted) = wanted else { return };
+        // All cells are as good as the faces that were chosen.
+        let lod = shown.request.faces.lod.max(wanted.faces.lod);
+        let faces = FaceDetail { lod, ..wanted.faces };
+        let wanted = FrameRequest { faces, for_window: shown.request.for_window, ..wanted };
         let is_here = !shown.frame.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));
         if is_due && shown.request.same_view(&wanted) {

@@ -7,6 +7,7 @@ mod overlay;
 mod point;
 mod popups;
 mod preview;
+mod project;
 mod run;
 mod screen;
 mod side;
@@ -29,6 +30,7 @@ use super::{Action, DEFAULT_TF, Look, Session, SessionOptions, SettingsKeeper};
 use crate::camera::CameraError;
 use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
 use crate::playback::{Clock, Command, Loop, Player};
+use crate::project::Project;
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
 use crate::transfer::TransferFunction;
@@ -43,9 +45,25 @@ use std::time::Instant;
 use waker::Waker;
 use welcome::{PathBox, Wish};
 
-/// What frames of a series look like at first, and whether the camera was chosen by the user: it is kept then, whatever shape
-/// the window has.
-pub type Dress = Arc<dyn Fn(&Series) -> Result<(Look, bool), String> + Send + Sync>;
+/// What a series looks like at first.
+pub struct Dressed {
+    /// What frames look like.
+    pub look: Look,
+    /// Whether the camera was chosen by the user: it is kept then, whatever shape the window has.
+    pub camera_is_chosen: bool,
+    /// What is shown instead, from moment to moment, and how it is played.
+    pub project: Option<Arc<Project>>,
+}
+
+impl From<Look> for Dressed {
+    /// With a camera that frames the mesh.
+    fn from(look: Look) -> Self {
+        Self { look, camera_is_chosen: false, project: None }
+    }
+}
+
+/// Says what a series looks like at first.
+pub type Dress = Arc<dyn Fn(&Series) -> Result<Dressed, String> + Send + Sync>;
 
 /// What is shown first.
 pub enum Start {
@@ -120,10 +138,10 @@ pub struct PlayerWindow {
 }
 
 /// A series as it looks when nobody has said anything.
-fn plain(series: &Series) -> Result<(Look, bool), String> {
+fn plain(series: &Series) -> Result<Dressed, String> {
     let tf = TransferFunction::parse(DEFAULT_TF).map_err(|error| error.to_string())?;
     let look = Look::default_for(series, tf).map_err(|error: CameraError| error.to_string())?;
-    Ok((look, false))
+    Ok(look.into())
 }
 
 impl PlayerWindow {
@@ -257,7 +275,8 @@ impl PlayerWindow {
 
     fn session_of(&self, opened: Opened, dress: &Dress) -> Result<(Session, Option<Followed>), String> {
         let Opened { store, series, .. } = opened;
-        let (look, camera_is_chosen) = dress(&series)?;
+        let Dressed { look, camera_is_chosen, project } = dress(&series)?;
+        let playback = project.as_ref().map_or_else(Default::default, |project| project.playback);
         let followed = self.options.follows.then(|| {
             let wake = Arc::new(self.waker.wake());
             Followed { series: series.clone(), follower: Follower::start(store.clone(), series.clone(), wake) }
@@ -265,7 +284,7 @@ impl PlayerWindow {
         let mut pipeline = Pipeline::new(series);
         pipeline.choose_gpu(self.options.gpu.clone());
         pipeline.share_gpu(self.gpu.clone());
-        let clock = Clock::new(pipeline.times().clone());
+        let clock = Clock::with_settings(pipeline.times().clone(), playback).map_err(|error| error.to_string())?;
         let no_threads = |error: io::Error| format!("the system gives no threads: {error}");
         let pipelined = Pipelined::start(pipeline, &self.options.threads, self.waker.wake()).map_err(no_threads)?;
         let settings = self.keeper.settings();
@@ -275,6 +294,7 @@ impl PlayerWindow {
         let options = SessionOptions {
             store,
             look,
+            project,
             camera_is_chosen,
             background,
             image_scale,
@@ -311,7 +331,9 @@ impl PlayerWindow {
 
     /// What is played will look the same when it is opened again.
     fn remember_look(&mut self) {
-        if let (Some(session), Some(path)) = (&self.session, &self.path) {
+        // A project says what it looks like.
+        let plain = self.session.as_ref().filter(|session| session.project().is_none());
+        if let (Some(session), Some(path)) = (plain, &self.path) {
             self.keeper.settings_mut().remember_look(path, &session.series().field().name, session.look());
         }
     }
@@ -326,10 +348,11 @@ impl PlayerWindow {
         let known = paths.first().filter(|_| paths.len() == 1).and_then(|path| self.keeper.settings().look_of(path));
         let known = known.cloned();
         Arc::new(move |series: &Series| {
-            let (mut look, camera_is_chosen) = dress(series)?;
+            let mut dressed = dress(series)?;
             let known = known.as_ref().filter(|known| known.field == series.field().name);
-            known.inspect(|known| known.apply_to(&mut look));
-            Ok((look, camera_is_chosen || known.is_some()))
+            known.inspect(|known| known.apply_to(&mut dressed.look));
+            dressed.camera_is_chosen |= known.is_some();
+            Ok(dressed)
         })
     }
 

@@ -29,7 +29,7 @@ fn title(field: &StoredField) -> String {
 }
 
 /// At most so many characters.
-fn shortened(text: &str, most: usize) -> String {
+pub(super) fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();
     }
@@ -109,7 +109,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     let inner = rect.shrink(MARGIN);
     write(inner.left_top(), Align2::LEFT_TOP, &shortened(&title(field), NAME.0));
     write(inner.left_top() + vec2(0.0, 1.3 * TEXT), Align2::LEFT_TOP, &quality(field));
-    let camera = &session.look().camera;
+    let camera = &session.camera();
     if overlays.bounding_box {
         axes::bounding_box(&painter, rect, camera, session.series().mesh().positions.world_bounds(), ink);
     }
@@ -130,10 +130,10 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
         write(inner.left_bottom() - vec2(0.0, 1.3 * TEXT), Align2::LEFT_BOTTOM, &shortfall);
     }
     let has_room = rect.width() >= LEGEND_ROOM.0 && rect.height() >= LEGEND_ROOM.1;
-    if let Some(range) = session.shown_range().filter(|_| overlays.legend && has_room) {
+    if let Some((range, color)) = session.legend().filter(|_| overlays.legend && has_room) {
         let height = BAR.1 * rect.height();
         let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
-        painter.add(color_bar(bar, session));
+        painter.add(vertical_strip(bar, color));
         painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
         for (position, text) in ticks(&range) {
             let y = bar.bottom() - position * bar.height();
@@ -163,10 +163,6 @@ fn inks([r, g, b]: [f32; 3]) -> (Color32, Color32) {
 /// Places 0..=1 from below and what is written there.
 fn ticks(range: &MappedRange) -> Vec<(f32, String)> {
     (0..=4_u8).map(|i| f32::from(i) / 4.0).map(|p| (p, number(range.scalar_at(f64::from(p))))).collect()
-}
-
-fn color_bar(rect: Rect, session: &Session) -> Shape {
-    vertical_strip(rect, |position| session.look().tf.color_map().eval(position))
 }
 
 /// A strip of colours from below.

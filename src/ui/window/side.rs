@@ -4,7 +4,7 @@ use super::overlay::{self, Overlays, horizontal_strip};
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{choice, color, number};
-use super::{point, statistics};
+use super::{point, project, statistics};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
@@ -43,6 +43,9 @@ impl Side {
                 CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
             };
             section(ui, "Field", &mut |ui| field(ui, session, actions));
+            if let Some(project) = session.project() {
+                section(ui, "Project", &mut |ui| project::show(ui, session, project, actions));
+            }
             section(ui, "Colours", &mut |ui| colors(ui, session, actions));
             section(ui, "Opacity", &mut |ui| {
                 if let Some(range) = session.shown_range() {
@@ -198,7 +201,7 @@ fn view(ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut V
             }
         }
     });
-    let mut is_parallel = matches!(session.look().camera.projection, Projection::Parallel { .. });
+    let mut is_parallel = matches!(session.camera().projection, Projection::Parallel { .. });
     if ui.checkbox(&mut is_parallel, "parallel projection").on_hover_text("V").clicked() {
         actions.push(Action::OtherProjection);
     }
@@ -247,7 +250,11 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         actions.push(Action::Renderer(mode));
     }
     let mut optics = session.look().optics;
-    let kinds = [(OpticsKind::Exact, "exact optics"), (OpticsKind::Table3d, "pre-integrated table")];
+    let kinds = [
+        (OpticsKind::Exact, "exact optics"),
+        (OpticsKind::Partial, "partial pre-integration"),
+        (OpticsKind::Table3d, "pre-integrated table"),
+    ];
     if choice(ui, "Optics", &mut optics, &kinds) {
         actions.push(Action::Optics(optics));
     }

@@ -26,7 +26,7 @@ pub(super) fn show(
         mouse(ui, &response, rect, actions);
         point_at(&response, place, session, actions);
         if let Some(picked) = session.picked()
-            && let Some(at) = place_of(rect, &session.look().camera, picked.position)
+            && let Some(at) = place_of(rect, &session.camera(), picked.position)
         {
             overlay::cross(ui, rect, at, session.background());
         }

@@ -71,10 +71,10 @@ fn one_command_line_writes_a_store_and_then_adds_to_it() {
         let look = ["--field", "velocity", "--steps", "0..7:7", "--size", "80x60"];
         place.ok(&[&["render", "t.zarr", "-o", "a_%d.png"], &look[..]].concat());
         place.ok(&[&["render", "whole.zarr", "-o", "b_%d.png"], &look[..]].concat());
-        for i in 0..2 {
-            let [a, b] = ["a", "b"].map(|n| tetreel::image::read_png(&place.path(&format!("{n}_{i}.png"))).unwrap());
-            assert!(a == b);
-        }
+        let pictures =
+            |name: &str| [0, 1].map(|i| tetreel::image::read_png(&place.path(&format!("{name}_{i}.png"))).unwrap());
+        assert!(pictures("a") == pictures("b"));
+        assert!(pictures("a")[0] != pictures("a")[1], "another step would be seen");
         std::fs::remove_dir_all(place.path("t.zarr")).unwrap();
     }
 }

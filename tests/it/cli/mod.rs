@@ -4,6 +4,7 @@ mod append;
 mod export;
 mod import;
 mod movie;
+mod project;
 mod render;
 
 use serde_json::Value;
@@ -175,7 +176,8 @@ fn json_is_alone_on_stdout_and_has_the_keys_that_the_help_names() {
         "bench.json",
     ]);
     let bench: Value = serde_json::from_slice(&std::fs::read(place.path("bench.json")).unwrap()).unwrap();
-    assert_eq!(keys(&bench), ["machine", "runs"]);
+    assert_eq!(keys(&bench), ["integration", "machine", "runs"]);
+    assert!(bench["integration"][0]["opacity_max"].as_f64().unwrap() <= 1e-6, "{}", bench["integration"][0]);
     let runs = bench["runs"].as_array().unwrap();
     let (judge, rays) = (&runs[0], runs.iter().find(|run| run["mode"] == "raycast").unwrap());
     assert_eq!((judge["mode"].as_str(), judge["error"].is_null()), (Some("reference"), true));

@@ -261,6 +261,7 @@ fn frames_between_steps_follow_the_times_of_the_file_and_at_a_step_are_that_step
         } else {
             let weight = (time - times[last]) / (times[last + 1] - times[last]);
             assert_eq!(record["toward"][0], last + 1, "{frame}");
+            // Both are the quotient of two differences in f64, of times below 1: three roundings.
             assert!((record["toward"][1].as_f64().unwrap() - weight).abs() < 1e-15, "{frame}");
         }
     }

@@ -156,8 +156,17 @@ proptest! {
     }
 
     #[test]
-    fn vectors_draw_the_bits_of_the_scalar_walk(scene in scenes(), exact in any::<bool>(), opaque in any::<bool>()) {
-        let optics = if exact { OpticsKind::Exact } else { OpticsKind::Table3d };
+    fn clear_cells_may_be_left_out_with_partial_pre_integration(scene in scenes()) {
+        let all = RenderJob { optics: OpticsKind::Partial, ..scene.job() };
+        let some = without_clear_cells(&all, 0.0);
+        for mut renderer in renderers() {
+            prop_assert!(image(&mut renderer, &all) == image(&mut renderer, &some), "{scene:?}");
+        }
+    }
+
+    #[test]
+    fn vectors_draw_the_bits_of_the_scalar_walk(scene in scenes(), optics in 0..OpticsKind::ALL.len(), opaque in any::<bool>()) {
+        let optics = OpticsKind::ALL[optics];
         let all = RenderJob { optics, skip: Skip { opaque, ..Skip::ALL }, ..scene.job() };
         let some = without_clear_cells(&all, 0.0);
         for job in [all, some] {
@@ -177,7 +186,8 @@ proptest! {
     }
 }
 
-/// The bound for renderers that sum in another order, or in f32.
+/// The bound for renderers that sum in another order, or in f32. Measured of faces on the CPU: none in 32 scenes; a scalar that
+/// is rounded beyond the ends of its clear cell, by 2^-53, may see a spike's foot.
 const RMSE_MAX: f64 = 1e-6;
 
 proptest! {
@@ -242,4 +252,6 @@ fn clear_cells_are_what_is_left_out_and_another_one_would_be_seen() {
         assert!(image_of_all == image(&mut renderer, &some));
         assert!(image_of_all != image(&mut renderer, &fewer), "a cell that can be seen was left out");
     }
+    let [all, some, fewer] = [&all, &some, &fewer].map(|job| havs::havs(&havs::with_all_faces(job)).color);
+    assert!(difference(&some, &all).0 <= RMSE_MAX && difference(&fewer, &all).0 > RMSE_MAX);
 }

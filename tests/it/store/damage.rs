@@ -44,7 +44,7 @@ fn read_all(path: &Path) -> FileResult<(Mesh, Vec<Vec<u32>>)> {
 /// Whether a file only holds what can be derived again.
 fn is_derived(file: &str) -> bool {
     let is_of = |name: &&str| file.starts_with(&format!("mesh/0/{name}/"));
-    file.starts_with("lod/") || ["faces", "face_cells", "neighbours"].iter().any(is_of)
+    file.starts_with("lod/") || file.contains("/histograms/") || ["faces", "face_cells", "neighbours"].iter().any(is_of)
 }
 
 #[test]

@@ -23,6 +23,10 @@ const CUBES: usize = 3400;
 /// Segments of a ray along the column: three in each cube.
 const SEGMENTS: usize = 3 * CUBES;
 
+/// What an opacity may be off by, of itself where it is small. Measured on the CPU: 3.9e-6 of ten thousand sums of f32, each
+/// rounded by 2^-24 at most and as often up as down but where all are alike; 2.3e-7 of what is small.
+const TOLERANCE: f64 = 1e-5;
+
 #[test]
 fn products_over_ten_thousand_segments_keep_their_digits() {
     let mesh = Arc::new(build(column(CUBES)));
@@ -44,7 +48,7 @@ fn products_over_ten_thousand_segments_keep_their_digits() {
             let worst = errors.fold(0.0, f64::max);
             eprintln!("{SEGMENTS} segments, {name} | {} | {worst:.1e}", path.name);
             assert_eq!(frame.stats.broken_paths, 0, "{name}, {}", path.name);
-            assert!(worst <= 1e-5, "{name}, {}: {worst:.1e}", path.name);
+            assert!(worst <= TOLERANCE, "{name}, {}: {worst:.1e}", path.name);
         }
     }
     // The usual way: what is let through by each segment, rounded, multiplied. All are rounded alike.
@@ -53,7 +57,7 @@ fn products_over_ten_thousand_segments_keep_their_digits() {
     let product = (0..SEGMENTS).fold(1f32, |product, _| product * let_through);
     let off = (f64::from(product) - (-1f64).exp()).abs();
     eprintln!("{SEGMENTS} segments, product of f32: {off:.1e}");
-    assert!(off > 1e-5, "{off:.1e}");
+    assert!(off > TOLERANCE, "{off:.1e}");
 }
 
 #[test]
@@ -68,10 +72,10 @@ fn opacities_of_next_to_nothing_keep_their_digits() {
             let Some(frame) = (path.render)(&job) else { continue };
             let off = frame.color.pixels.iter().map(|p| (f64::from(p[3]) / alpha - 1.0).abs()).fold(0.0, f64::max);
             eprintln!("optical depth {depth:.0e} | {} | {off:.1e} of it", path.name);
-            assert!(off <= 1e-5, "optical depth {depth:e}, {}: {off:.1e}", path.name);
+            assert!(off <= TOLERANCE, "optical depth {depth:e}, {}: {off:.1e}", path.name);
         }
         let usual = f64::from(1.0 - (-depth as f32).exp());
-        assert!((usual / alpha - 1.0).abs() > 1e-5, "optical depth {depth:e}: 1 - exp(-x) is good enough");
+        assert!((usual / alpha - 1.0).abs() > TOLERANCE, "optical depth {depth:e}: 1 - exp(-x) is good enough");
     }
 }
 

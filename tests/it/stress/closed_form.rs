@@ -19,7 +19,8 @@ use glam::DVec3;
 use std::f64::consts::PI;
 use tetreel::camera::View;
 
-/// What a channel may be off by.
+/// What a channel may be off by: a ray ends when less than 2^-17 = 7.6e-6 shines through. Measured on the CPU: that, in slabs of an
+/// optical depth of 80, else 3.2e-7.
 const TOLERANCE: f64 = 1e-5;
 const SIZE: (usize, usize) = (21, 21);
 /// The slab of [-1, 1]^3 along the view.
@@ -97,7 +98,8 @@ fn the_series_of_erf_is_that_of_the_tables() {
     for (x, expected) in
         [(0.5, 0.520_499_877_813_046_5), (1.0, 0.842_700_792_949_714_9), (2.0, 0.995_322_265_018_952_7)]
     {
-        assert!((erf(x) - expected).abs() < 1e-14);
+        // Terms up to 2.2 alternate: a few roundings of those. Measured: 5.6e-16.
+        assert!((erf(x) - expected).abs() < 5e-15);
         assert_eq!(erf(-x), -erf(x));
     }
 }
@@ -246,8 +248,10 @@ fn a_spike_narrower_than_a_ten_thousandth_of_the_range_is_drawn() {
             eprintln!("spike | {path} | {worst:.1e}");
             // Scalars are f32, so that s = x holds to 2^-24 at the vertices and the tent is met at a slope of 1 + 2^-24 / (h of a
             // cell, 0.2); vertices beside it would have it at another place, not of another area. On the GPU scalars of hits
-            // are f32, too: a piece of the tent may be off by 2^-24 / 1e-5 of its area where it is cut by a face.
-            assert!(worst <= 1e-3, "{path}: {worst:.1e}");
+            // are f32, too: a piece of the tent may be off by 2^-24 / 1e-5 of its area where it is cut by a face. Measured on the
+            // CPU: 8.6e-8.
+            let bound = if path.ends_with("GPU") { 1e-3 } else { 5e-7 };
+            assert!(worst <= bound, "{path}: {worst:.1e}");
         }
         let mut wider = job.table.nodes().to_vec();
         wider[2].scalar += 0.1 * h;

@@ -20,14 +20,30 @@ fn built(name: &str, raw: RawMesh) -> (Case, RepairReport) {
     (Case { cameras: cameras::oblique(), size: (48, 48), ..case }, report)
 }
 
-/// Draws the case, and says by how much it differs from the clean mesh: root mean square and maximum over all views.
+/// Where corners come in another order, sums in f64 are rounded otherwise, and once in a while the f32 of a pixel by a unit more or
+/// less: 2^-24 of 1, at most four times. Measured: none.
+const ANOTHER_ORDER: Bound = Bound { rmse: 1e-8, max: 2.4e-7 };
+
+/// Draws the case, and says by how much it differs from the clean mesh: root mean square and maximum over all views. One scalar of
+/// the clean mesh that is off by a thousandth is beyond [`ANOTHER_ORDER`].
 fn run_beside_clean(case: &Case) -> (f64, f64) {
     run([case.clone()]);
     let (clean, _) = built("clean", clean());
-    let pairs = case.jobs().into_iter().zip(clean.jobs());
-    let errors = pairs.map(|(ours, clean)| difference(&raycast(&ours), &raycast(&clean)));
-    let worst = errors.fold((0f64, 0f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-    eprintln!("{} against clean: rmse {:.1e}, max {:.1e}", case.name, worst.0, worst.1);
+    let mut other = clean.clone();
+    let middle = other.scalars.len() / 2;
+    other.scalars[middle] += 1e-3;
+    let beside = |clean: &Case| {
+        let pairs = case.jobs().into_iter().zip(clean.jobs());
+        let errors = pairs.map(|(ours, clean)| difference(&raycast(&ours), &raycast(&clean)));
+        errors.fold((0f64, 0f64), |a, b| (a.0.max(b.0), a.1.max(b.1)))
+    };
+    let (worst, noticed) = (beside(&clean), beside(&other));
+    let (rmse, max) = worst;
+    eprintln!(
+        "{} against clean: rmse {rmse:.1e}, max {max:.1e}; with another scalar {:.1e}, {:.1e}",
+        case.name, noticed.0, noticed.1
+    );
+    assert!(noticed.0 > ANOTHER_ORDER.rmse && noticed.1 > ANOTHER_ORDER.max, "{noticed:?}");
     worst
 }
 
@@ -74,9 +90,7 @@ fn inverted_cells_are_turned_and_the_image_is_that_of_the_clean_mesh() {
     let (case, report) = built("inverted cells", raw);
     // Those of a regular mesh alternate: some are turned as they are.
     assert!(report.flipped != all_right && report.flipped + inverted >= all_right, "{report}");
-    let (rmse, max) = run_beside_clean(&case);
-    // Corners come in another order, so that sums in f64 are rounded otherwise.
-    assert!(rmse <= 1e-7 && max <= 1e-6, "rmse {rmse:.1e}, max {max:.1e}");
+    assert!(ANOTHER_ORDER.holds(run_beside_clean(&case)));
 }
 
 /// The same cells, each side of x = 0.2 with points of its own: two meshes that touch without knowing of each other.
@@ -99,9 +113,8 @@ fn coincident_points_are_kept_and_touching_parts_are_drawn_as_one() {
     assert_eq!(report.parts, 2);
     assert_eq!(report.vertices_out - report.coincident_points, points as u64, "each place once");
     assert!(report.coincident_points > 30);
-    let (rmse, max) = run_beside_clean(&case);
     // A ray leaves one part and enters the other at one depth, computed from the same corners.
-    assert!(rmse <= 1e-7 && max <= 1e-6, "rmse {rmse:.1e}, max {max:.1e}");
+    assert!(ANOTHER_ORDER.holds(run_beside_clean(&case)));
 }
 
 #[test]
@@ -116,8 +129,7 @@ fn coincident_cells_are_kept_and_drawn_once() {
     }
     let (case, report) = built("coincident cells", raw);
     assert_eq!((report.duplicate_cells, report.coincident_points), (0, 4 * again.len() as u64));
-    let (rmse, max) = run_beside_clean(&case);
-    assert!(rmse <= 1e-5 && max <= 1e-3, "rmse {rmse:.1e}, max {max:.1e}");
+    assert!(ANOTHER_ORDER.holds(run_beside_clean(&case)));
     // What a ray has passed is passed once, and somebody says how often there was more.
     assert!(Raycast::new().render(case.jobs().swap_remove(0)).unwrap().stats.out_of_order > 100);
 }
@@ -155,6 +167,5 @@ fn all_defects_at_once_are_repaired() {
     let (case, report) = built("all defects", raw);
     assert_eq!(report.cells_out, cells.len() as u64);
     assert!(report.zero_volume.min(report.duplicate_cells).min(report.unreferenced_vertices) > 10, "{report}");
-    let (rmse, max) = run_beside_clean(&case);
-    assert!(rmse <= 1e-7 && max <= 1e-6, "rmse {rmse:.1e}, max {max:.1e}");
+    assert!(ANOTHER_ORDER.holds(run_beside_clean(&case)));
 }

@@ -3,7 +3,7 @@
 use super::cameras::oblique;
 use super::*;
 use crate::meshes::{build, grid, sample};
-use crate::render::{difference, raycast, reference};
+use crate::render::{difference, reference};
 use glam::DVec3;
 use tetreel::image::RgbaImage;
 
@@ -22,6 +22,7 @@ fn any_number_of_threads_draws_the_same_bits() {
     };
     let judged = || -> Vec<RgbaImage> { jobs.iter().map(reference).collect() };
     let (expected, expected_judged) = (images(), judged());
+    assert!(expected_judged.iter().all(|image| image.pixels.iter().any(|p| p[3] > 0.0)), "empty images prove nothing");
     for threads in [1, 2, 7] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         for (frame, expected) in pool.install(images).iter().zip(&expected) {
@@ -53,6 +54,11 @@ fn flipped(image: &RgbaImage) -> RgbaImage {
     image
 }
 
+/// What a mirror may change: the project's bound of the root mean square, for single pixels. Measured on the CPU: nothing.
+const MIRROR_BOUND: f64 = 1e-5;
+/// On the CPU: cells come in another order, which may round an f32 by a unit or two.
+const MIRROR_BOUND_ON_CPU: f64 = 2.4e-7;
+
 /// The mesh is jittered and the views are oblique: no ray meets a vertex or an edge, where the mirror would decide otherwise.
 #[test]
 fn a_scene_in_a_mirror_has_the_mirrored_image() {
@@ -64,14 +70,15 @@ fn a_scene_in_a_mirror_has_the_mirrored_image() {
                 continue;
             };
             let (_, max) = difference(&image.color, &flipped(&other.color));
-            assert!(max <= 1e-5, "{}: {max:.1e}", path.name);
+            let bound = if path.on_gpu { MIRROR_BOUND } else { MIRROR_BOUND_ON_CPU };
+            assert!(max <= bound, "{}: {max:.1e}", path.name);
             worst = worst.max(max);
             // A mirror with a flaw is noticed, and so is an image that is not turned round.
             let flaw = mirrored(job, |p| wave(p) + 1e-3 * p.y);
             let (_, max) = difference(&image.color, &flipped(&(path.render)(&flaw).unwrap().color));
-            assert!(max > 1e-5, "{}: {max:.1e} with another field", path.name);
+            assert!(max > MIRROR_BOUND, "{}: {max:.1e} with another field", path.name);
             let (_, max) = difference(&image.color, &other.color);
-            assert!(max > 1e-5, "{}: {max:.1e} of the unflipped image", path.name);
+            assert!(max > MIRROR_BOUND, "{}: {max:.1e} of the unflipped image", path.name);
         }
         eprintln!("mirror | {} | max {worst:.1e}", path.name);
     }
@@ -130,33 +137,50 @@ fn where_tiles_and_bands_end_does_not_show() {
 /// Width of a tile on every path.
 const TILE_PX: usize = 16;
 
+fn is_at_border(image: &RgbaImage, pixel: usize) -> bool {
+    [pixel % image.width, pixel / image.width].iter().any(|place| [0, TILE_PX - 1].contains(&(place % TILE_PX)))
+}
+
+/// Mean absolute errors of pixels that see the mesh: at borders, elsewhere.
+fn mean_errors(pairs: &[(RgbaImage, RgbaImage)]) -> [f64; 2] {
+    let mut sums = [(0.0, 0usize); 2];
+    for (image, judge) in pairs {
+        for (pixel, (a, b)) in image.pixels.iter().zip(&judge.pixels).enumerate() {
+            let error: f64 = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum();
+            let sum = &mut sums[usize::from(!is_at_border(judge, pixel))];
+            *sum = (sum.0 + error, sum.1 + usize::from(b[3] > 0.0));
+        }
+    }
+    assert!(sums.iter().all(|s| s.1 > 5000), "{sums:?}");
+    sums.map(|(sum, count)| sum / count as f64)
+}
+
+/// How much larger errors at borders may be than elsewhere: what chance makes of single pixels next to steps, of thousands of pixels
+/// each. Measured on the CPU: 1.1; of the images with a flaw, 120.
+const BORDER_RATIO: f64 = 1.25;
+
 #[test]
 fn pixels_at_the_borders_of_tiles_are_as_right_as_others() {
+    let judged: Vec<(RenderJob, RgbaImage)> =
+        case().jobs().into_iter().map(|job| (job.clone(), reference(&job))).collect();
     for path in paths() {
-        // Sums and counts of absolute errors: at borders, elsewhere.
-        let mut sums = [(0.0, 0usize); 2];
-        for job in &case().jobs() {
-            let (Some(frame), judge) = ((path.render)(job), reference(job)) else { continue };
-            for (pixel, (a, b)) in frame.color.pixels.iter().zip(&judge.pixels).enumerate() {
-                let is_border = |place: usize| [0, TILE_PX - 1].contains(&(place % TILE_PX));
-                let inner = !(is_border(pixel % judge.width) || is_border(pixel / judge.width));
-                let error: f64 = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum();
-                let sum = &mut sums[usize::from(inner)];
-                *sum = (sum.0 + error, sum.1 + usize::from(b[3] > 0.0));
-            }
-        }
-        if sums[0].1 == 0 {
+        let pairs = judged.iter().filter_map(|(job, judge)| Some(((path.render)(job)?.color, judge.clone())));
+        let mut pairs: Vec<_> = pairs.collect();
+        if pairs.is_empty() {
             continue;
         }
-        let [border, inner] = sums.map(|(sum, count)| sum / count as f64);
+        let [border, inner] = mean_errors(&pairs);
         eprintln!("mean error | {} | at borders {border:.1e} | elsewhere {inner:.1e}", path.name);
-        // Of thousands of pixels each; a quarter more is beyond what chance makes of single pixels next to steps.
-        assert!(sums.iter().all(|s| s.1 > 5000), "{sums:?}");
-        assert!(border <= 1.25 * inner, "{}: {border:.1e} against {inner:.1e}", path.name);
+        assert!(border <= BORDER_RATIO * inner, "{}: {border:.1e} against {inner:.1e}", path.name);
+        // One in a hundred thousand of light lost at borders is noticed.
+        for (image, _) in &mut pairs {
+            for pixel in 0..image.pixels.len() {
+                if is_at_border(image, pixel) {
+                    image.pixels[pixel] = image.pixels[pixel].map(|v| v * (1.0 - 1e-5));
+                }
+            }
+        }
+        let [border, inner] = mean_errors(&pairs);
+        assert!(border > BORDER_RATIO * inner, "{}: {border:.1e} against {inner:.1e}", path.name);
     }
-    // One in a hundred thousand of light lost at borders would be noticed.
-    let job = &case().jobs()[0];
-    let (image, judge) = (raycast(job), reference(job));
-    let (_, max) = difference(&image, &judge);
-    assert!(max < 1e-4, "{max:.1e}");
 }

@@ -47,7 +47,7 @@ mod linux {
         let folder = tempfile::tempdir().expect("a folder");
         let dress = move |series: &Series| {
             let tf = TransferFunction::parse("viridis").map_err(|error| error.to_string())?;
-            Ok((Look { backend, ..Look::default_for(series, tf).map_err(|error| error.to_string())? }, false))
+            Ok(Look { backend, ..Look::default_for(series, tf).map_err(|error| error.to_string())? }.into())
         };
         let options = WindowOptions {
             dress: Arc::new(dress),

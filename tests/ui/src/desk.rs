@@ -53,7 +53,7 @@ pub fn store(folder: &Path) -> PathBuf {
 pub fn options(folder: &Path, start: Start) -> WindowOptions {
     let dress = |series: &Series| {
         let look = Look::default_for(series, TransferFunction::parse("viridis@0:0.1,1:0.6").unwrap()).unwrap();
-        Ok((Look { unit_distance: 5.0 * look.unit_distance, backend: Backend::Cpu, ..look }, false))
+        Ok(Look { unit_distance: 5.0 * look.unit_distance, backend: Backend::Cpu, ..look }.into())
     };
     WindowOptions {
         start,

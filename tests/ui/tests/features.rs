@@ -223,7 +223,7 @@ fn a_machine_that_cannot_keep_up_says_so() {
     // The reference takes a while for each frame.
     let dress = |series: &Series| {
         let look = Look::default_for(series, TransferFunction::parse("viridis").unwrap()).unwrap();
-        Ok((Look { mode: tetreel::pipeline::RenderMode::Reference, ..look }, false))
+        Ok(Look { mode: tetreel::pipeline::RenderMode::Reference, ..look }.into())
     };
     let options = tetreel::ui::window::WindowOptions { dress: Arc::new(dress), ..options(folder.path(), start) };
     let Some(mut desk) = Desk::with([1280.0, 800.0], 1.0, options, folder) else { return };

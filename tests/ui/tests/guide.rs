@@ -29,7 +29,7 @@ fn open() -> Option<Desk> {
         let tf = TransferFunction::parse(TRANSFER_FUNCTION).unwrap();
         let look = Look { backend: Backend::Cpu, ..Look::default_for(series, tf).unwrap() };
         let camera = tetreel::camera::Camera::parse("angle=20", &look.camera).unwrap();
-        Ok((Look { camera, ..look }, false))
+        Ok(Look { camera, ..look }.into())
     };
     let start = Start::Open(vec![path]);
     let background = Some([0.086, 0.094, 0.114]);

@@ -26,7 +26,7 @@ mod linux {
     use tetreel::stats::FrameStats;
     use tetreel::task::Cancel;
     use tetreel::ui::Look;
-    use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
+    use tetreel::ui::window::{Dressed, PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::{self, Desk, STEPS, options, store};
     use tetreel_ui_tests::is_required;
     use tetreel_ui_tests::screen::{Keysym, User, on_a_screen, pause};
@@ -123,8 +123,8 @@ mod linux {
         let options = desk::options(folder.path(), Start::Open(vec![store(folder.path())]));
         let dress = options.dress.clone();
         let on_gpu = move |series: &Series| {
-            let (look, is_chosen) = dress(series)?;
-            Ok((Look { backend: Backend::Gpu, ..look }, is_chosen))
+            let dressed = dress(series)?;
+            Ok(Dressed { look: Look { backend: Backend::Gpu, ..dressed.look }, ..dressed })
         };
         in_front_of(WindowOptions { dress: Arc::new(on_gpu), ..options }, lose_the_gpu);
         println!("a real window was played, scrubbed, coloured and photographed, and has survived the loss of its GPU");

@@ -23,6 +23,11 @@ impl Fragment {
         Self { depth, scalar, near, far }
     }
 
+    /// The active cell that the ray leaves here, or `other` if there is none.
+    pub(super) fn near_or(&self, other: u32) -> u32 {
+        if self.near == NONE { other } else { self.near }
+    }
+
     /// Whether this fragment belongs in front of `other`, which came before it. Depths that differ by no more than `tie`
     /// say nothing: then the cell between the two does, and an exit comes before an entry.
     #[inline(always)]

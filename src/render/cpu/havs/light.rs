@@ -1,7 +1,8 @@
 //! Compositing the fragments of a ray.
 
-use super::super::prepared::first_visible;
+use super::super::grid::GridRay;
 use super::super::tiles::TilePixel;
+use super::super::visible::{first_visible, first_visible_in_grid};
 use super::fragment::Fragment;
 use crate::mesh::NONE;
 use crate::optics::{Accumulator, Integrator};
@@ -9,6 +10,8 @@ use crate::optics::{Accumulator, Integrator};
 /// What is the same for all fragments of a ray.
 pub(super) struct RayOptics<'a, I> {
     pub(super) table: &'a I,
+    /// The transfer function in place of `table`, if it is of more than the scalar.
+    pub(super) grid: Option<GridRay<'a>>,
     pub(super) length_per_depth: f64,
     /// Depths closer than that may be in the wrong order.
     pub(super) tie: f64,
@@ -146,7 +149,7 @@ impl<P: Copy> RayLight<P> {
             if self.last.0 != f64::NEG_INFINITY {
                 self.composite(optics, to);
             }
-            self.last = (to.depth, to.scalar);
+            (self.last, self.far) = ((to.depth, to.scalar), to.far);
             if optics.early_termination && self.light.is_opaque() {
                 self.is_opaque = true;
                 return false;
@@ -159,6 +162,9 @@ impl<P: Copy> RayLight<P> {
     /// behind can be seen.
     #[inline(always)]
     fn composite<I: Integrator<Place = P>>(&mut self, optics: &RayOptics<'_, I>, to: &Fragment) {
+        if let Some(ray) = &optics.grid {
+            return self.composite_in_grid(ray, optics, to);
+        }
         let mut from = self.last;
         let is_forward = to.depth > from.0;
         if !is_forward || self.light.is_opaque() {
@@ -183,6 +189,30 @@ impl<P: Copy> RayLight<P> {
         // A table may show light before the transfer function has any: the ray is then asked again.
         if self.visible_from == f64::INFINITY {
             self.visible_from = first_visible(optics.table, from, (to.depth, to.scalar));
+        }
+        self.segments += pieces;
+        self.front = to.depth;
+    }
+
+    /// As [`Self::composite`]. The gap is one segment in the cell behind its nearer end; if some faces are not drawn, it may be longer
+    /// than that: the cell's quantity then holds on to its end.
+    #[inline(never)]
+    fn composite_in_grid<I>(&mut self, ray: &GridRay<'_>, optics: &RayOptics<'_, I>, to: &Fragment) {
+        let (depth, scalar) = self.last;
+        if to.depth <= depth || to.depth <= self.front || self.light.is_opaque() {
+            return;
+        }
+        let values = ray.along(self.far, depth, optics.tie, to.near_or(self.far));
+        let segment = ray.grid.segment(self.far, [scalar, to.scalar], values);
+        let front = depth.max(self.front);
+        let share = (front - depth) / (to.depth - depth);
+        let length = (to.depth - front) * optics.length_per_depth * ray.scale;
+        let pieces = segment.composite(share, 1.0, length, &mut self.light) as u32;
+        if pieces == 0 {
+            return;
+        }
+        if self.visible_from == f64::INFINITY {
+            self.visible_from = first_visible_in_grid(&segment, (depth, to.depth), share);
         }
         self.segments += pieces;
         self.front = to.depth;

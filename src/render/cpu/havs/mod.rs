@@ -51,13 +51,11 @@ mod resolve;
 mod sides;
 mod tile;
 
-use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
-use super::prepared::Table;
+use super::super::{Advance, Frame, OpticsTable, OpticsTables, RenderError, RenderJob, Renderer};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::raycast::EYE_TOLERANCE;
 use super::raycast::entries::cells_at_eye;
-use super::raycast::pre_integrated::PreIntegrated;
 use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
 use crate::camera::View;
 use crate::optics::Integrator;
@@ -87,8 +85,8 @@ pub struct Havs {
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
-    /// The pre-integrated table of the last job that asked for one.
-    pre_integrated: PreIntegrated,
+    /// For jobs that come without.
+    tables: OpticsTables,
     /// Use no instructions that not every processor of its kind has.
     portable: bool,
 }
@@ -98,7 +96,7 @@ struct ActiveJob {
     job: RenderJob,
     is_complete: bool,
     view: View,
-    table: Table,
+    table: OpticsTable,
     eye_cells: Vec<u32>,
     tie: f64,
     next_tile: usize,
@@ -146,11 +144,12 @@ pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces
 impl Renderer for Havs {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
+        let job = job.with_optics_of_grid();
         let drawn = checked_faces(&job)?;
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
-        let table = Table::of(&job, &mut self.pre_integrated);
+        let table = self.tables.get(&job);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
         let eye_cells = if everything_clear {
@@ -189,8 +188,9 @@ impl Renderer for Havs {
         }
         let slice_started = Instant::now();
         let next_tile = match &active.table {
-            Table::Exact(table) => self.render_tiles(&active, table, budget),
-            Table::Table3d(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Exact(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Table3d(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Partial(table) => self.render_tiles(&active, &**table, budget),
         };
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
         self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
@@ -217,6 +217,7 @@ impl Havs {
             bins: &self.bins,
             view: &active.view,
             table,
+            grid: job.grid.as_ref().map(|grid| (grid, job.mesh.positions.scale)),
             eye_cells: &active.eye_cells,
             k_buffer: job.k_buffer,
             is_complete: active.is_complete,

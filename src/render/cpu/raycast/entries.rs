@@ -25,7 +25,7 @@ const CLUSTER_WORDS: usize = Clusters::CELLS / 64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) struct EntryFace {
     /// Counter-clockwise seen from outside the cell.
-    pub(super) vertices: [u32; 3],
+    pub(in crate::render::cpu) vertices: [u32; 3],
     pub(in crate::render) cell: u32,
     /// The vertex of the cell (0..4) that is not on the face.
     pub(in crate::render) opposite: u32,
@@ -88,7 +88,7 @@ pub(super) fn count_beside(topology: &Topology, active: &CellSet, finite: &CellS
 }
 
 /// Face `opposite` of a cell.
-pub(super) fn face_of(topology: &Topology, cell: u32, opposite: usize) -> EntryFace {
+pub(in crate::render::cpu) fn face_of(topology: &Topology, cell: u32, opposite: usize) -> EntryFace {
     let tet = topology.tets[cell as usize];
     EntryFace { vertices: FACE_VERTICES[opposite].map(|v| tet[v]), cell, opposite: opposite as u32 }
 }

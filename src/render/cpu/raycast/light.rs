@@ -3,8 +3,9 @@
 //! An image does not depend on which clear cells are left out: nothing here changes where a segment shows nothing, and the
 //! place in the table is the same whether the ray has come to it through clear cells or begins there.
 
-use super::super::prepared::first_visible;
 use super::super::tiles::TilePixel;
+use super::super::visible::{first_visible, first_visible_in_grid};
+use crate::optics::grid::GridSegment;
 use crate::optics::{Accumulator, Integrator};
 use crate::stats::FrameStats;
 
@@ -51,22 +52,10 @@ impl<P: Copy> RayLight<P> {
         &mut self,
         table: &I,
         length_per_depth: f64,
-        mut from: (f64, f64),
+        from: (f64, f64),
         to: (f64, f64),
     ) {
-        let is_forward = to.0 > from.0;
-        if !is_forward || self.light.is_opaque() {
-            self.place = None;
-            return;
-        }
-        if from.0 < self.front {
-            self.place = None;
-            if to.0 <= self.front {
-                self.out_of_order += u32::from(self.composited);
-                return;
-            }
-            from = cut(from, to, self.front);
-        }
+        let Some(from) = self.behind_front(from, to) else { return };
         let place = self.place.get_or_insert_with(|| table.enter(from.1));
         let length = (to.0 - from.0) * length_per_depth;
         let pieces = table.segment(place, from.1, to.1, length, &mut self.light) as u32;
@@ -79,6 +68,42 @@ impl<P: Copy> RayLight<P> {
         }
         self.segments += pieces;
         (self.front, self.composited) = (to.0, true);
+    }
+
+    /// As [`Self::go_on`], along a segment between two depths through a cell; its length is in the unit of extinctions.
+    pub(super) fn go_on_in_grid(&mut self, segment: &GridSegment, length_per_depth: f64, from: f64, to: f64) {
+        // In place of scalars, shares of the segment.
+        let Some((front, share)) = self.behind_front((from, 0.0), (to, 1.0)) else { return };
+        let length = (to - front) * length_per_depth;
+        let pieces = segment.composite(share, 1.0, length, &mut self.light) as u32;
+        if pieces == 0 {
+            return;
+        }
+        if self.visible_from == f64::INFINITY {
+            self.visible_from = first_visible_in_grid(segment, (from, to), share);
+        }
+        self.segments += pieces;
+        (self.front, self.composited) = (to, true);
+    }
+
+    /// Where a segment between two places begins to lie behind what has been composited; `None` if it does not, or if nothing behind
+    /// can be seen.
+    #[inline(always)]
+    fn behind_front(&mut self, from: (f64, f64), to: (f64, f64)) -> Option<(f64, f64)> {
+        let is_forward = to.0 > from.0;
+        if !is_forward || self.light.is_opaque() {
+            self.place = None;
+            return None;
+        }
+        if from.0 >= self.front {
+            return Some(from);
+        }
+        self.place = None;
+        if to.0 <= self.front {
+            self.out_of_order += u32::from(self.composited);
+            return None;
+        }
+        Some(cut(from, to, self.front))
     }
 
     /// Whether nothing behind can be seen.

@@ -26,6 +26,9 @@
 //! or eight rays of a thread in turn, without vectors, to hide the latency of the loads; vertices and neighbours of a cell
 //! side by side.
 //!
+//! A job with a [`GridScene`](super::super::GridScene) is walked ray by ray: its segments need the quantity of their vertices at both ends, which the walk
+//! finds from the face, and the cell.
+//!
 //! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
 //! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
 //! ([`light`]).
@@ -36,13 +39,11 @@ mod lanes;
 mod light;
 mod outside;
 mod path;
-pub(in crate::render) mod pre_integrated;
 pub(in crate::render) mod skips;
 mod starts;
 mod walk;
 
-use super::super::{Advance, Frame, RenderError, RenderJob, Renderer};
-use super::prepared::Table;
+use super::super::{Advance, Frame, OpticsTable, OpticsTables, RenderError, RenderJob, Renderer};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
@@ -53,7 +54,6 @@ use crate::optics::table3d::Table3dResolution;
 use crate::stats::FrameStats;
 use crate::visibility::{Clusters, NeededClusters};
 use entries::{EntryBins, EntryFaces};
-use pre_integrated::PreIntegrated;
 use skips::CellChoice;
 use starts::Entries;
 use std::sync::{Arc, Mutex};
@@ -82,8 +82,8 @@ pub struct Raycast {
     /// One for each thread.
     scratch: Vec<Mutex<TileScratch>>,
     active_job: Option<ActiveJob>,
-    /// The pre-integrated table of the last job that asked for one.
-    pre_integrated: PreIntegrated,
+    /// For jobs that come without.
+    tables: OpticsTables,
     /// Walk one ray after the other, with no instructions that not every processor of its kind has.
     portable: bool,
 }
@@ -92,7 +92,7 @@ pub struct Raycast {
 struct ActiveJob {
     job: RenderJob,
     view: View,
-    table: Table,
+    table: OpticsTable,
     eye_cells: Vec<u32>,
     next_tile: usize,
     started: Instant,
@@ -114,7 +114,7 @@ impl Raycast {
 
     /// A renderer whose pre-integrated tables have this resolution.
     pub fn with_table3d_resolution(resolution: Table3dResolution) -> Self {
-        Self { pre_integrated: PreIntegrated::of_resolution(resolution), ..Self::default() }
+        Self { tables: OpticsTables::of_resolution(resolution), ..Self::default() }
     }
 
     /// View coordinates, and where rays may enter; counts what that saved.
@@ -148,10 +148,11 @@ impl Raycast {
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
+        let job = job.with_optics_of_grid();
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
-        let table = Table::of(&job, &mut self.pre_integrated);
+        let table = self.tables.get(&job);
         let cells_active = job.active.count();
         let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
         let (mut job, mut saved) = (job, FrameStats::default());
@@ -191,8 +192,9 @@ impl Renderer for Raycast {
         }
         let slice_started = Instant::now();
         let next_tile = match &active.table {
-            Table::Exact(table) => self.render_tiles(&active, table, budget),
-            Table::Table3d(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Exact(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Table3d(table) => self.render_tiles(&active, &**table, budget),
+            OpticsTable::Partial(table) => self.render_tiles(&active, &**table, budget),
         };
         self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
         self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
@@ -217,6 +219,7 @@ impl Raycast {
             all_active: active.job.active.count() == active.job.active.universe(),
             view: &active.view,
             table,
+            grid: active.job.grid.as_ref(),
             vertices: &self.vertices,
             scalars: &active.job.scalars,
             entries: Entries {

@@ -1,5 +1,6 @@
 //! From an entry through the active cells to the exit.
 
+use super::super::super::GridScene;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use super::super::tiles::{PixelRect, TilePixel};
 #[cfg(target_arch = "x86_64")]
@@ -21,6 +22,8 @@ pub(super) struct Scene<'a, I> {
     pub(super) all_active: bool,
     pub(super) view: &'a View,
     pub(super) table: &'a I,
+    /// The transfer function in place of `table`, if it is of more than the scalar.
+    pub(super) grid: Option<&'a GridScene>,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) scalars: &'a [f32],
     pub(super) entries: Entries<'a>,
@@ -58,6 +61,10 @@ pub(super) fn render_tile<I: Integrator>(
     if starts.is_empty() {
         return stats;
     }
+    if scene.grid.is_some() {
+        walk_one_by_one::<I, true>(scene, rect, starts, pixels, &mut stats);
+        return stats;
+    }
     match if portable { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
@@ -83,13 +90,13 @@ pub(super) fn render_tile<I: Integrator>(
                 stats: &mut stats,
             });
         }
-        _ => walk_one_by_one(scene, rect, starts, pixels, &mut stats),
+        _ => walk_one_by_one::<I, false>(scene, rect, starts, pixels, &mut stats),
     }
     stats
 }
 
-/// Walks the rays of a tile, one after the other.
-fn walk_one_by_one<I: Integrator>(
+/// Walks the rays of a tile, one after the other; `IN_GRID` if the scene has one.
+fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
     scene: &Scene<'_, I>,
     rect: PixelRect,
     starts: &[PixelStart],
@@ -100,7 +107,7 @@ fn walk_one_by_one<I: Integrator>(
         let pixel = starts[0].0 as usize;
         let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
         let mut walk = Walk::new(scene, ray, starts);
-        while walk.step(scene) {}
+        while walk.step::<IN_GRID>(scene) {}
         pixels[pixel] = walk.light.pixel();
         walk.count(stats);
     }
@@ -121,6 +128,8 @@ struct Walk<'a, I: Integrator> {
     edges: [f64; 3],
     /// Depth and scalar where it does.
     last: (f64, f64),
+    /// The quantity of vertices there, in a grid.
+    last_value: f64,
     light: RayLight<I::Place>,
     steps: u32,
     stopped_early: bool,
@@ -139,6 +148,7 @@ impl<'a, I: Integrator> Walk<'a, I> {
             ids: [0; 3],
             edges: [0.0; 3],
             last: (0.0, 0.0),
+            last_value: 0.0,
             light: RayLight::new(scene.near_distance()),
             steps: 0,
             stopped_early: false,
@@ -165,13 +175,14 @@ impl<'a, I: Integrator> Walk<'a, I> {
         let Some((ids, Crossing { corners, edges, depth, scalar })) = entry else { return false };
         (self.ids, self.corners, self.edges, self.last) = (ids, corners, edges, (depth, scalar));
         self.reaches = corners.map(|c| c.reach());
+        self.last_value = scene.grid.map_or(0.0, |grid| grid.on_face(ids, edges));
         self.light.leave();
         true
     }
 
     /// Walks through one cell; false at the end of the ray.
     #[inline(always)]
-    fn step(&mut self, scene: &Scene<'_, I>) -> bool {
+    fn step<const IN_GRID: bool>(&mut self, scene: &Scene<'_, I>) -> bool {
         self.steps += 1;
         let topology = &scene.mesh.topology;
         let tet = &topology.tets[self.cell as usize];
@@ -204,7 +215,10 @@ impl<'a, I: Integrator> Walk<'a, I> {
         self.edges = edges;
         let neighbour = topology.neighbours[self.cell as usize][exit & 3];
         let here = hit(edges, &p, &q, &new);
-        self.light.go_on(scene.table, self.ray.length_per_depth, self.last, here);
+        match scene.grid {
+            Some(grid) if IN_GRID => self.go_on_in_grid(grid, scene.mesh.positions.scale, here),
+            _ => self.light.go_on(scene.table, self.ray.length_per_depth, self.last, here),
+        }
         self.last = here;
         if scene.early_termination && self.light.is_opaque() {
             self.stopped_early = true;
@@ -217,6 +231,18 @@ impl<'a, I: Integrator> Walk<'a, I> {
             }
             _ => self.next_path(scene),
         }
+    }
+}
+
+impl<I: Integrator> Walk<'_, I> {
+    /// Composites the segment of the cell up to the place `here` on the face that the ray has come to; `scale` is the world length
+    /// of a local one.
+    #[inline(never)]
+    fn go_on_in_grid(&mut self, grid: &GridScene, scale: f64, here: (f64, f64)) {
+        let value = grid.on_face(self.ids, self.edges);
+        let segment = grid.segment(self.cell, [self.last.1, here.1], [self.last_value, value]);
+        self.light.go_on_in_grid(&segment, self.ray.length_per_depth * scale, self.last.0, here.0);
+        self.last_value = value;
     }
 }
 

@@ -33,7 +33,7 @@ use super::layout::{FaceParams, Lists, Params, TILE_PIXELS, depth_of, flags};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Slot, Words};
-use super::shaders::Precision;
+use super::shaders::{FragmentKind, Precision};
 use super::slices::{IN_FLIGHT, SLICE, SLOTS, dispatch};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -171,8 +171,7 @@ impl Havs {
             let timestamp_writes = if step == Step::Resolve { target.stamps(4) } else { None };
             let descriptor = wgpu::ComputePassDescriptor { label: Some("faces"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            let optics = active.job.optics;
-            let (pipeline, group) = stage(step, pipelines, groups, optics, active.precision)
+            let (pipeline, group) = stage(step, pipelines, groups, &active.job, active.precision)
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
@@ -252,7 +251,8 @@ impl Havs {
         self.words.read(context, lists, active.lists.sums(), 2 * active.lists.tiles, &mut self.sums)?;
         let (sums, deepest) = self.sums.split_at_checked(active.lists.tiles as usize).unwrap_or_default();
         self.frame.stats.fragments = sums.iter().map(|&sum| u64::from(sum)).sum();
-        let capacity = Scene::fragment_capacity(context, self.fragment_bytes);
+        let kind = FragmentKind::of(&active.job);
+        let capacity = Scene::fragment_capacity(context, kind, self.fragment_bytes);
         let (words, places_at) = (&mut self.words, active.lists.pixels());
         let places = |tile: usize| -> Result<Places, RenderError> {
             let mut places = Vec::with_capacity(TILE_PIXELS);
@@ -264,7 +264,7 @@ impl Havs {
         };
         bands(sums, deepest, capacity, places, refused, &mut self.bands)?;
         let most = self.bands.iter().map(|band| band.fragments).max().unwrap_or_default();
-        self.scene.reserve_fragments(context, most, capacity, &mut active.face_params)?;
+        self.scene.reserve_fragments(context, kind, most, capacity, &mut active.face_params)?;
         active.band = 0;
         self.begin_band()
     }
@@ -386,6 +386,7 @@ impl Havs {
 impl Renderer for Havs {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
+        let job = job.with_optics_of_grid();
         let drawn = checked_faces(&job)?;
         self.context.check()?;
         self.active_job = None;

@@ -1,10 +1,10 @@
 //! Shaders and bind group layouts of the face renderer.
 
-use crate::optics::OpticsKind;
 use crate::render::RenderError;
+use crate::render::RenderJob;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::pipelines::{NO_RECORDS, READ, UNIFORM, WRITE, bind_group_layout, pipeline, plane};
-use crate::render::gpu::shaders::{Pass, Precision, Stage};
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
 
 /// The stages that find fragments, for a pass and in a precision.
 pub(super) struct Finding {
@@ -21,12 +21,12 @@ pub(super) struct Pipelines {
     pub(super) store_layout: wgpu::BindGroupLayout,
     pub(super) resolve_layout: wgpu::BindGroupLayout,
     pub(super) scan: wgpu::ComputePipeline,
-    /// Binds what the last stage does.
-    pub(super) sort: wgpu::ComputePipeline,
+    /// For the kinds of fragments that there have been so far; they bind what the last stage does.
+    sorts: Vec<(FragmentKind, wgpu::ComputePipeline)>,
     /// For the precisions that have been asked for so far.
     findings: Vec<Finding>,
     /// For the optics and the precisions that have been asked for so far.
-    resolves: Vec<((OpticsKind, Precision), wgpu::ComputePipeline)>,
+    resolves: Vec<((Gathering, Precision), wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
@@ -45,7 +45,7 @@ impl Pipelines {
             );
             Self {
                 scan: pipeline(device, Stage::FaceScan, NO_RECORDS, &scan_layout),
-                sort: pipeline(device, Stage::FaceSort, NO_RECORDS, &resolve_layout),
+                sorts: Vec::new(),
                 findings: Vec::new(),
                 resolves: Vec::new(),
                 count_layout,
@@ -56,23 +56,29 @@ impl Pipelines {
         })
     }
 
-    /// Compiles what a frame with `optics` needs in a precision unless that has been done.
+    /// Compiles what a job needs in a precision unless that has been done.
     pub(super) fn prepare(
         &mut self,
         context: &Context,
-        optics: OpticsKind,
+        job: &RenderJob,
         precision: Precision,
     ) -> Result<(), RenderError> {
-        for pass in [Pass::Count, Pass::Store] {
+        let (how, kind) = (Gathering::of(job), FragmentKind::of(job));
+        if self.sort(kind).is_none() {
+            let stage = Stage::FaceSort(kind);
+            let made = context.create(|device| pipeline(device, stage, NO_RECORDS, &self.resolve_layout))?;
+            self.sorts.push((kind, made));
+        }
+        for pass in [Pass::Count, Pass::Store(kind)] {
             if self.finding(pass, precision).is_none() {
                 let made = context.create(|device| self.make_finding(device, pass, precision))?;
                 self.findings.push(made);
             }
         }
-        if self.resolve(optics, precision).is_none() {
-            let stage = Stage::FaceResolve(optics, precision);
+        if self.resolve(how, precision).is_none() {
+            let stage = Stage::FaceResolve(how, precision);
             let made = context.create(|device| pipeline(device, stage, NO_RECORDS, &self.resolve_layout))?;
-            self.resolves.push(((optics, precision), made));
+            self.resolves.push(((how, precision), made));
         }
         Ok(())
     }
@@ -80,7 +86,7 @@ impl Pipelines {
     fn make_finding(&self, device: &wgpu::Device, pass: Pass, precision: Precision) -> Finding {
         let layout = match pass {
             Pass::Count => &self.count_layout,
-            Pass::Store => &self.store_layout,
+            Pass::Store(_) => &self.store_layout,
         };
         let stage = |stage: Stage| pipeline(device, stage, NO_RECORDS, layout);
         Finding {
@@ -96,8 +102,13 @@ impl Pipelines {
         self.findings.iter().find(|finding| finding.of == (pass, precision))
     }
 
-    /// The last stage for `optics`, if it has been prepared.
-    pub(super) fn resolve(&self, optics: OpticsKind, precision: Precision) -> Option<&wgpu::ComputePipeline> {
-        self.resolves.iter().find(|(of, _)| *of == (optics, precision)).map(|(_, pipeline)| pipeline)
+    /// What sorts fragments of this kind, if it has been prepared.
+    pub(super) fn sort(&self, kind: FragmentKind) -> Option<&wgpu::ComputePipeline> {
+        self.sorts.iter().find(|(of, _)| *of == kind).map(|(_, pipeline)| pipeline)
+    }
+
+    /// The last stage that integrates so, if it has been prepared.
+    pub(super) fn resolve(&self, how: Gathering, precision: Precision) -> Option<&wgpu::ComputePipeline> {
+        self.resolves.iter().find(|(of, _)| *of == (how, precision)).map(|(_, pipeline)| pipeline)
     }
 }

@@ -7,7 +7,7 @@ use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{EYE_WORDS, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params, flags};
 use crate::render::gpu::pipelines::{Transform, bind_group};
-use crate::render::gpu::shaders::Precision;
+use crate::render::gpu::shaders::{FragmentKind, Precision};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -110,7 +110,7 @@ impl Scene {
             self.transform = Some(Transform::new(context)?);
         }
         match &mut self.pipelines {
-            Some(pipelines) => pipelines.prepare(context, job.optics, precision),
+            Some(pipelines) => pipelines.prepare(context, job, precision),
             None => Ok(()),
         }
     }
@@ -135,6 +135,7 @@ impl Scene {
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
         self.bytes_sent += sent;
         let sent = [
+            self.vertices.upload_values(context, job)?,
             self.table.update(context, job, prescale, params)?,
             self.faces.upload(context, &job.mesh)?,
             self.drawn.upload(context, drawn, eye_cells)?,
@@ -210,29 +211,30 @@ impl Scene {
     }
 
     /// Fragments that there may be at a time, if they may take `bytes`.
-    pub(super) fn fragment_capacity(context: &Context, bytes: u64) -> u32 {
-        let both = 2 * (context.binding_bytes() / FRAGMENT_BYTES);
-        u32::try_from((bytes / FRAGMENT_BYTES).min(both)).unwrap_or(u32::MAX).max(1)
+    pub(super) fn fragment_capacity(context: &Context, kind: FragmentKind, bytes: u64) -> u32 {
+        let both = 2 * (context.binding_bytes() / kind.bytes());
+        u32::try_from((bytes / kind.bytes()).min(both)).unwrap_or(u32::MAX).max(1)
     }
 
     /// Room for so many fragments, of at most `capacity`.
     pub(super) fn reserve_fragments(
         &mut self,
         context: &Context,
+        kind: FragmentKind,
         fragments: u32,
         capacity: u32,
         face_params: &mut FaceParams,
     ) -> Result<(), RenderError> {
-        let room = |buffer: &GrowingBuffer| buffer.bytes() / FRAGMENT_BYTES;
+        let room = |buffer: &GrowingBuffer| buffer.bytes() / kind.bytes();
         let [first, second] = &self.fragments;
         if room(first) + room(second) < u64::from(fragments) {
             // Steps of a factor of two: a camera that moves does not make buffers all the time.
             let wanted = fragments.checked_next_power_of_two().unwrap_or(capacity);
             let wanted = u64::from(wanted.max(FRAGMENTS_MIN).min(capacity));
-            let in_first = wanted.min(context.binding_bytes() / FRAGMENT_BYTES);
+            let in_first = wanted.min(context.binding_bytes() / kind.bytes());
             let [first, second] = &mut self.fragments;
-            let mut made = first.reserve(context, FRAGMENT_BYTES * in_first)?;
-            made |= second.reserve(context, FRAGMENT_BYTES * (wanted - in_first))?;
+            let mut made = first.reserve(context, kind.bytes() * in_first)?;
+            made |= second.reserve(context, kind.bytes() * (wanted - in_first))?;
             if made {
                 self.make_groups(context)?;
             }

@@ -3,10 +3,9 @@
 use super::bands::Band;
 use super::pipelines::Pipelines;
 use super::scene::Groups;
-use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
-use crate::render::gpu::shaders::{Pass, Precision};
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision};
 use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
 use std::ops::Range;
 use std::time::Instant;
@@ -173,11 +172,12 @@ pub(super) fn stage<'a>(
     step: Step,
     pipelines: &'a Pipelines,
     groups: &'a Groups,
-    optics: OpticsKind,
+    job: &RenderJob,
     precision: Precision,
 ) -> Option<(&'a wgpu::ComputePipeline, &'a wgpu::BindGroup)> {
     let count = || pipelines.finding(Pass::Count, precision);
-    let store = || pipelines.finding(Pass::Store, precision);
+    let kind = FragmentKind::of(job);
+    let store = || pipelines.finding(Pass::Store(kind), precision);
     match step {
         Step::CountFaces => count().map(|count| (&count.faces, &groups.count)),
         Step::CountStarts => count().map(|count| (&count.starts, &groups.count)),
@@ -186,8 +186,8 @@ pub(super) fn stage<'a>(
         Step::StoreFaces => store().map(|store| (&store.faces, &groups.store)),
         Step::StoreStarts => store().map(|store| (&store.starts, &groups.store)),
         Step::StorePieces => store().map(|store| (&store.pieces, &groups.store)),
-        Step::Sort => Some((&pipelines.sort, &groups.resolve)),
-        Step::Resolve => pipelines.resolve(optics, precision).map(|pipeline| (pipeline, &groups.resolve)),
+        Step::Sort => pipelines.sort(kind).map(|pipeline| (pipeline, &groups.resolve)),
+        Step::Resolve => pipelines.resolve(Gathering::of(job), precision).map(|pipeline| (pipeline, &groups.resolve)),
         Step::End => None,
     }
 }

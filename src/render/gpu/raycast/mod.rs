@@ -28,7 +28,7 @@ use super::layout::{Params, depth_of};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::Slot;
-use super::shaders::Precision;
+use super::shaders::{Gathering, Precision};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
 use crate::render::cpu::raycast::skips::CellChoice;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -180,7 +180,7 @@ impl Raycast {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_bind_group(0, &groups.walk, &[]);
-            let walk = pipelines.walk(active.job.optics, active.precision);
+            let walk = pipelines.walk(Gathering::of(&active.job), active.precision);
             pass.set_pipeline(walk.ok_or_else(|| self.context.beyond("the walk has not been prepared".to_owned()))?);
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
@@ -281,6 +281,7 @@ impl Raycast {
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
+        let job = job.with_optics_of_grid();
         self.context.check()?;
         self.active_job = None;
         self.drain()?;

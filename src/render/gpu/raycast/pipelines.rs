@@ -1,10 +1,9 @@
 //! Shaders and bind group layouts of the ray caster: made once for a device and a split of the records.
 
-use crate::optics::OpticsKind;
 use crate::render::RenderError;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::pipelines::{READ, UNIFORM, WRITE, bind_group_layout, pipeline, plane};
-use crate::render::gpu::shaders::{Precision, RecordSplit, Stage};
+use crate::render::gpu::shaders::{Gathering, Precision, RecordSplit, Stage};
 
 /// A compute pipeline for each stage, and the layouts of what they bind.
 pub(super) struct Pipelines {
@@ -15,7 +14,7 @@ pub(super) struct Pipelines {
     pub(super) entries_scan: wgpu::ComputePipeline,
     pub(super) entries_store: wgpu::ComputePipeline,
     /// For the optics and the precisions that have been asked for so far.
-    walks: Vec<((OpticsKind, Precision), wgpu::ComputePipeline)>,
+    walks: Vec<((Gathering, Precision), wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
@@ -40,23 +39,23 @@ impl Pipelines {
         })
     }
 
-    /// Compiles the walk for `optics` in a precision unless that has been done.
+    /// Compiles the walk that integrates so in a precision unless that has been done.
     pub(super) fn prepare_walk(
         &mut self,
         context: &Context,
-        optics: OpticsKind,
+        how: Gathering,
         precision: Precision,
     ) -> Result<(), RenderError> {
-        if self.walk(optics, precision).is_none() {
-            let stage = Stage::Walk(optics, precision);
+        if self.walk(how, precision).is_none() {
+            let stage = Stage::Walk(how, precision);
             let made = context.create(|device| pipeline(device, stage, self.split, &self.walk_layout))?;
-            self.walks.push(((optics, precision), made));
+            self.walks.push(((how, precision), made));
         }
         Ok(())
     }
 
-    /// The walk for `optics` in a precision, if it has been prepared.
-    pub(super) fn walk(&self, optics: OpticsKind, precision: Precision) -> Option<&wgpu::ComputePipeline> {
-        self.walks.iter().find(|(of, _)| *of == (optics, precision)).map(|(_, pipeline)| pipeline)
+    /// The walk that integrates so in a precision, if it has been prepared.
+    pub(super) fn walk(&self, how: Gathering, precision: Precision) -> Option<&wgpu::ComputePipeline> {
+        self.walks.iter().find(|(of, _)| *of == (how, precision)).map(|(_, pipeline)| pipeline)
     }
 }

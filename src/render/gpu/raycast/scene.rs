@@ -8,7 +8,7 @@ use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params, flags};
 use crate::render::gpu::pipelines::{Transform, bind_group};
-use crate::render::gpu::shaders::{Precision, RecordSplit};
+use crate::render::gpu::shaders::{Gathering, Precision, RecordSplit};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -111,7 +111,7 @@ impl Scene {
             stale = true;
         }
         if let Some(pipelines) = &mut self.pipelines {
-            pipelines.prepare_walk(context, job.optics, precision)?;
+            pipelines.prepare_walk(context, Gathering::of(job), precision)?;
         }
         if self.transform.is_none() {
             self.transform = Some(Transform::new(context)?);
@@ -121,6 +121,9 @@ impl Scene {
         if made {
             self.scalars.forget();
         }
+        stale |= made;
+        self.bytes_sent += sent;
+        let (made, sent) = self.vertices.upload_values(context, job)?;
         stale |= made;
         self.bytes_sent += sent;
         let (made, sent) = self.records.upload(context, &job.mesh, split)?;

@@ -179,7 +179,7 @@ fn levels_of_detail_agree_with_the_cpu() {
     let mut worst = Worst::default();
     for (i, base) in some_faces::jobs().iter().enumerate() {
         for share in [1.0, 0.5, 0.1, 0.01, 0.0] {
-            for optics in [OpticsKind::Exact, OpticsKind::Table3d] {
+            for optics in OpticsKind::ALL {
                 let job = RenderJob { optics, ..with_some_faces(base, share, 5) };
                 let (gpu, cpu) = (render(&job).unwrap(), havs(&job));
                 let name = format!("job {i}, share {share}, {optics:?}");

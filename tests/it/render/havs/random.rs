@@ -31,7 +31,8 @@ proptest! {
             if parallel { Projection::Parallel { scale: 1.3 } } else { Projection::Perspective { view_angle: 50.0 } };
         let job = job(&mesh, scalars, &camera(eye, projection), (33, 31), NodeTable::new(tables).unwrap());
         let frame = havs(&with_buffer(&with_all_faces(&job), k, true));
-        let (rmse, max) = difference(&frame.color, &raycast(&job));
-        prop_assert!(rmse <= 1e-5 && max <= 1e-3, "rmse {:.2e}, max {:.2e}", rmse, max);
+        // That this can fail: `complete::the_comparison_notices_a_missing_face_and_a_wrong_order`.
+        let judge = raycast(&job);
+        prop_assert!(is_within(&frame.color, &judge), "rmse and max {:?}", difference(&frame.color, &judge));
     }
 }

@@ -15,8 +15,8 @@
 //! optical depth have no weight: a lane without a piece is one with such a piece. An opaque ray is one with no
 //! transmittance left.
 
-use super::super::super::prepared::first_visible;
 use super::super::super::tiles::TilePixel;
+use super::super::super::visible::first_visible;
 use super::super::light::cut;
 use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};

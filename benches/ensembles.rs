@@ -1,0 +1,163 @@
+//! What ensembles cost a frame of a million cells: `cargo bench --bench ensembles`.
+//!
+//! *Steady*: the same ensemble frame after frame, against a transfer function with the same table. *Blend*: the table is another one in each
+//! frame, as between two keys or while somebody edits, against a frame whose table is that of the one before. Both while the series
+//! plays (each frame another step) and while it stands. The eye moves in all of them. The time of a frame is all of it: the
+//! ensemble, decode, order, render, one after the other.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+use tetreel::bench::Machine;
+use tetreel::camera::Camera;
+use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::pipeline::{FrameRequest, Pipeline};
+use tetreel::project::{Animation, Data, Project};
+use tetreel::store::Store;
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::{Cancel, Silent};
+use tetreel::timeline::{Key, Keyframed, Transition};
+use tetreel::transfer::{
+    Blend, Ensemble, Function, Member, OpacityKind, Rectangle, Reduction, Space, TransferFunction, Widget,
+};
+
+const ROUNDS: usize = 21;
+const STEPS: usize = 6;
+const SIZE: (usize, usize) = (512, 512);
+
+fn tf(text: &str) -> Result<Member, Box<dyn Error>> {
+    Ok(Member::new(text, Function::TransferFunction(TransferFunction::parse(text)?)))
+}
+
+fn rectangle(x: [f64; 2], rgb: [f64; 3], opacity: [f64; 2]) -> Function {
+    Function::Widgets(vec![Widget::Rectangle(Rectangle { x, y: [0.3, 0.8], rgb, opacity })])
+}
+
+/// One member; three of them; three with one that is kept over gradient magnitudes.
+fn ensembles() -> Result<[Ensemble; 3], Box<dyn Error>> {
+    let named = |name: &str, members| Ensemble { name: name.into(), colors: Default::default(), members };
+    let one = tf("viridis@0:0,0.2:0,0.5:0.1,1:0.4")?;
+    let two = Member { blend: Blend::Add, ..tf("inferno@0:0,0.3:0.05,0.6:0,1:0.2")? };
+    let three = Member { blend: Blend::Add, ..Member::new("box", rectangle([0.4, 0.7], [0.9, 0.2, 0.1], [0.05, 0.2])) };
+    let over_gradients = Member { space: Space::ScalarGradient, reduction: Reduction::Keep, ..three.clone() };
+    Ok([
+        named("one", vec![one.clone()]),
+        named("three", vec![one.clone(), two.clone(), three]),
+        named("grid", vec![one, two, over_gradients]),
+    ])
+}
+
+/// A bench under way.
+struct Run {
+    pipeline: Pipeline,
+    camera: Camera,
+    frames: usize,
+}
+
+impl Run {
+    /// Milliseconds of a frame of what an animation shows of a step at a time.
+    fn frame(&mut self, animation: &mut Animation, step: usize, at: f64) -> Result<f64, Box<dyn Error>> {
+        self.frames += 1;
+        let camera = self.camera.orbit(0.5 * self.frames as f64, 0.0)?;
+        let started = Instant::now();
+        let said = animation.at(step.into(), at, &Cancel::new())?;
+        let table = said.table.ok_or("a project with ensembles")?;
+        let request = FrameRequest { grid: said.grid, ..FrameRequest::new(step, camera, table, SIZE) };
+        self.pipeline.render(&request)?;
+        Ok(started.elapsed().as_secs_f64() * 1e3)
+    }
+}
+
+/// Median and quartiles.
+fn show(name: &str, mut ms: Vec<f64>) {
+    ms.sort_by(f64::total_cmp);
+    let at = |share: usize| ms[(ms.len() - 1) * share / 4];
+    println!("{name:34} {:8.2} ms  ({:.2} to {:.2})", at(2), at(1), at(3));
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let temp = tempfile::tempdir()?;
+    let path = temp.path().join("jet.zarr");
+    let jet = generate(&SynthSpec { cells: 1_000_000, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
+    ingest(&jet, &path, &IngestOptions::default(), &Silent, &Cancel::new())?;
+    let pipeline = Pipeline::open(&Store::open(&path)?, None)?;
+    let series = pipeline.series().clone();
+    let (lo, hi) = series.mesh().positions.world_bounds();
+    let (unit_distance, camera) = (0.01 * (hi - lo).length(), Camera::default_for((lo, hi))?);
+    let cells = series.mesh().topology.tets.len();
+    println!("{:?}, {} threads; jet, {cells} cells, {SIZE:?}", Machine::detect(), rayon::current_num_threads());
+    let mut run = Run { pipeline, camera, frames: 0 };
+    let [one, three, grid] = ensembles()?;
+    let animation = |ensembles: Vec<Ensemble>| -> Result<Animation, Box<dyn Error>> {
+        let mut project = Project::new(Data { source: path.clone(), field: None });
+        let keys = ensembles.iter().enumerate();
+        let key =
+            |(i, e): (usize, &Ensemble)| Key { time: i as f64, transition: Transition::Linear, value: e.name.clone() };
+        project.timeline.ensembles = Keyframed::try_from(keys.map(key).collect::<Vec<_>>())?;
+        project.ensembles = ensembles;
+        Ok(Animation::new(Arc::new(project), series.clone(), OpacityKind::Alpha, unit_distance))
+    };
+    steady(&mut run, &three, animation(vec![three.clone()])?)?;
+    println!("blend of one and three");
+    blend(&mut run, animation(vec![one.clone(), three])?)?;
+    println!("blend of one and the grid");
+    blend(&mut run, animation(vec![one, grid])?)
+}
+
+/// Frames of an ensemble, and of requests with its table.
+fn steady(run: &mut Run, ensemble: &Ensemble, mut animation: Animation) -> Result<(), Box<dyn Error>> {
+    let table = animation.at(0.into(), 0.0, &Cancel::new())?.table.ok_or("an ensemble has a table")?;
+    let mut ms = [Vec::new(), Vec::new()];
+    for round in 0..ROUNDS + 2 {
+        for case in [round % 2, 1 - round % 2] {
+            let step = round % STEPS;
+            let took = if case == 0 {
+                run.frames += 1;
+                let camera = run.camera.orbit(0.5 * run.frames as f64, 0.0)?;
+                let started = Instant::now();
+                run.pipeline.render(&FrameRequest::new(step, camera, table.clone(), SIZE))?;
+                started.elapsed().as_secs_f64() * 1e3
+            } else {
+                run.frame(&mut animation, step, 0.0)?
+            };
+            if round > 1 {
+                ms[case].push(took);
+            }
+        }
+    }
+    println!("steady, {} members, {} nodes", ensemble.members.len(), table.nodes().len());
+    let [plain, ensemble] = ms;
+    show("  transfer function", plain);
+    show("  ensemble", ensemble);
+    Ok(())
+}
+
+/// Frames with another table than the one before, and with the same.
+fn blend(run: &mut Run, mut animation: Animation) -> Result<(), Box<dyn Error>> {
+    let mut ms: [Vec<f64>; 4] = Default::default();
+    let mut tables = Vec::new();
+    for round in 0..ROUNDS + 2 {
+        let at = |part: usize| (2 * round + part) as f64 / (2 * ROUNDS + 6) as f64;
+        // Which table is made when is told apart from which step is shown.
+        let (step, next) = (round % STEPS, (round + 1) % STEPS);
+        let started = Instant::now();
+        animation.at(step.into(), at(0) + 1e-3, &Cancel::new())?;
+        tables.push(started.elapsed().as_secs_f64() * 1e3);
+        let took = [
+            run.frame(&mut animation, step, at(0))?,
+            run.frame(&mut animation, next, at(0))?,
+            run.frame(&mut animation, next, at(1))?,
+            run.frame(&mut animation, next, at(1))?,
+        ];
+        if round > 1 {
+            ms.iter_mut().zip(took).for_each(|(all, one)| all.push(one));
+        }
+    }
+    let [plays_new, plays_same, stands_new, stands_same] = ms;
+    show("  the table alone", tables);
+    show("  plays, another table", plays_new);
+    show("  plays, the same table", plays_same);
+    show("  stands, another table", stands_new);
+    show("  stands, the same table", stands_same);
+    Ok(())
+}

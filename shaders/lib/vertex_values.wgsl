@@ -1,0 +1,24 @@
+// The quantity that vertices have beside their scalars, as seen through the map of the rows. It lies behind the view vertices, eight
+// numbers in the room of one: the stages that need it have no binding left.
+
+fn value_of_vertex(vertex: u32) -> f32 {
+    let eight = vertices[params.vertex_count + vertex / 8u];
+    let i = vertex & 3u;
+    return select(eight.depth[i], eight.plane[i], (vertex & 4u) == 0u);
+}
+
+// The quantity where a ray hits a triangle, from its edge functions opposite the vertices: with the weights of the scalar, relative to
+// one vertex's and kept within theirs. CPU twin: `on_face`.
+fn value_at_hit(edges: real3, ids: vec3<u32>) -> f32 {
+    let e = max(edges, real3(0.0));
+    let sum = e.x + e.y + e.z;
+    var weights = vec3(1.0 / 3.0);
+    if sum > real(0.0) {
+        weights = vec3<f32>(e / sum);
+    }
+    let p = value_of_vertex(ids.x);
+    let q = value_of_vertex(ids.y);
+    let r = value_of_vertex(ids.z);
+    let value = p + weights.y * (q - p) + weights.z * (r - p);
+    return clamp(value, min(min(p, q), r), max(max(p, q), r));
+}

@@ -1,0 +1,144 @@
+//! Projects on the command line: what a project says are options that come before those that the user gives.
+
+use super::Cli;
+use crate::files;
+use crate::project::{LookSettings, Output, Project};
+use anyhow::{Context, bail};
+use clap::parser::ValueSource;
+use clap::{CommandFactory, FromArgMatches};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A project, and what it makes of a command.
+pub(super) struct Opened<A> {
+    pub(super) project: Arc<Project>,
+    /// What it shows: a store or a source.
+    pub(super) source: PathBuf,
+    /// The options, the user's before the project's.
+    pub(super) args: Box<A>,
+}
+
+/// A command that takes a project.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Taker {
+    Render,
+    #[cfg(feature = "gui")]
+    Play,
+}
+
+impl Taker {
+    /// The word on the command line.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Render => "render",
+            #[cfg(feature = "gui")]
+            Self::Play => "play",
+        }
+    }
+}
+
+/// Options that a key of the timeline would change from frame to frame: who gives one means all frames.
+const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
+
+/// Whether a path is that of a project.
+pub(super) fn is_project(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// Reads the project that a command was given, and the options again with those of the project.
+pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
+    let mut project = Project::read(path)?;
+    let (word, wrong) = (taker.word(), "a project is for another command");
+    let given = Cli::command().try_get_matches_from(words)?;
+    let given = given.subcommand_matches(word).context(wrong)?;
+    let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
+    let timeline = &mut project.timeline;
+    for option in ON_THE_TIMELINE.into_iter().filter(|option| says(option)) {
+        match option {
+            "tf" => (timeline.ensembles, project.ensembles) = Default::default(),
+            "camera" => timeline.cameras = Default::default(),
+            "lod" => timeline.lod = Default::default(),
+            _ => timeline.optics = Default::default(),
+        }
+    }
+    let Some(at) = words.iter().position(|given| given == word) else { bail!(wrong) };
+    let (before, after) = words.split_at(at + 1);
+    let folder = files::parent_of(path);
+    let mut options = scene_options(&project);
+    if taker == Taker::Render {
+        options.extend(output_options(&project, folder));
+    }
+    let all = before.iter().chain(&options).chain(after);
+    let command = Cli::command().mut_subcommand(word, |command| command.args_override_self(true));
+    let mut matches = command.try_get_matches_from(all).with_context(|| format!("{} as options", path.display()))?;
+    let (_, mut matches) = matches.remove_subcommand().context(wrong)?;
+    let args = Box::new(A::from_arg_matches_mut(&mut matches)?);
+    let source = folder.join(&project.data.source);
+    Ok(Opened { project: Arc::new(project), source, args })
+}
+
+/// What a project says of what is seen, as options.
+fn scene_options(project: &Project) -> Vec<OsString> {
+    let Project { data, look, .. } = project;
+    let LookSettings { ensemble: _, opacity_kind, unit_distance, mode, backend, optics, lod, sampling, k, camera } =
+        look;
+    let mut options = Options(Vec::new());
+    options.add("field", data.field.as_ref());
+    options.add("opacity-kind", opacity_kind.as_ref());
+    options.add("unit-distance", unit_distance.as_ref());
+    options.add("mode", mode.as_ref());
+    options.add("backend", backend.as_ref());
+    options.add("optics", optics.as_ref());
+    options.add("lod", lod.as_ref());
+    options.add("sampling", sampling.as_ref());
+    options.add("k", k.as_ref());
+    options.add("camera", camera.as_ref());
+    options.0
+}
+
+/// What a project says of what `render` writes, as options.
+fn output_options(project: &Project, folder: &Path) -> Vec<OsString> {
+    let Output {
+        output,
+        size,
+        steps,
+        times,
+        fps,
+        duration,
+        interpolate,
+        turntable,
+        background,
+        annotate,
+        bit_depth,
+        exr,
+    } = &project.output;
+    let mut options = Options(Vec::new());
+    options.add("size", size.as_ref());
+    options.add("steps", steps.as_ref());
+    options.add("times", times.as_ref());
+    options.add("fps", fps.as_ref());
+    options.add("duration", duration.as_ref());
+    options.add("turntable", turntable.as_ref());
+    options.add("background", background.as_ref());
+    options.add("annotate", annotate.as_ref());
+    options.add("bit-depth", bit_depth.as_ref());
+    options.add("exr", exr.as_ref());
+    if *interpolate == Some(true) {
+        options.0.push("--interpolate".into());
+    }
+    if let Some(output) = output {
+        let mut word = OsString::from("--output=");
+        word.push(folder.join(output));
+        options.0.push(word);
+    }
+    options.0
+}
+
+struct Options(Vec<OsString>);
+
+impl Options {
+    fn add(&mut self, name: &str, value: Option<&impl ToString>) {
+        self.0.extend(value.map(|value| format!("--{name}={}", value.to_string()).into()));
+    }
+}

@@ -1,0 +1,186 @@
+//! Gradients of scalars that are linear within each cell.
+//!
+//! With edges a, b, c from one vertex of a cell to the others and the differences s of their scalars, the gradient is
+//!
+//! ```text
+//! g = (s_a b x c + s_b c x a + s_c a x b) / det(a, b, c)
+//! ```
+//!
+//! Slivers make numerator and determinant small beside the terms that they are sums of, so that rounding may be all that is
+//! left. Both are therefore computed with a bound of their error, which has to be below [`TOLERANCE`] of them: first in f64, and
+//! where that is not enough in twice its precision. Who fails even there has no gradient.
+//!
+//! The bound: each component of the numerator, and the determinant, is a sum of products of three factors. Each product meets at
+//! most 8 roundings on its way into the sum: of the factors (3), the multiplications (2), the difference of two in a cross
+//! product (1) and the sum of three (2). All products together are, without their signs, at most the product of the factors' sums
+//! of magnitudes |x| + |y| + |z|, of which they are some of the terms.
+
+use super::Mesh;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::{Add, Mul, Sub};
+
+/// Relative error that numerator and determinant may have. The quotient is then within 2^-25, and the result, rounded to f32,
+/// within 1.5 * 2^-24.
+const TOLERANCE: f64 = 1.0 / (1 << 26) as f64;
+
+/// Cells that one task takes; they need no more than some hundred KB of the mesh.
+const CHUNK: usize = 8192;
+
+impl Mesh {
+    /// Magnitude of the gradient of the scalar in a cell, in units of the scalar per world length; `scalars` has one a vertex.
+    /// The relative error is below 2^-23 in the normal range of f32; beyond it, infinity. A constant has exactly 0. NaN if a
+    /// scalar is not finite, or the cell is so flat that twice the precision of f64 cannot tell.
+    ///
+    /// # Panics
+    /// If there is no such cell, or a vertex of it has no scalar.
+    pub fn gradient_magnitude(&self, cell: usize, scalars: &[f32]) -> f32 {
+        let [a, b, c, d] = self.topology.tets[cell];
+        let (corner, scalar) = (|v: u32| self.positions.local[v as usize], |v: u32| scalars[v as usize]);
+        let corners = [corner(a), corner(b), corner(c), corner(d)];
+        let local = tet_gradient_magnitude(corners, [scalar(a), scalar(b), scalar(c), scalar(d)]);
+        (local / self.positions.scale) as f32
+    }
+
+    /// [`Self::gradient_magnitude`] of every cell into `out`, the same for any number of threads. Returns how many are NaN.
+    ///
+    /// # Panics
+    /// If there is not one scalar a vertex and one place a cell.
+    pub fn gradient_magnitudes(&self, scalars: &[f32], out: &mut [f32]) -> usize {
+        assert_eq!(scalars.len(), self.vertex_source.len(), "one scalar a vertex");
+        assert_eq!(out.len(), self.topology.tets.len(), "one place a cell");
+        let fill = |(chunk, out): (usize, &mut [f32])| {
+            out.iter_mut().zip(chunk * CHUNK..).for_each(|(out, cell)| *out = self.gradient_magnitude(cell, scalars));
+            out.iter().filter(|g| g.is_nan()).count()
+        };
+        out.par_chunks_mut(CHUNK).enumerate().map(fill).sum()
+    }
+}
+
+/// Magnitude of the gradient in a tet, as [`Mesh::gradient_magnitude`], for lengths in the units of the corners.
+pub fn tet_gradient_magnitude(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
+    let [a, b, c, d] = scalars;
+    if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
+        return f64::NAN;
+    }
+    bounded::<f64>(corners, scalars).unwrap_or_else(|| of_sliver(corners, scalars))
+}
+
+/// Rare, and kept out of the code for the others.
+#[cold]
+#[inline(never)]
+fn of_sliver(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
+    bounded::<Double>(corners, scalars).unwrap_or(f64::NAN)
+}
+
+/// What the gradient is computed in.
+trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// Bound of the relative error of a product that has met eight roundings.
+    const EIGHT_ROUNDINGS: f64;
+    fn difference(a: f32, b: f32) -> Self;
+    fn value(self) -> f64;
+}
+
+/// The magnitude, if its error is known to be small. No product of three differences of f32 leaves the range of f64, nor does
+/// the square of one.
+fn bounded<N: Number>(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<f64> {
+    let [o, p, q, r] = corners;
+    let edge = |p: Vec3| [N::difference(p.x, o.x), N::difference(p.y, o.y), N::difference(p.z, o.z)];
+    let (a, b, c) = (edge(p), edge(q), edge(r));
+    let rise = |i: usize| N::difference(scalars[i], scalars[0]);
+    let (ra, rb, rc) = (rise(1), rise(2), rise(3));
+    let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
+    let determinant = (a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]).value().abs();
+    let along = |i: usize| (ra * bc[i] + rb * ca[i] + rc * ab[i]).value();
+    let (x, y, z) = (along(0), along(1), along(2));
+    let length = (x * x + y * y + z * z).sqrt();
+
+    let size = |e: [N; 3]| e[0].value().abs() + e[1].value().abs() + e[2].value().abs();
+    let (la, lb, lc) = (size(a), size(b), size(c));
+    let (ra, rb, rc) = (ra.value().abs(), rb.value().abs(), rc.value().abs());
+    let most = N::EIGHT_ROUNDINGS / TOLERANCE;
+    let is_sure = most * (la * lb * lc) <= determinant && most * (ra * lb * lc + rb * lc * la + rc * la * lb) <= length;
+    (is_sure && determinant > 0.0).then(|| length / determinant)
+}
+
+fn cross<N: Number>(a: [N; 3], b: [N; 3]) -> [N; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+impl Number for f64 {
+    /// Eight of 2^-53 each; 2 more are for their products, and for the rounding of the bound itself.
+    const EIGHT_ROUNDINGS: f64 = 10.0 * 0.5 * f64::EPSILON;
+
+    fn difference(a: f32, b: f32) -> Self {
+        Self::from(a) - Self::from(b)
+    }
+
+    fn value(self) -> f64 {
+        self
+    }
+}
+
+/// A sum of two f64 of which the second is at most half an ulp of the first: twice the precision (T. J. Dekker 1971; the bounds
+/// are those of M. Joldes, J.-M. Muller, V. Popescu, "Tight and rigorous error bounds for basic building blocks of double-word
+/// arithmetic", ACM TOMS 44, 2017).
+#[derive(Clone, Copy)]
+struct Double(f64, f64);
+
+impl Double {
+    /// a + b without error (D. E. Knuth).
+    fn sum(a: f64, b: f64) -> Self {
+        let sum = a + b;
+        let b_part = sum - a;
+        Self(sum, (a - (sum - b_part)) + (b - b_part))
+    }
+
+    /// As [`Self::sum`] where |a| >= |b|.
+    fn ordered_sum(a: f64, b: f64) -> Self {
+        let sum = a + b;
+        Self(sum, b - (sum - a))
+    }
+}
+
+impl Number for Double {
+    /// A sum has a relative error of at most 3 * 2^-106, a product of 5 * 2^-106: eight are below 2^-100.
+    const EIGHT_ROUNDINGS: f64 = 1.0 / (1_u128 << 100) as f64;
+
+    fn difference(a: f32, b: f32) -> Self {
+        Self::sum(f64::from(a), -f64::from(b))
+    }
+
+    fn value(self) -> f64 {
+        self.0
+    }
+}
+
+impl Add for Double {
+    type Output = Self;
+
+    /// Algorithm 6 of the paper.
+    fn add(self, other: Self) -> Self {
+        let (high, low) = (Self::sum(self.0, other.0), Self::sum(self.1, other.1));
+        let first = Self::ordered_sum(high.0, high.1 + low.0);
+        Self::ordered_sum(first.0, first.1 + low.1)
+    }
+}
+
+impl Sub for Double {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        self + Self(-other.0, -other.1)
+    }
+}
+
+impl Mul for Double {
+    type Output = Self;
+
+    /// Algorithm 12 of the paper.
+    fn mul(self, other: Self) -> Self {
+        let high = self.0 * other.0;
+        let error = self.0.mul_add(other.0, -high);
+        let low = self.1.mul_add(other.0, self.0.mul_add(other.1, self.1 * other.1));
+        Self::ordered_sum(high, error + low)
+    }
+}

@@ -1,0 +1,187 @@
+//! Where along an axis which values are counted.
+
+/// How an axis is divided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AxisScale {
+    /// Bins of equal width.
+    #[default]
+    Linear,
+    /// As many bins in every octave, [`AxisScale::OCTAVES`] of them down from the greatest value; of equal width within an
+    /// octave. For what is not negative, may be 0 and spans decades. Nearly a logarithm, but exact: the order of the numbers is
+    /// that of their bits, the first of which are the bin. So bins of a range are bins of every wider one too.
+    Octaves,
+}
+
+impl AxisScale {
+    /// Octaves of an axis: nearly five decades. What is less is in the first bin.
+    pub const OCTAVES: usize = 16;
+}
+
+/// Bits of the fraction of a f32.
+const FRACTION_BITS: u32 = f32::MANTISSA_DIGITS - 1;
+
+/// Bins over a range.
+///
+/// *Linear*: bin i of n covers what is at least `edge(i)` and below `edge(i + 1)`, where `edge(i) = lo + (hi - lo) * i / n`,
+/// rounded to f64; the last one includes `hi`. If the range is one value, the first bin has all. A range that is symmetric about
+/// 0 has its edges so too, one at 0 exactly if n is even, so that mirrored values (but those on an edge) are in mirrored bins.
+///
+/// *Octaves*: edges are powers of two and, with n / 16 = p bins in an octave, what divides the next octave by p; the last bin has
+/// `hi`, the first one everything below the second; `lo` is 0 whatever is said.
+///
+/// Values beyond the range are in the bin at its end. Without a range the first bin has all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bins {
+    range: Option<[f32; 2]>,
+    scale: AxisScale,
+    /// One more than there are bins; all 0 without a range.
+    edges: Vec<f64>,
+    /// With octaves, the first bits of the numbers of the first bin.
+    first_key: u32,
+}
+
+impl Bins {
+    /// `count` bins over a range.
+    ///
+    /// # Panics
+    /// If `count` is 0 or above 4096, or, with octaves, not 16 times a power of two; if the ends of the range are not finite or in
+    /// the wrong order.
+    pub fn new(range: Option<[f32; 2]>, scale: AxisScale, count: usize) -> Self {
+        assert!((1..=4096).contains(&count), "1 to 4096 bins");
+        assert!(range.is_none_or(|[lo, hi]| lo <= hi && lo.is_finite() && hi.is_finite()), "{range:?} is no range");
+        match scale {
+            AxisScale::Linear => Self::linear(range, count),
+            AxisScale::Octaves => Self::octaves(range, count),
+        }
+    }
+
+    fn linear(range: Option<[f32; 2]>, count: usize) -> Self {
+        let [lo, hi] = range.unwrap_or_default().map(f64::from);
+        // Products of 24 and 13 bits are exact, and so is a quotient by a power of two: only the sum rounds.
+        let edge = |i: usize| (lo * (count - i) as f64 + hi * i as f64) / count as f64;
+        Self { range, scale: AxisScale::Linear, edges: (0..=count).map(edge).collect(), first_key: 0 }
+    }
+
+    fn octaves(range: Option<[f32; 2]>, count: usize) -> Self {
+        let per_octave = count / AxisScale::OCTAVES;
+        assert!(per_octave.is_power_of_two() && count == per_octave * AxisScale::OCTAVES, "16, 32, 64 ... bins");
+        let range = range.map(|[_, hi]| [0.0, hi.max(0.0)]);
+        let mut bins = Self { range, scale: AxisScale::Octaves, edges: vec![0.0; count + 1], first_key: 0 };
+        let Some([_, hi]) = range else { return bins };
+        let shift = bins.key_shift();
+        // Behind the key of the greatest value; the least keys are those of 0 and subnormal numbers.
+        bins.first_key = ((hi.to_bits() >> shift) + 1).saturating_sub(count as u32);
+        let edge = |key: u32| match f32::from_bits(key << shift) {
+            edge if edge.is_finite() => f64::from(edge),
+            // Behind the greatest of all.
+            _ => 2.0 * f64::from(f32::from_bits(254 << FRACTION_BITS)),
+        };
+        bins.edges = (bins.first_key..=bins.first_key + count as u32).map(edge).collect();
+        bins.edges[0] = 0.0;
+        bins
+    }
+
+    /// How many of the last bits do not matter for the bin.
+    fn key_shift(&self) -> u32 {
+        FRACTION_BITS - (self.count() / AxisScale::OCTAVES).ilog2()
+    }
+
+    /// The range that the bins cover.
+    pub fn range(&self) -> Option<[f32; 2]> {
+        self.range
+    }
+
+    /// How the range is divided.
+    pub fn scale(&self) -> AxisScale {
+        self.scale
+    }
+
+    /// Number of bins.
+    pub fn count(&self) -> usize {
+        self.edges.len() - 1
+    }
+
+    /// Least and greatest value of a bin; `None` without a range.
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    pub fn bounds(&self, bin: usize) -> Option<[f64; 2]> {
+        self.range.map(|_| [self.edges[bin], self.edges[bin + 1]])
+    }
+
+    /// How far along the axis a value is: 0 at the low end and before it, 1 at the high end and beyond. 0 if the range is one
+    /// value, or there is none. Bins are equally wide here.
+    pub fn position(&self, value: f32) -> f64 {
+        let (lo, hi) = (self.edges[0], self.edges[self.count()]);
+        if hi <= lo {
+            return 0.0;
+        }
+        let share = match self.scale {
+            AxisScale::Linear => (f64::from(value) - lo) / (hi - lo),
+            AxisScale::Octaves => {
+                let keys = f64::from(value.max(0.0).to_bits()) / f64::from(1_u32 << self.key_shift());
+                (keys - f64::from(self.first_key)) / self.count() as f64
+            }
+        };
+        share.clamp(0.0, 1.0)
+    }
+
+    /// The value at a position 0..=1 of the axis, the inverse of [`Self::position`] but for rounding. At 0 with octaves that is the
+    /// greatest of those which are there. 0 if there is no range.
+    pub fn value_at(&self, position: f64) -> f64 {
+        let (lo, hi) = (self.edges[0], self.edges[self.count()]);
+        let position = position.clamp(0.0, 1.0);
+        match self.scale {
+            AxisScale::Linear => lo * (1.0 - position) + hi * position,
+            // Without a range there are no octaves.
+            AxisScale::Octaves if hi <= lo => lo,
+            AxisScale::Octaves => {
+                let keys = f64::from(self.first_key) + position * self.count() as f64;
+                let bits = (keys * f64::from(1_u32 << self.key_shift())).round() as u32;
+                // Behind the greatest number there is only infinity.
+                f64::from(f32::from_bits(bits).min(f32::MAX))
+            }
+        }
+    }
+
+    /// The bin of a value; `None` if it is not finite.
+    pub fn bin(&self, value: f32) -> Option<usize> {
+        if !value.is_finite() {
+            return None;
+        }
+        let last = self.count() - 1;
+        if self.scale == AxisScale::Octaves {
+            let key = if value > 0.0 { value.to_bits() >> self.key_shift() } else { 0 };
+            return Some(if self.range.is_none() {
+                0
+            } else {
+                (key.saturating_sub(self.first_key) as usize).min(last)
+            });
+        }
+        let mut bin = ((self.position(value) * (last + 1) as f64) as usize).min(last);
+        if self.edges[0] < self.edges[last + 1] {
+            let value = f64::from(value);
+            // The position is rounded; the edges say.
+            while bin > 0 && value < self.edges[bin] {
+                bin -= 1;
+            }
+            while bin < last && value >= self.edges[bin + 1] {
+                bin += 1;
+            }
+        }
+        Some(bin)
+    }
+
+    /// Bins of octaves that cover another range as well, and how many bins further down the old ones are among them: exactly, but
+    /// that all of those before the first are in it. `None` if they are there already, or are no octaves.
+    pub(super) fn widened(&self, range: Option<[f32; 2]>) -> Option<(Self, usize)> {
+        let [_, hi] = range?;
+        if self.scale != AxisScale::Octaves || self.range.is_some_and(|[_, before]| hi <= before) {
+            return None;
+        }
+        let wider = Self::octaves(range, self.count());
+        // Without a range there is nothing in them.
+        let down = wider.first_key - if self.range.is_some() { self.first_key } else { wider.first_key };
+        Some((wider, down as usize))
+    }
+}

@@ -1,0 +1,250 @@
+//! [`GridTable`]: a transfer function of the scalar and of up to two quantities beside it.
+
+use super::{Node, NodeTable};
+use serde::Serialize;
+
+/// A transfer function of three quantities: the scalar; one that vertices have and that is linear in a cell, as the scalar is
+/// (*rows*); and one that a cell has, the same in all of it (*layers*).
+///
+/// There is a value for each scalar node, row and layer. Between two layers values are linear. In the plane of scalar and
+/// rows each rectangle between neighbouring nodes and rows is cut into two triangles by the diagonal from its (lower scalar,
+/// lower row) to its (upper scalar, upper row), and values are linear on each: so along a straight line through the plane, which is
+/// what a ray draws in a cell, colour and extinction are piecewise linear, and a segment of a ray is integrated exactly by
+/// pieces, as with a [`NodeTable`]. Bilinear interpolation would make them quadratic.
+///
+/// Two nodes at one scalar make a step, as in a [`NodeTable`] (at the scalar itself the right one holds), and so do two
+/// layers at one place. Rows have no steps: a ramp between two that are near to each other is one as good as any. Beyond the ends of
+/// an axis values hold on; on an axis with one place the quantity does not matter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GridTable {
+    scalars: Vec<f64>,
+    rows: Vec<f64>,
+    layers: Vec<f64>,
+    values: Vec<[f32; 4]>,
+}
+
+/// An axis of a [`GridTable`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GridAxis {
+    /// The scalar.
+    Scalar,
+    /// The quantity of vertices.
+    Row,
+    /// The quantity of cells.
+    Layer,
+}
+
+/// Why axes and values do not make a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GridTableError {
+    /// Each axis has at least one place.
+    #[error("a transfer function over a grid has no place on its {0:?} axis")]
+    Empty(GridAxis),
+    /// Places are sorted; two at one place make a step, on the axis of rows none are.
+    #[error("place {1} of the {0:?} axis is not behind the one before it, or the third at one place")]
+    NotSorted(GridAxis, usize),
+    /// Places are finite, and so is the distance of any two.
+    #[error("the {0:?} axis is not finite")]
+    NotFinite(GridAxis),
+    /// One value for each scalar, row and layer.
+    #[error("{given} values for a grid of {expected}")]
+    ValueCount {
+        /// Values given.
+        given: usize,
+        /// Scalars times rows times layers.
+        expected: usize,
+    },
+    /// A number is NaN or infinite, an extinction negative, or a colour outside 0..=1.
+    #[error("value {0} is not finite, has a negative extinction or a colour outside 0..1")]
+    BadValue(usize),
+}
+
+/// Where a value lies on an axis: the place below it, the one above, and its share of the way between them. NaN lies below all.
+fn place_on(axis: &[f64], at: f64) -> ([usize; 2], f64) {
+    let above = axis.partition_point(|&place| place <= at);
+    match above {
+        0 => ([0, 0], 0.0),
+        _ if above == axis.len() => ([above - 1, above - 1], 0.0),
+        _ => ([above - 1, above], (at - axis[above - 1]) / (axis[above] - axis[above - 1])),
+    }
+}
+
+impl GridTable {
+    /// A table of `values` (red, green, blue: display-referred, not premultiplied, 0..=1; extinction per world unit of length),
+    /// the one of scalar i, row j and layer k at `(k * rows.len() + j) * scalars.len() + i`.
+    ///
+    /// # Errors
+    /// If an axis is empty, not sorted or not finite, or values are too few, too many, not finite or out of range.
+    pub fn new(
+        scalars: Vec<f64>,
+        rows: Vec<f64>,
+        layers: Vec<f64>,
+        values: Vec<[f32; 4]>,
+    ) -> Result<Self, GridTableError> {
+        check_axis(GridAxis::Scalar, &scalars, 2)?;
+        check_axis(GridAxis::Row, &rows, 1)?;
+        check_axis(GridAxis::Layer, &layers, 2)?;
+        let expected = scalars.len().saturating_mul(rows.len()).saturating_mul(layers.len());
+        if values.len() != expected {
+            return Err(GridTableError::ValueCount { given: values.len(), expected });
+        }
+        let is_good = |[r, g, b, tau]: &[f32; 4]| {
+            [r, g, b].iter().all(|c| (0.0..=1.0).contains(*c)) && tau.is_finite() && *tau >= 0.0
+        };
+        match values.iter().position(|value| !is_good(value)) {
+            Some(bad) => Err(GridTableError::BadValue(bad)),
+            None => Ok(Self { scalars, rows, layers, values }),
+        }
+    }
+
+    /// The scalar nodes, sorted, two at a step.
+    pub fn scalars(&self) -> &[f64] {
+        &self.scalars
+    }
+
+    /// The rows, in the unit of the quantity of vertices, sorted.
+    pub fn rows(&self) -> &[f64] {
+        &self.rows
+    }
+
+    /// The layers, in the unit of the quantity of cells, sorted, two at a step.
+    pub fn layers(&self) -> &[f64] {
+        &self.layers
+    }
+
+    /// All values, in the order of [`Self::new`].
+    pub fn values(&self) -> &[[f32; 4]] {
+        &self.values
+    }
+
+    /// Red, green, blue and extinction at a scalar node, a row and a layer, given by their numbers.
+    pub fn value(&self, scalar: usize, row: usize, layer: usize) -> [f32; 4] {
+        self.values[(layer * self.rows.len() + row) * self.scalars.len() + scalar]
+    }
+
+    /// The layers below and above a cell's quantity, and its share of the way from one to the other; below the first one for NaN.
+    pub fn layer_at(&self, cell_value: f64) -> ([usize; 2], f64) {
+        place_on(&self.layers, cell_value)
+    }
+
+    /// Colour and extinction at a scalar, a quantity of vertices and one of cells; NaN lies below all.
+    pub fn eval(&self, scalar: f64, vertex_value: f64, cell_value: f64) -> Node {
+        let ([left, right], x) = place_on(&self.scalars, scalar);
+        let ([lower, upper], y) = place_on(&self.rows, vertex_value);
+        let ([below, above], z) = place_on(&self.layers, cell_value);
+        // The two corners on the diagonal, and the third of the triangle.
+        let corners = if x >= y {
+            [(left, lower, 1.0 - x), (right, lower, x - y), (right, upper, y)]
+        } else {
+            [(left, lower, 1.0 - y), (left, upper, y - x), (right, upper, x)]
+        };
+        let mut sum = [0.0; 4];
+        for (layer, share) in [(below, 1.0 - z), (above, z)] {
+            for (scalar, row, weight) in corners {
+                let value = self.value(scalar, row, layer);
+                sum = std::array::from_fn(|c| sum[c] + share * weight * f64::from(value[c]));
+            }
+        }
+        // Weights add up to 1 but for rounding.
+        let [r, g, b, tau] = sum;
+        Node { scalar, rgb: [r, g, b].map(|c| c.min(1.0)), tau }
+    }
+
+    /// The table over the scalar alone that has at each node the value of largest extinction of all rows and layers. Extinction
+    /// is nowhere above its: where it shows nothing, neither does this.
+    pub fn projection(&self) -> NodeTable {
+        let columns = self.scalars.len();
+        let most = |i: usize| {
+            let column = self.values.iter().skip(i).step_by(columns);
+            let [r, g, b, tau] =
+                column.fold([0.0; 4], |most: [f32; 4], value| if value[3] > most[3] { *value } else { most });
+            Node { scalar: self.scalars[i], rgb: [r, g, b].map(f64::from), tau: f64::from(tau) }
+        };
+        NodeTable { nodes: (0..columns).map(most).collect() }
+    }
+}
+
+/// At most `most` places may be equal.
+fn check_axis(axis: GridAxis, places: &[f64], most: usize) -> Result<(), GridTableError> {
+    let (Some(first), Some(last)) = (places.first(), places.last()) else { return Err(GridTableError::Empty(axis)) };
+    if !places.iter().all(|place| place.is_finite()) || !(last - first).is_finite() {
+        return Err(GridTableError::NotFinite(axis));
+    }
+    let is_wrong = |i: usize| places[i] < places[i - 1] || i >= most && places[i] == places[i - most];
+    match (1..places.len()).find(|&i| is_wrong(i)) {
+        Some(i) => Err(GridTableError::NotSorted(axis, i)),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Extinction is the number of the place: 1 for each scalar node, 10 for each row, 100 for each layer.
+    fn numbered(scalars: &[f64], rows: &[f64], layers: &[f64]) -> GridTable {
+        let mut values = Vec::new();
+        for layer in 0..layers.len() {
+            for row in 0..rows.len() {
+                values.extend((0..scalars.len()).map(|i| [0.5, 0.5, 0.5, (i + 10 * row + 100 * layer) as f32]));
+            }
+        }
+        GridTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
+    }
+
+    #[test]
+    fn values_are_linear_on_two_triangles_and_between_layers() {
+        let table = numbered(&[0.0, 1.0, 2.0], &[0.0, 4.0], &[0.0, 1.0]);
+        let tau = |s: f64, row: f64, layer: f64| table.eval(s, row, layer).tau;
+        assert_eq!((tau(0.5, 0.0, 0.0), tau(1.25, 0.0, 0.0), tau(0.0, 1.0, 0.0)), (0.5, 1.25, 2.5));
+        // On the diagonal, below it and above it: these numbers are a plane, which has no fold.
+        assert_eq!((tau(0.5, 2.0, 0.0), tau(0.75, 1.0, 0.0), tau(0.25, 3.0, 0.0)), (5.5, 3.25, 7.75));
+        assert_eq!((tau(0.0, 0.0, 0.25), tau(1.5, 4.0, 1.0)), (25.0, 111.5));
+        // With a corner below the diagonal alone there is one.
+        let value = |i: usize| [1.0, 0.0, 0.0, if i == 1 { 8.0 } else { 0.0 }];
+        let corner = GridTable::new(vec![0.0, 1.0], vec![0.0, 1.0], vec![0.0], (0..4).map(value).collect()).unwrap();
+        let tau = |s: f64, row: f64| corner.eval(s, row, 0.0).tau;
+        assert_eq!((tau(0.75, 0.25), tau(0.5, 0.5), tau(0.25, 0.75), tau(1.0, 0.5)), (4.0, 0.0, 0.0, 4.0));
+    }
+
+    #[test]
+    fn beyond_its_ends_an_axis_holds_and_no_number_lies_below_all() {
+        let table = numbered(&[-1.0, 1.0], &[-1.0, 1.0], &[-1.0, 1.0]);
+        for low in [f64::NAN, f64::NEG_INFINITY, f64::MIN, -1.0, -1.5] {
+            assert_eq!(table.eval(low, low, low).tau, 0.0, "{low}");
+        }
+        for high in [f64::INFINITY, f64::MAX, 1.0, 1.5] {
+            assert_eq!(table.eval(high, high, high).tau, 111.0, "{high}");
+            assert_eq!(table.layer_at(high), ([1, 1], 0.0));
+        }
+        let single = numbered(&[3.0], &[4.0], &[5.0]);
+        for at in [f64::NAN, -9.0, 4.0, f64::INFINITY] {
+            assert_eq!(single.eval(at, at, at).tau, 0.0);
+        }
+    }
+
+    #[test]
+    fn at_a_step_the_upper_side_holds() {
+        let table = numbered(&[0.0, 1.0, 1.0, 2.0], &[0.0], &[0.0, 0.0, 3.0, 3.0]);
+        let below = 1.0 - f64::EPSILON / 2.0;
+        assert_eq!(table.eval(1.0, 0.0, -1.0).tau, 2.0);
+        assert!((table.eval(below, 0.0, -1.0).tau - 1.0).abs() < 1e-15);
+        let layers = [-1e-300, 0.0, 1.5, 3.0].map(|at| table.layer_at(at));
+        assert_eq!(layers, [([0, 0], 0.0), ([1, 2], 0.0), ([1, 2], 0.5), ([3, 3], 0.0)]);
+    }
+
+    #[test]
+    fn denormal_and_huge_axes_are_as_good_as_others() {
+        for unit in [5e-324, 1e-310, 1e-30, 1e30, 8e307] {
+            let table = numbered(&[0.0, 2.0 * unit], &[-unit, unit], &[-unit, unit]);
+            assert_eq!(table.eval(unit, 0.0, 0.0).tau, 0.5 + 5.0 + 50.0, "{unit:e}");
+        }
+    }
+
+    #[test]
+    fn the_projection_has_the_largest_extinctions() {
+        let table = numbered(&[0.0, 1.0], &[0.0, 1.0], &[0.0, 1.0]);
+        let taus: Vec<_> = table.projection().nodes().iter().map(|node| (node.scalar, node.tau)).collect();
+        assert_eq!(taus, [(0.0, 110.0), (1.0, 111.0)]);
+    }
+}

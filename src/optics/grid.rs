@@ -1,0 +1,264 @@
+//! The exact integrator for a [`GridTable`]: a segment is split where it crosses a line of the grid (a scalar node, a row, the
+//! diagonal of a rectangle), and each piece is integrated by [`piece_weights`].
+//!
+//! Places on a segment are shares of it, 0 at its near and 1 at its far end. Which rectangle a piece lies in is counted from line
+//! to line, not looked up: on a line itself that would be a matter of rounding. A piece that ends on a line has there exactly the
+//! values of the line, so that what is clear on one side shows nothing.
+
+use super::{Accumulator, ScalarMap, piece_weights};
+use crate::node_table::GridTable;
+use glam::Vec4;
+
+/// The part of a ray in a cell, as a line through a [`GridTable`].
+#[derive(Clone, Copy, Debug)]
+pub struct GridSegment<'a> {
+    table: &'a GridTable,
+    /// At the near and at the far end.
+    scalars: [f64; 2],
+    vertex_values: [f64; 2],
+    layers: [usize; 2],
+    /// Share of the way from one layer to the other.
+    layer_share: f32,
+}
+
+/// A part of a segment on which values are linear: its ends as shares of the segment, and red, green, blue and extinction there.
+struct Piece {
+    shares: [f64; 2],
+    values: [Vec4; 2],
+}
+
+impl<'a> GridSegment<'a> {
+    /// The line between two (scalar, quantity of vertices) places, all finite, in a cell with this quantity.
+    pub fn new(table: &'a GridTable, scalars: [f64; 2], vertex_values: [f64; 2], cell_value: f64) -> Self {
+        let (layers, share) = table.layer_at(cell_value);
+        Self { table, scalars, vertex_values, layers, layer_share: share as f32 }
+    }
+
+    /// Composites the part of the segment between two shares of it, `from` < `to`, which has this length in the unit that
+    /// extinctions refer to. Returns the number of pieces that were integrated; 0 if nothing was to be seen.
+    pub fn composite(&self, from: f64, to: f64, length: f64, out: &mut Accumulator) -> u64 {
+        // The largest depth that stays finite when it is averaged.
+        const DEEPEST: f32 = f32::MAX / 4.0;
+        let per_share = length / (to - from);
+        let mut count = 0;
+        self.each_piece(from, to, |Piece { shares: [start, end], values }| {
+            let length = ((end - start) * per_share) as f32;
+            let [near, far] = values.map(|value| (value.w * length).min(DEEPEST));
+            if near > 0.0 || far > 0.0 {
+                let [near_color, far_color] = values.map(|value| value.with_w(1.0));
+                out.add(piece_weights(near, far), near_color, far_color);
+                count += 1;
+            }
+        });
+        count
+    }
+
+    /// The share of the whole segment at which the first piece with extinction between `from` and `to` begins.
+    pub fn first_visible(&self, from: f64, to: f64) -> Option<f64> {
+        let mut first = None;
+        self.each_piece(from, to, |Piece { shares, values }| {
+            if first.is_none() && values.iter().any(|value| value.w > 0.0) {
+                first = Some(shares[0]);
+            }
+        });
+        first
+    }
+
+    fn each_piece(&self, from: f64, to: f64, mut take: impl FnMut(Piece)) {
+        // Where there is no triangle all is as below the diagonal: (1, 0) is its corner.
+        let mut x = Way::new(self.table.scalars(), self.scalars, from, 1.0);
+        let mut y = Way::new(self.table.rows(), self.vertex_values, from, 0.0);
+        let mut start = from;
+        loop {
+            let (x_crosses, y_crosses) = (x.crosses_at(), y.crosses_at());
+            let next = x_crosses.min(y_crosses);
+            let is_last = next >= to;
+            // A line may have been passed by rounding.
+            let end = next.min(to).max(start);
+            let (x_crosses, y_crosses) = (!is_last && x_crosses <= end, !is_last && y_crosses <= end);
+            let (near, far) = ([x.place, y.place], [x.place_at(end, x_crosses), y.place_at(end, y_crosses)]);
+            if end > start {
+                self.in_rectangle([x.corners(), y.corners()], [near, far], [start, end], &mut take);
+            }
+            if is_last {
+                return;
+            }
+            x.go_on(far[0], x_crosses);
+            y.go_on(far[1], y_crosses);
+            start = end;
+        }
+    }
+
+    /// A part of the segment within one rectangle, `corners` of it along both axes: one piece, or two if it crosses the diagonal.
+    /// `ends` are places in the rectangle, 0..=1 in both directions.
+    fn in_rectangle(
+        &self,
+        corners: [[usize; 2]; 2],
+        [near, far]: [[f64; 2]; 2],
+        [start, end]: [f64; 2],
+        take: &mut impl FnMut(Piece),
+    ) {
+        let below = |[x, y]: [f64; 2]| x - y;
+        let (first, last) = (below(near), below(far));
+        let mut piece = |ends: [[f64; 2]; 2], shares, is_below| {
+            let triangle = self.triangle(corners, is_below);
+            take(Piece { shares, values: ends.map(|at| in_triangle(triangle, at, is_below)) });
+        };
+        if first * last < 0.0 {
+            let share = first / (first - last);
+            let middle = [near[0] + share * (far[0] - near[0]); 2];
+            let cut = (start + share * (end - start)).clamp(start, end);
+            piece([near, middle], [start, cut], first > 0.0);
+            piece([middle, far], [cut, end], last > 0.0);
+        } else {
+            piece([near, far], [start, end], first + last >= 0.0);
+        }
+    }
+
+    /// Values at the corners of the triangle below a rectangle's diagonal or above it: the lower end of that, the corner beside it, its
+    /// upper end.
+    #[inline]
+    fn triangle(&self, [xs, ys]: [[usize; 2]; 2], is_below: bool) -> [Vec4; 3] {
+        let beside = if is_below { self.corner(xs[1], ys[0]) } else { self.corner(xs[0], ys[1]) };
+        [self.corner(xs[0], ys[0]), beside, self.corner(xs[1], ys[1])]
+    }
+
+    #[inline]
+    fn corner(&self, scalar: usize, row: usize) -> Vec4 {
+        let [below, above] = self.layers.map(|layer| Vec4::from_array(self.table.value(scalar, row, layer)));
+        below * (1.0 - self.layer_share) + above * self.layer_share
+    }
+}
+
+/// Values at a place in a rectangle, as seen from a triangle of it.
+#[inline]
+fn in_triangle([lower, beside, upper]: [Vec4; 3], [x, y]: [f64; 2], is_below: bool) -> Vec4 {
+    let (more, less) = if is_below { (x, y) } else { (y, x) };
+    // No weight is negative: what is clear at all corners is clear in between.
+    let [of_lower, of_beside, of_upper] = [1.0 - more, more - less, less].map(|weight| weight.max(0.0) as f32);
+    lower * of_lower + beside * of_beside + upper * of_upper
+}
+
+/// A table as `shaders/lib/optics_grid.wgsl` reads it.
+pub struct PackedGrid {
+    /// Intervals of the scalar, then of the rows: (lo, hi, width, first place), of which the first and the last reach beyond all and
+    /// have no width. Then the values in the order of the table, extinctions per unit of a ray's length.
+    pub words: Vec<[f32; 4]>,
+    /// Intervals of the scalar.
+    pub scalar_intervals: u32,
+    /// Intervals of the rows.
+    pub row_intervals: u32,
+}
+
+/// Vectors of a packed table at most.
+pub fn packed_len(table: &GridTable) -> usize {
+    let (scalars, rows, layers) = (table.scalars().len(), table.rows().len(), table.layers().len());
+    scalars + 1 + rows + 1 + scalars * rows * layers
+}
+
+/// The table over scalars and rows seen through these maps; `world_per_length` is the world length of a unit of a ray's length.
+pub fn packed(table: &GridTable, scalars: ScalarMap, rows: ScalarMap, world_per_length: f64) -> PackedGrid {
+    let mut words = Vec::with_capacity(packed_len(table));
+    words.extend(intervals(table.scalars(), scalars));
+    let scalar_intervals = words.len() as u32;
+    words.extend(intervals(table.rows(), rows));
+    let row_intervals = words.len() as u32 - scalar_intervals;
+    // The largest extinction that stays finite when it is averaged.
+    let tau = |tau: f32| (f64::from(tau) * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;
+    words.extend(table.values().iter().map(|&[r, g, b, t]| [r, g, b, tau(t)]));
+    PackedGrid { words, scalar_intervals, row_intervals }
+}
+
+/// The intervals between the places of an axis, none at steps. Widths are those before rounding, as in
+/// [`ExactTable::packed`](super::exact::ExactTable::packed).
+fn intervals(axis: &[f64], map: ScalarMap) -> impl Iterator<Item = [f32; 4]> {
+    const FAR: f64 = 3e38;
+    // Less is next to nothing, and its inverse beyond f32.
+    const NARROWEST: f64 = 1e-30;
+    let seen = move |place: f64| map.apply(place).clamp(-FAR, FAR) as f32;
+    let between = move |i: usize| {
+        let width = ((axis[i] - axis[i - 1]) * map.prescale * map.scale).min(FAR);
+        let width = if width < NARROWEST { 0.0 } else { width };
+        [seen(axis[i - 1]), seen(axis[i]), width as f32, (i - 1) as f32]
+    };
+    let inner = (1..axis.len()).filter(|&i| axis[i] > axis[i - 1]).map(between);
+    let last = axis.len() - 1;
+    let first = [-FAR as f32, seen(axis[0]), 0.0, 0.0];
+    std::iter::once(first).chain(inner).chain([[seen(axis[last]), FAR as f32, 0.0, last as f32]])
+}
+
+/// The way of a segment along one axis.
+struct Way<'a> {
+    axis: &'a [f64],
+    /// Value at its near end, and how much more it is at the far end.
+    start: f64,
+    rise: f64,
+    /// How many places of the axis lie below: it is between the last of these and the next one.
+    below: usize,
+    /// Share of the way between these two.
+    place: f64,
+    /// What `place` is beyond the ends of the axis, where it does not matter.
+    outside: f64,
+}
+
+impl<'a> Way<'a> {
+    fn new(axis: &'a [f64], [start, end]: [f64; 2], from: f64, outside: f64) -> Self {
+        let rise = end - start;
+        let here = start + from * rise;
+        // At a step the side that it goes to holds; one that does not change takes the right one.
+        let below = axis.partition_point(|&place| if rise < 0.0 { place < here } else { place <= here });
+        let mut way = Self { axis, start, rise, below, place: outside, outside };
+        way.place = way.place_at(from, false);
+        way
+    }
+
+    /// The places that it is between; beyond the ends of the axis twice the same.
+    fn corners(&self) -> [usize; 2] {
+        [self.below.saturating_sub(1), self.below.min(self.axis.len() - 1)]
+    }
+
+    /// The share of the segment at which it comes to the next place of the axis; infinite if it does not.
+    fn crosses_at(&self) -> f64 {
+        let next = match self.rise {
+            rise if rise > 0.0 => self.axis.get(self.below),
+            rise if rise < 0.0 => self.below.checked_sub(1).map(|last| &self.axis[last]),
+            _ => None,
+        };
+        next.map_or(f64::INFINITY, |next| (next - self.start) / self.rise)
+    }
+
+    /// Share of the way between its two places at a share of the segment, exactly on the next one if it `crosses`.
+    fn place_at(&self, share: f64, crosses: bool) -> f64 {
+        let [lo, hi] = self.corners().map(|i| self.axis[i]);
+        match (lo < hi, crosses) {
+            (false, _) => self.outside,
+            (true, true) => f64::from(u8::from(self.rise > 0.0)),
+            (true, false) => ((self.start + share * self.rise - lo) / (hi - lo)).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Goes on to a place, or, if it `crosses`, to the next two; two at a step are passed at once.
+    fn go_on(&mut self, place: f64, crosses: bool) {
+        self.place = place;
+        if !crosses {
+            return;
+        }
+        let is_rising = self.rise > 0.0;
+        loop {
+            self.below = if is_rising { self.below + 1 } else { self.below - 1 };
+            let [lo, hi] = self.corners();
+            if lo == hi {
+                self.place = self.outside;
+                return;
+            }
+            if self.axis[lo] < self.axis[hi] {
+                self.place = if is_rising { 0.0 } else { 1.0 };
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "grid_tests.rs"]
+mod tests;

@@ -1,0 +1,192 @@
+//! [`Animation`]: what a project comes to at a moment of a series.
+
+use super::{Project, ProjectError};
+use crate::camera::Camera;
+use crate::histograms::{Histogram, Kind};
+use crate::node_table::{GridTable, NodeTable};
+use crate::optics::OpticsKind;
+use crate::pipeline::{FrameTime, Series};
+use crate::task::Cancel;
+use crate::timeline::At;
+use crate::transfer::{Context, Counts2d, Curve, Ensemble, OpacityKind, RangePolicy, Space, TransferError, grid_table};
+use std::sync::Arc;
+
+/// What a project shows at a moment; `None`: it does not say.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// Colours and extinctions over the scalar.
+    pub table: Option<Arc<NodeTable>>,
+    /// The same over other quantities, too, if a member keeps its axes; `table` is then its projection.
+    pub grid: Option<Arc<GridTable>>,
+    /// Where from.
+    pub camera: Option<Camera>,
+    /// Level of detail.
+    pub lod: Option<f64>,
+    /// How segments are integrated.
+    pub optics: Option<OpticsKind>,
+}
+
+/// A project over a series. Tables are made anew only where something has changed.
+pub struct Animation {
+    project: Arc<Project>,
+    series: Arc<Series>,
+    kind: OpacityKind,
+    unit_distance: f64,
+    /// Of the series, once a member needs them.
+    histograms: Option<Vec<Histogram>>,
+    last: Option<(Shown, Tables)>,
+}
+
+/// What a frame gets of ensembles.
+#[derive(Clone)]
+struct Tables {
+    table: Arc<NodeTable>,
+    grid: Option<Arc<GridTable>>,
+}
+
+/// All that a table depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct Shown {
+    /// With the maps of the moment.
+    ensemble: Ensemble,
+    /// The one that it goes over into, and its weight.
+    toward: Option<(Ensemble, f64)>,
+    /// Smallest and largest scalar of the step, if a member asks for them.
+    step: Option<(f64, f64)>,
+}
+
+impl Shown {
+    fn ensembles(&self) -> impl Iterator<Item = &Ensemble> {
+        std::iter::once(&self.ensemble).chain(self.toward.as_ref().map(|(ensemble, _)| ensemble))
+    }
+}
+
+impl Animation {
+    /// A project over the field of a series, with the meaning of opacities and the length that they refer to (world units).
+    pub fn new(project: Arc<Project>, series: Arc<Series>, kind: OpacityKind, unit_distance: f64) -> Self {
+        Self { project, series, kind, unit_distance, histograms: None, last: None }
+    }
+
+    /// The project.
+    pub fn project(&self) -> &Arc<Project> {
+        &self.project
+    }
+
+    /// Another project over the same field: what is known of the field stays.
+    pub fn set_project(&mut self, project: Arc<Project>) {
+        self.project = project;
+        self.last = None;
+    }
+
+    /// What is shown of a moment of the series at a time of the timeline, in the unit of the series: mostly that of the moment; later,
+    /// while a step is held. If the store has no histograms and a member needs them they are counted first, which takes as long as
+    /// decoding every step; `cancel` ends that with an error.
+    ///
+    /// # Errors
+    /// If an ensemble cannot be evaluated over the field, or there is no view on the way between two cameras.
+    pub fn at(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Moment, ProjectError> {
+        let timeline = &self.project.timeline;
+        let camera = match timeline.cameras.at(at) {
+            None => None,
+            Some(At::One(camera)) => Some(*camera),
+            Some(At::Between { a, b, weight }) => {
+                let between = Camera::between(a, b, weight);
+                Some(between.map_err(|problem| ProjectError::Camera { time: at, problem })?)
+            }
+        };
+        let lod = timeline.lod.at(at).map(|lod| match lod {
+            At::One(lod) => *lod,
+            At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
+        });
+        let optics = timeline.optics.at(at).map(|optics| match optics {
+            At::One(optics) | At::Between { a: optics, .. } => *optics,
+        });
+        let (table, grid) = match self.tables(moment, at, cancel)? {
+            Some(Tables { table, grid }) => (Some(table), grid),
+            None => (None, None),
+        };
+        Ok(Moment { table, grid, camera, lod, optics })
+    }
+
+    fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {
+        let field = self.series.field();
+        let (of_series, of_step) = moment.scalar_ranges(field);
+        let Some(shown) = self.shown(at, of_step) else { return Ok(None) };
+        if let Some((last, tables)) = &self.last
+            && *last == shown
+        {
+            return Ok(Some(tables.clone()));
+        }
+        if self.histograms.is_none() && shown.ensembles().any(needs_histograms) {
+            self.histograms = self.series.histograms(cancel)?;
+        }
+        let context = Context {
+            scalar_gradient: self.counts(&Kind::SCALAR_GRADIENT),
+            scalar_cov: self.counts(&Kind::SCALAR_COV),
+            ..Context::new(of_series, of_step, self.kind, self.unit_distance)
+        };
+        let tables = self.blended(&shown, &context).map_err(|problem| {
+            let names: Vec<&str> = shown.ensembles().map(|ensemble| ensemble.name.as_str()).collect();
+            ProjectError::Ensemble { ensemble: names.join("' and '"), problem: Box::new(problem) }
+        })?;
+        self.last = Some((shown, tables.clone()));
+        Ok(Some(tables))
+    }
+
+    /// Counts of a kind, if they are known.
+    fn counts(&self, kind: &Kind<'_>) -> Option<&dyn Counts2d> {
+        let at = Kind::ALL.iter().position(|other| other.name() == kind.name())?;
+        self.histograms.as_ref()?.get(at)?.two().map(|counts| counts as &dyn Counts2d)
+    }
+
+    fn blended(&self, shown: &Shown, context: &Context) -> Result<Tables, TransferError> {
+        let colors = self.project.timeline.colors;
+        let mix = |curve: &dyn Fn(&Ensemble) -> Result<Curve, TransferError>| match &shown.toward {
+            Some((next, weight)) => Curve::mix(&curve(&shown.ensemble)?, &curve(next)?, *weight, colors),
+            None => curve(&shown.ensemble),
+        };
+        if !shown.ensembles().any(Ensemble::keeps_axes) {
+            let table = mix(&|ensemble| ensemble.curve(context))?.node_table(self.unit_distance)?;
+            return Ok(Tables { table: Arc::new(table), grid: None });
+        }
+        let ensembles: Vec<&Ensemble> = shown.ensembles().collect();
+        let grid = grid_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
+        Ok(Tables { table: Arc::new(grid.projection()), grid: Some(Arc::new(grid)) })
+    }
+
+    /// Which ensembles a moment shows; `None` if the project has none.
+    fn shown(&self, at: f64, of_step: (f64, f64)) -> Option<Shown> {
+        let project = &self.project;
+        let named = |name: &String| project.ensemble(name);
+        let (ensemble, toward) = match project.timeline.ensembles.at(at) {
+            None => (project.shown_without_keys()?, None),
+            Some(At::One(name)) => (named(name)?, None),
+            Some(At::Between { a, b, weight }) => (named(a)?, Some((named(b)?, weight))),
+        };
+        let toward = toward.map(|(ensemble, weight)| (self.with_maps(ensemble, at), weight));
+        let mut shown = Shown { ensemble: self.with_maps(ensemble, at), toward, step: None };
+        let follows_step = |ensemble: &Ensemble| {
+            ensemble.members.iter().any(|member| member.enabled && member.range == RangePolicy::Step)
+        };
+        if shown.ensembles().any(follows_step) {
+            shown.step = Some(of_step);
+        }
+        Some(shown)
+    }
+
+    /// An ensemble with the range maps that its members have at a time.
+    fn with_maps(&self, ensemble: &Ensemble, at: f64) -> Ensemble {
+        let mut ensemble = ensemble.clone();
+        for track in self.project.timeline.maps.iter().filter(|track| track.ensemble == ensemble.name) {
+            for member in ensemble.members.iter_mut().filter(|member| member.name == track.member) {
+                member.map = track.keys.map(at);
+            }
+        }
+        ensemble
+    }
+}
+
+/// Whether a member is defined on more than the scalar.
+fn needs_histograms(ensemble: &Ensemble) -> bool {
+    ensemble.members.iter().any(|member| member.enabled && member.space != Space::Scalar)
+}

@@ -1,0 +1,177 @@
+//! [`Project`]: what is shown of a series and how it changes over time, as a `.toml` file (`docs/projects.md`).
+//!
+//! A project names a dataset and a field, keeps ensembles of transfer functions, and on one timeline the keys of what changes:
+//! ensembles, range maps of their members, camera, level of detail, optics. [`Animation`] says what that comes to at a moment;
+//! [`Edit`] changes it, and [`History`] takes changes back.
+
+mod animation;
+mod edit;
+mod file;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use animation::{Animation, Moment};
+pub use edit::{Edit, History, TrackEdit};
+pub use settings::{Data, LookSettings, MapTrack, Output, Timeline};
+
+use crate::camera::CameraError;
+use crate::error::FileError;
+use crate::playback::{CommandError, Settings};
+use crate::timeline::TimelineError;
+use crate::transfer::{Ensemble, TransferError};
+use serde::{Deserialize, Serialize};
+
+/// All that a project file holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Project {
+    /// Version of the schema: [`Project::VERSION`].
+    pub version: u32,
+    /// What is shown.
+    pub data: Data,
+    /// How it is drawn, where the timeline does not say otherwise.
+    #[serde(default)]
+    pub look: LookSettings,
+    /// How it is played.
+    #[serde(default)]
+    pub playback: Settings,
+    /// What `render` writes.
+    #[serde(default)]
+    pub output: Output,
+    /// What changes over time.
+    #[serde(default)]
+    pub timeline: Timeline,
+    /// Ensembles of transfer functions, told apart by their names.
+    #[serde(default)]
+    pub ensembles: Vec<Ensemble>,
+}
+
+impl Project {
+    /// Version of the schema that is written; older ones are read as well, newer ones refused.
+    pub const VERSION: u32 = 1;
+
+    /// A project of a dataset, with nothing else in it.
+    pub fn new(data: Data) -> Self {
+        let (look, playback, output, timeline, ensembles) = Default::default();
+        Self { version: Self::VERSION, data, look, playback, output, timeline, ensembles }
+    }
+
+    /// The ensemble of that name.
+    pub fn ensemble(&self, name: &str) -> Option<&Ensemble> {
+        self.ensembles.iter().find(|ensemble| ensemble.name == name)
+    }
+
+    /// The ensemble that is shown where the timeline has none.
+    pub fn shown_without_keys(&self) -> Option<&Ensemble> {
+        self.look.ensemble.as_ref().map_or(self.ensembles.first(), |name| self.ensemble(name))
+    }
+
+    /// Checks that parts belong together: names that are taken twice, keys of what there is not, views that there are not,
+    /// speeds that are none.
+    ///
+    /// # Errors
+    /// The first that is found.
+    pub fn check(&self) -> Result<(), ProjectError> {
+        if self.version == 0 || self.version > Self::VERSION {
+            return Err(ProjectError::Version(self.version));
+        }
+        for (i, ensemble) in self.ensembles.iter().enumerate() {
+            if self.ensembles.iter().take(i).any(|other| other.name == ensemble.name) {
+                return Err(ProjectError::NameTaken(ensemble.name.clone()));
+            }
+            let names = || ensemble.members.iter().map(|member| &member.name);
+            if let Some((_, twice)) = names().enumerate().find(|(i, name)| names().take(*i).any(|other| other == *name))
+            {
+                return Err(ProjectError::MemberTaken(ensemble.name.clone(), twice.clone()));
+            }
+        }
+        let named = self.timeline.ensembles.keys().iter().map(|key| &key.value);
+        for name in named.chain(&self.look.ensemble) {
+            self.found(name)?;
+        }
+        for track in &self.timeline.maps {
+            let ensemble = self.found(&track.ensemble)?;
+            if !ensemble.members.iter().any(|member| member.name == track.member) {
+                return Err(ProjectError::NoMember(track.ensemble.clone(), track.member.clone()));
+            }
+        }
+        for key in self.timeline.cameras.keys() {
+            key.value.view(1, 1).map_err(|problem| ProjectError::Camera { time: key.time, problem })?;
+        }
+        for lod in self.timeline.lod.keys().iter().map(|key| key.value).chain(self.look.lod) {
+            if !(0.0..=1.0).contains(&lod) {
+                return Err(ProjectError::BadLod(lod));
+            }
+        }
+        Ok(self.playback.check()?)
+    }
+
+    fn found(&self, name: &str) -> Result<&Ensemble, ProjectError> {
+        self.ensemble(name).ok_or_else(|| {
+            let known: Vec<&str> = self.ensembles.iter().map(|ensemble| ensemble.name.as_str()).collect();
+            ProjectError::NoEnsemble { name: name.to_owned(), known: known.join(", ") }
+        })
+    }
+}
+
+/// Why a project cannot be had, changed, or shown.
+#[derive(Debug, thiserror::Error)]
+pub enum ProjectError {
+    /// The file cannot be read, written, or is none.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A schema that this program does not know.
+    #[error("version {0} of the project file is not known; this program reads 1 to {newest}", newest = Project::VERSION)]
+    Version(u32),
+    /// Two ensembles of one name.
+    #[error("there are two ensembles '{0}'; names tell them apart")]
+    NameTaken(String),
+    /// Two members of one name.
+    #[error("the ensemble '{0}' has two members '{1}'; names tell them apart")]
+    MemberTaken(String, String),
+    /// No ensemble of that name.
+    #[error("there is no ensemble '{name}'; there are: {known}")]
+    NoEnsemble {
+        /// The name asked for.
+        name: String,
+        /// All names.
+        known: String,
+    },
+    /// No member of that name.
+    #[error("the ensemble '{0}' has no member '{1}'")]
+    NoMember(String, String),
+    /// No element at that place.
+    #[error("there is no {what} {index}")]
+    NoElement {
+        /// What was to be there.
+        what: &'static str,
+        /// Its place.
+        index: usize,
+    },
+    /// No view through a camera.
+    #[error("the camera at time {time}: {problem}")]
+    Camera {
+        /// Time of its key.
+        time: f64,
+        /// What is wrong.
+        problem: CameraError,
+    },
+    /// A level of detail that is none.
+    #[error("a level of detail of {0}; it is a share, 0 to 1")]
+    BadLod(f64),
+    /// An ensemble is at fault.
+    #[error("ensemble '{ensemble}': {problem}")]
+    Ensemble {
+        /// Its name.
+        ensemble: String,
+        /// What is wrong.
+        problem: Box<TransferError>,
+    },
+    /// A key is at fault.
+    #[error(transparent)]
+    Timeline(#[from] TimelineError),
+    /// It cannot be played so.
+    #[error("playback: {0}")]
+    Playback(#[from] CommandError),
+}

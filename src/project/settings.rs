@@ -1,0 +1,154 @@
+//! The tables of a project file.
+
+use crate::camera::Camera;
+use crate::field::FieldSelector;
+use crate::optics::OpticsKind;
+use crate::pipeline::{Backend, RenderMode};
+use crate::timeline::Keyframed;
+use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// What is shown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Data {
+    /// A store or a source, relative to the folder of the project file.
+    pub source: PathBuf,
+    /// The field: `NAME`, `NAME:mag` or `NAME:0`; the first of the store if not said.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "as_text")]
+    pub field: Option<FieldSelector>,
+}
+
+/// How it is drawn. What is not said is as for `render`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
+pub struct LookSettings {
+    /// The ensemble that is shown where the timeline has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ensemble: Option<String>,
+    /// What opacities mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opacity_kind: Option<OpacityKind>,
+    /// The length that opacities refer to, world units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit_distance: Option<f64>,
+    /// Which renderer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<RenderMode>,
+    /// Where it runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub backend: Option<Backend>,
+    /// How segments are integrated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub optics: Option<OpticsKind>,
+    /// Level of detail, 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lod: Option<f64>,
+    /// Which faces are drawn first, as `--sampling` has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<String>,
+    /// Fragments in order at a time, 2 to 32.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub k: Option<u8>,
+    /// Where from, as `--camera` has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+}
+
+/// What `render` writes: its options by their names, without the dashes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
+pub struct Output {
+    /// Files, relative to the folder of the project file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub output: Option<PathBuf>,
+    /// Width and height in pixels: `1024x768`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size: Option<String>,
+    /// Steps `A..B:S`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<String>,
+    /// Times `T0..T1`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub times: Option<String>,
+    /// Frames per second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fps: Option<String>,
+    /// Seconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duration: Option<f64>,
+    /// Whether steps are interpolated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interpolate: Option<bool>,
+    /// Degrees that the camera turns by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turntable: Option<f64>,
+    /// Colour behind the volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub background: Option<String>,
+    /// What is drawn over the frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub annotate: Option<String>,
+    /// Bits per channel of PNG files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bit_depth: Option<u8>,
+    /// Colours of EXR files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exr: Option<String>,
+}
+
+/// What changes over time: keys at times in the unit of the series. Before the first key of a track and behind its last one
+/// their values hold.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
+pub struct Timeline {
+    /// Whether the colours of two ensembles are weighted by their opacities where one goes over into the other.
+    pub colors: ColorWeighting,
+    /// Names of ensembles; between two keys their curves are blended (dissertation 7.4).
+    pub ensembles: Keyframed<String>,
+    /// Range maps of members.
+    pub maps: Vec<MapTrack>,
+    /// Cameras: the path of the eye.
+    pub cameras: Keyframed<Camera>,
+    /// Levels of detail, 0 to 1.
+    pub lod: Keyframed<f64>,
+    /// How segments are integrated; holds until the next key.
+    pub optics: Keyframed<OpticsKind>,
+}
+
+/// How the range map of one member changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct MapTrack {
+    /// Name of the ensemble.
+    pub ensemble: String,
+    /// Name of its member.
+    pub member: String,
+    /// The maps.
+    pub keys: Keyframed<RangeMap>,
+}
+
+/// A value by its text.
+mod as_text {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+    use std::fmt::Display;
+    use std::str::FromStr;
+
+    pub(super) fn serialize<T: Display, S: Serializer>(value: &Option<T>, serializer: S) -> Result<S::Ok, S::Error> {
+        match value {
+            Some(value) => serializer.collect_str(value),
+            None => serializer.serialize_none(),
+        }
+    }
+
+    pub(super) fn deserialize<'de, T, D>(deserializer: D) -> Result<Option<T>, D::Error>
+    where
+        T: FromStr,
+        T::Err: Display,
+        D: Deserializer<'de>,
+    {
+        let text = String::deserialize(deserializer)?;
+        text.parse().map(Some).map_err(D::Error::custom)
+    }
+}

@@ -1,0 +1,271 @@
+//! Files, checks, edits.
+
+use super::*;
+use crate::camera::Camera;
+use crate::optics::OpticsKind;
+use crate::timeline::{Key, Keyframed, Transition};
+use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
+use glam::DVec3;
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+
+fn key<T>(time: f64, value: T) -> Key<T> {
+    Key { time, transition: Transition::Linear, value }
+}
+
+fn keys<T>(keys: Vec<Key<T>>) -> Keyframed<T> {
+    keys.try_into().unwrap()
+}
+
+fn member(name: &str, map: &str) -> Member {
+    let tf = TransferFunction::ramp(ColorMap::built_in(map).unwrap().clone());
+    Member::new(name, Function::TransferFunction(tf))
+}
+
+fn camera(x: f64) -> Camera {
+    Camera { position: DVec3::new(x, -8.0, 3.0), ..Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap() }
+}
+
+/// A project in which everything is said.
+fn whole() -> Project {
+    let mut sharp = member("sharp", "viridis");
+    (sharp.range, sharp.weight, sharp.blend) = (RangePolicy::LogManual(1e-3, 0.1 + 0.2), 1.0 / 3.0, Blend::Xor8);
+    sharp.map = RangeMap::new(&[[0.1, 0.7], [0.2, 0.75]]).unwrap();
+    let ensemble = |name: &str, members| Ensemble { name: name.into(), colors: ColorWeighting::Opacity, members };
+    let mut project = Project::new(Data { source: "torso.zarr".into(), field: Some("v:mag".parse().unwrap()) });
+    project.ensembles = vec![
+        ensemble("overview", vec![member("all", "gray"), sharp]),
+        ensemble("detail", vec![member("one", "turbo")]),
+        ensemble("nothing", vec![]),
+    ];
+    project.look = LookSettings {
+        ensemble: Some("overview".into()),
+        unit_distance: Some(1e-3),
+        lod: Some(0.5),
+        optics: Some(OpticsKind::Table3d),
+        ..Default::default()
+    };
+    project.output = Output { size: Some("64x48".into()), duration: Some(2.5), ..Default::default() };
+    project.playback.frames_per_second = 12.5;
+    let cubic = Transition::Cubic { handles: [[0.25, 0.1], [0.3, 1.0]] };
+    project.timeline = Timeline {
+        colors: ColorWeighting::Opacity,
+        ensembles: keys(vec![
+            Key { transition: cubic, ..key(0.0, "overview".to_owned()) },
+            Key { transition: Transition::Step { at: 0.3 }, ..key(1.0 / 3.0, "detail".to_owned()) },
+            key(4.0, "overview".to_owned()),
+        ]),
+        maps: vec![MapTrack {
+            ensemble: "overview".into(),
+            member: "sharp".into(),
+            keys: keys(vec![key(0.0, RangeMap::default()), key(2.0, RangeMap::new(&[[0.5, 0.1]]).unwrap())]),
+        }],
+        cameras: keys(vec![key(0.0, camera(0.1)), key(3.0, camera(5.0))]),
+        lod: keys(vec![key(0.0, 0.1), key(1.0, 1.0)]),
+        optics: keys(vec![key(2.0, OpticsKind::Exact)]),
+    };
+    project.check().unwrap();
+    project
+}
+
+fn parse(text: &str) -> Result<Project, ProjectError> {
+    Project::parse(text, Path::new("p.toml"))
+}
+
+#[test]
+fn a_file_reads_back_as_the_same_project() {
+    for project in [whole(), Project::new(Data { source: "a b.zarr".into(), field: None })] {
+        let text = project.to_toml().unwrap();
+        assert_eq!(parse(&text).unwrap(), project, "{text}");
+        // And as the same text.
+        assert_eq!(parse(&text).unwrap().to_toml().unwrap(), text);
+    }
+    let changed = whole().to_toml().unwrap().replace("0.30000000000000004", "0.3");
+    assert_ne!(parse(&changed).unwrap(), whole(), "the last bit of a number counts");
+}
+
+#[test]
+fn the_shortest_file_is_a_source() {
+    let project = parse("version = 1\n[data]\nsource = \"x.zarr\"\n").unwrap();
+    assert_eq!(project, Project::new(Data { source: "x.zarr".into(), field: None }));
+}
+
+#[test]
+fn faults_of_a_file_are_named_with_their_line() {
+    let text = whole().to_toml().unwrap();
+    let line_of = |part: &str| 1 + text[..text.find(part).unwrap()].matches('\n').count();
+    for (from, to, expected) in [
+        ("weight = 0.3333333333333333", "wieght = 0.33", "wieght"),
+        ("size = \"64x48\"", "siez = \"64x48\"", "siez"),
+        ("lod = 0.5", "lod = \"half\"", "half"),
+        ("optics = \"table3d\"", "optics = \"table4d\"", "table4d"),
+        ("blend = \"xor8\"", "blend = \"nor\"", "nor"),
+    ] {
+        assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
+        let message = parse(&text.replace(from, to)).unwrap_err().to_string();
+        assert!(message.contains("p.toml") && message.contains(expected), "{message}");
+        assert!(message.contains(&format!("line {} ", line_of(from))), "{message}, of line {}", line_of(from));
+    }
+    for bad in ["", "version = 1", "version = 2\n[data]\nsource = \"a\"", "version = 1\n[data]\nsource = 3", "\0", "[["]
+    {
+        let message = parse(bad).unwrap_err().to_string();
+        assert!(message.contains("p.toml"), "{bad:?}: {message}");
+    }
+}
+
+#[test]
+fn parts_that_do_not_belong_together_are_errors() {
+    let broken = |change: fn(&mut Project)| {
+        let mut project = whole();
+        change(&mut project);
+        let text = project.check().unwrap_err().to_string();
+        assert!(parse(&project.to_toml().unwrap()).is_err(), "{text}");
+        text
+    };
+    assert!(broken(|p| p.ensembles[1].name = "overview".into()).contains("overview"));
+    assert!(broken(|p| p.ensembles[0].members[1].name = "all".into()).contains("all"));
+    assert!(broken(|p| p.look.ensemble = Some("gone".into())).contains("overview, detail, nothing"));
+    assert!(broken(|p| p.timeline.ensembles = keys(vec![key(0.0, "gone".to_owned())])).contains("gone"));
+    assert!(broken(|p| p.timeline.maps[0].member = "gone".into()).contains("gone"));
+    assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
+    assert!(broken(|p| p.playback.stride = 0).contains("stride"));
+    assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));
+    let nowhere = |p: &mut Project| {
+        let camera = camera(1.0);
+        p.timeline.cameras = keys(vec![key(7.0, Camera { position: camera.focal_point, ..camera })]);
+    };
+    assert!(broken(nowhere).contains("time 7"));
+}
+
+#[test]
+fn writing_replaces_a_file_as_a_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.toml");
+    whole().write(&path).unwrap();
+    assert_eq!(Project::read(&path).unwrap(), whole());
+    let mut bad = whole();
+    bad.look.ensemble = Some("gone".into());
+    assert!(bad.write(&path).is_err());
+    assert_eq!(Project::read(&path).unwrap(), whole());
+    let nowhere = PathBuf::from("/nowhere/p.toml");
+    assert!(whole().write(&nowhere).unwrap_err().to_string().contains("/nowhere"));
+    assert!(Project::read(&nowhere).unwrap_err().to_string().contains("/nowhere"));
+}
+
+/// Changes of all kinds, some of which do not fit.
+fn edits() -> impl Strategy<Value = Edit> {
+    let at = 0..4_usize;
+    let time = prop_oneof![Just(0.0), Just(1.0 / 3.0), Just(4.0), -5.0..5.0_f64, Just(f64::NAN)];
+    let name = prop_oneof![Just("overview"), Just("detail"), Just("nothing"), Just("gone"), Just("new")];
+    let member_name = prop_oneof![Just("all"), Just("sharp"), Just("other")];
+    let new = |name: &str| Box::new(member(name, "inferno"));
+    prop_oneof![
+        name.clone()
+            .prop_map(|n| Edit::SetLook(Box::new(LookSettings { ensemble: Some(n.into()), ..Default::default() }))),
+        (at.clone(), name.clone()).prop_map(|(index, n)| Edit::RenameEnsemble { index, name: n.into() }),
+        (at.clone(), name.clone()).prop_map(|(index, n)| {
+            Edit::InsertEnsemble { index, ensemble: Ensemble { name: n.into(), ..Default::default() } }
+        }),
+        at.clone().prop_map(|index| Edit::RemoveEnsemble { index }),
+        at.clone().prop_map(|ensemble| Edit::SetColors { ensemble, colors: ColorWeighting::Plain }),
+        (at.clone(), at.clone(), member_name.clone()).prop_map(move |(ensemble, index, n)| Edit::InsertMember {
+            ensemble,
+            index,
+            member: new(n)
+        }),
+        (at.clone(), at.clone(), member_name).prop_map(move |(ensemble, index, n)| Edit::SetMember {
+            ensemble,
+            index,
+            member: new(n)
+        }),
+        (at.clone(), at.clone()).prop_map(|(ensemble, index)| Edit::RemoveMember { ensemble, index }),
+        (at.clone(), at.clone(), at.clone()).prop_map(|(ensemble, from, to)| Edit::MoveMember { ensemble, from, to }),
+        (time.clone(), name).prop_map(|(t, n)| Edit::Ensembles(TrackEdit::Insert(key(t, n.to_owned())))),
+        (at.clone(), time.clone()).prop_map(|(index, time)| Edit::Ensembles(TrackEdit::Move { index, time })),
+        at.clone().prop_map(|index| Edit::Ensembles(TrackEdit::Remove { index })),
+        (at.clone(), 0.0..2.0_f64).prop_map(|(index, at)| Edit::Cameras(TrackEdit::SetTransition {
+            index,
+            transition: Transition::Step { at }
+        })),
+        (time.clone(), 0.0..1.2_f64).prop_map(|(t, lod)| Edit::Lod(TrackEdit::Insert(key(t, lod)))),
+        (at.clone(), time)
+            .prop_map(|(track, t)| Edit::Maps { track, edit: TrackEdit::Insert(key(t, RangeMap::default())) }),
+        at.prop_map(|index| Edit::RemoveMapTrack { index }),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn what_was_done_is_taken_back_and_done_again(edits in prop::collection::vec((edits(), 0..3_u64), 1..30)) {
+        let (mut project, mut history) = (whole(), History::default());
+        let mut applied = 0;
+        for (edit, gesture) in edits {
+            let before = project.clone();
+            match history.apply_in((gesture > 0).then_some(gesture), edit, &mut project) {
+                Ok(()) => applied += 1,
+                Err(_) => prop_assert_eq!(&project, &before, "what fails changes nothing"),
+            }
+            prop_assert!(project.check().is_ok());
+        }
+        let after = project.clone();
+        let steps = history.lengths().0;
+        prop_assert!(steps <= applied);
+        while history.undo(&mut project).unwrap() {}
+        prop_assert_eq!(&project, &whole());
+        prop_assert_eq!(history.lengths(), (0, steps));
+        while history.redo(&mut project).unwrap() {}
+        prop_assert_eq!(&project, &after);
+    }
+}
+
+#[test]
+fn a_gesture_is_taken_back_as_one() {
+    let (mut project, mut history) = (whole(), History::default());
+    let lod = |project: &Project| project.timeline.lod.keys()[0].value;
+    for value in [0.2, 0.3, 0.4] {
+        history.apply_in(Some(1), Edit::Lod(TrackEdit::Insert(key(0.0, value))), &mut project).unwrap();
+    }
+    history.apply(Edit::Lod(TrackEdit::Insert(key(0.0, 0.9))), &mut project).unwrap();
+    assert_eq!(history.lengths(), (2, 0));
+    assert!(history.undo(&mut project).unwrap());
+    assert_eq!(lod(&project), 0.4);
+    assert!(history.undo(&mut project).unwrap());
+    assert_eq!((lod(&project), history.undo(&mut project).unwrap()), (0.1, false));
+    // A change makes what was taken back be forgotten.
+    history.redo(&mut project).unwrap();
+    history.apply(Edit::RemoveMapTrack { index: 0 }, &mut project).unwrap();
+    assert_eq!((history.lengths(), history.redo(&mut project).unwrap()), ((2, 0), false));
+}
+
+#[test]
+fn another_name_follows_everywhere() {
+    let mut project = whole();
+    Edit::RenameEnsemble { index: 0, name: "first".into() }.apply(&mut project).unwrap();
+    let mut renamed = project.ensembles[0].members[1].clone();
+    renamed.name = "keen".into();
+    Edit::SetMember { ensemble: 0, index: 1, member: Box::new(renamed) }.apply(&mut project).unwrap();
+    let text = project.to_toml().unwrap();
+    assert!(!text.contains("\"overview\"") && !text.contains("\"sharp\""), "{text}");
+    assert_eq!(text.matches("\"first\"").count(), 5, "its own, the look's, two keys', a track's");
+}
+
+#[test]
+fn edits_are_data() {
+    let edit = Edit::Cameras(TrackEdit::Insert(key(0.5, camera(2.0))));
+    let text = serde_json::to_string(&edit).unwrap();
+    assert_eq!(serde_json::from_str::<Edit>(&text).unwrap(), edit);
+}
+
+#[test]
+fn what_the_manual_shows_and_what_is_shipped_is_read() {
+    let manual = include_str!("../../docs/projects.md");
+    let block = manual.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let shown = Project::parse(block, Path::new("docs/projects.md")).unwrap();
+    assert_eq!((shown.ensembles.len(), shown.timeline.cameras.keys().len()), (2, 1));
+    let kept = include_str!("../../docs/transfer-functions.md").split("```toml\n").nth(1).unwrap();
+    let kept = Project::parse(kept.split("```").next().unwrap(), Path::new("docs/transfer-functions.md")).unwrap();
+    assert!(kept.ensembles[0].keeps_axes());
+    let shipped = include_str!("../../data/projects/tornado.toml");
+    let shipped = Project::parse(shipped, Path::new("data/projects/tornado.toml")).unwrap();
+    assert_eq!((shipped.ensembles.len(), shipped.timeline.ensembles.keys().len()), (2, 2));
+}

@@ -1,0 +1,84 @@
+//! Transfer functions of more than the scalar, in the renderers of this module: what they ask for beside depth and scalar.
+
+use super::super::GridScene;
+use super::ray::{Ray, ViewVertex, hit, hit_weights, signed_edge};
+use super::raycast::entries::face_of;
+use crate::mesh::Topology;
+use crate::optics::grid::GridSegment;
+
+impl GridScene {
+    /// The quantity of vertices where a ray hits a triangle with these edge functions: with the weights of the scalar, relative to
+    /// one corner's and kept within the corners', as it.
+    pub(super) fn on_face(&self, ids: [u32; 3], edges: [f64; 3]) -> f64 {
+        let [_, q_weight, r_weight] = hit_weights(edges);
+        let [p, q, r] = ids.map(|id| self.vertex_value(id));
+        (p + q_weight * (q - p) + r_weight * (r - p)).clamp(p.min(q).min(r), p.max(q).max(r))
+    }
+
+    /// The segment of a ray through a cell, from scalar and quantity of vertices at both ends.
+    pub(super) fn segment(&self, cell: u32, scalars: [f64; 2], vertex_values: [f64; 2]) -> GridSegment<'_> {
+        GridSegment::new(&self.table, scalars, vertex_values, self.cell_value(cell))
+    }
+}
+
+/// A ray that asks cells for the quantity of their vertices: of a fragment nobody knows the face.
+#[derive(Clone, Copy)]
+pub(super) struct GridRay<'a> {
+    pub(super) grid: &'a GridScene,
+    pub(super) topology: &'a Topology,
+    pub(super) vertices: &'a [ViewVertex],
+    pub(super) ray: Ray,
+    /// World length of a local one.
+    pub(super) scale: f64,
+}
+
+/// Depth, and the quantity of vertices there.
+type Place = (f64, f64);
+
+impl GridRay<'_> {
+    /// The quantity of vertices at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves
+    /// `last`. Depths that differ by less than `tie` are one.
+    pub(super) fn along(&self, first: u32, depth: f64, tie: f64, last: u32) -> [f64; 2] {
+        let ends = self.ends_in(first);
+        let near = match ends {
+            (Some(entry), Some(exit)) if depth > entry.0 + tie => {
+                entry.1 + (exit.1 - entry.1) * ((depth - entry.0) / (exit.0 - entry.0)).clamp(0.0, 1.0)
+            }
+            (Some((_, value)), _) | (None, Some((_, value))) => value,
+            (None, None) => self.anywhere_in(first),
+        };
+        let (entry, exit) = if last == first { ends } else { self.ends_in(last) };
+        [near, exit.or(entry).map_or_else(|| self.anywhere_in(last), |(_, value)| value)]
+    }
+
+    /// Where the ray enters a cell and where it leaves it. The signs of edge functions are exact: a ray with a fragment at the
+    /// cell has both.
+    fn ends_in(&self, cell: u32) -> (Option<Place>, Option<Place>) {
+        let (mut entry, mut exit) = (None, None);
+        for opposite in 0..4 {
+            let ids = face_of(self.topology, cell, opposite).vertices;
+            let [p, q, r] = ids.map(|v| self.ray.shear(&self.vertices[v as usize]));
+            let signed = [
+                signed_edge(&q, &r, ids[1], ids[2]),
+                signed_edge(&r, &p, ids[2], ids[0]),
+                signed_edge(&p, &q, ids[0], ids[1]),
+            ];
+            let enters = signed[0].1;
+            if signed.iter().any(|edge| edge.1 != enters) {
+                continue;
+            }
+            // Seen from behind, edge functions have the other sign.
+            let edges = signed.map(|(edge, _)| if enters { edge } else { -edge });
+            let place = (hit(edges, &p, &q, &r).0, self.grid.on_face(ids, edges));
+            *(if enters { &mut entry } else { &mut exit }) = Some(place);
+            if entry.is_some() && exit.is_some() {
+                break;
+            }
+        }
+        (entry, exit)
+    }
+
+    fn anywhere_in(&self, cell: u32) -> f64 {
+        self.grid.vertex_value(self.topology.tets[cell as usize][0])
+    }
+}

@@ -1,0 +1,161 @@
+//! A transfer function of more than the scalar in the GPU's memory: in the buffers that a table of the scalar has, so that stages
+//! bind no more than before.
+//!
+//! Cells come first in the buffer of the table, then the table itself, which changes more often. The quantity of vertices lies behind
+//! the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)).
+
+use super::buffers::GrowingBuffer;
+use super::context::Context;
+use super::layout::GridParams;
+use crate::node_table::GridTable;
+use crate::optics::ScalarMap;
+use crate::optics::grid::{packed, packed_len};
+use crate::render::{GridScene, RenderError, RenderJob};
+use rayon::prelude::*;
+use std::sync::{Arc, Weak};
+
+/// Cells of a vector of four numbers.
+const CELLS_PER_VECTOR: usize = 2;
+
+/// What has been sent.
+#[derive(Default)]
+pub(super) struct Grid {
+    cells: Option<CellsSent>,
+    table: Option<TableSent>,
+    params: GridParams,
+}
+
+/// Layers depend on the table.
+struct CellsSent {
+    of: Weak<Vec<f32>>,
+    table: Arc<GridTable>,
+}
+
+struct TableSent {
+    table: Arc<GridTable>,
+    map: ScalarMap,
+    /// World length of a local one.
+    scale: f64,
+    /// First vector.
+    first: usize,
+}
+
+impl TableSent {
+    fn is_same(&self, other: &Self) -> bool {
+        let key = |sent: &Self| (sent.map, sent.scale, sent.first);
+        Arc::ptr_eq(&self.table, &other.table) && key(self) == key(other)
+    }
+}
+
+impl Grid {
+    /// Brings the table of a job to `buffer` and where its parts are to `parameters`, as far as they are not there. Returns whether
+    /// the buffer was made, and the bytes sent.
+    pub(super) fn update(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        scene: &GridScene,
+        map: ScalarMap,
+        [buffer, parameters]: [&mut GrowingBuffer; 2],
+    ) -> Result<(bool, u64), RenderError> {
+        let cells = scene.cell_values.as_ref().filter(|_| scene.table.layers().len() > 1);
+        let first = cells.map_or(0, |cells| cells.len().div_ceil(CELLS_PER_VECTOR));
+        let wanted = TableSent { table: scene.table.clone(), map, scale: job.mesh.positions.scale, first };
+        if !self.table.as_ref().is_some_and(|sent| sent.is_same(&wanted)) {
+            self.table = None;
+        }
+        let bytes = 16 * (first + packed_len(&scene.table)) as u64;
+        if buffer.bytes() < bytes {
+            self.forget();
+        }
+        let made = buffer.reserve(context, bytes)?;
+        let mut sent = 0;
+        if self.table.is_none() {
+            let rows = rows_map(&scene.table);
+            let packed = packed(&scene.table, map, rows, wanted.scale);
+            sent += buffer.write(context, 16 * first as u64, bytemuck::cast_slice(&packed.words))?;
+            let (first, scalars) = (first as u32, packed.scalar_intervals);
+            self.params = GridParams {
+                scalar_intervals: first,
+                scalar_count: scalars,
+                row_intervals: first + scalars,
+                row_count: packed.row_intervals,
+                values: first + scalars + packed.row_intervals,
+                columns: scene.table.scalars().len() as u32,
+                layer_values: (scene.table.scalars().len() * scene.table.rows().len()) as u32,
+                cells: 0,
+                cell_count: cells.map_or(0, |cells| cells.len() as u32),
+            };
+            sent += parameters.write(context, 0, bytemuck::bytes_of(&self.params))?;
+            self.table = Some(wanted);
+        }
+        sent += self.update_cells(context, cells, &scene.table, buffer)?;
+        Ok((made, sent))
+    }
+
+    fn update_cells(
+        &mut self,
+        context: &Context,
+        cells: Option<&Arc<Vec<f32>>>,
+        table: &Arc<GridTable>,
+        buffer: &GrowingBuffer,
+    ) -> Result<u64, RenderError> {
+        let Some(cells) = cells else {
+            self.cells = None;
+            return Ok(0);
+        };
+        let is_there =
+            |sent: &CellsSent| Weak::as_ptr(&sent.of) == Arc::as_ptr(cells) && sent.table.layers() == table.layers();
+        if self.cells.as_ref().is_some_and(is_there) {
+            return Ok(0);
+        }
+        let layer = |value: &f32| {
+            let ([below, _], share) = table.layer_at(f64::from(*value));
+            [below as f32, share as f32]
+        };
+        let mut packed: Vec<[f32; 2]> = Vec::with_capacity(cells.len());
+        cells.par_iter().map(layer).collect_into_vec(&mut packed);
+        let sent = buffer.write(context, 0, bytemuck::cast_slice(&packed))?;
+        self.cells = Some(CellsSent { of: Arc::downgrade(cells), table: table.clone() });
+        Ok(sent)
+    }
+
+    /// The buffer holds something else now.
+    pub(super) fn forget(&mut self) {
+        (self.cells, self.table) = (None, None);
+    }
+}
+
+/// The map that the quantity of vertices is seen through.
+fn rows_map(table: &GridTable) -> ScalarMap {
+    let rows = table.rows();
+    ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
+}
+
+/// The quantity of vertices in the GPU's memory, as sent last.
+#[derive(Debug)]
+pub(super) struct VertexValues {
+    of: Option<Weak<Vec<f32>>>,
+    map: ScalarMap,
+    /// What vertices without a value have.
+    lowest: f64,
+}
+
+impl VertexValues {
+    /// Whether these are a job's.
+    pub(super) fn is_of(&self, scene: &GridScene) -> bool {
+        let sent = self.of.as_ref().map(Weak::as_ptr);
+        let key = (rows_map(&scene.table), scene.table.rows()[0]);
+        sent == scene.vertex_values.as_ref().map(Arc::as_ptr) && (self.map, self.lowest) == key
+    }
+
+    /// Those of a job, and the numbers to be sent.
+    pub(super) fn of(scene: &GridScene, vertices: usize) -> (Self, Vec<f32>) {
+        let map = rows_map(&scene.table);
+        // They must stay finite: as scalars, see `view_transform.wgsl`.
+        let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;
+        let values = (0..vertices).into_par_iter().map(seen).collect();
+        let lowest = scene.table.rows()[0];
+        (Self { of: scene.vertex_values.as_ref().map(Arc::downgrade), map, lowest }, values)
+    }
+}

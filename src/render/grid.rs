@@ -1,0 +1,45 @@
+//! [`GridScene`]: what a job has beside its scalars if its transfer function is of more than them.
+
+use super::RenderError;
+use crate::mesh::Mesh;
+use crate::node_table::GridTable;
+use std::sync::Arc;
+
+/// A transfer function of the scalar and of up to two quantities beside it, with these quantities. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct GridScene {
+    /// The transfer function.
+    pub table: Arc<GridTable>,
+    /// One value per vertex of the mesh, in the unit of the table's rows, linear in a cell. A vertex with NaN has the lowest row, and
+    /// so have all if there are none.
+    pub vertex_values: Option<Arc<Vec<f32>>>,
+    /// One value per cell of the mesh, in the unit of the table's layers. A cell with NaN has the lowest layer, and so have all if
+    /// there are none.
+    pub cell_values: Option<Arc<Vec<f32>>>,
+}
+
+impl GridScene {
+    /// Checks that the quantities are those of a mesh.
+    pub(super) fn check(&self, mesh: &Mesh) -> Result<(), RenderError> {
+        let check = |values: &Option<Arc<Vec<f32>>>, of: &'static str, expected: usize| match values {
+            Some(values) if values.len() != expected => {
+                Err(RenderError::GridValueCount { given: values.len(), of, expected })
+            }
+            _ => Ok(()),
+        };
+        check(&self.vertex_values, "vertices", mesh.positions.local.len())?;
+        check(&self.cell_values, "cells", mesh.topology.tets.len())
+    }
+
+    /// The quantity of a vertex, finite: an infinite one is as large as numbers are.
+    pub(super) fn vertex_value(&self, vertex: u32) -> f64 {
+        let lowest = self.table.rows()[0];
+        let value = self.vertex_values.as_ref().map_or(f32::NAN, |values| values[vertex as usize]);
+        if value.is_nan() { lowest } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
+    }
+
+    /// The quantity of a cell; NaN lies in the lowest layer.
+    pub(super) fn cell_value(&self, cell: u32) -> f64 {
+        self.cell_values.as_ref().map_or(f64::NAN, |values| f64::from(values[cell as usize]))
+    }
+}

@@ -1,0 +1,27 @@
+//! Values at times, and how one goes over into the next: [`Keyframed`] and [`Transition`].
+
+mod keyframed;
+mod transition;
+
+pub use keyframed::{At, Key, Keyframed};
+pub use transition::Transition;
+
+/// Why keys or a transition cannot be had.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TimelineError {
+    /// A time that is NaN or infinite.
+    #[error("the time {0} of a key must be finite")]
+    BadTime(f64),
+    /// Keys are sorted by time.
+    #[error("the key at time {0} lies before the one in front of it; times must increase")]
+    NotSorted(f64),
+    /// Two keys at one time.
+    #[error("there are two keys at time {0}")]
+    TimeTaken(f64),
+    /// No key of that index.
+    #[error("there is no key {0}")]
+    NoKey(usize),
+    /// A step or handle outside of the unit square.
+    #[error("a transition's step and handles lie between 0 and 1")]
+    BadTransition,
+}

@@ -1,0 +1,256 @@
+//! What an ensemble gives: the values at a place, and the curve over the scalar.
+
+use super::{Counts2d, Ensemble, Function, Member, Reduction, Space};
+use crate::transfer::TransferError;
+use crate::transfer::blend::ColorWeighting;
+use crate::transfer::curve::{Curve, check_span};
+use crate::transfer::pieces::{MOST_POINTS, Piece, Pieces, VALUE};
+use crate::transfer::profile::{AXIS_TOLERANCE, Axis, OnAxis, Precision, ProfilePoint, Side, profile};
+use crate::transfer::range::{MappedRange, RangePolicy};
+use crate::transfer::table::OpacityKind;
+use crate::transfer::widget::{Widget, line_of, topmost};
+
+/// What an ensemble is evaluated for.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    /// Smallest and largest scalar of the series.
+    pub series: (f64, f64),
+    /// Smallest and largest scalar of the step shown.
+    pub step: (f64, f64),
+    /// What opacities mean.
+    pub kind: OpacityKind,
+    /// The length that opacities refer to.
+    pub unit_distance: f64,
+    /// Counts over scalar and gradient magnitude, by which members on both are reduced to the scalar.
+    pub scalar_gradient: Option<&'a dyn Counts2d>,
+    /// Counts over scalar and coefficient of variation, by which members on the latter are.
+    pub scalar_cov: Option<&'a dyn Counts2d>,
+}
+
+impl Context<'_> {
+    /// Without histograms.
+    pub fn new(series: (f64, f64), step: (f64, f64), kind: OpacityKind, unit_distance: f64) -> Self {
+        Self { series, step, kind, unit_distance, scalar_gradient: None, scalar_cov: None }
+    }
+}
+
+/// Where an ensemble is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// The scalar, in the field's unit.
+    pub scalar: f64,
+    /// Position of the gradient's magnitude on its axis, 0..=1.
+    pub gradient: f64,
+    /// Position of the coefficient of variation on its axis, 0..=1.
+    pub cov: f64,
+}
+
+/// A line along the scalar: where it lies on the other axes, positions 0..=1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Position on the axis of the gradient's magnitude.
+    pub gradient: f64,
+    /// Position on the axis of the coefficient of variation.
+    pub cov: f64,
+}
+
+/// An ensemble with all that does not depend on the place.
+#[derive(Debug)]
+pub struct Evaluator<'a> {
+    members: Vec<Resolved<'a>>,
+    colors: ColorWeighting,
+    kind: OpacityKind,
+}
+
+/// A member with the scalars that its axis covers.
+#[derive(Debug)]
+struct Resolved<'a> {
+    member: &'a Member,
+    range: MappedRange,
+    function: Shape<'a>,
+}
+
+/// A member's function on its axes.
+#[derive(Debug)]
+enum Shape<'a> {
+    Points(OnAxis<'a>),
+    Widgets(&'a [Widget]),
+}
+
+impl<'a> Resolved<'a> {
+    fn new(member: &'a Member, context: &Context, kind: OpacityKind) -> Result<Self, TransferError> {
+        let range = member.checked(kind)?.range.resolve(context.series, context.step)?;
+        let function = match &member.function {
+            Function::TransferFunction(tf) => {
+                Shape::Points(OnAxis::new(tf, &Axis::new(&range, &member.map), kind, context.unit_distance)?)
+            }
+            Function::Widgets(widgets) => Shape::Widgets(widgets),
+        };
+        Ok(Self { member, range, function })
+    }
+
+    fn axis(&self) -> Axis<'_> {
+        Axis::new(&self.range, &self.member.map)
+    }
+
+    /// The values at a place, before they are weighted.
+    fn eval(&self, sample: &Sample) -> Side {
+        let on_scalar = || self.axis().position_of(sample.scalar);
+        let (x, y) = match self.member.space {
+            Space::Scalar => (on_scalar(), None),
+            Space::Cov => (self.member.map.eval(sample.cov), None),
+            Space::ScalarGradient => (on_scalar(), Some(sample.gradient)),
+            Space::ScalarCov => (on_scalar(), Some(sample.cov)),
+        };
+        match &self.function {
+            Shape::Points(points) => points.sides(x)[1],
+            Shape::Widgets(widgets) => topmost(widgets, x, y),
+        }
+    }
+
+    /// The curve over the scalar, before it is weighted: on a line, if there is one and the member keeps its axes.
+    fn curve(
+        &self,
+        context: &Context,
+        line: Option<&Line>,
+        precision: &Precision,
+    ) -> Result<Vec<ProfilePoint>, TransferError> {
+        let Member { space, function, .. } = self.member;
+        let line = line.filter(|_| self.member.reduction == Reduction::Keep);
+        let of_widgets = |widgets: &[Widget], y: Option<f64>| {
+            let line = line_of(widgets, y, precision.kind);
+            Ok(self.axis().curve_between(line.knots(), |x| line.sides(x), precision))
+        };
+        let counts = match (space, function, line) {
+            (Space::Scalar, Function::TransferFunction(tf), _) => {
+                return profile(tf, &self.axis(), precision, context.unit_distance);
+            }
+            (Space::Scalar, Function::Widgets(widgets), _) => return of_widgets(widgets, None),
+            (Space::ScalarGradient, Function::Widgets(widgets), Some(line)) => {
+                return of_widgets(widgets, Some(line.gradient));
+            }
+            (Space::ScalarCov, Function::Widgets(widgets), Some(line)) => return of_widgets(widgets, Some(line.cov)),
+            (Space::Cov, _, Some(line)) => {
+                // The same for all scalars.
+                let side = self.eval(&Sample { scalar: 0.0, gradient: line.gradient, cov: line.cov });
+                return Ok(vec![ProfilePoint { scalar: self.axis().scalar_at(0.0), left: side, right: side }]);
+            }
+            (Space::ScalarGradient, ..) => context.scalar_gradient,
+            (Space::Cov | Space::ScalarCov, ..) => context.scalar_cov,
+        };
+        let Some(counts) = counts else {
+            return self.member.bad("has no histogram of its space by which it could be reduced to the scalar");
+        };
+        let series = RangePolicy::Series.resolve(context.series, context.step)?;
+        let side = |scalar: f64, second: f64| self.eval(&Sample { scalar, gradient: second, cov: second });
+        Ok(self.member.reduction.curve(counts, &series, side))
+    }
+}
+
+impl Evaluator<'_> {
+    /// Colour (display-referred, not premultiplied) and opacity (or optical depth of a unit distance) at a place: members are
+    /// blended there, however many dimensions they have together. The judge of everything that is made of an ensemble. NaN
+    /// is clear.
+    pub fn eval(&self, sample: &Sample) -> ([f64; 3], f64) {
+        let side = self.eval_side(sample);
+        (side.rgb, side.value)
+    }
+
+    fn eval_side(&self, sample: &Sample) -> Side {
+        let clear = Side { rgb: [0.0; 3], value: 0.0 };
+        if sample.scalar.is_nan() || sample.gradient.is_nan() || sample.cov.is_nan() {
+            return clear;
+        }
+        let mut result = None;
+        for resolved in &self.members {
+            let (side, weight) = (resolved.eval(sample), resolved.member.weight);
+            let weighed = Side { rgb: side.rgb.map(|c| c * weight), value: side.value * weight };
+            result = Some(match result {
+                None => weighed,
+                Some(before) => resolved.member.blend.sides(&before, &weighed, self.colors, self.kind),
+            });
+        }
+        result.unwrap_or(clear)
+    }
+
+    /// What opacities of the result mean.
+    pub fn kind(&self) -> OpacityKind {
+        self.kind
+    }
+}
+
+impl Ensemble {
+    /// The ensemble, ready to be evaluated at places.
+    ///
+    /// # Errors
+    /// If a member is at fault or its range cannot be had.
+    pub fn evaluator(&self, context: &Context) -> Result<Evaluator<'_>, TransferError> {
+        let kind = self.kind(context.kind);
+        let members = self.enabled_members().map(|m| Resolved::new(m, context, kind)).collect::<Result<_, _>>()?;
+        Ok(Evaluator { members, colors: self.colors, kind })
+    }
+
+    /// The curve over the scalar; members on other axes, too, are reduced to it ([`Reduction`](super::Reduction)). On linear
+    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 2^-18. Members
+    /// on logarithmic ranges are refined, so that all channels are within 2^-17 (colours times opacity, if weighted; depths
+    /// within 2^-17 of 1 and the sum of those of all members); with XOR on levels, places at which these change may move by
+    /// as much.
+    ///
+    /// # Errors
+    /// As [`Ensemble::evaluator`], and if a histogram is missing, extinctions overflow, all ranges together are too wide, or
+    /// the curve has too many points.
+    pub fn curve(&self, context: &Context) -> Result<Curve, TransferError> {
+        self.blended(context, None)
+    }
+
+    /// The curve over the scalar at one gradient magnitude and one coefficient of variation: as [`Self::curve`], but members that keep
+    /// their axes ([`Reduction::Keep`]) are not reduced.
+    ///
+    /// # Errors
+    /// As [`Ensemble::curve`].
+    pub fn curve_on(&self, context: &Context, line: &Line) -> Result<Curve, TransferError> {
+        self.blended(context, Some(line))
+    }
+
+    fn blended(&self, context: &Context, line: Option<&Line>) -> Result<Curve, TransferError> {
+        let Evaluator { members, colors, kind } = self.evaluator(context)?;
+        let tolerance = self.member_tolerance(members.len());
+        let precision = Precision { kind, tolerance, where_clear: colors == ColorWeighting::Plain };
+        let curves = members.iter().map(|m| Ok(Curve::new(m.curve(context, line, &precision)?, kind)));
+        let curves: Vec<Curve> = curves.collect::<Result<_, TransferError>>()?;
+        check_span(&curves)?;
+        let mut result: Option<Pieces> = None;
+        for (Resolved { member, .. }, curve) in members.iter().zip(&curves) {
+            let pieces = weigh(&Pieces::of(curve, colors), member.weight, colors);
+            let blended = match &result {
+                None => pieces,
+                Some(before) => member.blend.pieces(before, &pieces, colors, kind),
+            };
+            if !blended.is_finite() {
+                return member.bad("the sum of extinctions overflows");
+            }
+            if blended.0.len() > MOST_POINTS {
+                return Err(TransferError::TooManyPoints { most: MOST_POINTS });
+            }
+            result = Some(blended);
+        }
+        let points = result.map(|pieces| pieces.to_curve(colors)).transpose()?;
+        Ok(Curve::new(points.unwrap_or_default(), kind))
+    }
+
+    /// What the refinement of one of `count` members on logarithmic axes may use up, so that it is half of
+    /// [`AXIS_TOLERANCE`] for all: blending rules add up errors at most. A weighted colour has those of two factors.
+    fn member_tolerance(&self, count: usize) -> f64 {
+        let share = match self.colors {
+            ColorWeighting::Plain => 0.5,
+            ColorWeighting::Opacity => 0.25,
+        };
+        share * AXIS_TOLERANCE / count.max(1) as f64
+    }
+}
+
+/// Colours and values times the weight; weighted colours, which are products of both, times its square.
+fn weigh(pieces: &Pieces, weight: f64, colors: ColorWeighting) -> Pieces {
+    let factor = |c: usize| if c == VALUE || colors == ColorWeighting::Plain { weight } else { weight * weight };
+    pieces.map(|p: &Piece| p.with(|c| p.channels[c].map(|x| x * factor(c))))
+}

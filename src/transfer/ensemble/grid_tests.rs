@@ -1,0 +1,232 @@
+//! Tables over several axes against the values at the sample.
+
+use super::*;
+use crate::transfer::widget::Widget;
+use crate::transfer::{
+    Blend, ColorWeighting, Polyline, PolylinePoint, Rectangle, Sample, TOLERANCE, TransferFunction, Triangle,
+};
+use proptest::prelude::*;
+
+/// Counts over a second axis that has its positions as values, times a factor.
+struct Unit(f64);
+
+impl super::super::Counts2d for Unit {
+    fn bins(&self) -> [usize; 2] {
+        [4, 4]
+    }
+
+    fn count(&self, _: usize, _: usize) -> u64 {
+        1
+    }
+
+    fn second_at(&self, position: f64) -> f64 {
+        self.0 * position
+    }
+}
+
+const UNIT: Unit = Unit(1.0);
+
+fn context() -> Context<'static> {
+    let (gradient, cov) = (Some(&UNIT as _), Some(&UNIT as _));
+    Context {
+        scalar_gradient: gradient,
+        scalar_cov: cov,
+        ..Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, 1.0)
+    }
+}
+
+fn ensemble(members: Vec<Member>) -> Ensemble {
+    Ensemble { name: "test".to_owned(), colors: ColorWeighting::Plain, members }
+}
+
+fn kept(space: Space, widgets: Vec<Widget>) -> Member {
+    Member { space, reduction: Reduction::Keep, ..Member::new("kept", Function::Widgets(widgets)) }
+}
+
+fn rectangle(x: [f64; 2], y: [f64; 2], opacity: [f64; 2]) -> Widget {
+    Widget::Rectangle(Rectangle { x, y, rgb: [0.9, 0.4, 0.1], opacity })
+}
+
+/// Places spread evenly over the cube (a generalised golden ratio in each direction).
+fn samples(count: usize) -> impl Iterator<Item = Sample> {
+    let at = |i: usize, ratio: f64| (0.5 + ratio * i as f64).fract();
+    (0..count).map(move |i| Sample {
+        scalar: at(i, 0.819_172_513_396),
+        gradient: at(i, 0.671_043_606_703),
+        cov: at(i, 0.549_700_477_901),
+    })
+}
+
+/// Errors of a table at samples that are `far`: the greatest and the mean one of opacity, and the greatest of colours where opacity
+/// is above a hundredth.
+fn errors(table: &GridTable, judge: &Ensemble, far: impl Fn(&Sample) -> bool) -> [f64; 3] {
+    let context = context();
+    let judge = judge.evaluator(&context).unwrap();
+    let (mut count, mut max, mut sum, mut color) = (0, 0.0_f64, 0.0, 0.0_f64);
+    for sample in samples(3000).filter(far) {
+        let ((rgb, value), node) = (judge.eval(&sample), table.eval(sample.scalar, sample.cov, sample.gradient));
+        let off = (1.0 - (-node.tau).exp() - value).abs();
+        (count, max, sum) = (count + 1, max.max(off), sum + off);
+        if value > 0.01 {
+            color = (0..3).map(|c| (rgb[c] - node.rgb[c]).abs()).fold(color, f64::max);
+        }
+    }
+    assert!(count > 1000, "{count} samples are left");
+    [max, sum / f64::from(count), color]
+}
+
+/// Whether a sample is farther from an edge than a ramp is wide; in scalars tables have true steps.
+fn is_far(edges: &[f64]) -> impl Fn(&Sample) -> bool {
+    |sample| {
+        edges.iter().all(|e| [sample.scalar, sample.gradient, sample.cov].iter().all(|x| (x - e).abs() > 2.0 * GAP))
+    }
+}
+
+fn extent() -> impl Strategy<Value = [f64; 2]> {
+    (0_u16..1024, 1_u16..=1024).prop_map(|(a, w)| [f64::from(a), f64::from((a + w).min(1024))].map(|x| x / 1024.0))
+}
+
+fn random_member(space: Space) -> impl Strategy<Value = Member> {
+    let widget = (extent(), extent(), [0.0..=0.9_f64, 0.0..=0.9]).prop_map(|(x, y, opacity)| rectangle(x, y, opacity));
+    let blend = prop::sample::select(vec![Blend::Add, Blend::And, Blend::Xor]);
+    (prop::collection::vec(widget, 1..4), blend, 0.2..=1.0_f64).prop_map(move |(widgets, blend, weight)| Member {
+        blend,
+        weight,
+        ..kept(space, widgets)
+    })
+}
+
+fn edges_of(ensemble: &Ensemble) -> Vec<f64> {
+    let widgets = ensemble.members.iter().flat_map(|member| match &member.function {
+        Function::Widgets(widgets) => &widgets[..],
+        Function::TransferFunction(_) => &[],
+    });
+    widgets.flat_map(Widget::handles).flatten().collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Between their edges rectangles do not change along the second axis: lines are taken where they do, so that only the tables of
+    /// these lines ([`TOLERANCE`]) and single precision (2^-22 with a square root's worth of operations) are off. A wrong one, of
+    /// the same ensemble without its last widget, is.
+    #[test]
+    fn rectangles_are_as_exact_as_on_the_scalar(
+        scalar in random_member(Space::Scalar), gradient in random_member(Space::ScalarGradient),
+        cov in random_member(Space::ScalarCov), tf in 0.1..0.9_f64,
+    ) {
+        let line = TransferFunction::parse(&format!("viridis@0:0,{tf}:0.5,1:0.1")).unwrap();
+        let plain = Member { blend: Blend::Add, ..Member::new("line", Function::TransferFunction(line)) };
+        let all = ensemble(vec![scalar, gradient, plain, cov]);
+        let table = all.grid(&context()).unwrap();
+        let edges = edges_of(&all);
+        let [max, _, color] = errors(&table, &all, is_far(&edges));
+        prop_assert!(max <= TOLERANCE + 1e-6 && color <= TOLERANCE + 1e-6, "{max:e}, {color:e}");
+        let mut other = all.clone();
+        other.members.push(kept(Space::ScalarCov, vec![rectangle([0.0, 1.0], [0.2, 0.6], [0.3, 0.5])]));
+        let [max, ..] = errors(&table, &other, is_far(&edges));
+        prop_assert!(max > 0.01, "{max:e}");
+    }
+}
+
+#[test]
+fn what_changes_gradually_is_followed_in_sixty_four_steps() {
+    let triangle = |rgb| Triangle { base: [0.4, 0.1], top: 0.9, left: 0.1, right: 0.8, rgb, opacity: 0.6 };
+    let boundary = kept(Space::ScalarGradient, vec![Widget::TriangleWithFallOff(triangle([0.2, 0.5, 0.9]))]);
+    let flat = kept(Space::ScalarCov, vec![Widget::Triangle(triangle([0.9, 0.3, 0.1]))]);
+    let points = [(0.0, 0.0), (0.3, 0.5), (1.0, 0.1)];
+    let points = points.map(|(position, opacity)| PolylinePoint { position, rgb: [0.4; 3], opacity }).to_vec();
+    let along = kept(Space::Cov, vec![Widget::Polyline(Polyline { points })]);
+    // Greatest and mean error of opacity. Sides of a triangle move by up to 0.4 / 0.8 / 64 of the axis from line to line: where
+    // there is a step, up to 0.6 of opacity is elsewhere in a strip of half that width, 0.006 of all samples at two sides (measured:
+    // 0.5; 1.8e-3). With fall-off it is steepest near the base, where a whole rise lies between two lines (9.8e-2; 1.4e-4).
+    // The polyline is linear, but opacity is not extinction: (0.5 / 0.3 / 64)^2 / 8 / 0.5 beside the tolerance (1.6e-4; 3.0e-5).
+    for (member, [max, mean]) in [(boundary, [0.2, 3e-4]), (flat, [0.61, 4e-3]), (along, [TOLERANCE + 2e-4, 6e-5])] {
+        let one = ensemble(vec![member]);
+        let table = one.grid(&context()).unwrap();
+        let edges = edges_of(&one);
+        let [most, middle, _] = errors(&table, &one, is_far(&edges));
+        eprintln!("{:?}: opacity off by {most:.1e}, on average {middle:.1e}", one.members[0].space);
+        assert!(most <= max && middle <= mean);
+        // Moved by three lines.
+        let mut other = one.clone();
+        if let Function::Widgets(widgets) = &mut other.members[0].function {
+            widgets.iter_mut().for_each(|w| *w = w.shifted([0.05, 0.05]));
+        }
+        if other != one {
+            let [_, shifted, _] = errors(&table, &other, is_far(&edges));
+            assert!(shifted > mean, "{shifted:e}");
+        }
+    }
+}
+
+#[test]
+fn an_ensemble_that_keeps_no_axis_is_a_table_over_the_scalar() {
+    let mut reduced = kept(Space::ScalarGradient, vec![rectangle([0.2, 0.8], [0.3, 0.6], [0.1, 0.4])]);
+    reduced.reduction = Reduction::Intensity;
+    let one = ensemble(vec![reduced]);
+    assert!(!one.keeps_axes());
+    let (table, curve) = (one.grid(&context()).unwrap(), one.curve(&context()).unwrap().node_table(1.0).unwrap());
+    assert_eq!((table.rows().len(), table.layers().len()), (1, 1));
+    assert_eq!(table.scalars(), curve.nodes().iter().map(|n| n.scalar).collect::<Vec<_>>());
+    for (i, node) in curve.nodes().iter().enumerate() {
+        let [r, g, b] = node.rgb.map(|c| c as f32);
+        assert_eq!(table.value(i, 0, 0), [r, g, b, node.tau as f32]);
+    }
+    // One that is switched off does not count.
+    let off = Member { enabled: false, ..kept(Space::Cov, vec![]) };
+    assert!(!ensemble(vec![off]).keeps_axes());
+}
+
+#[test]
+fn of_two_ensembles_on_different_spaces_there_is_one_table() {
+    let gradient = ensemble(vec![kept(Space::ScalarGradient, vec![rectangle([0.2, 0.7], [0.3, 1.0], [0.3; 2])])]);
+    let cov = ensemble(vec![kept(Space::ScalarCov, vec![rectangle([0.1, 0.6], [0.0, 0.5], [0.5; 2])])]);
+    let context = context();
+    let between = |f: f64| {
+        let mix = |line: &Line| {
+            let [a, b] = [&gradient, &cov].map(|e| e.curve_on(&context, line).unwrap());
+            Curve::mix(&a, &b, f, ColorWeighting::Plain)
+        };
+        grid_table(&[&gradient, &cov], &context, mix).unwrap()
+    };
+    for (f, whole) in [(0.0, &gradient), (1.0, &cov)] {
+        let [max, _, color] = errors(&between(f), whole, is_far(&edges_of(whole)));
+        assert!(max <= TOLERANCE + 1e-6 && color <= TOLERANCE + 1e-6, "{max:e}, {color:e}");
+    }
+    let at = |scalar: f64, gradient: f64, cov: f64| 1.0 - (-between(0.25).eval(scalar, cov, gradient).tau).exp();
+    let near = |a: f64, b: f64| assert!((a - b).abs() <= TOLERANCE, "{a} is not {b}");
+    near(at(0.4, 0.6, 0.2), 0.75 * 0.3 + 0.25 * 0.5);
+    near(at(0.4, 0.1, 0.2), 0.25 * 0.5);
+    near(at(0.65, 0.6, 0.2), 0.75 * 0.3);
+}
+
+#[test]
+fn axes_without_extent_or_histogram() {
+    let one = ensemble(vec![kept(Space::ScalarCov, vec![rectangle([0.0, 1.0], [0.0, 0.5], [0.3; 2])])]);
+    // All values are alike, at position 0.
+    let flat = Context { scalar_cov: Some(&Unit(0.0)), ..context() };
+    let table = one.grid(&flat).unwrap();
+    assert_eq!(table.rows(), [0.0]);
+    assert!((table.eval(0.5, 7.0, 0.0).tau + 0.7_f64.ln()).abs() < 1e-3);
+    let without = Context { scalar_cov: None, ..context() };
+    assert!(one.grid(&without).unwrap_err().to_string().contains("'kept': has no histogram"));
+    let none = ensemble(vec![]).grid(&context()).unwrap();
+    assert_eq!((none.rows().len(), none.eval(0.3, 0.0, 0.0).tau), (1, 0.0));
+}
+
+#[test]
+fn too_many_scalars_become_steps_near_to_where_they_were() {
+    let node = |scalar: f64, tau: f64| Node { scalar, rgb: [0.5; 3], tau };
+    let saw: Vec<Node> = (0..1000).map(|i| node(f64::from(i), f64::from(i % 2))).collect();
+    let table = NodeTable::new(saw).unwrap();
+    let columns = Columns::of(std::slice::from_ref(&table), 40);
+    let scalars: Vec<f64> = columns.0.iter().flat_map(Column::scalars).collect();
+    assert!(scalars.len() <= 40 && scalars.len() > 30, "{}", scalars.len());
+    assert!(scalars.windows(3).all(|w| w[0] < w[2]), "at most two at a place");
+    let step = NodeTable::new(vec![node(0.0, 1.0), node(5.0, 1.0), node(5.0, 2.0), node(9.0, 3.0)]).unwrap();
+    let columns = Columns::of(std::slice::from_ref(&step), 100);
+    let values: Vec<f32> = columns.0.iter().flat_map(|c| c.values(&step)).map(|v| v[3]).collect();
+    assert_eq!(values, [1.0, 1.0, 2.0, 3.0]);
+    assert_eq!(columns.0.iter().flat_map(Column::scalars).collect::<Vec<_>>(), [0.0, 5.0, 5.0, 9.0]);
+}

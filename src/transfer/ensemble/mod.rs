@@ -1,0 +1,181 @@
+//! [`Ensemble`]: several transfer functions, blended one after the other (dissertation 7.3).
+
+mod evaluate;
+mod grid;
+mod reduce;
+
+pub use evaluate::{Context, Evaluator, Line, Sample};
+pub use grid::grid_table;
+pub use reduce::{Counts2d, Reduction};
+
+use super::TransferError;
+use super::blend::{Blend, ColorWeighting};
+use super::function::{OpacityValues, PositionKind, TransferFunction};
+use super::range::RangePolicy;
+use super::range_map::RangeMap;
+use super::table::OpacityKind;
+use super::widget::Widget;
+use serde::{Deserialize, Serialize};
+
+/// What a member's function is defined on. Positions 0..=1 of the axes: of a scalar those of the member's range, of the
+/// others those of the histogram that they are edited over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Space {
+    /// The scalar.
+    #[default]
+    Scalar,
+    /// The coefficient of variation of a vertex over time.
+    Cov,
+    /// The scalar, and above it the magnitude of its gradient in a cell.
+    ScalarGradient,
+    /// The scalar, and above it the coefficient of variation.
+    ScalarCov,
+}
+
+impl Space {
+    /// How many axes it has.
+    pub fn axes(self) -> usize {
+        match self {
+            Self::Scalar | Self::Cov => 1,
+            Self::ScalarGradient | Self::ScalarCov => 2,
+        }
+    }
+}
+
+/// What gives a member its colours and opacities.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Function {
+    /// A colour map and opacity points; on one axis.
+    TransferFunction(TransferFunction),
+    /// Shapes over a histogram. Where several overlap, the one with the highest opacity holds, the later one of equal ones.
+    Widgets(Vec<Widget>),
+}
+
+/// A transfer function in an [`Ensemble`], and how it is blended with those before it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Member {
+    /// What its user calls it.
+    pub name: String,
+    /// A member that is not enabled is left out.
+    #[serde(default = "enabled")]
+    pub enabled: bool,
+    /// What its function is defined on.
+    #[serde(default)]
+    pub space: Space,
+    /// Its colours and opacities.
+    pub function: Function,
+    /// Which scalars its axis covers.
+    #[serde(default)]
+    pub range: RangePolicy,
+    /// How the first axis of its space is stretched.
+    #[serde(default)]
+    pub map: RangeMap,
+    /// Its colours and opacities (or optical depths) are multiplied by this before they are blended, 0..=1.
+    #[serde(default = "full_weight")]
+    pub weight: f64,
+    /// How it is blended with the result of those before it; that of the first enabled one does not matter.
+    #[serde(default)]
+    pub blend: Blend,
+    /// How it is reduced to the scalar, if its space has another axis.
+    #[serde(default)]
+    pub reduction: Reduction,
+}
+
+/// Transfer functions that are blended one after the other, the first one to begin with. Without an enabled member nothing
+/// is seen.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ensemble {
+    /// What its user calls it.
+    pub name: String,
+    /// Whether colours are weighted by opacity while they are blended. One choice for all members: a weighted colour that
+    /// is divided by its opacity and weighted again is no longer exact.
+    #[serde(default)]
+    pub colors: ColorWeighting,
+    /// In the order in which they are blended.
+    #[serde(default)]
+    pub members: Vec<Member>,
+}
+
+fn enabled() -> bool {
+    true
+}
+
+fn full_weight() -> f64 {
+    1.0
+}
+
+impl Member {
+    /// A member on the scalar with full weight, added to those before it.
+    pub fn new(name: impl Into<String>, function: Function) -> Self {
+        Self {
+            name: name.into(),
+            enabled: true,
+            space: Space::default(),
+            function,
+            range: RangePolicy::default(),
+            map: RangeMap::default(),
+            weight: full_weight(),
+            blend: Blend::default(),
+            reduction: Reduction::default(),
+        }
+    }
+
+    /// The member, or what is wrong with it in an ensemble of this opacity kind.
+    fn checked(&self, kind: OpacityKind) -> Result<&Self, TransferError> {
+        let axes = self.space.axes();
+        if !(0.0..=1.0).contains(&self.weight) {
+            return self.bad("a weight is between 0 and 1");
+        }
+        if self.blend == Blend::Xor8 && kind == OpacityKind::Extinction {
+            return self.bad("xor8 works on levels 0..255 of opacity, which an extinction has not; use xor");
+        }
+        match &self.function {
+            _ if self.gives_extinction() && kind == OpacityKind::Alpha => {
+                self.bad("gives extinctions and is blended with opacities; use the opacity kind 'extinction'")
+            }
+            Function::TransferFunction(_) if axes == 2 => self.bad("on two axes a member needs widgets"),
+            Function::TransferFunction(tf) if self.space == Space::Cov && tf.positions() == PositionKind::Absolute => {
+                self.bad("absolute positions are scalars; on the coefficient of variation give relative ones")
+            }
+            Function::Widgets(widgets) => {
+                let problem = |w: &Widget| w.problem().or((!w.suits(axes)).then_some("has another number of axes"));
+                match widgets.iter().enumerate().find_map(|(i, w)| Some((i, problem(w)?))) {
+                    Some((i, problem)) => self.bad(&format!("widget {i}: {problem}")),
+                    None => Ok(self),
+                }
+            }
+            Function::TransferFunction(_) => Ok(self),
+        }
+    }
+
+    /// Whether its values are extinctions, whatever the opacity kind.
+    fn gives_extinction(&self) -> bool {
+        match &self.function {
+            Function::TransferFunction(tf) => tf.values() == OpacityValues::Extinction,
+            Function::Widgets(_) => false,
+        }
+    }
+
+    fn bad<T>(&self, problem: &str) -> Result<T, TransferError> {
+        Err(TransferError::BadMember { member: self.name.clone(), problem: problem.to_owned() })
+    }
+}
+
+impl Ensemble {
+    fn enabled_members(&self) -> impl Iterator<Item = &Member> {
+        self.members.iter().filter(|m| m.enabled)
+    }
+
+    /// The opacity kind of the result, `kind` unless all members give extinctions: these are taken as they are.
+    fn kind(&self, kind: OpacityKind) -> OpacityKind {
+        let mut members = self.enabled_members().peekable();
+        if members.peek().is_some() && members.all(Member::gives_extinction) { OpacityKind::Extinction } else { kind }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,91 @@
+//! Members of two-dimensional spaces, reduced to the scalar by counting values (dissertation 7.3).
+
+use crate::moments::Histogram2d;
+use crate::transfer::profile::{ProfilePoint, Side};
+use crate::transfer::range::MappedRange;
+use serde::{Deserialize, Serialize};
+
+/// Counts of values over the positions 0..=1 of two axes, in bins of equal size: of the scalar, over the series' range, and
+/// of what a [`Space`](super::Space) has as its second axis.
+pub trait Counts2d: Sync {
+    /// Number of bins along the scalar, and along the second axis.
+    fn bins(&self) -> [usize; 2];
+
+    /// How many values lie in a bin.
+    fn count(&self, x: usize, y: usize) -> u64;
+
+    /// The value of the second quantity at a position 0..=1 of its axis.
+    fn second_at(&self, position: f64) -> f64;
+}
+
+impl Counts2d for Histogram2d {
+    fn bins(&self) -> [usize; 2] {
+        [self.x().count(), self.y().count()]
+    }
+
+    fn count(&self, x: usize, y: usize) -> u64 {
+        self.counts().get(y * self.x().count() + x).copied().unwrap_or(0)
+    }
+
+    fn second_at(&self, position: f64) -> f64 {
+        self.y().value_at(position)
+    }
+}
+
+/// What the share of values inside a member's widgets changes when the member is reduced to the scalar.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reduction {
+    /// Colour and opacity.
+    #[default]
+    Intensity,
+    /// Opacity only: what is rare keeps its colour.
+    Opacity,
+    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::grid`](super::Ensemble::grid)). Where
+    /// only a curve over the scalar is asked for, as `intensity`.
+    Keep,
+}
+
+impl Reduction {
+    /// The curve over the scalar of what has `side` at a scalar and a second position.
+    ///
+    /// In a column of the counts, with f the share of its values at which opacity is above 0, C and a the means over these
+    /// (of colour with the weight of opacity), the curve has f C and f a in the middle of the column, and is linear from
+    /// there to the next column that has values.
+    pub(super) fn curve(
+        self,
+        counts: &dyn Counts2d,
+        series: &MappedRange,
+        side: impl Fn(f64, f64) -> Side,
+    ) -> Vec<ProfilePoint> {
+        let [columns, rows] = counts.bins();
+        let middle = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
+        let point = |x: usize| {
+            let scalar = series.scalar_at(middle(x, columns));
+            let values = (0..rows).map(|y| (counts.count(x, y) as f64, middle(y, rows))).filter(|(n, _)| *n > 0.0);
+            let side = self.mean(values.map(|(n, y)| (n, side(scalar, y))))?;
+            Some(ProfilePoint { scalar, left: side, right: side })
+        };
+        let mut points: Vec<ProfilePoint> = (0..columns).filter_map(point).collect();
+        points.dedup_by(|next, kept| next.scalar <= kept.scalar);
+        points
+    }
+
+    /// The reduced values of a column with these counts; `None` without any.
+    fn mean(self, column: impl Iterator<Item = (f64, Side)>) -> Option<Side> {
+        let (mut all, mut inside, mut opacity, mut color) = (0.0, 0.0, 0.0, [0.0; 3]);
+        for (n, side) in column {
+            all += n;
+            opacity += n * side.value;
+            inside += if side.value > 0.0 { n } else { 0.0 };
+            color = std::array::from_fn(|c| color[c] + n * side.value * side.rgb[c]);
+        }
+        let share = match self {
+            Self::Intensity | Self::Keep => inside / all,
+            Self::Opacity => 1.0,
+        };
+        let mean = |c: f64| if opacity > 0.0 { (share * (c / opacity)).clamp(0.0, 1.0) } else { 0.0 };
+        // The share times the mean over what is inside.
+        (all > 0.0).then(|| Side { rgb: color.map(mean), value: opacity / all })
+    }
+}

@@ -1,0 +1,152 @@
+//! The window plays a project.
+
+use egui::Key;
+use egui_kittest::kittest::{NodeT, Queryable};
+use std::path::Path;
+use std::sync::Arc;
+use tetreel::pipeline::Series;
+use tetreel::playback::{Loop, StepRange};
+use tetreel::project::Project;
+use tetreel::ui::EnsembleChoice;
+use tetreel::ui::window::{Dressed, Start, WindowOptions};
+use tetreel_ui_tests::desk::{Desk, options, store};
+
+const PROJECT: &str = r#"
+version = 1
+[data]
+source = "tornado.zarr"
+[playback]
+loop = "ping-pong"
+frames-per-second = 12.5
+range = { a = 1, b = 3 }
+[[ensembles]]
+name = "overview"
+[[ensembles.members]]
+name = "one"
+function = { transfer-function = { color_map = "viridis", points = [[0, 0.1], [1, 0.6]] } }
+[[ensembles]]
+name = "core"
+[[ensembles.members]]
+name = "one"
+function = { transfer-function = { color_map = "inferno", points = [[0.5, 0.0], [1, 0.9]] } }
+[[timeline.ensembles]]
+time = 0.0
+value = "overview"
+[[timeline.cameras]]
+time = 0.0
+[timeline.cameras.value]
+position = [22.0, -28.0, 20.0]
+focal_point = [0.0, 0.0, 5.0]
+view_up = [0.0, 0.0, 1.0]
+near = 0.0
+projection = { perspective = { view_angle = 30.0 } }
+"#;
+
+fn open(text: &str) -> Option<Desk> {
+    let folder = tempfile::tempdir().unwrap();
+    let project = Arc::new(Project::parse(text, Path::new("p.toml")).unwrap());
+    let plain = options(folder.path(), Start::Open(vec![store(folder.path())]));
+    let dress = plain.dress.clone();
+    let dress = move |series: &Series| Ok(Dressed { project: Some(project.clone()), ..dress(series)? });
+    let options = WindowOptions { dress: Arc::new(dress), ..plain };
+    let mut desk = Desk::with([1280.0, 1000.0], 1.0, options, folder)?;
+    desk.begin();
+    desk.settle();
+    Some(desk)
+}
+
+/// Which rows of the list are marked.
+fn marked(desk: &Desk) -> Vec<&'static str> {
+    let is_marked = |row: &&str| {
+        let toggled = desk.harness.get_by_label(row).accesskit_node().toggled();
+        toggled == Some(egui::accesskit::Toggled::True)
+    };
+    ["timeline", "overview", "core"].into_iter().filter(is_marked).collect()
+}
+
+#[test]
+fn the_ensembles_of_a_project_are_listed_and_chosen_by_click_and_by_key() {
+    let Some(mut desk) = open(PROJECT) else { return };
+    assert_eq!(marked(&desk), ["timeline"]);
+    desk.until_there("shown: overview");
+    let on_timeline = desk.session().shown().unwrap().request.clone();
+    assert_eq!(on_timeline.camera.position.x, 22.0);
+    desk.save("project_timeline.png");
+    desk.click("core");
+    desk.settle();
+    assert_eq!(marked(&desk), ["core"]);
+    let core = desk.session().shown().unwrap().request.clone();
+    assert!(core.table != on_timeline.table && core.camera == on_timeline.camera);
+    desk.save("project_core.png");
+    desk.press(Key::Num1);
+    desk.settle();
+    assert_eq!(marked(&desk), ["overview"]);
+    assert_eq!(desk.session().shown().unwrap().request.table, on_timeline.table);
+    desk.click("reversed");
+    desk.settle();
+    assert!(marked(&desk).is_empty());
+    assert_eq!(desk.session().look().followed.ensembles, EnsembleChoice::Own);
+    desk.until_there("shown: your own colours, not the project's");
+    desk.save("project_own.png");
+    desk.press(Key::Num0);
+    desk.settle();
+    assert_eq!(marked(&desk), ["timeline"]);
+    assert_eq!(desk.session().shown().unwrap().request.table, on_timeline.table);
+}
+
+#[test]
+fn a_turned_camera_leaves_its_path_and_a_key_or_a_click_returns() {
+    let Some(mut desk) = open(PROJECT) else { return };
+    let is_on = |desk: &Desk| desk.harness.get_by_label("camera path").accesskit_node().toggled();
+    let on = is_on(&desk);
+    for returns in [0, 1] {
+        let middle = desk.place("Picture of").center();
+        desk.drag(middle, middle + egui::vec2(80.0, 0.0));
+        desk.settle();
+        assert!(is_on(&desk) != on && !desk.session().follows_path());
+        assert_ne!(desk.session().shown().unwrap().request.camera.position.x, 22.0);
+        if returns == 0 {
+            desk.press(Key::C)
+        } else {
+            desk.click("camera path")
+        }
+        desk.settle();
+        assert!(is_on(&desk) == on && desk.session().follows_path());
+        assert_eq!(desk.session().shown().unwrap().request.camera.position.x, 22.0);
+    }
+}
+
+#[test]
+fn it_is_played_as_the_project_says_and_what_is_opened_next_is_not() {
+    let Some(mut desk) = open(PROJECT) else { return };
+    let settings = desk.session().state().settings;
+    assert_eq!((settings.repeat, settings.frames_per_second), (Loop::PingPong, 12.5));
+    assert_eq!((settings.range, desk.step()), (Some(StepRange { a: 1, b: 3 }), 1));
+    let path = desk.folder.path().join("tornado.zarr");
+    desk.click("Open...");
+    desk.click("Path to open");
+    desk.click("Path to open");
+    desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+    desk.harness.step();
+    desk.press(Key::Enter);
+    let begin = std::time::Instant::now();
+    while desk.session().project().is_some() {
+        desk.harness.step();
+        assert!(begin.elapsed().as_secs() < 60);
+    }
+    desk.begin();
+    desk.settle();
+    assert_eq!((desk.session().state().settings.repeat, desk.step()), (Loop::Off, 0));
+    assert!(desk.harness.query_by_label("core").is_none());
+}
+
+#[test]
+fn a_project_without_ensembles_has_no_list() {
+    let text = &PROJECT[..PROJECT.find("[[ensembles]]").unwrap()];
+    let Some(mut desk) = open(text) else { return };
+    assert!(desk.harness.query_by_label("no ensembles").is_some());
+    assert!(desk.harness.query_by_label("timeline").is_none() && desk.harness.query_by_label("camera path").is_none());
+    desk.press(Key::Num1);
+    desk.settle();
+    assert!(desk.session().notices().is_empty());
+}
