@@ -75,6 +75,16 @@ fn check<T>(key: &Key<T>) -> Result<(), TimelineError> {
     key.transition.checked().map(|_| ())
 }
 
+/// Which share of the time from `a` to `b`, which differ, lies before `time`, between them.
+fn share(a: f64, b: f64, time: f64) -> f64 {
+    let whole = b - a;
+    if whole.is_finite() {
+        return (time - a) / whole;
+    }
+    // The difference of two finite times may overflow; those whose halves are rounded to one number are not that far apart.
+    (0.5 * time - 0.5 * a) / (0.5 * b - 0.5 * a)
+}
+
 impl<T> Keyframed<T> {
     /// The keys, sorted by time.
     pub fn keys(&self) -> &[Key<T>] {
@@ -86,17 +96,21 @@ impl<T> Keyframed<T> {
         self.keys.iter_mut().map(|key| &mut key.value)
     }
 
-    /// What holds at a time; `None` without keys.
-    pub fn at(&self, time: f64) -> Option<At<'_, T>> {
+    /// What holds at a time; `None` without keys. Two keys of one value hold it, so that nothing is computed in between.
+    pub fn at(&self, time: f64) -> Option<At<'_, T>>
+    where
+        T: PartialEq,
+    {
         let after = self.keys.partition_point(|k| k.time <= time);
         let (a, b) = match (after.checked_sub(1).and_then(|i| self.keys.get(i)), self.keys.get(after)) {
             (Some(a), Some(b)) => (a, b),
             (Some(end), None) | (None, Some(end)) => return Some(At::One(&end.value)),
             (None, None) => return None,
         };
-        // Halved, because the difference of two finite times may overflow.
-        let share = (0.5 * time - 0.5 * a.time) / (0.5 * b.time - 0.5 * a.time);
-        let weight = a.transition.weight(share);
+        if a.value == b.value {
+            return Some(At::One(&a.value));
+        }
+        let weight = a.transition.weight(share(a.time, b.time, time));
         Some(match weight {
             0.0 => At::One(&a.value),
             1.0 => At::One(&b.value),
@@ -190,6 +204,23 @@ mod tests {
     fn times_from_one_end_of_doubles_to_the_other_have_weights_in_between() {
         let keys: Keyframed<i32> = vec![key(-f64::MAX, 1), key(f64::MAX, 2)].try_into().unwrap();
         assert_eq!(keys.at(0.0), Some(At::Between { a: &1, b: &2, weight: 0.5 }));
+    }
+
+    #[test]
+    fn times_as_near_as_doubles_are_have_weights_that_are_numbers() {
+        for (a, b) in [(0.0, 5e-324), (-5e-324, 0.0), (5e-324, 1e-323), (1.0, 1.0 + f64::EPSILON)] {
+            let keys: Keyframed<i32> = vec![key(a, 1), key(b, 2)].try_into().unwrap();
+            assert_eq!([a, b].map(|time| keys.at(time)), [Some(At::One(&1)), Some(At::One(&2))], "{a:e}, {b:e}");
+        }
+        let keys: Keyframed<i32> = vec![key(0.0, 1), key(1e-323, 2)].try_into().unwrap();
+        assert_eq!(keys.at(5e-324), Some(At::Between { a: &1, b: &2, weight: 0.5 }));
+    }
+
+    #[test]
+    fn between_two_equal_keys_their_value_holds() {
+        let keys: Keyframed<i32> = vec![key(0.0, 1), key(1.0, 1), key(2.0, 3)].try_into().unwrap();
+        assert_eq!([0.25, 0.5].map(|time| keys.at(time)), [Some(At::One(&1)); 2]);
+        assert_eq!(keys.at(1.5), Some(At::Between { a: &1, b: &3, weight: 0.5 }));
     }
 
     #[test]

@@ -67,16 +67,15 @@ fn bezier(a: f64, b: f64, s: f64) -> f64 {
 }
 
 /// The parameter at which a coordinate with handles in 0..=1 is `x`. It never falls, so that halving always finds it, also
-/// where it stands still; until no double lies in between, at most once for each of their 64 bits.
+/// where it stands still; until no double lies in between. What is halved are their bits, which have the order of the numbers:
+/// so it is done at most once for each of these, however small the parameter is.
 fn parameter(a: f64, b: f64, x: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    loop {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            return middle;
-        }
-        if bezier(a, b, middle) < x { low = middle } else { high = middle }
+    let (mut low, mut high) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if bezier(a, b, f64::from_bits(middle)) < x { low = middle } else { high = middle }
     }
+    f64::from_bits(high)
 }
 
 #[cfg(test)]
