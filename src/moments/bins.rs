@@ -109,13 +109,18 @@ impl Bins {
         self.range.map(|_| [self.edges[bin], self.edges[bin + 1]])
     }
 
+    /// Whether the range is one value, or there is none: then there is no way along the axis.
+    fn is_one_value(&self) -> bool {
+        self.range.is_none_or(|[lo, hi]| lo == hi)
+    }
+
     /// How far along the axis a value is: 0 at the low end and before it, 1 at the high end and beyond. 0 if the range is one
     /// value, or there is none. Bins are equally wide here.
     pub fn position(&self, value: f32) -> f64 {
-        let (lo, hi) = (self.edges[0], self.edges[self.count()]);
-        if hi <= lo {
+        if self.is_one_value() {
             return 0.0;
         }
+        let (lo, hi) = (self.edges[0], self.edges[self.count()]);
         let share = match self.scale {
             AxisScale::Linear => (f64::from(value) - lo) / (hi - lo),
             AxisScale::Octaves => {
@@ -127,14 +132,15 @@ impl Bins {
     }
 
     /// The value at a position 0..=1 of the axis, the inverse of [`Self::position`] but for rounding. At 0 with octaves that is the
-    /// greatest of those which are there. 0 if there is no range.
+    /// greatest of those which are there. If the range is one value that is it, wherever; 0 if there is no range.
     pub fn value_at(&self, position: f64) -> f64 {
+        if self.is_one_value() {
+            return self.edges[0];
+        }
         let (lo, hi) = (self.edges[0], self.edges[self.count()]);
         let position = position.clamp(0.0, 1.0);
         match self.scale {
             AxisScale::Linear => lo * (1.0 - position) + hi * position,
-            // Without a range there are no octaves.
-            AxisScale::Octaves if hi <= lo => lo,
             AxisScale::Octaves => {
                 let keys = f64::from(self.first_key) + position * self.count() as f64;
                 let bits = (keys * f64::from(1_u32 << self.key_shift())).round() as u32;
