@@ -10,8 +10,8 @@
 //! 256 bins along x, 64 along y. The scalar's bins are of equal width over the range of the series. Magnitudes of gradients and
 //! coefficients of variation are often 0 and span decades: in Utah's torso 99 % of all gradients are in the first of 64 equal bins,
 //! 68 % in that of 64 of equal roots, 9 % in the fullest of four bins an octave, which is what they have
-//! ([`AxisScale::Octaves`]). Counts are exact: those of a direct count over the range of all steps, for
-//! any number of threads.
+//! ([`AxisScale::Octaves`]); they end at the same value, whether a bin is a quarter or a sixteenth of an octave. Counts are exact: those of
+//! a direct count over the range of all steps, for any number of threads.
 //!
 //! Another kind is an [`Axis`], in a [`Kind`] with any other one; nothing else needs to know.
 

@@ -26,8 +26,9 @@ const FRACTION_BITS: u32 = f32::MANTISSA_DIGITS - 1;
 /// rounded to f64; the last one includes `hi`. If the range is one value, the first bin has all. A range that is symmetric about
 /// 0 has its edges so too, one at 0 exactly if n is even, so that mirrored values (but those on an edge) are in mirrored bins.
 ///
-/// *Octaves*: edges are powers of two and, with n / 16 = p bins in an octave, what divides the next octave by p; the last bin has
-/// `hi`, the first one everything below the second; `lo` is 0 whatever is said.
+/// *Octaves*: edges are powers of two and, with n / 16 = p bins in an octave, what divides the next octave by p; the first bin has
+/// everything below the second; `lo` is 0 whatever is said. The last edge is the next quarter of an octave above `hi` (with p < 4 the
+/// next edge there is), so that the positions of one quantity are the same, however many bins it is counted in.
 ///
 /// Values beyond the range are in the bin at its end. Without a range the first bin has all.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,8 +70,8 @@ impl Bins {
         let mut bins = Self { range, scale: AxisScale::Octaves, edges: vec![0.0; count + 1], first_key: 0 };
         let Some([_, hi]) = range else { return bins };
         let shift = bins.key_shift();
-        // Behind the key of the greatest value; the least keys are those of 0 and subnormal numbers.
-        bins.first_key = ((hi.to_bits() >> shift) + 1).saturating_sub(count as u32);
+        // The least keys are those of 0 and subnormal numbers.
+        bins.first_key = bins.last_key(hi).saturating_sub(count as u32);
         let edge = |key: u32| match f32::from_bits(key << shift) {
             edge if edge.is_finite() => f64::from(edge),
             // Behind the greatest of all.
@@ -79,6 +80,25 @@ impl Bins {
         bins.edges = (bins.first_key..=bins.first_key + count as u32).map(edge).collect();
         bins.edges[0] = 0.0;
         bins
+    }
+
+    /// The key behind the last bin, of octaves with this greatest value.
+    fn last_key(&self, hi: f32) -> u32 {
+        let shift = self.key_shift();
+        // Of four bins in an octave.
+        let quarters = shift.max(FRACTION_BITS - 2);
+        ((hi.to_bits() >> quarters) + 1) << (quarters - shift)
+    }
+
+    /// How many bins further up those of octaves were that ended with that of the greatest value.
+    pub(super) fn raised_by(&self) -> usize {
+        match (self.range, self.scale) {
+            (Some([_, hi]), AxisScale::Octaves) => {
+                let tight = ((hi.to_bits() >> self.key_shift()) + 1).saturating_sub(self.count() as u32);
+                (self.first_key - tight) as usize
+            }
+            _ => 0,
+        }
     }
 
     /// How many of the last bits do not matter for the bin.

@@ -29,6 +29,13 @@ impl Histogram1d {
         (counts.len() == bins.count()).then_some(Self { bins, counts, nonfinite })
     }
 
+    /// As [`Self::from_counts`], of counts in octaves that ended with the bin of the greatest value, as they once did: exactly, but that
+    /// up to three bins at the low end are in the first one.
+    pub fn from_tight_counts(bins: Bins, mut counts: Vec<u64>, nonfinite: u64) -> Option<Self> {
+        move_down(&mut counts, 1, bins.raised_by());
+        Self::from_counts(bins, counts, nonfinite)
+    }
+
     /// The bins.
     pub fn bins(&self) -> &Bins {
         &self.bins

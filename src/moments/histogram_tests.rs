@@ -8,7 +8,9 @@ fn naive([lo, hi]: [i64; 2], n: i64, scale: AxisScale, value: i64) -> usize {
     if scale == AxisScale::Octaves {
         // Octaves from 1 on, and how far within: the bins between a value and the greatest.
         let place = |v: i64| n / 16 * i64::from(v.ilog2()) + (v - (1 << v.ilog2())) * n / 16 / (1 << v.ilog2());
-        let from_top = if value <= 0 { n - 1 } else { (place(hi) - place(value)).clamp(0, n - 1) };
+        // The last bin of the quarter of an octave that the greatest is in.
+        let last = place(hi) | (n / 64 - 1).max(0);
+        let from_top = if value <= 0 { n - 1 } else { (last - place(value)).clamp(0, n - 1) };
         return (n - 1 - from_top) as usize;
     }
     (0..n).find(|bin| (value - lo) * n < (hi - lo) * (bin + 1)).unwrap_or(n - 1) as usize
@@ -234,6 +236,37 @@ fn octaves_give_every_decade_room_down_to_the_first_bin() {
     }
     assert_eq!(Bins::new(Some([0.0, f32::MAX]), AxisScale::Octaves, 64).bounds(63).unwrap()[1], 2.0_f64.powi(128));
     assert_eq!(Bins::new(Some([-9.0, -3.0]), AxisScale::Octaves, 16).range(), Some([0.0, 0.0]));
+}
+
+#[test]
+fn positions_of_octaves_are_the_same_however_many_bins_there_are() {
+    for top in [f32::MAX, 1.03, 2.0, 0.96, 100.0, 1e-37, 3e-39, 0.0] {
+        let [few, many] = [64, 256].map(|count| Bins::new(Some([0.0, top]), AxisScale::Octaves, count));
+        for at in (0..=100).map(|i| f64::from(i) / 100.0) {
+            assert_eq!(few.value_at(at), many.value_at(at), "{top:e}");
+        }
+        assert_eq!(few.position(0.7 * top), many.position(0.7 * top), "{top:e}");
+    }
+}
+
+proptest! {
+    /// Counts of the bins that there were before, by their definition.
+    #[test]
+    fn counts_up_to_the_bin_of_the_greatest_value_are_read(
+        values in prop::collection::vec(prop_oneof![Just(0.0), 1e-7..1e-4_f32, 1e-3..9.0_f32], 1..200),
+    ) {
+        let top = values.iter().copied().fold(0.0, f32::max);
+        let bins = Bins::new(Some([0.0, top]), AxisScale::Octaves, 256);
+        let key = |v: f32| v.to_bits() >> (23 - 4);
+        let first = (key(top) + 1).saturating_sub(256);
+        let mut tight = vec![0; 256];
+        values.iter().for_each(|&v| tight[(key(v).saturating_sub(first)) as usize] += 1);
+        let mut expected = Histogram1d::over(bins.clone());
+        expected.add(&values);
+        let shown = Histogram1d::from_tight_counts(bins.clone(), tight.clone(), 0).unwrap();
+        prop_assert_eq!(&shown, &expected);
+        prop_assert!(bins.raised_by() == 0 || Histogram1d::from_counts(bins, tight, 0).unwrap() != shown || top == 0.0);
+    }
 }
 
 #[test]

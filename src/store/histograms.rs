@@ -10,7 +10,8 @@
 //!
 //! They count what the store gives back, not what the source had: with codec `vq` the values as they are shown, whatever the
 //! scalar's range over the source leaves out being in the bins at its ends. So those of an import and those counted later are
-//! the same. An import counts when all steps are written (but not that of a source that is opened: nobody waits
+//! the same. Version 2 of `cov`: the last edge is a quarter of an octave, as that of the `y` of `scalar_cov`; of version 1, where it was a
+//! sixteenth, the counts are moved. An import counts when all steps are written (but not that of a source that is opened: nobody waits
 //! for them); to add steps removes them, because ranges grow and coefficients of
 //! variation change, and with them the bin of every sample. They are derived: with a version and the number of steps, and whatever
 //! is missing, damaged or of another version or number is counted when it is asked for.
@@ -25,7 +26,7 @@ use crate::codec::{Chunking, ElementType};
 use crate::error::FileResult;
 use crate::histograms::{Histogram, Kind, Ranges, of_series};
 use crate::mesh::Mesh;
-use crate::moments::{CovDenominator, Histogram1d, Moments};
+use crate::moments::{AxisScale, CovDenominator, Histogram1d, Moments};
 use crate::task::{Cancel, Progress};
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -35,6 +36,8 @@ use std::sync::Arc;
 pub(super) const HISTOGRAMS: &str = "histograms";
 /// Version of what is counted and of the bins.
 const HISTOGRAMS_VERSION: u64 = 1;
+/// The same, of octaves along x; of version 1 these ended with the bin of the greatest value.
+const OCTAVES_VERSION: u64 = 2;
 const STEPS: &str = "steps";
 const NONFINITE: &str = "nonfinite";
 const AXES: [&str; 2] = ["x_range", "y_range"];
@@ -85,7 +88,9 @@ impl FieldReader {
         let rank = kind.axes().count();
         let array = StoredArray::open(&self.root, &self.storage, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
-        if number(DERIVED_ATTRIBUTE) != Some(HISTOGRAMS_VERSION) || number(STEPS) != Some(self.step_count() as u64) {
+        let found = number(DERIVED_ATTRIBUTE)?;
+        let is_known = found == version(kind) || found == HISTOGRAMS_VERSION;
+        if !is_known || number(STEPS) != Some(self.step_count() as u64) {
             return None;
         }
         let [x, y] = AXES.map(|name| array.attributes.get(name));
@@ -96,7 +101,13 @@ impl FieldReader {
             1 => array.read::<u64, 1>(&self.root, &*self.source).ok()?.into_flattened(),
             _ => array.read::<u64, { Histogram1d::BINS }>(&self.root, &*self.source).ok()?.into_flattened(),
         };
-        empty.with_counts(counts, array.attributes.get(NONFINITE)?.as_u64()?)
+        let nonfinite = array.attributes.get(NONFINITE)?.as_u64()?;
+        match &empty {
+            Histogram::One(h) if found < version(kind) => {
+                Histogram1d::from_tight_counts(h.bins().clone(), counts, nonfinite).map(Histogram::One)
+            }
+            _ => empty.with_counts(counts, nonfinite),
+        }
     }
 
     /// The coefficient of variation of every vertex with the usual denominator: that of the store, or from its statistics, or from
@@ -121,6 +132,14 @@ impl FieldReader {
         };
         let cov = statistics.coefficient_of_variation(self.info().range, CovDenominator::default());
         Ok(Some(cov.into_iter().map(|c| c as f32).collect()))
+    }
+}
+
+/// The version of a kind that is written.
+fn version(kind: &Kind<'_>) -> u64 {
+    match kind.x.scale() {
+        AxisScale::Linear => HISTOGRAMS_VERSION,
+        AxisScale::Octaves => OCTAVES_VERSION,
     }
 }
 
@@ -178,7 +197,7 @@ fn write(root: &Path, storage: &Storage, folder: &str, steps: usize, histograms:
     for (kind, histogram) in Kind::ALL.iter().zip(histograms) {
         let [x, y]: Ranges = histogram.ranges();
         let attributes = Map::from_iter([
-            (DERIVED_ATTRIBUTE.to_owned(), json!(HISTOGRAMS_VERSION)),
+            (DERIVED_ATTRIBUTE.to_owned(), json!(version(kind))),
             (STEPS.to_owned(), json!(steps)),
             (NONFINITE.to_owned(), json!(histogram.nonfinite())),
             (AXES[0].to_owned(), json!(x)),

@@ -91,6 +91,30 @@ fn a_store_without_histograms_or_with_old_or_damaged_ones_has_the_same() {
     }
 }
 
+/// Stores of the first version have the histogram of coefficients of variation up to the bin of the greatest.
+#[test]
+fn the_first_version_of_coefficients_of_variation_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s.zarr");
+    let store = import_all(&part(0..5), &path, None);
+    let expected = stored(&path, "T").unwrap();
+    let metadata = path.join("fields/T/histograms/cov/zarr.json");
+    let text = fs::read_to_string(&metadata).unwrap();
+    assert_eq!(text.matches("\"derived_version\": 2").count(), 1, "{text}");
+    fs::write(&metadata, text.replace("\"derived_version\": 2", "\"derived_version\": 1")).unwrap();
+    let first = stored(&path, "T").unwrap();
+    // What is written now, taken for the first version: every bin further down, or the same where the greatest is in the last.
+    let counts = expected[2].counts();
+    let last = counts.iter().rposition(|count| *count > 0).unwrap();
+    let down = counts.len() - 1 - last;
+    assert!(down < 4, "{down}");
+    assert_eq!(first[2].counts()[1..counts.len() - down], counts[1 + down..]);
+    assert_eq!((&first[3], first[2].ranges()), (&expected[3], expected[2].ranges()));
+    fs::write(&metadata, text.replace("\"derived_version\": 2", "\"derived_version\": 3")).unwrap();
+    assert!(stored(&path, "T").is_none());
+    assert_eq!(histograms(&store, "T"), expected);
+}
+
 #[test]
 fn a_store_that_grew_has_the_histograms_of_one_import() {
     for codec in [None, vq(16, false)] {
