@@ -114,6 +114,60 @@ fn a_lost_crossing_is_noticed() {
     assert!(off(&uncut) > 0.3, "{}", off(&uncut));
 }
 
+/// Two points from 0 to 1, or one value throughout: a multiple of a hundredth or of an eighth, so that curves touch.
+fn coarse_curve() -> impl Strategy<Value = Curve> {
+    let number =
+        || prop_oneof![(0..=8_u8).prop_map(|i| f64::from(i) / 8.0), (0..=100_u8).prop_map(|i| f64::from(i) / 100.0)];
+    let side = move || (number(), number()).prop_map(|(c, value)| Side { rgb: [c, 0.5, 1.0 - c], value });
+    (side(), side(), any::<bool>()).prop_map(|(a, b, is_constant)| line_from(&a, if is_constant { &a } else { &b }))
+}
+
+fn line_from(a: &Side, b: &Side) -> Curve {
+    let point = |scalar: f64, side: &Side| ProfilePoint { scalar, left: *side, right: *side };
+    Curve::new(vec![point(0.0, a), point(1.0, b)], OpacityKind::Alpha)
+}
+
+/// Checks the weighted blend of two curves against its formula along 0..1.
+fn check_weighted(rule: Blend, a: &Curve, b: &Curve) {
+    let curve = blended(rule, a, b, ColorWeighting::Opacity);
+    for scalar in (0..=100).map(|i| f64::from(i) / 100.0) {
+        let (got, expected) = (curve.sides(scalar)[1], formula(rule, a, b, ColorWeighting::Opacity, scalar));
+        // As in `curves_are_blended_as_their_values_are`.
+        let bound = ROUNDING + expected.value / 262_144.0;
+        let off = distance(&got, &expected, ColorWeighting::Opacity);
+        assert!(off <= bound, "{rule:?} {scalar}: {got:?} {expected:?}");
+    }
+}
+
+#[test]
+fn weighted_curves_that_touch_in_the_middle_are_blended_as_their_values_are() {
+    let gray = |c: f64, value: f64| Side { rgb: [c; 3], value };
+    // s (1 - s), which is 1/4 in the middle.
+    let (parabola, flat) = (line_from(&gray(0.0, 1.0), &gray(1.0, 0.0)), line_from(&gray(0.25, 1.0), &gray(0.25, 1.0)));
+    check_weighted(Blend::Xor, &parabola, &flat);
+    let got = blended(Blend::Xor, &parabola, &flat, ColorWeighting::Opacity);
+    // The formula as numbers: (1/4 - s (1 - s)) / s. The quotient has 2^-18.
+    for (s, c) in [(0.5, 0.0), (0.75, 0.0625 / 0.75), (0.99, 0.2401 / 0.99)] {
+        assert!((got.eval(s).0[0] - c).abs() < 1.0 / 262_144.0 + 1e-12, "{s}: {:?}", got.eval(s));
+    }
+    let ramp = line_from(&gray(0.4, 1.0), &gray(0.8, 0.5));
+    check_weighted(Blend::And, &ramp, &line_from(&gray(0.0, 0.45), &gray(0.0, 0.45)));
+}
+
+#[test]
+fn weighted_curves_of_which_nothing_is_left_are_clear_at_once() {
+    let line = |a: (f64, f64), b: (f64, f64)| {
+        let [a, b] = [a, b].map(|(c, value)| Side { rgb: [c; 3], value });
+        line_from(&a, &b)
+    };
+    let (a, b) = (line((0.83, 0.21), (0.62, 0.0)), line((0.40, 0.0), (0.67, 0.21)));
+    let sum = blended(Blend::Add, &a, &b, ColorWeighting::Opacity);
+    let none = blended(Blend::Xor, &sum, &line((0.71, 0.21), (0.55, 0.21)), ColorWeighting::Opacity);
+    assert!(none.knots().count() < 1000, "{}", none.knots().count());
+    // Sums of opacities near 0.21 are off by a rounding at most.
+    assert!(none.points().iter().all(|p| p.left.value <= 1e-16 && p.right.value <= 1e-16));
+}
+
 // That `distance` is above these bounds where a rule is not kept: `a_lost_crossing_is_noticed`.
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
@@ -132,6 +186,13 @@ proptest! {
             let bound = ROUNDING + if weighting == ColorWeighting::Plain { 0.0 } else { expected.value / 262_144.0 };
             prop_assert!(distance(&got, &expected, weighting) <= bound, "{rule:?} {scalar}: {got:?} {expected:?}");
         }
+    }
+
+    #[test]
+    fn coarse_curves_that_touch_are_blended_as_their_values_are(
+        a in coarse_curve(), b in coarse_curve(), rule in prop::sample::select(vec![Blend::Add, Blend::And, Blend::Xor]),
+    ) {
+        check_weighted(rule, &a, &b);
     }
 
     #[test]

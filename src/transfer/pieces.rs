@@ -106,13 +106,13 @@ impl Pieces {
     pub(super) fn to_curve(&self, weighting: ColorWeighting) -> Result<Vec<ProfilePoint>, TransferError> {
         let mut sides: Vec<(f64, [Side; 2])> = Vec::new();
         for piece in &self.0 {
-            if sides.len() > MOST_POINTS {
-                return Err(TransferError::TooManyPoints { most: MOST_POINTS });
-            }
             match weighting {
                 ColorWeighting::Plain => sides.push(plain_sides(piece)),
-                ColorWeighting::Opacity => divide(piece, &mut sides),
+                ColorWeighting::Opacity => divide(piece, &mut sides)?,
             }
+        }
+        if sides.len() > MOST_POINTS {
+            return Err(TransferError::TooManyPoints { most: MOST_POINTS });
         }
         Ok(points_of(&sides))
     }
@@ -235,7 +235,14 @@ fn points_of(sides: &[(f64, [Side; 2])]) -> Vec<ProfilePoint> {
 ///   |c0 a1 - 2 p1 + c1 a0| / (sqrt(a0) + sqrt(a1))^2,
 ///
 /// which also holds for a0 = a1. Where a0 is zero p0 is, too; the colour is linear then, and its limit is c0 = 2 p1 / a1.
-fn divide(piece: &Piece, sides: &mut Vec<(f64, [Side; 2])>) {
+/// Where both are, the piece is clear and black, whatever rounding has left of its colours.
+///
+/// # Errors
+/// If there are more than [`MOST_POINTS`].
+fn divide(piece: &Piece, sides: &mut Vec<(f64, [Side; 2])>) -> Result<(), TransferError> {
+    if sides.len() > MOST_POINTS {
+        return Err(TransferError::TooManyPoints { most: MOST_POINTS });
+    }
     let ([a0, _, a1], [c0, c1]) = (piece.channels[VALUE], divided(piece));
     let square = (a0.sqrt() + a1.sqrt()).powi(2);
     let fits = |c: usize| {
@@ -244,12 +251,13 @@ fn divide(piece: &Piece, sides: &mut Vec<(f64, [Side; 2])>) {
     };
     let middle = 0.5 * piece.from + 0.5 * piece.to;
     let splits = middle.is_finite() && piece.from < middle && middle < piece.to;
-    if (0..VALUE).all(fits) || !splits {
+    let is_clear = a0 == 0.0 && a1 == 0.0;
+    if is_clear || (0..VALUE).all(fits) || !splits {
         sides.push((piece.from, [Side { rgb: c0, value: a0 }, Side { rgb: c1, value: a1 }]));
-        return;
+        return Ok(());
     }
-    divide(&piece.part(piece.from, middle), sides);
-    divide(&piece.part(middle, piece.to), sides);
+    divide(&piece.part(piece.from, middle), sides)?;
+    divide(&piece.part(middle, piece.to), sides)
 }
 
 /// The colours at both ends of a weighted piece; black where it is clear throughout.
@@ -277,9 +285,10 @@ fn difference(a: &Quadratic, b: &Quadratic) -> (Quadratic, f64) {
     (std::array::from_fn(|i| a[i] - b[i]), ROUNDING * largest)
 }
 
-/// Whether `a` lies below `b` in the middle: they do not cross, so that it does so everywhere.
+/// Whether `a` lies below `b`, which it does not cross, wherever both do not touch. Their integrals say so: at any one place,
+/// the middle as well, they may touch.
 pub(super) fn is_below(a: &Quadratic, b: &Quadratic) -> bool {
-    eval(a, 0.5) < eval(b, 0.5)
+    (a[0] - b[0]) + (a[1] - b[1]) + (a[2] - b[2]) < 0.0
 }
 
 /// The absolute difference of two polynomials that do not cross; zero where it may be rounding.

@@ -93,6 +93,34 @@ proptest! {
     }
 }
 
+/// Rules for curves that touch in the middle of a piece, where neither lies below the other.
+#[test]
+fn curves_that_touch_in_the_middle_are_told_apart() {
+    // (1 - 2 f)^2 and its mirror image.
+    let (above, below, zero) = ([1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [0.0; 3]);
+    assert!(found(&above, &zero).is_empty() && eval(&above, 0.5) == 0.0);
+    assert!(is_below(&zero, &above) && !is_below(&above, &zero));
+    assert!(is_below(&below, &zero) && !is_below(&zero, &below));
+    assert_eq!([absolute_difference(&above, &zero), absolute_difference(&zero, &above)], [above; 2]);
+}
+
+#[test]
+fn what_is_clear_is_black_and_has_no_more_points_whatever_its_colours() {
+    let clear = Piece { from: 0.0, to: 1.0, channels: [[1e-17, 0.0, 3e-17], [0.0, 0.1, 0.0], [0.0; 3], [0.0; 3]] };
+    let mut sides = Vec::new();
+    divide(&clear, &mut sides).unwrap();
+    assert_eq!(sides, [(0.0, [Side { rgb: [0.0; 3], value: 0.0 }; 2])]);
+}
+
+#[test]
+fn one_piece_that_needs_too_many_points_is_an_error() {
+    // A colour that is not linear where opacity is next to nothing, which no rule gives: halved down to neighbouring doubles.
+    let noise = Piece { from: 0.0, to: 1.0, channels: [[0.0, 0.1, 0.0], [0.0; 3], [0.0; 3], [1e-300; 3]] };
+    let mut sides = Vec::new();
+    assert!(matches!(divide(&noise, &mut sides), Err(TransferError::TooManyPoints { .. })));
+    assert!(sides.len() <= MOST_POINTS + 1);
+}
+
 #[test]
 fn a_quotient_without_refinement_is_farther_off() {
     // Red at opacity 1 goes to blue at opacity 0.01: the closed form of the chord's error is that which is measured.
@@ -112,6 +140,6 @@ fn a_quotient_without_refinement_is_farther_off() {
     // Ten thousand places miss the farthest one by at most half a distance, 5e-5, where the error is flat and bends by 20.
     assert!((farthest - closed).abs() < 3e-8 && farthest > 0.5, "{farthest} {closed}");
     let mut sides = Vec::new();
-    divide(&red, &mut sides);
+    divide(&red, &mut sides).unwrap();
     assert!(sides.len() > 100 && sides.len() < 2000, "{}", sides.len());
 }
