@@ -178,8 +178,10 @@ impl Animation {
     fn with_maps(&self, ensemble: &Ensemble, at: f64) -> Ensemble {
         let mut ensemble = ensemble.clone();
         for track in self.project.timeline.maps.iter().filter(|track| track.ensemble == ensemble.name) {
+            // A track without keys does not say.
+            let Some(map) = track.keys.map(at) else { continue };
             for member in ensemble.members.iter_mut().filter(|member| member.name == track.member) {
-                member.map = track.keys.map(at);
+                member.map.clone_from(&map);
             }
         }
         ensemble
@@ -190,3 +192,7 @@ impl Animation {
 fn needs_histograms(ensemble: &Ensemble) -> bool {
     ensemble.members.iter().any(|member| member.enabled && member.space != Space::Scalar)
 }
+
+#[cfg(test)]
+#[path = "animation_tests.rs"]
+mod tests;

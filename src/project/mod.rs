@@ -90,12 +90,7 @@ impl Project {
         for name in named.chain(&self.look.ensemble) {
             self.found(name)?;
         }
-        for track in &self.timeline.maps {
-            let ensemble = self.found(&track.ensemble)?;
-            if !ensemble.members.iter().any(|member| member.name == track.member) {
-                return Err(ProjectError::NoMember(track.ensemble.clone(), track.member.clone()));
-            }
-        }
+        self.check_maps()?;
         for key in self.timeline.cameras.keys() {
             key.value.view(1, 1).map_err(|problem| ProjectError::Camera { time: key.time, problem })?;
         }
@@ -105,6 +100,25 @@ impl Project {
             }
         }
         Ok(self.playback.check()?)
+    }
+
+    /// Each track of range maps is of a member that there is, and the only one of it.
+    fn check_maps(&self) -> Result<(), ProjectError> {
+        let tracks = &self.timeline.maps;
+        for (i, track) in tracks.iter().enumerate() {
+            let named = || (track.ensemble.clone(), track.member.clone());
+            let ensemble = self.found(&track.ensemble)?;
+            if !ensemble.members.iter().any(|member| member.name == track.member) {
+                let (ensemble, member) = named();
+                return Err(ProjectError::NoMember(ensemble, member));
+            }
+            let is_other = |other: &MapTrack| (&other.ensemble, &other.member) == (&track.ensemble, &track.member);
+            if tracks.iter().take(i).any(is_other) {
+                let (ensemble, member) = named();
+                return Err(ProjectError::MapsTaken(ensemble, member));
+            }
+        }
+        Ok(())
     }
 
     fn found(&self, name: &str) -> Result<&Ensemble, ProjectError> {
@@ -141,6 +155,11 @@ pub enum ProjectError {
     /// No member of that name.
     #[error("the ensemble '{0}' has no member '{1}'")]
     NoMember(String, String),
+    /// Two tracks of range maps for one member.
+    #[error(
+        "the timeline has two tracks of range maps for the member '{1}' of the ensemble '{0}'; put all keys into one"
+    )]
+    MapsTaken(String, String),
     /// No element at that place.
     #[error("there is no {what} {index}")]
     NoElement {

@@ -107,7 +107,7 @@ pub struct Timeline {
     pub colors: ColorWeighting,
     /// Names of ensembles; between two keys their curves are blended (dissertation 7.4).
     pub ensembles: Keyframed<String>,
-    /// Range maps of members.
+    /// Range maps of members, one track each; they replace the member's own map. One without keys does not.
     pub maps: Vec<MapTrack>,
     /// Cameras: the path of the eye.
     pub cameras: Keyframed<Camera>,

@@ -127,6 +127,10 @@ fn parts_that_do_not_belong_together_are_errors() {
     assert!(broken(|p| p.look.ensemble = Some("gone".into())).contains("overview, detail, nothing"));
     assert!(broken(|p| p.timeline.ensembles = keys(vec![key(0.0, "gone".to_owned())])).contains("gone"));
     assert!(broken(|p| p.timeline.maps[0].member = "gone".into()).contains("gone"));
+    assert!(
+        broken(|p| p.timeline.maps.push(p.timeline.maps[0].clone()))
+            .contains("two tracks of range maps for the member 'sharp'")
+    );
     assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
     assert!(broken(|p| p.playback.stride = 0).contains("stride"));
     assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));

@@ -35,6 +35,11 @@ impl Curve {
         self.kind
     }
 
+    /// Whether nothing is seen of it at any scalar.
+    fn is_clear(&self) -> bool {
+        self.points.iter().all(|p| p.left.value == 0.0 && p.right.value == 0.0)
+    }
+
     /// The scalars at which it has a point, sorted.
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         self.points.iter().map(|p| p.scalar)
@@ -63,10 +68,13 @@ impl Curve {
     /// ends. With [`ColorWeighting::Opacity`] that holds for colours times opacity, and the result is divided by its
     /// opacity, within 2^-18 of the quotient.
     ///
+    /// A curve that is clear everywhere goes with either kind of values.
+    ///
     /// # Errors
     /// If one has opacities and the other optical depths, or both together are too wide or have too many points.
     pub fn mix(a: &Curve, b: &Curve, f: f64, weighting: ColorWeighting) -> Result<Curve, TransferError> {
-        if a.kind != b.kind {
+        let kind = if a.is_clear() { b.kind } else { a.kind };
+        if kind != b.kind && !b.is_clear() {
             return Err(TransferError::MixedKinds);
         }
         if f.is_nan() || f <= 0.0 || a == b {
@@ -77,7 +85,7 @@ impl Curve {
         }
         check_span([a, b])?;
         let mixed = Pieces::of(a, weighting).combine(&Pieces::of(b, weighting), &Mix(f));
-        Ok(Curve::new(mixed.to_curve(weighting)?, a.kind))
+        Ok(Curve::new(mixed.to_curve(weighting)?, kind))
     }
 
     /// The table of it: within [`TOLERANCE`](super::TOLERANCE), like that of a transfer function

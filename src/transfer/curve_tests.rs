@@ -60,9 +60,22 @@ fn a_mix_begins_and_ends_with_its_curves_and_is_linear_between() {
 }
 
 #[test]
-fn opacities_and_depths_are_not_mixed() {
-    let depths = Curve::new(Vec::new(), OpacityKind::Extinction);
-    assert!(matches!(Curve::mix(&curve("gray"), &depths, 0.5, ColorWeighting::Plain), Err(TransferError::MixedKinds)));
-    assert_eq!(depths.node_table(1.0).unwrap().nodes().len(), 1);
-    assert_eq!(depths.eval(3.0), ([0.0; 3], 0.0));
+fn opacities_and_depths_are_not_mixed_unless_one_of_them_shows_nothing() {
+    let side = |value: f64| Side { rgb: [0.5; 3], value };
+    let point = |scalar: f64, value: f64| ProfilePoint { scalar, left: side(value), right: side(value) };
+    let depths = Curve::new(vec![point(0.0, 40.0), point(1.0, 0.0)], OpacityKind::Extinction);
+    for weighting in [ColorWeighting::Plain, ColorWeighting::Opacity] {
+        let mix = |a: &Curve, b: &Curve| Curve::mix(a, b, 0.25, weighting);
+        for pair in [[&curve("gray"), &depths], [&depths, &curve("gray")]] {
+            assert!(matches!(mix(pair[0], pair[1]), Err(TransferError::MixedKinds)));
+        }
+        for clear in [Curve::new(Vec::new(), OpacityKind::Alpha), curve("gray@0:0")] {
+            let (going, coming) = (mix(&depths, &clear).unwrap(), mix(&clear, &depths).unwrap());
+            assert_eq!([going.kind(), coming.kind()], [OpacityKind::Extinction; 2]);
+            assert_eq!((going.eval(0.0).1, coming.eval(0.0).1), (30.0, 10.0));
+        }
+    }
+    let none = Curve::new(Vec::new(), OpacityKind::Extinction);
+    assert_eq!(none.node_table(1.0).unwrap().nodes().len(), 1);
+    assert_eq!(none.eval(3.0), ([0.0; 3], 0.0));
 }
