@@ -83,13 +83,9 @@ impl Blend {
 }
 
 impl Side {
-    /// From `a` at 0 to `b` at 1, by the formula of [`Curve::mix`](super::curve::Curve::mix).
-    pub(super) fn mix_weighted(a: &Side, b: &Side, f: f64, weighting: ColorWeighting) -> Side {
-        if weighting == ColorWeighting::Plain {
-            return Side::mix(a, b, f);
-        }
-        let weighed = |s: &Side| Side { rgb: s.rgb.map(|c| c * s.value), value: s.value };
-        divided(Side::mix(&weighed(a), &weighed(b), f), weighting)
+    /// What there is to be blended: weighted colours are none where it is clear.
+    pub(super) fn alone(self, weighting: ColorWeighting) -> Side {
+        if weighting == ColorWeighting::Opacity && self.value == 0.0 { Side { rgb: [0.0; 3], ..self } } else { self }
     }
 }
 

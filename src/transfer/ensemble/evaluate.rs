@@ -142,15 +142,18 @@ impl<'a> Resolved<'a> {
             return self.member.bad("has no histogram of its space by which it could be reduced to the scalar");
         };
         let series = RangePolicy::Series.resolve(context.series, context.step)?;
+        // All values of a constant field are in its first bin, which has no width.
+        let (lo, hi) = context.series;
+        let scalar_at = |position: f64| if lo == hi { lo } else { series.scalar_at(position) };
         let side = |scalar: f64, second: f64| self.eval(&Sample { scalar, gradient: second, cov: second });
-        Ok(self.member.reduction.curve(counts, &series, side))
+        Ok(self.member.reduction.curve(counts, scalar_at, side))
     }
 }
 
 impl Evaluator<'_> {
     /// Colour (display-referred, not premultiplied) and opacity (or optical depth of a unit distance) at a place: members are
-    /// blended there, however many dimensions they have together. The judge of everything that is made of an ensemble. NaN
-    /// is clear.
+    /// blended there, however many dimensions they have together. The judge of everything that is made of an ensemble. A scalar
+    /// that is NaN is clear; a gradient or coefficient of variation counts as 0 then.
     pub fn eval(&self, sample: &Sample) -> ([f64; 3], f64) {
         let side = self.eval_side(sample);
         (side.rgb, side.value)
@@ -158,15 +161,17 @@ impl Evaluator<'_> {
 
     fn eval_side(&self, sample: &Sample) -> Side {
         let clear = Side { rgb: [0.0; 3], value: 0.0 };
-        if sample.scalar.is_nan() || sample.gradient.is_nan() || sample.cov.is_nan() {
+        if sample.scalar.is_nan() {
             return clear;
         }
+        let known = |position: f64| if position.is_nan() { 0.0 } else { position };
+        let sample = &Sample { scalar: sample.scalar, gradient: known(sample.gradient), cov: known(sample.cov) };
         let mut result = None;
         for resolved in &self.members {
             let (side, weight) = (resolved.eval(sample), resolved.member.weight);
             let weighed = Side { rgb: side.rgb.map(|c| c * weight), value: side.value * weight };
             result = Some(match result {
-                None => weighed,
+                None => weighed.alone(self.colors),
                 Some(before) => resolved.member.blend.sides(&before, &weighed, self.colors, self.kind),
             });
         }
@@ -187,6 +192,7 @@ impl Ensemble {
     pub fn evaluator(&self, context: &Context) -> Result<Evaluator<'_>, TransferError> {
         let kind = self.kind(context.kind);
         let members = self.enabled_members().map(|m| Resolved::new(m, context, kind)).collect::<Result<_, _>>()?;
+        self.enabled_members().skip(1).try_for_each(|m| m.check_blend(kind))?;
         Ok(Evaluator { members, colors: self.colors, kind })
     }
 

@@ -130,9 +130,6 @@ impl Member {
         if !(0.0..=1.0).contains(&self.weight) {
             return self.bad("a weight is between 0 and 1");
         }
-        if self.blend == Blend::Xor8 && kind == OpacityKind::Extinction {
-            return self.bad("xor8 works on levels 0..255 of opacity, which an extinction has not; use xor");
-        }
         match &self.function {
             _ if self.gives_extinction() && kind == OpacityKind::Alpha => {
                 self.bad("gives extinctions and is blended with opacities; use the opacity kind 'extinction'")
@@ -150,6 +147,14 @@ impl Member {
             }
             Function::TransferFunction(_) => Ok(self),
         }
+    }
+
+    /// Whether it can be blended with others in an ensemble of this opacity kind.
+    fn check_blend(&self, kind: OpacityKind) -> Result<(), TransferError> {
+        if self.blend == Blend::Xor8 && kind == OpacityKind::Extinction {
+            return self.bad("xor8 works on levels 0..255 of opacity, which an extinction has not; use xor");
+        }
+        Ok(())
     }
 
     /// Whether its values are extinctions, whatever the opacity kind.

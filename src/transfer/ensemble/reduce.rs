@@ -2,7 +2,6 @@
 
 use crate::moments::Histogram2d;
 use crate::transfer::profile::{ProfilePoint, Side};
-use crate::transfer::range::MappedRange;
 use serde::{Deserialize, Serialize};
 
 /// Counts of values over the positions 0..=1 of two axes, in bins of equal size: of the scalar, over the series' range, and
@@ -41,13 +40,14 @@ pub enum Reduction {
     Intensity,
     /// Opacity only: what is rare keeps its colour.
     Opacity,
-    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::grid`](super::Ensemble::grid)). Where
-    /// only a curve over the scalar is asked for, as `intensity`.
+    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::grid`](super::Ensemble::grid)). In
+    /// [`Ensemble::curve`](super::Ensemble::curve), which has no other axes, as `intensity`.
     Keep,
 }
 
 impl Reduction {
-    /// The curve over the scalar of what has `side` at a scalar and a second position.
+    /// The curve over the scalar of what has `side` at a scalar and a second position; `scalar_at` is the scalar at a position of
+    /// the series' range.
     ///
     /// In a column of the counts, with f the share of its values at which opacity is above 0, C and a the means over these
     /// (of colour with the weight of opacity), the curve has f C and f a in the middle of the column, and is linear from
@@ -55,13 +55,13 @@ impl Reduction {
     pub(super) fn curve(
         self,
         counts: &dyn Counts2d,
-        series: &MappedRange,
+        scalar_at: impl Fn(f64) -> f64,
         side: impl Fn(f64, f64) -> Side,
     ) -> Vec<ProfilePoint> {
         let [columns, rows] = counts.bins();
         let middle = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
         let point = |x: usize| {
-            let scalar = series.scalar_at(middle(x, columns));
+            let scalar = scalar_at(middle(x, columns));
             let values = (0..rows).map(|y| (counts.count(x, y) as f64, middle(y, rows))).filter(|(n, _)| *n > 0.0);
             let side = self.mean(values.map(|(n, y)| (n, side(scalar, y))))?;
             Some(ProfilePoint { scalar, left: side, right: side })

@@ -134,7 +134,6 @@ fn bad_members_are_named_with_their_problem() {
     for weight in [-0.1, 1.5, f64::NAN] {
         check(&|m| m.weight = weight, OpacityKind::Alpha, "weight");
     }
-    check(&|m| m.blend = Blend::Xor8, OpacityKind::Extinction, "levels");
     check(&|m| m.space = Space::ScalarCov, OpacityKind::Alpha, "widgets");
     check(&|m| m.space = Space::Cov, OpacityKind::Alpha, "histogram");
     let triangle = Triangle { base: [0.5, 0.0], top: 1.0, left: 0.2, right: 0.8, rgb: [1.0; 3], opacity: 0.5 };
@@ -148,6 +147,41 @@ fn bad_members_are_named_with_their_problem() {
     let unbounded = |lo: f64, hi: f64| Member { range: RangePolicy::Manual(lo, hi), ..member("gray") };
     let wide = ensemble(vec![unbounded(-1.7e308, -1.6e308), unbounded(1.6e308, 1.7e308)]);
     assert!(error(&wide, &context()).contains("too wide"));
+}
+
+#[test]
+fn the_blend_of_the_first_enabled_member_does_not_matter() {
+    let xor8 = |name: &str| Member { blend: Blend::Xor8, ..Member { name: name.to_owned(), ..member("gray@0:0.5") } };
+    let off = Member { enabled: false, ..xor8("off") };
+    let depths = Context { kind: OpacityKind::Extinction, ..context() };
+    let alone = ensemble(vec![off.clone(), xor8("first")]);
+    assert_eq!(alone.curve(&depths).unwrap().eval(0.5).1, 0.5);
+    let two = ensemble(vec![off, xor8("first"), xor8("second")]);
+    let text = error(&two, &depths);
+    assert!(text.contains("'second'") && text.contains("levels"), "{text}");
+    assert!(two.curve(&context()).is_ok());
+}
+
+#[test]
+fn weighted_colours_of_one_member_are_none_where_it_is_clear() {
+    let weighted = Ensemble { colors: ColorWeighting::Opacity, ..ensemble(vec![member("viridis@0:0,0.5:0,0.6:1")]) };
+    let (curve, judge) = (weighted.curve(&context()).unwrap(), weighted.evaluator(&context()).unwrap());
+    assert_eq!((curve.eval(0.25), judge.eval(&at(0.25))), (([0.0; 3], 0.0), ([0.0; 3], 0.0)));
+    // The quotient has 2^-18.
+    let (got, expected) = (curve.eval(0.75), judge.eval(&at(0.75)));
+    assert!(expected.0[1] > 0.1 && (got.0[1] - expected.0[1]).abs() < 1.0 / 262_144.0);
+}
+
+#[test]
+fn without_a_gradient_or_a_coefficient_of_variation_these_count_as_zero() {
+    let widget = Widget::Rectangle(Rectangle { x: [0.0, 1.0], y: [0.0, 0.5], rgb: [0.5; 3], opacity: [0.25; 2] });
+    for space in [Space::ScalarGradient, Space::ScalarCov] {
+        let one = Member { space, ..Member::new("low", Function::Widgets(vec![widget.clone()])) };
+        let one = ensemble(vec![one]);
+        let judge = one.evaluator(&context()).unwrap();
+        let eval = |scalar, second| judge.eval(&Sample { scalar, gradient: second, cov: second }).1;
+        assert_eq!([eval(0.5, f64::NAN), eval(0.5, 0.0), eval(0.5, 0.75), eval(f64::NAN, 0.0)], [0.25, 0.25, 0.0, 0.0]);
+    }
 }
 
 #[test]
@@ -231,6 +265,24 @@ fn shares_of_a_column_dim_what_is_reduced() {
     let even = Context { scalar_cov: Some(&all), ..context };
     // Gray over the coefficient of variation: its mean, one half.
     assert_eq!(ensemble(vec![cov]).curve(&even).unwrap().eval(0.5), ([0.5; 3], 1.0));
+}
+
+#[test]
+fn a_member_over_a_constant_field_is_reduced_at_the_middle_of_its_axis() {
+    // All values are in the first bin, whatever its place on the axis of the bins.
+    let counts = Counts([256, 4], |x, y| if (x, y) == (0, 1) { 100 } else { 0 });
+    let on = |x: [f64; 2]| {
+        let widget = Widget::Rectangle(Rectangle { x, y: [0.0, 1.0], rgb: [0.5; 3], opacity: [0.25; 2] });
+        ensemble(vec![Member { space: Space::ScalarCov, ..Member::new("m", Function::Widgets(vec![widget])) }])
+    };
+    for value in [2.0, -3.0, 0.0, 1e-30] {
+        let context = Context { series: (value, value), step: (value, value), scalar_cov: Some(&counts), ..context() };
+        let drawn = |x: [f64; 2]| on(x).curve(&context).unwrap().eval(value).1;
+        assert_eq!([drawn([0.25, 0.75]), drawn([0.0, 0.1])], [0.25, 0.0], "{value}");
+        // As it is without being reduced.
+        let middle = Sample { scalar: value, gradient: 0.4, cov: 0.4 };
+        assert_eq!(on([0.25, 0.75]).evaluator(&context).unwrap().eval(&middle).1, 0.25);
+    }
 }
 
 #[test]
