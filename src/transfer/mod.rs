@@ -112,6 +112,18 @@ pub enum TransferError {
         /// How many there may be.
         most: usize,
     },
+    /// Members that keep their axes change in too many places of these.
+    #[error(
+        "members that keep their axes change in {covs} places of the coefficient of variation and in {gradients} of the gradient; a table has {most} pairs of these at most, so reduce members of one of both, or give them fewer widgets"
+    )]
+    TooManyPlaces {
+        /// Places of the axis of the coefficient of variation.
+        covs: usize,
+        /// Places of the axis of gradients.
+        gradients: usize,
+        /// How many pairs there may be.
+        most: usize,
+    },
     /// A range map does not increase.
     #[error(
         "range map: point {index} is followed by one that does not lie to the right of it and above; between 0,0 and 1,1 both coordinates must increase"

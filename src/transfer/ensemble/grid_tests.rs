@@ -1,7 +1,9 @@
 //! Tables over several axes against the values at the sample.
 
 use super::*;
-use crate::transfer::widget::Widget;
+use crate::transfer::ensemble::{Function, Member, Reduction, Space};
+use crate::transfer::table::OpacityKind;
+use crate::transfer::widget::{GAP, Widget};
 use crate::transfer::{
     Blend, ColorWeighting, Polyline, PolylinePoint, Rectangle, Sample, TOLERANCE, TransferFunction, Triangle,
 };
@@ -224,9 +226,71 @@ fn too_many_scalars_become_steps_near_to_where_they_were() {
     let scalars: Vec<f64> = columns.0.iter().flat_map(Column::scalars).collect();
     assert!(scalars.len() <= 40 && scalars.len() > 30, "{}", scalars.len());
     assert!(scalars.windows(3).all(|w| w[0] < w[2]), "at most two at a place");
+    // Of each run of teeth the left side is that of the first one's foot, and the right side a tip.
+    let values: Vec<f32> = columns.0.iter().flat_map(|c| c.values(&table)).map(|v| v[3]).collect();
+    assert_eq!(values, [0.0, 1.0].repeat(20));
     let step = NodeTable::new(vec![node(0.0, 1.0), node(5.0, 1.0), node(5.0, 2.0), node(9.0, 3.0)]).unwrap();
     let columns = Columns::of(std::slice::from_ref(&step), 100);
     let values: Vec<f32> = columns.0.iter().flat_map(|c| c.values(&step)).map(|v| v[3]).collect();
     assert_eq!(values, [1.0, 1.0, 2.0, 3.0]);
     assert_eq!(columns.0.iter().flat_map(Column::scalars).collect::<Vec<_>>(), [0.0, 5.0, 5.0, 9.0]);
+}
+
+/// A shell that is narrower than any run of scalars is there, wherever it lies in its run and in whichever table.
+#[test]
+fn nothing_that_is_seen_is_lost_where_scalars_become_one() {
+    let node = |scalar: f64, tau: f64| Node { scalar, rgb: [tau / 8.0; 3], tau };
+    let clear: Vec<Node> = (0..=300).map(|i| node(f64::from(i), 0.0)).collect();
+    for at in 1..300 {
+        let points = [(0, 0.0), (at - 1, 0.0), (at, 7.0), (at + 1, 0.0), (300, 0.0)];
+        let mut shell = points.map(|(scalar, tau)| node(f64::from(scalar), tau)).to_vec();
+        shell.dedup_by(|next, kept| next.scalar == kept.scalar);
+        let tables = [clear.clone(), shell].map(|nodes| NodeTable::new(nodes).unwrap());
+        let columns = Columns::of(&tables, 20);
+        let [none, seen] = tables.each_ref().map(|table| {
+            let nodes = columns.0.iter().flat_map(|column| std::iter::zip(column.scalars(), column.values(table)));
+            nodes.filter(|(_, value)| value[3] > 0.0).collect::<Vec<_>>()
+        });
+        assert!(none.is_empty());
+        let [(scalar, value)] = seen[..] else { panic!("{at}: {seen:?}") };
+        assert_eq!(value, [0.875, 0.875, 0.875, 7.0], "{at}");
+        // No farther off than a run of 301 / 10 is long.
+        assert!((scalar - f64::from(at)).abs() <= 30.0, "{at}: {scalar}");
+    }
+}
+
+/// The members of an ensemble whose second axes make a table of many lines, and of a narrow shell over the scalar.
+fn shell_among_lines() -> Ensemble {
+    let line = |text: &str| Function::TransferFunction(TransferFunction::parse(text).unwrap());
+    let shell = Member::new("shell", line("gray@0:0,0.5:0,0.502:0.9,0.504:0,1:0"));
+    let on_cov = Member {
+        space: Space::Cov,
+        reduction: Reduction::Keep,
+        ..Member::new("inferno", line("inferno@0.8:0,0.95:0.3"))
+    };
+    let triangle = Triangle { base: [0.4, 0.1], top: 0.9, left: 0.1, right: 0.8, rgb: [0.2, 0.5, 0.9], opacity: 0.6 };
+    let boundary = kept(Space::ScalarGradient, vec![Widget::TriangleWithFallOff(triangle)]);
+    ensemble(vec![shell, on_cov, boundary])
+}
+
+#[test]
+fn a_narrow_shell_is_seen_in_a_table_of_many_lines() {
+    let all = shell_among_lines();
+    let table = all.grid(&context()).unwrap();
+    eprintln!("{} scalars, {} rows, {} layers", table.scalars().len(), table.rows().len(), table.layers().len());
+    assert!(table.values().len() <= MOST_VALUES);
+    assert!(table.projection().is_visible_in(0.5001, 0.5039));
+    // Where no other member is.
+    let tau = |scalar: f64| table.eval(scalar, 0.1, 0.05).tau;
+    assert!((tau(0.502) + 0.1_f64.ln()).abs() < 0.1, "{}", tau(0.502));
+    assert_eq!((tau(0.4), tau(0.6)), (0.0, 0.0));
+}
+
+#[test]
+fn tables_of_too_many_lines_are_an_error_that_says_what_to_do() {
+    let widgets = |y: fn(usize) -> [f64; 2]| (0..400).map(|i| rectangle([0.0, 1.0], y(i), [0.1; 2])).collect();
+    let extents = |i: usize| [i as f64 / 500.0, (i as f64 + 0.5) / 500.0];
+    let both = ensemble(vec![kept(Space::ScalarGradient, widgets(extents)), kept(Space::ScalarCov, widgets(extents))]);
+    let text = both.grid(&context()).unwrap_err().to_string();
+    assert!(text.contains("1599 places of the coefficient") && text.contains("reduce members"), "{text}");
 }

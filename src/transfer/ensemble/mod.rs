@@ -2,6 +2,7 @@
 
 mod evaluate;
 mod grid;
+mod places;
 mod reduce;
 
 pub use evaluate::{Context, Evaluator, Line, Sample};
