@@ -8,6 +8,10 @@ use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats};
 use crate::error::FileResult;
+use crate::histograms::Histogram;
+use crate::lod::Interval;
+use crate::mesh::Mesh;
+use crate::moments::VertexStatistics;
 use crate::task::Cancel;
 use std::sync::Arc;
 
@@ -37,6 +41,22 @@ impl StepSource for Apart {
         self.player.is_resident(step) || self.own.is_resident(step)
     }
 
+    fn vertex_importance(&self) -> Option<Vec<f32>> {
+        self.own.vertex_importance()
+    }
+
+    fn vertex_statistics(&self) -> Option<VertexStatistics> {
+        self.own.vertex_statistics()
+    }
+
+    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+        self.own.histograms(mesh, cancel)
+    }
+
+    fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
+        self.own.intervals(count)
+    }
+
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
         Box::new(Self { player: self.player.clone(), own: self.own.with_blocks(blocks) })
     }
@@ -44,7 +64,8 @@ impl StepSource for Apart {
 
 impl Series {
     /// The same series for somebody beside its player: it uses blocks that the player has in memory, and loads others into
-    /// `block_bytes` of its own. Steps that it is told to expect do not reach the player either.
+    /// `block_bytes` of its own. Steps that it is told to expect do not reach the player either. What does not change over time
+    /// is computed once for both.
     #[must_use]
     pub fn apart(self: &Arc<Self>, block_bytes: u64) -> Arc<Self> {
         let blocks = Arc::new(BlockCache::new(block_bytes));
@@ -58,7 +79,7 @@ impl Series {
             blocks,
             rankings: Default::default(),
             ranges: Default::default(),
-            quantities: Default::default(),
+            quantities: self.quantities.clone(),
         })
     }
 }

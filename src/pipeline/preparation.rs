@@ -1,5 +1,6 @@
 //! The first two stages of a frame: decode what it shows, order what is to be drawn.
 
+use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
 use super::{Backend, FaceDetail, FrameRequest, PipelineError, RenderMode};
@@ -85,6 +86,7 @@ pub(super) struct Order {
     depth: DepthOrder,
     /// Here rather than where it is drawn: a table takes longer than a frame.
     tables: OpticsTables,
+    gradients: Gradients,
 }
 
 impl Order {
@@ -105,7 +107,7 @@ impl Order {
         let Decoded { scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;
         if !request.skip.unchanged {
-            (self.selector, self.depth) = Default::default();
+            (self.selector, self.depth, self.gradients) = Default::default();
         }
         let faces = match request.drawn_by() {
             RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
@@ -113,7 +115,10 @@ impl Order {
         };
         let grid = match &request.grid {
             None => None,
-            Some(table) => Some(series.grid_scene(table, &scalars, cancel)?.ok_or(PipelineError::Cancelled)?),
+            Some(table) => {
+                let scene = series.grid_scene(table, &scalars, &mut self.gradients, cancel)?;
+                Some(scene.ok_or(PipelineError::Cancelled)?)
+            }
         };
         let mut job = RenderJob {
             mesh: series.mesh.clone(),

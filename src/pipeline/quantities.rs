@@ -2,21 +2,42 @@
 
 use super::series::Series;
 use crate::error::FileResult;
+use crate::histograms::Histogram;
 use crate::mesh::Mesh;
 use crate::moments::CovDenominator;
 use crate::node_table::GridTable;
 use crate::render::GridScene;
 use crate::task::Cancel;
-use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Cells whose gradients a task computes at a time.
-const CELLS: usize = 1 << 14;
-
-/// Quantities of a series that do not change over time, once they were asked for.
+/// What does not change over time in a series, once it was asked for.
 #[derive(Debug, Default)]
 pub(super) struct Quantities {
     cov: OnceLock<Arc<Vec<f32>>>,
+    /// Locked while they are counted: whoever asks meanwhile waits for them.
+    histograms: Mutex<Option<Arc<[Histogram]>>>,
+}
+
+/// The magnitudes of the gradients of the scalars that were asked for last: a series that stands has the same in each frame.
+#[derive(Debug, Default)]
+pub(super) struct Gradients {
+    last: Option<(Arc<Vec<f32>>, Arc<Vec<f32>>)>,
+}
+
+impl Gradients {
+    /// One a cell, in scalars per world length.
+    fn of(&mut self, mesh: &Mesh, scalars: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
+        if let Some((of, magnitudes)) = &self.last
+            && Arc::ptr_eq(of, scalars)
+        {
+            return magnitudes.clone();
+        }
+        let mut magnitudes = vec![0.0; mesh.topology.tets.len()];
+        mesh.gradient_magnitudes(scalars, &mut magnitudes);
+        let magnitudes = Arc::new(magnitudes);
+        self.last = Some((scalars.clone(), magnitudes.clone()));
+        magnitudes
+    }
 }
 
 impl Series {
@@ -33,6 +54,20 @@ impl Series {
         Ok(Some(self.quantities.cov.get_or_init(|| Arc::new(cov)).clone()))
     }
 
+    /// How often which values occur over all steps, one histogram for each of [`Kind::ALL`](crate::histograms::Kind::ALL); `None`
+    /// if there are none, or `cancel` was raised. A store that has none of them is counted through once, which takes as long as
+    /// decoding every step.
+    ///
+    /// # Errors
+    /// If a step has to be decoded and cannot be.
+    pub fn histograms(&self, cancel: &Cancel) -> FileResult<Option<Arc<[Histogram]>>> {
+        let mut known = self.quantities.histograms.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.is_none() {
+            *known = self.source.histograms(&self.mesh, cancel)?.map(Into::into);
+        }
+        Ok(known.clone())
+    }
+
     /// The transfer function of a frame with what it looks at: coefficients of variation as its rows, if it has any but one, and the
     /// magnitudes of the gradients of these scalars as its layers. `None` if `cancel` was raised.
     ///
@@ -41,7 +76,8 @@ impl Series {
     pub(super) fn grid_scene(
         &self,
         table: &Arc<GridTable>,
-        scalars: &[f32],
+        scalars: &Arc<Vec<f32>>,
+        gradients: &mut Gradients,
         cancel: &Cancel,
     ) -> FileResult<Option<GridScene>> {
         let vertex_values = if table.rows().len() > 1 {
@@ -50,16 +86,41 @@ impl Series {
         } else {
             None
         };
-        let cell_values = (table.layers().len() > 1).then(|| Arc::new(gradient_magnitudes(&self.mesh, scalars)));
+        let cell_values = (table.layers().len() > 1).then(|| gradients.of(&self.mesh, scalars));
         Ok(Some(GridScene { table: table.clone(), vertex_values, cell_values }))
     }
 }
 
-fn gradient_magnitudes(mesh: &Mesh, scalars: &[f32]) -> Vec<f32> {
-    let mut magnitudes = vec![0.0; mesh.topology.tets.len()];
-    magnitudes.par_chunks_mut(CELLS).enumerate().for_each(|(chunk, out)| {
-        let first = chunk * CELLS;
-        out.iter_mut().zip(first..).for_each(|(out, cell)| *out = mesh.gradient_magnitude(cell, scalars));
-    });
-    magnitudes
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::test_series;
+
+    #[test]
+    fn what_does_not_change_over_time_is_computed_once_whoever_asks() {
+        let series = test_series::jet();
+        let (apart, cancel) = (series.apart(1 << 20), Cancel::new());
+        let cov = [&apart, &series].map(|series| series.coefficients_of_variation(&cancel).unwrap().unwrap());
+        assert!(Arc::ptr_eq(&cov[0], &cov[1]));
+        let histograms = [&apart, &series].map(|series| series.histograms(&cancel).unwrap().unwrap());
+        assert!(Arc::ptr_eq(&histograms[0], &histograms[1]));
+        // From what is stored: no step was decoded for either.
+        assert_eq!((series.blocks().statistics().loads, apart.blocks().statistics().loads), (0, 0));
+        let other = test_series::jet().histograms(&cancel).unwrap().unwrap();
+        assert!(!Arc::ptr_eq(&histograms[0], &other) && histograms[0] == other);
+    }
+
+    #[test]
+    fn gradients_are_computed_once_for_the_same_scalars() {
+        let mesh = test_series::mesh();
+        let scalars = |slope: f32| Arc::new(mesh.positions.local.iter().map(|p| slope * p.x).collect::<Vec<f32>>());
+        let (one, two) = (scalars(1.0), scalars(2.0));
+        let mut gradients = Gradients::default();
+        let first = gradients.of(&mesh, &one);
+        assert!(Arc::ptr_eq(&first, &gradients.of(&mesh, &one)));
+        let second = gradients.of(&mesh, &two);
+        // A factor of two is exact in every operation.
+        assert!(first.iter().zip(&*second).all(|(a, b)| 2.0 * a == *b) && first[0] > 0.0);
+        assert!(*gradients.of(&mesh, &Arc::new((*one).clone())) == *first, "others with the same values");
+    }
 }

@@ -135,7 +135,7 @@ pub struct Series {
     pub(super) blocks: Arc<BlockCache>,
     pub(super) rankings: Rankings,
     pub(super) ranges: ChunkRanges,
-    pub(super) quantities: Quantities,
+    pub(super) quantities: Arc<Quantities>,
 }
 
 impl Series {
@@ -189,7 +189,7 @@ impl Series {
             blocks,
             rankings: Rankings::default(),
             ranges: ChunkRanges::default(),
-            quantities: Quantities::default(),
+            quantities: Arc::default(),
         })
     }
 
@@ -211,15 +211,6 @@ impl Series {
     /// Times of the steps.
     pub fn times(&self) -> &TimeAxis {
         &self.times
-    }
-
-    /// How often which values occur over all steps, one histogram for each of [`Kind::ALL`]; `None` if there are none, or
-    /// `cancel` was raised. A store that has none of them is counted through, which takes as long as decoding every step.
-    ///
-    /// # Errors
-    /// If a step has to be decoded and cannot be.
-    pub fn histograms(&self, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        self.source.histograms(&self.mesh, cancel)
     }
 
     /// The field that is played.

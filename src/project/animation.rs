@@ -33,7 +33,7 @@ pub struct Animation {
     kind: OpacityKind,
     unit_distance: f64,
     /// Of the series, once a member needs them.
-    histograms: Option<Vec<Histogram>>,
+    histograms: Option<Arc<[Histogram]>>,
     last: Option<(Shown, Tables)>,
 }
 

@@ -1,7 +1,7 @@
 //! What a project shows at each moment, worked out beside the thread of the window.
 
 use super::look::Look;
-use super::worker::Worker;
+use super::worker::{BLOCK_BYTES, Worker};
 use crate::pipeline::{FrameTime, Series};
 use crate::project::{Animation, Moment, Project};
 use crate::task::Cancel;
@@ -253,7 +253,7 @@ impl Moments {
 fn work_out(last: &mut Option<(Arc<Subject>, Animation)>, job: &Job, cancel: &Cancel) -> Made {
     let Subject { project, series, kind, unit_distance, .. } = &*job.subject;
     let (_, mut animation) = last.take().filter(|(subject, _)| subject.is_beside(&job.subject)).unwrap_or_else(|| {
-        let animation = Animation::new(project.clone(), series.clone(), *kind, *unit_distance);
+        let animation = Animation::new(project.clone(), series.apart(BLOCK_BYTES), *kind, *unit_distance);
         (job.subject.clone(), animation)
     });
     if !Arc::ptr_eq(animation.project(), project) {
