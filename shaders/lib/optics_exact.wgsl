@@ -35,8 +35,11 @@ fn optics_load(interval: u32) {
     optics.rise = table[INTERVAL_WORDS * interval + 2u];
 }
 
+// Colour and extinction of the present interval. The ends of a narrow one are rounded and its width is not: at its end the share
+// would be anything.
 fn optics_at(scalar: f32) -> vec4<f32> {
-    return optics.at_lo + optics.rise * ((scalar - optics.range.x) * optics.range.w);
+    let share = min((scalar - optics.range.x) * optics.range.w, 1.0);
+    return optics.at_lo + optics.rise * select(share, 1.0, scalar == optics.range.y);
 }
 
 // The ray is at a place with this scalar, after a gap.

@@ -166,6 +166,9 @@ fn corner(x: u32, y: u32) -> vec4<f32> {
 
 // Composites a piece that runs through one triangle.
 fn grid_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, share: f32) {
+    if length <= 0.0 {
+        return;
+    }
     let first = vec2(u32(column.range.w), u32(row.range.w));
     let last = first + vec2(u32(column.range.z > 0.0), u32(row.range.z > 0.0));
     let lower = corner(first.x, first.y);

@@ -46,8 +46,16 @@ fn optics_load(interval: u32) {
     optics.rise = table[INTERVAL_WORDS * interval + 2u];
 }
 
+// Colour and extinction of the present interval. The ends of a narrow one are rounded and its width is not: at its end the share
+// would be anything.
 fn optics_at(scalar: f32) -> vec4<f32> {
-    return optics.at_lo + optics.rise * ((scalar - optics.range.x) * optics.range.w);
+    let share = min((scalar - optics.range.x) * optics.range.w, 1.0);
+    return optics.at_lo + optics.rise * select(share, 1.0, scalar == optics.range.y);
+}
+
+// The same at the upper end of the interval, or at its lower one.
+fn optics_at_end(upper: bool) -> vec4<f32> {
+    return optics.at_lo + select(vec4(0.0), optics.rise, upper);
 }
 
 // Goes to the interval that holds a scalar; at a node to the one that ends there if `ends`, else to the one that begins.
@@ -90,13 +98,11 @@ fn optics_add(rgb: vec3<f32>, alpha: f32) {
     optics.pieces += 1u;
 }
 
-// Composites a part of a segment without a node: the scalar goes from s0 to s1 in the present interval.
-fn optics_within(s0: f32, s1: f32, length: f32) {
+// Composites a part of a segment without a node: colour and extinction go from near to far in the present interval.
+fn optics_within(near: vec4<f32>, far: vec4<f32>, length: f32) {
     if optics.at_lo.w == 0.0 && optics.rise.w == 0.0 {
         return;
     }
-    let near = optics_at(s0);
-    let far = optics_at(s1);
     let weights = piece_weights(optics_depth(near.w, length), optics_depth(far.w, length));
     optics_add(near.xyz * weights.x + far.xyz * weights.y, weights.x + weights.y);
 }
@@ -140,9 +146,7 @@ fn optics_between(here: u32, there: u32, span: f32, length: f32) {
         if max(sum.end, at) - min(sum.end, at) == 1u {
             // Interval i ends at place i.
             optics_load(max(sum.end, at));
-            let range = optics.range;
-            let ends = select(range.yx, range.xy, up);
-            optics_within(ends.x, ends.y, length_of(range.z, span, length));
+            optics_within(optics_at_end(!up), optics_at_end(up), length_of(optics.range.z, span, length));
         } else {
             let depth = optics_depth(sum.mean.w / span, length);
             if depth > 0.0 {
@@ -182,20 +186,20 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
     let first = optics.interval;
     let range = optics.range;
     if select(s1 >= range.x, s0 == s1 || s1 <= range.y, up) {
-        optics_within(s0, s1, length);
+        optics_within(optics_at(s0), optics_at(s1), length);
     } else {
         let span = abs(s1 - s0);
         let leaves = select(range.x, range.y, up);
         // The width is exact even where the ends of a narrow interval are not.
         let crossed = select(abs(leaves - s0), range.z, s0 == select(range.y, range.x, up));
-        optics_within(s0, leaves, length_of(crossed, span, length));
+        optics_within(optics_at(s0), optics_at_end(up), length_of(crossed, span, length));
         optics_find(s1, up);
         let last = optics.interval;
         // Interval i ends at place i.
         optics_between(select(first - 1u, first, up), select(last, last - 1u, up), span, length);
         optics_load(last);
         let enters = select(optics.range.y, optics.range.x, up);
-        optics_within(enters, s1, length_of(abs(s1 - enters), span, length));
+        optics_within(optics_at_end(!up), optics_at(s1), length_of(abs(s1 - enters), span, length));
     }
     if optics.pieces > pieces && !optics.visible {
         optics_see(first, s0, s1);

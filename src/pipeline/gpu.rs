@@ -42,7 +42,8 @@ struct Beyond {
     view: View,
     mode: RenderMode,
     faces: usize,
-    has_grid: bool,
+    /// Values of its table of more than the scalar.
+    grid_values: usize,
     error: RenderError,
 }
 
@@ -50,8 +51,12 @@ impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
         let is_same = self.view == job.view && self.mode == mode && self.faces == faces_of(job);
-        Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.has_grid == job.grid.is_some()
+        Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.grid_values == grid_values_of(job)
     }
+}
+
+fn grid_values_of(job: &RenderJob) -> usize {
+    job.grid.as_ref().map_or(0, |scene| scene.table.values().len())
 }
 
 /// Faces that a job draws.
@@ -209,9 +214,9 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    let (faces, has_grid) = (faces_of(&job), job.grid.is_some());
+                    let (faces, grid_values) = (faces_of(&job), grid_values_of(&job));
                     let (mesh, view) = (job.mesh, job.view);
-                    self.beyond = Some(Beyond { mesh, view, mode, faces, has_grid, error: error.clone() });
+                    self.beyond = Some(Beyond { mesh, view, mode, faces, grid_values, error: error.clone() });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)

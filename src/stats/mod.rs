@@ -36,7 +36,8 @@ pub struct FrameStats {
     pub face_sorts: u64,
     /// Times that faces were needed in depth order and nothing had to be sorted for it.
     pub face_sorts_skipped: u64,
-    /// Entries of a pre-integrated table that were computed for the frame, since the transfer function has changed there.
+    /// Entries of a pre-integrated table that were computed before the frame, since the transfer function has changed there; those
+    /// of a renderer that makes a table of its own are not counted.
     pub table_entries_built: u64,
     /// Places found where a ray passes through a face that is drawn.
     pub fragments: u64,

@@ -38,11 +38,13 @@ struct TableSent {
     scale: f64,
     /// First vector.
     first: usize,
+    /// Cells that have a value.
+    cells: usize,
 }
 
 impl TableSent {
     fn is_same(&self, other: &Self) -> bool {
-        let key = |sent: &Self| (sent.map, sent.scale, sent.first);
+        let key = |sent: &Self| (sent.map, sent.scale, sent.first, sent.cells);
         Arc::ptr_eq(&self.table, &other.table) && key(self) == key(other)
     }
 }
@@ -59,8 +61,10 @@ impl Grid {
         [buffer, parameters]: [&mut GrowingBuffer; 2],
     ) -> Result<(bool, u64), RenderError> {
         let cells = scene.cell_values.as_ref().filter(|_| scene.table.layers().len() > 1);
-        let first = cells.map_or(0, |cells| cells.len().div_ceil(CELLS_PER_VECTOR));
-        let wanted = TableSent { table: scene.table.clone(), map, scale: job.mesh.positions.scale, first };
+        let count = cells.map_or(0, |cells| cells.len());
+        let first = count.div_ceil(CELLS_PER_VECTOR);
+        let wanted =
+            TableSent { table: scene.table.clone(), map, scale: job.mesh.positions.scale, first, cells: count };
         if !self.table.as_ref().is_some_and(|sent| sent.is_same(&wanted)) {
             self.table = None;
         }
@@ -84,7 +88,7 @@ impl Grid {
                 columns: scene.table.scalars().len() as u32,
                 layer_values: (scene.table.scalars().len() * scene.table.rows().len()) as u32,
                 cells: 0,
-                cell_count: cells.map_or(0, |cells| cells.len() as u32),
+                cell_count: count as u32,
             };
             sent += parameters.write(context, 0, bytemuck::bytes_of(&self.params))?;
             self.table = Some(wanted);

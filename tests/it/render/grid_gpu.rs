@@ -5,7 +5,7 @@ use super::grid::*;
 use super::havs::gpu::render as drawn;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
 use super::*;
-use crate::meshes::noise;
+use crate::meshes::{build, grid, noise, sample};
 use tetreel::node_table::GridTable;
 use tetreel::optics::OpticsKind;
 use tetreel::render::gpu::context::{ContextOptions, Tier};
@@ -104,10 +104,35 @@ fn images_depths_and_counts_are_those_of_the_cpu() {
             let close = |a: f32, b: f32| a == b || (a - b).abs() < 1e-5 * b.abs();
             let differ = frame.depth.pixels.iter().zip(&cpu.depth.pixels).filter(|(a, b)| !close(**a, **b)).count();
             assert!(differ <= 2, "{name}, {path}: {differ} depths");
-            // Pieces of no length are counted here and not there.
+            // Pieces whose length is rounded to nothing here are counted there.
             let (here, there) = (frame.stats.segments as f64, cpu.stats.segments as f64);
             assert!((here / there - 1.0).abs() < 0.01, "{name}, {path}: {here} pieces, not {there}");
         }
+    }
+}
+
+#[test]
+fn a_cell_more_is_seen_in_its_own_layer() {
+    if context().is_none() {
+        return;
+    }
+    let table =
+        Arc::new(table_of(&[0.0], &[0.0], &[0.0, 1.0], |_, _, layer| [0.9, 0.4, 0.1, 0.2 + 2.0 * layer as f32]));
+    let jobs = [5, 6].map(|cells| {
+        let mut raw = grid(1, 0.0, 1, |_| true);
+        raw.tets.truncate(cells);
+        let mesh = Arc::new(build(raw));
+        let camera = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
+        let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), table.projection());
+        let values = Some(Arc::new(vec![1.0; cells]));
+        let scene = GridScene { table: table.clone(), vertex_values: None, cell_values: values };
+        RenderJob { grid: Some(scene), ..plain }
+    });
+    // The sixth is where the table of five cells left off.
+    let [five, six] = &jobs;
+    assert!(reference(five) != reference(six));
+    for job in [five, six, five] {
+        assert_both_agree(&format!("{} cells", job.mesh.topology.tets.len()), job);
     }
 }
 
