@@ -46,13 +46,34 @@ pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<Col
         let curve = |f: f64| interpolate(space, pair[0].rgb, pair[1].rgb, f);
         let at = |f: f64| ColorPoint { position: pair[0].position * (1.0 - f) + pair[1].position * f, rgb: curve(f) };
         if space != ColorSpace::Rgb && pair[0].position < pair[1].position {
+            begin(at(0.0), &mut refined);
             let mut inner = Vec::new();
             halve(&curve, 0.0, 1.0, MAX_HALVINGS, &mut inner);
             refined.extend(inner.into_iter().map(at));
+            if !is_close(curve(1.0), pair[1].rgb) {
+                refined.push(at(1.0));
+            }
         }
         refined.push(pair[1]);
     }
     refined
+}
+
+/// Begins an interval whose formula need not begin with its point's colour: a diverging map turns the hue of grayish points toward
+/// that of the other one. There is a step then, from what was before the point.
+fn begin(first: ColorPoint, refined: &mut Vec<ColorPoint>) {
+    let before = refined.len().checked_sub(2).and_then(|i| refined.get(i)).map(|p| p.position);
+    match refined.last_mut() {
+        Some(last) if is_close(last.rgb, first.rgb) => {}
+        // A place has two colours at most: those of its sides.
+        Some(last) if before == Some(last.position) => *last = first,
+        _ => refined.push(first),
+    }
+}
+
+/// Whether colours are the same within half of [`REFINEMENT`].
+fn is_close(a: [f64; 3], b: [f64; 3]) -> bool {
+    a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 0.5 * REFINEMENT)
 }
 
 /// Collects the places in (a, b) at which the curve must be cut to be linear in between.
@@ -61,7 +82,7 @@ fn halve(curve: &impl Fn(f64) -> [f64; 3], a: f64, b: f64, halvings_left: u32, c
     let straight = (1..8).all(|i| {
         let f = f64::from(i) / 8.0;
         let chord = mix(curve(a), curve(b), f);
-        curve(a + (b - a) * f).iter().zip(chord).all(|(x, y)| (x - y).abs() <= 0.5 * REFINEMENT)
+        is_close(curve(a + (b - a) * f), chord)
     });
     if straight || halvings_left == 0 {
         return;
@@ -183,12 +204,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn is_close(a: [f64; 3], b: [f64; 3], tolerance: f64) -> bool {
+    fn is_within(a: [f64; 3], b: [f64; 3], tolerance: f64) -> bool {
         a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance)
     }
 
     fn assert_close(a: [f64; 3], b: [f64; 3], tolerance: f64) {
-        assert!(is_close(a, b, tolerance), "{a:?} instead of {b:?}");
+        assert!(is_within(a, b, tolerance), "{a:?} instead of {b:?}");
     }
 
     /// `vtkColorTransferFunction::GetColor` of VTK 9.7.2 (HSV without wrapping) between two colours.
@@ -237,13 +258,28 @@ mod tests {
                 // less than 13 times as steep. HSV has no matrix, only some roundings of hues up to 6 (4e-16 each).
                 let tolerance = if space == ColorSpace::Hsv { 4e-15 } else { 13.0 * 5e-5 };
                 assert_close(interpolate(space, from, to, f), rgb, tolerance);
-                assert!(!is_close(interpolate(space, from, to, f + 0.01), rgb, tolerance), "{space:?} {f}");
+                assert!(!is_within(interpolate(space, from, to, f + 0.01), rgb, tolerance), "{space:?} {f}");
             }
         }
     }
 
     fn colour() -> impl Strategy<Value = [f64; 3]> {
-        prop_oneof![[0.0..=1.0, 0.0..=1.0, 0.0..=1.0], Just([0.0; 3]), Just([1.0; 3]), Just([1.0, 0.0, 0.0])]
+        let gray = (0.0..=0.95, [0.0..=0.05, 0.0..=0.05, 0.0..=0.05]).prop_map(|(gray, by)| by.map(|by| gray + by));
+        prop_oneof![2 => [0.0..=1.0, 0.0..=1.0, 0.0..=1.0], 1 => gray, 1 => Just([0.0; 3]), 1 => Just([1.0; 3]), 1 => Just([1.0, 0.0, 0.0])]
+    }
+
+    #[test]
+    fn a_grayish_point_of_a_diverging_map_has_the_hue_of_either_side() {
+        let colours = [[0.0, 0.0, 0.85], [0.848, 0.846, 0.819], [0.85, 0.0, 0.0]];
+        let points: Vec<_> =
+            colours.iter().zip([0.0, 0.5, 1.0]).map(|(&rgb, position)| ColorPoint { position, rgb }).collect();
+        let refined = to_linear_rgb(ColorSpace::Diverging, &points);
+        let there: Vec<_> = refined.iter().filter(|p| p.position == 0.5).map(|p| p.rgb).collect();
+        let [blue, gray, red] = colours;
+        let sides =
+            [interpolate(ColorSpace::Diverging, blue, gray, 1.0), interpolate(ColorSpace::Diverging, gray, red, 0.0)];
+        assert_eq!(there, sides);
+        assert!(!is_within(sides[0], sides[1], 1e-3) && !is_within(sides[0], gray, 1e-3));
     }
 
     proptest! {
@@ -252,7 +288,7 @@ mod tests {
             let other = rgb.map(|c| if c < 0.5 { c + 0.005 } else { c - 0.005 });
             let check = |there_and_back: &dyn Fn([f64; 3]) -> [f64; 3], tolerance: f64| {
                 assert_close(there_and_back(rgb), rgb, tolerance);
-                assert!(!is_close(there_and_back(other), rgb, tolerance), "{other:?} is taken for {rgb:?}");
+                assert!(!is_within(there_and_back(other), rgb, tolerance), "{other:?} is taken for {rgb:?}");
             };
             // The linear pieces of sRGB and Lab are published with four digits: their joints are off by up to 1e-5.
             check(&|c| lab_to_rgb(rgb_to_lab(c)), 1e-5);
@@ -273,9 +309,10 @@ mod tests {
                 let (p, q) = (refined[after - 1], refined[after]);
                 let chord = mix(p.rgb, q.rgb, (f - p.position) / (q.position - p.position));
                 assert_close(chord, interpolate(space, a, b, f), REFINEMENT);
+                assert_eq!((refined[0].rgb, refined[refined.len() - 1].rgb), (a, b), "beyond its ends a map has their colours");
             }
             // Without refinement it is noticed.
-            assert!(!is_close(mix(BLUE, AMBER, 0.5), interpolate(ColorSpace::Lab, BLUE, AMBER, 0.5), 0.01));
+            assert!(!is_within(mix(BLUE, AMBER, 0.5), interpolate(ColorSpace::Lab, BLUE, AMBER, 0.5), 0.01));
         }
     }
 }

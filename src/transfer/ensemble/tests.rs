@@ -1,4 +1,5 @@
 use super::*;
+use crate::transfer::pieces::MOST_POINTS;
 use crate::transfer::{
     ColorMap, ColorPoint, Curve, OpacityPoint, Polyline, PolylinePoint, Rectangle, TOLERANCE, Triangle,
     build_node_table,
@@ -479,8 +480,9 @@ proptest! {
     fn ten_members_have_a_bounded_number_of_points(members in prop::collection::vec(random_member(), 10), colors in prop::bool::ANY) {
         let colors = if colors { ColorWeighting::Opacity } else { ColorWeighting::Plain };
         let curve = Ensemble { name: "ten".to_owned(), colors, members }.curve(&context()).unwrap();
-        // Measured in a thousand cases: 170 at most if plain, 12,379 if weighted, most of them from quotients.
-        prop_assert!(curve.knots().count() < 20_000, "{}", curve.knots().count());
+        // Measured in 2,500 cases: 170 at most if plain, some 22,000 if weighted, most of them from quotients. With more than
+        // `MOST_POINTS` there is no curve; half of them are far beyond what occurs.
+        prop_assert!(curve.knots().count() < MOST_POINTS / 2, "{}", curve.knots().count());
     }
 
     #[test]
