@@ -35,6 +35,7 @@ pub enum Projection {
 /// As text (`--camera`): `pos=x,y,z focal=x,y,z up=x,y,z angle=30 near=0`, or `parallel=SCALE` in place of `angle`; see
 /// [`Camera::parse`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Camera {
     /// The eye.
     pub position: DVec3,

@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 /// The frame and playback suites on one series.
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, None)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
     for (motion, judged) in args.suite.runs() {
         terminal.check_interrupted()?;
         let bench = FrameBench {

@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             shown => return shown.map(|()| Outcome::Done),
         }
     }
-    let mut scene = Scene::open(&store, &scene_args, SIZE, None)?;
+    let mut scene = Scene::open(&store, &scene_args, SIZE, None, &terminal.cancel)?;
     let frames_dir = dir.join("frames");
     std::fs::create_dir_all(&frames_dir)
         .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;

@@ -1,11 +1,13 @@
 //! Projects on the command line: what a project says are options that come before those that the user gives.
 
 use super::Cli;
+use crate::export::movie::MovieFormat;
+use crate::export::still::StillFormat;
 use crate::files;
 use crate::project::{LookSettings, Output, Project};
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
-use clap::{CommandFactory, FromArgMatches};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,11 +64,16 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
             _ => timeline.optics = Default::default(),
         }
     }
-    let Some(at) = words.iter().position(|given| given == word) else { bail!(wrong) };
+    // The first word is the program's, which may be called anything.
+    let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };
     let (before, after) = words.split_at(at + 1);
+    if says("range") && !project.ensembles.is_empty() {
+        bail!("--range is for --tf; the members of {}'s ensembles have ranges of their own", path.display());
+    }
     let folder = files::parent_of(path);
     let mut options = scene_options(&project);
     if taker == Taker::Render {
+        leave_out_what_does_not_fit(&mut project.output, given);
         options.extend(output_options(&project, folder));
     }
     let all = before.iter().chain(&options).chain(after);
@@ -76,6 +83,34 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     let args = Box::new(A::from_arg_matches_mut(&mut matches)?);
     let source = folder.join(&project.data.source);
     Ok(Opened { project: Arc::new(project), source, args })
+}
+
+/// Takes out of what a project says of its output what is about another kind of file than the user asks for, or about how the
+/// frames are spread over time if the user names the steps.
+fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
+    let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
+    if says("steps") && !says("duration") {
+        (output.duration, output.interpolate) = (None, None);
+    }
+    let asked = given.get_raw("output").and_then(|mut words| words.next()).map(PathBuf::from);
+    let Some(path) = asked.or_else(|| output.output.clone()) else { return };
+    let is_movie = MovieFormat::of(&path).is_some();
+    if !is_movie && output.duration.is_none() && !says("duration") {
+        output.fps = None;
+    }
+    if !says("output") {
+        return;
+    }
+    let format = StillFormat::of(&path);
+    if format != Some(StillFormat::Exr) {
+        output.exr = None;
+    }
+    if format != Some(StillFormat::Png) {
+        output.bit_depth = None;
+    }
+    if format == Some(StillFormat::Exr) {
+        output.background = None;
+    }
 }
 
 /// What a project says of what is seen, as options.
@@ -129,10 +164,18 @@ fn output_options(project: &Project, folder: &Path) -> Vec<OsString> {
     }
     if let Some(output) = output {
         let mut word = OsString::from("--output=");
-        word.push(folder.join(output));
+        word.push(within(folder, output));
         options.0.push(word);
     }
     options.0
+}
+
+/// A pattern of files in a folder, whose own name is none: a % in it is doubled.
+fn within(folder: &Path, pattern: &Path) -> PathBuf {
+    match folder.to_str() {
+        Some(text) if !pattern.is_absolute() => Path::new(&text.replace('%', "%%")).join(pattern),
+        _ => folder.join(pattern),
+    }
 }
 
 struct Options(Vec<OsString>);

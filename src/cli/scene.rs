@@ -1,5 +1,6 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
+use super::Interrupted;
 use crate::camera::Camera;
 use crate::codec::BlockCache;
 use crate::export::still::FrameAttributes;
@@ -187,10 +188,21 @@ pub(super) struct Scene {
     size: SizePx,
     #[cfg(feature = "gpu")]
     pub(super) gpu: ContextOptions,
-    /// The last table and the range it is for.
-    table: Option<(MappedRange, Arc<NodeTable>)>,
+    /// Those of the last request.
+    colors: Option<Colors>,
     /// What a project says, in place of the look.
     animation: Option<Animation>,
+    /// Ends what takes long.
+    cancel: Cancel,
+}
+
+/// Colours and extinctions of a request.
+struct Colors {
+    /// What they are for; `None` if the field has no finite value.
+    range: Option<MappedRange>,
+    table: Arc<NodeTable>,
+    /// Whether they are those of ensembles, not of the look.
+    of_project: bool,
 }
 
 impl SceneArgs {
@@ -239,12 +251,14 @@ impl SceneArgs {
 }
 
 impl Scene {
-    /// The scene of the options, or with a project that of the project's timeline.
+    /// The scene of the options, or with a project that of the project's timeline. What takes long, then and later, ends when
+    /// `cancel` is raised.
     pub(super) fn open(
         store: &Store,
         args: &SceneArgs,
         size: SizePx,
         project: Option<&Arc<Project>>,
+        cancel: &Cancel,
     ) -> anyhow::Result<Self> {
         let mut pipeline = Pipeline::new(args.series(store)?);
         let look = args.look(pipeline.series(), size)?;
@@ -260,8 +274,9 @@ impl Scene {
             size,
             #[cfg(feature = "gpu")]
             gpu: args.gpu(),
-            table: None,
+            colors: None,
             animation: None,
+            cancel: cancel.clone(),
         };
         let Look { opacity_kind, unit_distance, .. } = scene.look;
         scene.animation = project.map(|project| {
@@ -269,6 +284,9 @@ impl Scene {
         });
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
+            for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
+                scene.request_at(0.into(), at)?;
+            }
             scene.request(0)?;
             scene.look.camera.view(size.0, size.1)?;
         }
@@ -292,10 +310,14 @@ impl Scene {
 
     /// The request for a moment of the series at a time of the project's timeline.
     pub(super) fn request_at(&mut self, moment: FrameTime, at: f64) -> anyhow::Result<FrameRequest> {
-        let said = self.animation.as_mut().map(|animation| animation.at(moment, at, &Cancel::new())).transpose()?;
-        let said = said.unwrap_or_default();
+        let cancel = &self.cancel;
+        let said = self.animation.as_mut().map(|animation| animation.at(moment, at, cancel));
+        if cancel.is_cancelled() {
+            return Err(Interrupted.into());
+        }
+        let said = said.transpose()?.unwrap_or_default();
         let table = match said.table {
-            Some(table) => self.keep(table)?,
+            Some(table) => self.keep(table),
             None => self.table(moment)?,
         };
         let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
@@ -307,10 +329,15 @@ impl Scene {
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.
-    fn keep(&mut self, table: Arc<NodeTable>) -> anyhow::Result<Arc<NodeTable>> {
-        let range = mapped_range(self.pipeline.field(), &RangePolicy::Series, 0.into())?;
-        self.table = Some((range, table.clone()));
-        Ok(table)
+    fn keep(&mut self, table: Arc<NodeTable>) -> Arc<NodeTable> {
+        let range = mapped_range(self.pipeline.field(), &RangePolicy::Series, 0.into()).ok();
+        self.colors = Some(Colors { range, table: table.clone(), of_project: true });
+        table
+    }
+
+    /// What ends that which takes long.
+    pub(super) fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
     /// What is known of the GPU by now.
@@ -326,12 +353,20 @@ impl Scene {
 
     /// What the colours of the last request mean.
     pub(super) fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
-        let (range, table) = self.table.as_ref()?;
-        let map = match self.animation {
-            Some(_) => colors_of(table, range)?,
-            None => self.look.tf.color_map().clone(),
-        };
-        Some((map, *range))
+        let Colors { range, table, of_project } = self.colors.as_ref()?;
+        let range = (*range)?;
+        let map = if *of_project { colors_of(table, &range)? } else { self.look.tf.color_map().clone() };
+        Some((map, range))
+    }
+
+    /// What gives the last request its colours, in words.
+    pub(super) fn transfer_function(&self) -> String {
+        let of_project = self.colors.as_ref().is_some_and(|colors| colors.of_project);
+        match self.animation.as_ref().filter(|_| of_project).map(|animation| animation.project().ensembles.len()) {
+            Some(1) => "an ensemble".to_owned(),
+            Some(count) => format!("{count} ensembles on a timeline"),
+            None => self.tf_text.clone(),
+        }
     }
 
     /// What the frame of the last `request` shows, as frame number `frame` of the run.
@@ -344,11 +379,8 @@ impl Scene {
             field: field.name.clone(),
             units: field.units.clone(),
             camera: request.camera.to_string(),
-            transfer_function: match &self.animation {
-                Some(animation) => format!("{} ensembles on a timeline", animation.project().ensembles.len()),
-                None => self.tf_text.clone(),
-            },
-            range: self.table.as_ref().map(|(range, _)| *range),
+            transfer_function: self.transfer_function(),
+            range: self.colors.as_ref().and_then(|colors| colors.range),
             opacity_kind: self.look.opacity_kind,
             unit_distance: self.look.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
@@ -361,13 +393,13 @@ impl Scene {
         let field = self.pipeline.field();
         let range =
             mapped_range(field, &self.look.range, time).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
-        if let Some((last, table)) = &self.table
-            && *last == range
+        if let Some(last) = &self.colors
+            && (last.range, last.of_project) == (Some(range), false)
         {
-            return Ok(table.clone());
+            return Ok(last.table.clone());
         }
         let table = Arc::new(self.look.table(&range)?);
-        self.table = Some((range, table.clone()));
+        self.colors = Some(Colors { range: Some(range), table: table.clone(), of_project: false });
         Ok(table)
     }
 }

@@ -325,12 +325,11 @@ impl History {
     /// Takes the last change back; false if there is none.
     ///
     /// # Errors
-    /// If the project has been changed by others so that it cannot be taken back.
+    /// If the project has been changed by others so that it cannot be taken back; it stays as it is then, and so does what could be
+    /// taken back.
     pub fn undo(&mut self, project: &mut Project) -> Result<bool, ProjectError> {
         self.gesture = None;
-        let Some(edits) = self.undo.pop() else { return Ok(false) };
-        self.redo.push(apply_all(edits, project)?);
-        Ok(true)
+        turn_back(&mut self.undo, &mut self.redo, project)
     }
 
     /// Applies what was taken back last; false if there is nothing.
@@ -339,9 +338,7 @@ impl History {
     /// As [`Self::undo`].
     pub fn redo(&mut self, project: &mut Project) -> Result<bool, ProjectError> {
         self.gesture = None;
-        let Some(edits) = self.redo.pop() else { return Ok(false) };
-        self.undo.push(apply_all(edits, project)?);
-        Ok(true)
+        turn_back(&mut self.redo, &mut self.undo, project)
     }
 
     /// How many changes can be taken back, and applied again.
@@ -350,7 +347,14 @@ impl History {
     }
 }
 
-/// Applies changes from the last to the first; what takes them back.
-fn apply_all(edits: Vec<Edit>, project: &mut Project) -> Result<Vec<Edit>, ProjectError> {
-    edits.into_iter().rev().map(|edit| edit.apply(project)).collect()
+/// Applies the last changes of one list, from the last to the first, and puts what takes them back on the other; false if there are
+/// none. All of them or, after a fault, none.
+fn turn_back(from: &mut Vec<Vec<Edit>>, to: &mut Vec<Vec<Edit>>, project: &mut Project) -> Result<bool, ProjectError> {
+    let Some(edits) = from.last() else { return Ok(false) };
+    let mut changed = project.clone();
+    let back: Result<Vec<Edit>, _> = edits.iter().rev().map(|edit| edit.clone().apply(&mut changed)).collect();
+    to.push(back?);
+    from.pop();
+    *project = changed;
+    Ok(true)
 }

@@ -3,8 +3,11 @@
 use super::{Project, ProjectError};
 use crate::error::FileError;
 use crate::files;
+use serde::Deserialize;
 use std::io::Write;
 use std::path::Path;
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Value};
 
 impl Project {
     /// Reads a project file and checks it. The source stays as it is written: relative to the file's folder.
@@ -22,10 +25,24 @@ impl Project {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, ProjectError> {
+        // Before anything else: what is unknown in a file of another version may well be known there.
+        if let Ok(OfVersion { version }) = toml::from_str(text)
+            && !Self::VERSIONS.contains(&version)
+        {
+            return Err(FileError::unsupported(path, "version", ProjectError::Version(version).to_string()).into());
+        }
         let project: Self = toml::from_str(text).map_err(|e| {
             let place = e.span().map_or_else(String::new, |span| place_of(text, span.start));
             FileError::invalid(path, place, e.message().to_owned()).remedy("docs/projects.md has all keys")
         })?;
+        if let (Ok(written), Ok(Value::Table(read))) = (DeTable::parse(text), Value::try_from(&project))
+            && let Some(byte) = other_length(written.get_ref(), &read)
+        {
+            let problem = "the list has more values than belong there";
+            return Err(FileError::invalid(path, place_of(text, byte), problem)
+                .remedy("docs/projects.md has all keys")
+                .into());
+        }
         project.check().map_err(|problem| FileError::invalid(path, "", problem.to_string()))?;
         Ok(project)
     }
@@ -35,8 +52,7 @@ impl Project {
     /// # Errors
     /// If a path is not Unicode.
     pub fn to_toml(&self) -> Result<String, ProjectError> {
-        let invalid = |e: toml::ser::Error| FileError::unsupported(&self.data.source, "", e.to_string());
-        Ok(toml::to_string(self).map_err(invalid)?)
+        toml::to_string(self).map_err(|e| ProjectError::NoText(e.to_string()))
     }
 
     /// Writes a project file: under a temporary name, which is then given its own, so that one that was there is replaced as a
@@ -53,6 +69,30 @@ impl Project {
                 .map_err(|e| FileError::io(path, "write the project", &e))
         };
         Ok(files::replace(path, write)?)
+    }
+}
+
+/// What any version of a project file has.
+#[derive(Deserialize)]
+struct OfVersion {
+    version: u32,
+}
+
+/// The first byte of a list that was not read to its end: lists of fixed length take what they need and leave the rest.
+fn other_length(written: &DeTable<'_>, read: &toml::Table) -> Option<usize> {
+    // ParaView's form of a colour map has an order and keys of its own; it is read by itself.
+    let known = written.iter().filter(|(key, _)| key.get_ref() != "color_map");
+    known.filter_map(|(key, value)| Some((value, read.get(&**key.get_ref())?))).find_map(other_length_in)
+}
+
+fn other_length_in((written, read): (&Spanned<DeValue<'_>>, &Value)) -> Option<usize> {
+    match (written.get_ref(), read) {
+        (DeValue::Table(written), Value::Table(read)) => other_length(written, read),
+        (DeValue::Array(written_in), Value::Array(read)) if written_in.len() == read.len() => {
+            written_in.iter().zip(read).find_map(other_length_in)
+        }
+        (DeValue::Array(_), Value::Array(_)) => Some(written.span().start),
+        _ => None,
     }
 }
 

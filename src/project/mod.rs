@@ -50,6 +50,7 @@ pub struct Project {
 impl Project {
     /// Version of the schema that is written; older ones are read as well, newer ones refused.
     pub const VERSION: u32 = 1;
+    const VERSIONS: std::ops::RangeInclusive<u32> = 1..=Self::VERSION;
 
     /// A project of a dataset, with nothing else in it.
     pub fn new(data: Data) -> Self {
@@ -73,7 +74,7 @@ impl Project {
     /// # Errors
     /// The first that is found.
     pub fn check(&self) -> Result<(), ProjectError> {
-        if self.version == 0 || self.version > Self::VERSION {
+        if !Self::VERSIONS.contains(&self.version) {
             return Err(ProjectError::Version(self.version));
         }
         for (i, ensemble) in self.ensembles.iter().enumerate() {
@@ -138,6 +139,9 @@ pub enum ProjectError {
     /// A schema that this program does not know.
     #[error("version {0} of the project file is not known; this program reads 1 to {newest}", newest = Project::VERSION)]
     Version(u32),
+    /// A project that cannot be written.
+    #[error("the project has no text: {0}")]
+    NoText(String),
     /// Two ensembles of one name.
     #[error("there are two ensembles '{0}'; names tell them apart")]
     NameTaken(String),

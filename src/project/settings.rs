@@ -117,6 +117,25 @@ pub struct Timeline {
     pub optics: Keyframed<OpticsKind>,
 }
 
+impl Timeline {
+    /// Moments at which all that the timeline names comes into sight: its keys of ensembles and cameras, and the middles between
+    /// two of them.
+    pub fn places(&self) -> Vec<f64> {
+        let ensembles = times_of(&self.ensembles);
+        let cameras = times_of(&self.cameras);
+        [ensembles, cameras].into_iter().flat_map(with_middles).collect()
+    }
+}
+
+fn times_of<T>(track: &Keyframed<T>) -> Vec<f64> {
+    track.keys().iter().map(|key| key.time).collect()
+}
+
+fn with_middles(times: Vec<f64>) -> Vec<f64> {
+    let middles = times.windows(2).map(|pair| 0.5 * pair[0] + 0.5 * pair[1]).collect::<Vec<_>>();
+    [times, middles].concat()
+}
+
 /// How the range map of one member changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]

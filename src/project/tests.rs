@@ -100,17 +100,35 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("lod = 0.5", "lod = \"half\"", "half"),
         ("optics = \"table3d\"", "optics = \"table4d\"", "table4d"),
         ("blend = \"xor8\"", "blend = \"nor\"", "nor"),
+        ("position = [0.1, -8.0, 3.0]", "angle = 60\nposition = [0.1, -8.0, 3.0]", "angle"),
+        ("position = [0.1, -8.0, 3.0]", "position = [0.1, -8.0, 3.0, 1.0]", "more values"),
+        ("points = [[0.5, 0.1]]", "points = [[0.5, 0.1, 0.9]]", "more values"),
+        ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
     ] {
         assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
         let message = parse(&text.replace(from, to)).unwrap_err().to_string();
         assert!(message.contains("p.toml") && message.contains(expected), "{message}");
         assert!(message.contains(&format!("line {} ", line_of(from))), "{message}, of line {}", line_of(from));
     }
+    let newer = parse("version = 2\n[data]\nsource = \"a\"\n[lights]\nsun = 1\n").unwrap_err().to_string();
+    assert!(newer.contains("p.toml: version") && newer.contains("reads 1 to 1"), "{newer}");
     for bad in ["", "version = 1", "version = 2\n[data]\nsource = \"a\"", "version = 1\n[data]\nsource = 3", "\0", "[["]
     {
         let message = parse(bad).unwrap_err().to_string();
         assert!(message.contains("p.toml"), "{bad:?}: {message}");
     }
+}
+
+#[test]
+fn colour_maps_are_built_in_or_stand_in_full() {
+    let text = whole().to_toml().unwrap();
+    assert!(parse(&text.replace("\"turbo\"", "\"turbo_r\"")).is_ok());
+    let error = parse(&text.replace("\"turbo\"", "\"heat.json\"")).unwrap_err().to_string();
+    assert!(error.contains("p.toml: line") && error.contains("'heat.json'") && error.contains("viridis"), "{error}");
+    let full = "{ Name = \"ink\", ColorSpace = \"RGB\", RGBPoints = [0, 1, 1, 1, 1, 0.1, 0.1, 0.2] }";
+    let inked = parse(&text.replace("\"turbo\"", full)).unwrap();
+    assert_ne!(inked, whole());
+    assert_eq!(parse(&inked.to_toml().unwrap()).unwrap(), inked);
 }
 
 #[test]

@@ -42,7 +42,14 @@ impl TransferFunctionFile {
 impl TryFrom<TransferFunctionFile> for TransferFunction {
     type Error = TransferError;
 
+    /// As a part of other data, which has no folder that files could be relative to.
     fn try_from(file: TransferFunctionFile) -> Result<Self, TransferError> {
+        if let MapInFile::Name(name) = &file.color_map
+            && find_built_in(name).is_none()
+        {
+            let known = built_in_names();
+            return Err(TransferError::NoBuiltInMap { name: name.clone(), known });
+        }
         file.resolve(Path::new("transfer function"), Path::new(""))
     }
 }
@@ -50,7 +57,7 @@ impl TryFrom<TransferFunctionFile> for TransferFunction {
 impl From<TransferFunction> for TransferFunctionFile {
     fn from(tf: TransferFunction) -> Self {
         let map = tf.color_map();
-        let built_in = find_map(map.name(), Path::new("")).is_ok_and(|found| found.map == *map);
+        let built_in = find_built_in(map.name()).is_some_and(|found| found == *map);
         let color_map = if built_in {
             MapInFile::Name(map.name().to_owned())
         } else {
@@ -95,10 +102,17 @@ pub(super) fn find_map(name: &str, base: &Path) -> Result<ColorMapEntry, Transfe
         return Ok(entry);
     }
     let turned = name.strip_suffix(REVERSED).map(|stem| find_exact(stem, base)).transpose()?.flatten();
-    turned.map(reversed).ok_or_else(|| {
-        let known = ColorMap::built_in_names().collect::<Vec<_>>().join(", ");
-        TransferError::UnknownMap { name: name.to_owned(), known }
-    })
+    turned.map(reversed).ok_or_else(|| TransferError::UnknownMap { name: name.to_owned(), known: built_in_names() })
+}
+
+/// The built-in map of that name, or its reverse.
+fn find_built_in(name: &str) -> Option<ColorMap> {
+    let turned = || Some(ColorMap::built_in(name.strip_suffix(REVERSED)?)?.reversed());
+    ColorMap::built_in(name).cloned().or_else(turned)
+}
+
+fn built_in_names() -> String {
+    ColorMap::built_in_names().collect::<Vec<_>>().join(", ")
 }
 
 fn reversed(entry: ColorMapEntry) -> ColorMapEntry {

@@ -57,6 +57,17 @@ pub enum TransferError {
         /// All built-in names.
         known: String,
     },
+    /// Not a built-in colour map, where there is no folder to look for files in.
+    #[error(
+        "there is no built-in colour map '{name}'; there are {known}, each also with _r (reversed), or the map itself stands in its \
+         place, with Name and RGBPoints as ParaView writes it"
+    )]
+    NoBuiltInMap {
+        /// The name asked for.
+        name: String,
+        /// All built-in names.
+        known: String,
+    },
     /// A colour map or transfer function file is at fault.
     #[error(transparent)]
     File(#[from] FileError),

@@ -61,13 +61,14 @@ pub struct Shown {
 struct Asked {
     look: Look,
     size_px: (usize, usize),
-    /// Level of detail of the moment.
-    lod: f64,
+    /// Levels of detail that the moment allows of the one that the look wants, and of all.
+    lods: [f64; 2],
 }
 
 /// A player, what its frames look like, and what the user is told.
 ///
-/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits for anything. `now` is the
+/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits
+/// but, with a project, a millisecond for what a moment shows. `now` is the
 /// caller's monotonic time, the same as the player's.
 pub struct Session {
     pub(super) player: Player,

@@ -91,7 +91,7 @@ pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Termi
 
 fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened> {
     let store = source::open(path, terminal)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, None)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
     let backends = match args.scene.backend {
         // One in software counts: it shows how wrong GPUs are, if not how fast.
         Backend::Auto if scene.pipeline.check_backend(Backend::Gpu).is_ok() => vec![Backend::Cpu, Backend::Gpu],

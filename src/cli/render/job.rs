@@ -127,7 +127,9 @@ impl Job<'_> {
         let file = self.output.path(index);
         let mut attributes = scene.attributes(&request, index);
         let scale = scene.color_scale();
-        let fingerprint = self.fingerprints.as_ref().map(|f| f.of(planned, &request, &attributes)).transpose()?;
+        let series = scene.pipeline.series();
+        let fingerprint = |f: &Fingerprints| f.of(planned, &request, &attributes, series, scene.cancel());
+        let fingerprint = self.fingerprints.as_ref().map(fingerprint).transpose()?;
         let is_done = self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f));
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
         let is_same = |other: &FrameRequest| other.time == request.time && other.same_view(&request);

@@ -75,6 +75,9 @@ pub(super) struct Args {
     /// Write when each stage worked on which frame to a JSON file for chrome://tracing or ui.perfetto.dev
     #[arg(long, value_name = "FILE.json")]
     trace: Option<PathBuf>,
+    /// The project that says what is not said here.
+    #[arg(skip)]
+    project: Option<PathBuf>,
 }
 
 impl Args {
@@ -114,6 +117,7 @@ impl Args {
         // `FILE` or `FILE@POSITION:OPACITY,...`
         let (tf, map) = (&self.scene.tf, self.scene.tf.split('@').next().unwrap_or_default());
         let mut inputs = vec![self.store.clone(), PathBuf::from(tf), PathBuf::from(map)];
+        inputs.extend(self.project.clone());
         if !is_store(&self.store) {
             // What is wrong with a source is said when it is opened.
             inputs.extend(import::files(&self.store).unwrap_or_default());
@@ -140,7 +144,7 @@ impl Args {
             files::check_place(path)?;
             if self.inputs().iter().any(|input| is_within(path, input)) {
                 bail!(
-                    "{option} {} is a part of the series or of the transfer function; choose another name",
+                    "{option} {} is the project, or a part of the series or of the transfer function; choose another name",
                     path.display()
                 );
             }
@@ -199,7 +203,7 @@ pub(super) struct FrameRecord {
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     if project::is_project(&args.store) {
         let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, Taker::Render)?;
-        args.store = source;
+        args.project = Some(std::mem::replace(&mut args.store, source));
         return render(&args, Some(&project), terminal);
     }
     render(args, None, terminal)
@@ -227,7 +231,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, project)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
@@ -286,17 +290,22 @@ fn dataset_name(store: &Path) -> String {
 
 /// What the movie says of itself.
 fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
+    let project = args.project.as_deref();
     let name = dataset_name(&args.store);
     let field = scene.pipeline.field();
     let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
-    let SceneArgs { tf, range, .. } = &args.scene;
+    let (tf, range) = (scene.transfer_function(), &args.scene.range);
     let size = args.image.size;
+    let comment = match project {
+        Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, dataset_name(project)),
+        None => format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
+    };
     Ok(MovieOptions {
         size_px: (size.0, size.1),
         rate: args.time.rate()?,
         background: args.background,
         title: format!("{name}: {}{units}", field.name),
-        comment: format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
+        comment,
     })
 }
 

@@ -23,7 +23,7 @@ pub(super) struct TimeArgs {
     #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
     duration: Option<f64>,
     /// With --duration: between two steps, interpolate the scalars linearly in time
-    #[arg(long, requires = "duration")]
+    #[arg(long)]
     interpolate: bool,
     /// Turn the camera by DEG degrees around the focal point and the up axis while the frames pass, the eye to its right:
     /// frame n of N by n / N of it, so that 360 makes a loop without a frame twice
@@ -88,6 +88,7 @@ impl TimeArgs {
                 "--fps has no effect on images that show one step each; add --duration, or write a movie: -o movie.mp4"
             );
         }
+        ensure!(!self.interpolate || self.duration.is_some(), "--interpolate has no effect without --duration; add it");
         self.frame_count().map(|_| ())
     }
 

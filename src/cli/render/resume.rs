@@ -1,19 +1,27 @@
 //! `--resume`: which frames are there already.
 //!
 //! Every image has the fingerprint of what made it: a SHA-256 over the version of tetreel, the request (camera, transfer
-//! function as nodes, size, mode, moment), what the file says of itself (time, field, units), the content of the mesh and of the steps shown, and how it is written. A file with
-//! the same fingerprint that can be read to its end is the frame that would be rendered.
+//! function as nodes, size, mode, moment), what the file says of itself (time, field, units), the content of the mesh, of the
+//! steps shown and of what is looked at beside them, and how it is written. A file with the same fingerprint that can be read to
+//! its end is the frame that would be rendered.
 
 use super::plan::{Plan, PlannedFrame};
+use crate::cli::Interrupted;
 use crate::export::still::{FrameAttributes, read_fingerprint};
 use crate::mesh::Mesh;
-use crate::pipeline::FrameRequest;
+use crate::node_table::GridTable;
+use crate::pipeline::{FrameRequest, Series};
+use crate::task::Cancel;
 use sha2::{Digest, Sha256};
+use std::cell::RefCell;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What all frames of a run have in common, and the content of its steps.
 pub(super) struct Fingerprints {
     common: Sha256,
+    /// The last transfer function of more than the scalar, and its content.
+    grid: RefCell<Option<(Arc<GridTable>, u32)>>,
     /// Steps, ascending, and the checksums of their scalars.
     steps: Vec<(usize, u32)>,
 }
@@ -30,7 +38,11 @@ impl Fingerprints {
         ];
         let counts = (positions.local.len(), mesh.topology.tets.len());
         common.update(format!("{:?} {} {crcs:?} {counts:?} {written_as}", positions.origin, positions.scale));
-        Self { common, steps: plan.steps.iter().copied().zip(checksums.iter().copied()).collect() }
+        Self {
+            common,
+            grid: RefCell::default(),
+            steps: plan.steps.iter().copied().zip(checksums.iter().copied()).collect(),
+        }
     }
 
     /// The fingerprint of a frame, hexadecimal.
@@ -39,18 +51,93 @@ impl Fingerprints {
         frame: &PlannedFrame,
         request: &FrameRequest,
         attributes: &FrameAttributes,
+        series: &Series,
+        cancel: &Cancel,
     ) -> anyhow::Result<String> {
         let mut hash = self.common.clone();
-        hash.update(serde_json::to_vec(&(request, attributes))?);
+        // A grid would be megabytes of text.
+        hash.update(serde_json::to_vec(&(FrameRequest { grid: None, ..request.clone() }, attributes))?);
+        if let Some(grid) = &request.grid {
+            hash.update(self.content(grid).to_le_bytes());
+            // What its rows are of comes from all steps, also from those that are not shown.
+            if grid.rows().len() > 1 {
+                let cov = series.coefficients_of_variation(cancel)?.ok_or(Interrupted)?;
+                hash.update(crc32c::crc32c(bytemuck::cast_slice(&cov)).to_le_bytes());
+            }
+        }
         for step in [Some(frame.time.step()), frame.time.toward().map(|(next, _)| next)].into_iter().flatten() {
             let at = self.steps.binary_search_by_key(&step, |(step, _)| *step);
             hash.update(at.map_or(0, |i| self.steps[i].1).to_le_bytes());
         }
         Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
+
+    fn content(&self, grid: &Arc<GridTable>) -> u32 {
+        let mut last = self.grid.borrow_mut();
+        if let Some((of, content)) = &*last
+            && Arc::ptr_eq(of, grid)
+        {
+            return *content;
+        }
+        let axes = [grid.scalars(), grid.rows(), grid.layers()];
+        let counts = axes.map(|axis| axis.len() as u64);
+        let axes = axes.iter().fold(crc32c::crc32c(bytemuck::bytes_of(&counts)), |crc, axis| {
+            crc32c::crc32c_append(crc, bytemuck::cast_slice(axis))
+        });
+        let content = crc32c::crc32c_append(axes, bytemuck::cast_slice(grid.values()));
+        *last = Some((grid.clone(), content));
+        content
+    }
 }
 
 /// Whether `file` is a complete image with this fingerprint. A file that cannot be read is none.
 pub(super) fn is_done(file: &Path, fingerprint: &str) -> bool {
     file.is_file() && read_fingerprint(file).is_ok_and(|found| found.as_deref() == Some(fingerprint))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::export::still::FrameAttributes;
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::store::Store;
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::Silent;
+
+    fn series(seed: u64) -> (tempfile::TempDir, Series) {
+        let dir = tempfile::tempdir().unwrap();
+        let source = generate(&SynthSpec { cells: 600, steps: 3, seed, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+        let path = dir.path().join("jet.zarr");
+        ingest(&source, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let series = Series::open(&Store::open(path).unwrap(), None).unwrap();
+        (dir, series)
+    }
+
+    #[test]
+    fn what_is_seen_over_all_steps_and_every_value_of_a_grid_count() {
+        let [(_one_dir, one), (_other_dir, other)] = [1, 2].map(series);
+        let plan = Plan::of_steps(&[1], one.times());
+        // The same mesh and the same scalars of the step that is shown, as far as checksums tell.
+        let fingerprints = Fingerprints::new(one.mesh(), &plan, &[7], "png");
+        let camera = Camera::default_for(one.mesh().positions.world_bounds()).unwrap();
+        let table = |rows: &[f64], last: f32| {
+            let mut values = vec![[0.5; 4]; 2 * rows.len()];
+            values[2 * rows.len() - 1] = [0.5, 0.5, 0.5, last];
+            Arc::new(GridTable::new(vec![0.0, 1.0], rows.to_vec(), vec![0.0], values).unwrap())
+        };
+        let of = |grid: &Arc<GridTable>, series: &Series| {
+            let table = Arc::new(table(&[0.0], 0.5).projection());
+            let request = FrameRequest::new(1, camera, table, (8, 8));
+            let request = FrameRequest { grid: Some(grid.clone()), ..request };
+            let attributes = FrameAttributes::default();
+            fingerprints.of(&plan.frames[0], &request, &attributes, series, &Cancel::new()).unwrap()
+        };
+        let (flat, rows) = (table(&[0.0], 0.5), table(&[0.0, 1.0], 0.5));
+        assert_eq!(of(&flat, &one), of(&flat, &other), "nothing is looked at beside the scalars");
+        assert_ne!(of(&rows, &one), of(&rows, &other));
+        assert_eq!(of(&rows, &one), of(&table(&[0.0, 1.0], 0.5), &one));
+        assert_ne!(of(&rows, &one), of(&table(&[0.0, 1.0], 0.25), &one));
+        assert_ne!(of(&rows, &one), of(&table(&[0.0, 2.0], 0.5), &one));
+    }
 }

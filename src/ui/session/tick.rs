@@ -25,11 +25,12 @@ impl Session {
         let Self { player, requests, detail, look, asked, .. } = self;
         let (mode, pixels) = (look.mode, size.0 * size.1);
         let mut level = |most| detail.level(Wanted { mode, most, held_ms, pixels });
-        let lod = level(look.faces.lod);
+        // What the look wants, and all: what a project wants is not known here, but comes with these.
+        let lods = [look.faces.lod, 1.0].map(&mut level);
         // Frames of another level are as good while more of them follow; at rest it is the one that was chosen.
         let is_same = |asked: &mut Asked| {
-            let before = std::mem::replace(&mut asked.lod, lod);
-            asked.look == *look && asked.size_px == size && (state.playing || before == lod)
+            let before = std::mem::replace(&mut asked.lods, lods);
+            asked.look == *look && asked.size_px == size && (state.playing || before == lods)
         };
         if !asked.as_mut().is_some_and(is_same) || requests.for_window != for_window {
             requests.for_window = for_window;
@@ -37,7 +38,7 @@ impl Session {
             if asked.is_some() {
                 player.redraw();
             }
-            *asked = Some(Asked { look: look.clone(), size_px: size, lod });
+            *asked = Some(Asked { look: look.clone(), size_px: size, lods });
         }
         let tick = player.tick(now, &mut |time| requests.make(look, &series, time, size, &mut level));
         if let Some(problem) = self.requests.problem.take() {

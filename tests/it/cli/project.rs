@@ -234,3 +234,77 @@ fn mistakes_in_a_project_are_named_before_there_is_a_window() {
     refuses(&good, &["slab.zarr"], &["case.toml", "alone"]);
     place.refuses(&["play", "p/gone.toml"], &["gone.toml"]);
 }
+
+#[test]
+fn what_the_command_line_asks_for_need_not_fit_the_files_of_the_project() {
+    let place = Place::with_slab();
+    // Of a sequence of EXR files over a duration, over a colour.
+    write(&place, &animation().replace("size =", "interpolate = true\nsize ="));
+    place.ok(&["render", "p/case.toml", "--steps", "3", "-o", "one.png"]);
+    assert!(read_png(&place.path("one.png")).is_ok() && !place.path("p/out").exists());
+    place.ok(&["render", "p/case.toml", "--duration", "0.2", "-o", "two_%d.png"]);
+    assert!(place.path("two_1.png").exists() && !place.path("two_2.png").exists());
+    let of_png =
+        animation().replace("f_%d.exr", "f_%d.png").replace("exr = \"raw\"", "background = \"white\"\nbit-depth = 16");
+    write(&place, &of_png);
+    place.ok(&["render", "p/case.toml", "-o", "f_%d.exr"]);
+    assert!(frame(&place.path("f_6.exr")).color.pixels.iter().any(|p| p[3] == 0.0), "an EXR has opacity");
+    place.ok(&["render", "p/case.toml", "--interpolate"]);
+    place.refuses(&["render", "p/case.toml", "--range", "0,1"], &["--range", "case.toml"]);
+    place.ok(&["render", "p/case.toml", "--range", "0,1", "--tf", "gray@0:0.1", "--steps", "0", "-o", "gray.png"]);
+}
+
+#[test]
+fn nothing_is_written_before_all_that_the_timeline_names_is_known_to_work() {
+    let place = Place::with_slab();
+    let good = animation();
+    // Of the ensemble that the first frame does not show.
+    let at = good.rfind("name = \"one\"").unwrap();
+    let heavy = format!("{}weight = 2.0\n{}", &good[..at], &good[at..]);
+    write(&place, &heavy);
+    place.refuses(&["render", "p/case.toml"], &["'b'", "'one'", "weight"]);
+    assert!(!place.path("p/out").exists());
+}
+
+#[test]
+fn side_files_are_never_the_project() {
+    let place = Place::with_slab();
+    write(&place, &animation());
+    for option in ["--stats", "--trace"] {
+        place.refuses(&["render", "p/case.toml", option, "p/../p/case.toml"], &[option, "case.toml", "project"]);
+    }
+    assert_eq!(std::fs::read_to_string(place.path("p/case.toml")).unwrap(), animation());
+}
+
+#[test]
+fn a_folder_may_have_any_name() {
+    let place = Place::with_slab();
+    std::fs::create_dir_all(place.path("50%d %%")).unwrap();
+    std::fs::write(place.path("50%d %%/render"), "").unwrap();
+    std::fs::write(place.path("50%d %%/case.toml"), animation()).unwrap();
+    place.ok(&["render", "50%d %%/case.toml", "--duration", "0.2"]);
+    assert!(place.path("50%d %%/out/f_1.exr").exists());
+}
+
+#[test]
+fn images_say_what_their_colours_are_of() {
+    let place = Place::with_slab();
+    let says = |file: &str, text: &str| {
+        let bytes = std::fs::read(place.path(file)).unwrap();
+        bytes.windows(text.len()).any(|part| part == text.as_bytes())
+    };
+    write(&place, &animation());
+    place.ok(&["render", "p/case.toml", "--duration", "0.1", "-o", "of_project.exr"]);
+    assert!(says("of_project.exr", "2 ensembles on a timeline"));
+    // A camera path, and a legend of the map rather than of what is visible.
+    write(&place, &format!("{DATA}{}{}", camera(0.0, -1.0), camera(1.0, 2.0)));
+    let tf = "viridis@0.5:0,1:0.3";
+    let options = ["--steps", "4", "--size", "120x90", "--backend", "cpu", "--tf", tf, "--annotate", "legend", "-o"];
+    place.ok(&[&["render", "p/case.toml"], &options[..], &["of_tf.png"]].concat());
+    place.ok(&["render", "p/case.toml", "--steps", "4", "--size", "20x15", "--tf", tf, "-o", "of_tf.exr"]);
+    assert!(says("of_tf.exr", tf) && !says("of_tf.exr", "ensemble"));
+    let eye = "pos=2,-5,1.5 focal=0,0,0 up=0,0,1 angle=30 near=0";
+    let alone = ["render", "slab.zarr", "--field", "linear", "--camera", eye];
+    place.ok(&[&alone[..], &options[..], &["alone.png"]].concat());
+    assert_eq!(read_png(&place.path("of_tf.png")).unwrap(), read_png(&place.path("alone.png")).unwrap());
+}
