@@ -21,13 +21,14 @@ pub(super) struct Quantities {
 /// The magnitudes of the gradients of the scalars that were asked for last: a series that stands has the same in each frame.
 #[derive(Debug, Default)]
 pub(super) struct Gradients {
-    last: Option<(Arc<Vec<f32>>, Arc<Vec<f32>>)>,
+    /// These scalars, and their magnitudes.
+    last: Option<[Arc<Vec<f32>>; 2]>,
 }
 
 impl Gradients {
     /// One a cell, in scalars per world length.
     fn of(&mut self, mesh: &Mesh, scalars: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
-        if let Some((of, magnitudes)) = &self.last
+        if let Some([of, magnitudes]) = &self.last
             && Arc::ptr_eq(of, scalars)
         {
             return magnitudes.clone();
@@ -35,7 +36,7 @@ impl Gradients {
         let mut magnitudes = vec![0.0; mesh.topology.tets.len()];
         mesh.gradient_magnitudes(scalars, &mut magnitudes);
         let magnitudes = Arc::new(magnitudes);
-        self.last = Some((scalars.clone(), magnitudes.clone()));
+        self.last = Some([scalars.clone(), magnitudes.clone()]);
         magnitudes
     }
 }
