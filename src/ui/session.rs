@@ -67,9 +67,8 @@ struct Asked {
 
 /// A player, what its frames look like, and what the user is told.
 ///
-/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits
-/// but, with a project, a millisecond for what a moment shows. `now` is the
-/// caller's monotonic time, the same as the player's.
+/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits but, with a project, a millisecond
+/// for what a moment shows. `now` is the caller's monotonic time, the same as the player's.
 pub struct Session {
     pub(super) player: Player,
     store: Arc<Store>,
