@@ -196,8 +196,10 @@ fn members_that_keep_their_axes_are_drawn_by_every_renderer_as_by_the_reference(
 }
 
 /// A window is refused only after everything that can be wrong with what it is to show.
+#[cfg(feature = "gui")]
 const NO_DISPLAY: &str = "there is no display";
 
+#[cfg(feature = "gui")]
 #[test]
 fn a_project_is_played_as_far_as_there_is_a_display() {
     let place = Place::with_slab();
@@ -211,6 +213,7 @@ fn a_project_is_played_as_far_as_there_is_a_display() {
     }
 }
 
+#[cfg(feature = "gui")]
 #[test]
 fn mistakes_in_a_project_are_named_before_there_is_a_window() {
     let place = Place::with_slab();
