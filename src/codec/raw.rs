@@ -7,6 +7,7 @@ use super::{
     chunk_key, parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
+use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -107,6 +108,7 @@ impl RawDecoder {
         }
         let read = read_chunk_unless(&*self.source, &chunk_key(&self.array_key, step as u64, 2), out, cancel);
         let bytes_read = read.map_err(|stop| stop.at(|| format!("step {step}")))?;
+        waste(Slow::DecodeRaw, out.len());
         Ok(DecodeStats { bytes_read, vertices_decoded })
     }
 }

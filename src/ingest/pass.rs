@@ -9,6 +9,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource};
 use crate::mesh::Mesh;
 use crate::moments::{Moments, StepSummary};
+use crate::slowdown::{Slow, waste};
 use crate::store::FieldWriter;
 use std::time::{Duration, Instant};
 
@@ -96,6 +97,7 @@ impl<'a> Pass<'a> {
             return Err(FileError::invalid(self.source.describe(), place, problem));
         }
         self.values_read += values.len() as u64;
+        waste(Slow::Import, values.len());
         let out = &mut self.components[slot];
         match field.info.association {
             Association::Point => self.order.gather_points(values, out),

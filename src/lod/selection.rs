@@ -3,6 +3,7 @@
 use super::Ranking;
 use super::ranking::share;
 use crate::mesh::{Mesh, Topology};
+use crate::slowdown::{Slow, waste};
 use crate::visibility::{CellSet, FaceSelection, Pool};
 use std::sync::Arc;
 
@@ -106,6 +107,7 @@ impl Selector {
         }
         let Self { parts, pool, .. } = self;
         let selection = pool.make(|out| parts.choose(ranking, fraction, out));
+        waste(Slow::LodSelection, ranking.universe());
         self.last = Some((ranking.clone(), fraction, selection.clone()));
         selection
     }

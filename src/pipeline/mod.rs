@@ -44,6 +44,7 @@ use crate::mesh::Mesh;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::{Frame, RenderError, RenderJob};
+use crate::slowdown::{Slow, frames_before, waste};
 use crate::store::{Store, StoredField};
 use crate::task::{Cancel, Progress};
 use backend::Renderers;
@@ -161,6 +162,7 @@ impl Pipeline {
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
         let job = self.prepare_unless(request, cancel)?;
+        waste(Slow::LateFrames, frames_before());
         let drawn = self.renderers.render(job, request.drawn_by(), request.backend)?;
         drawn.ok_or(PipelineError::Cancelled)
     }

@@ -11,9 +11,10 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::render::{CompressedStep, OpticsTables, RenderJob};
+use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
-use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label};
+use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label, Skip};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -106,6 +107,7 @@ impl Order {
         let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
         let Decoded { scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;
+        waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients) = Default::default();
         }

@@ -10,6 +10,7 @@ use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order};
 use super::queue::{Queue, Ticket};
 use crate::render::RenderJob;
+use crate::slowdown::{Slow, waste};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
 use rayon::ThreadPool;
@@ -110,6 +111,7 @@ pub(super) fn order_all(
                 threads.install(run).map(Content::New)
             }),
         });
+        waste(Slow::Pipelined, ticket.series.mesh.topology.tets.len());
         if has_panicked(&ordered) {
             order = Order::default();
         }

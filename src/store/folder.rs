@@ -2,6 +2,7 @@
 
 use crate::codec::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};
+use crate::slowdown::{Slow, waste};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -127,6 +128,7 @@ impl ReadRange for Folder {
         parts: &mut [&mut [u8]],
         filled: &mut dyn FnMut(&[u8]) -> bool,
     ) -> FileResult<bool> {
+        waste(Slow::StoreChunk, 1);
         let path = self.path(key);
         let file = match self.pinned.get(key) {
             Some(Some(file)) => Ok(file.clone()),
@@ -164,6 +166,7 @@ impl FolderSink {
 
 impl ChunkSink for FolderSink {
     fn put(&mut self, key: &str, payload: &[u8]) -> FileResult<()> {
+        waste(Slow::StoreChunk, 1);
         let path = self.root.join(key);
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "create", &e))?;

@@ -18,6 +18,7 @@ use super::profile::{AXIS_TOLERANCE, Axis, Precision, ProfilePoint, Side, profil
 use super::range::MappedRange;
 use super::range_map::RangeMap;
 use crate::node_table::{Node, NodeTable};
+use crate::slowdown::{Slow, waste};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::fmt;
@@ -114,6 +115,7 @@ pub(super) fn node_table(
     unit_distance: f64,
 ) -> Result<NodeTable, TransferError> {
     check_unit_distance(unit_distance)?;
+    waste(Slow::NodeTable, curve.len());
     let vertices = vertices(curve, kind);
     let node =
         |v: &Vertex| Node { scalar: v.scalar, rgb: v.rgb.map(|c| c.clamp(0.0, 1.0)), tau: v.depth / unit_distance };

@@ -12,6 +12,7 @@
 use super::clear::{ClearIntervals, HOLE, Label, VISIBLE};
 use super::{CellSet, Clusters, Pool};
 use crate::mesh::{Mesh, Topology};
+use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -99,6 +100,7 @@ impl ActiveCells {
         }
         self.label(scalars, clear, known);
         let activity = self.find(&mesh.topology, cancel);
+        waste(Slow::ActiveCells, mesh.topology.tets.len());
         // Labels have moved on: what was found for those before no longer goes with them.
         self.last =
             activity.clone().map(|activity| Last { scalars: Arc::downgrade(scalars), clear: clear.clone(), activity });

@@ -35,6 +35,7 @@ use super::parts::{CHUNK, fill_parts};
 use super::radix::RadixSort;
 use super::{DrawnFaces, FaceSelection, Pool};
 use crate::mesh::Mesh;
+use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -141,6 +142,7 @@ impl DepthOrder {
         let extent = |part: &[f32]| part.iter().fold(NOTHING, |range, &x| union(range, [x, x]));
         let range = chunks.map(extent).reduce(|| NOTHING, union).map(|end| 3.0 * end);
         *scope_count = scope.count();
+        waste(Slow::RadixSort, *scope_count);
         if cancel.is_cancelled() {
             return None;
         }

@@ -7,6 +7,7 @@ mod common;
 mod exr;
 mod floors;
 mod fuzz;
+mod gate;
 mod import;
 mod lod;
 mod lod_errors;

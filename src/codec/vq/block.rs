@@ -16,6 +16,7 @@ use super::simd::widest;
 use super::{GROUPS, STEPS, group_of_step};
 use crate::codec::Stop;
 use crate::codec::stop::go_on;
+use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
@@ -204,6 +205,8 @@ impl VqBlock {
     /// The same for the vertices from `first` on, on this thread.
     pub(super) fn decode_part(&self, j: usize, step: usize, first: usize, out: &mut [f32]) {
         self.decode_finite(j, first, out);
+        waste(Slow::DecodeVq, out.len());
+        waste(Slow::DecodeLanes, out.len());
         let runs = &self.parts.runs;
         let from = runs.partition_point(|run| (run.vertex as usize) < first);
         let to = from + runs[from..].partition_point(|run| (run.vertex as usize) < first + out.len());

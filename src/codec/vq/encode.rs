@@ -24,6 +24,7 @@ use super::prepare::{Prepared, Unit, take_specials};
 use super::search::{Entries, nearest};
 use super::tiles::{LANES, Tiles};
 use super::{GROUPS, STEPS, Search, VqOptions, group_of_step};
+use crate::slowdown::{Slow, waste};
 use rayon::prelude::*;
 
 /// Vectors that an entry is trained on by the fast search.
@@ -57,6 +58,7 @@ impl Effort {
 /// Codes the block `values` (step by step, one value a vertex) that begins with step `first_step` of the series.
 /// Special values in it are replaced by their filling.
 pub(super) fn encode_block(values: &mut [f32], vertices: usize, first_step: u32, options: &VqOptions) -> Encoded {
+    waste(Slow::EncodeVq, values.len());
     let runs = take_specials(values, vertices, first_step);
     let prepared = Prepared::new(values, vertices, options.own_scales);
     let moving: Vec<u32> = (0..vertices as u32).filter(|&v| prepared.moves[v as usize]).collect();

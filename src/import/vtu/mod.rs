@@ -12,6 +12,7 @@ use super::numbers::{self, Number, Values};
 use header::{ArrayInfo, Piece};
 
 use crate::error::{FileError, FileResult};
+use crate::slowdown::{Slow, waste};
 use encoded::{Decoded, Layout, Stored};
 use header::{DataPlace, Extent, Header};
 use std::borrow::Cow;
@@ -87,6 +88,7 @@ impl VtuFile {
         let expected = numbers
             .and_then(|n| n.checked_mul(array.number.size()))
             .ok_or_else(|| self.invalid(array, array.byte, format!("{tuples} tuples are more than there can be")))?;
+        waste(Slow::ReadVtu, expected);
         if expected == 0 {
             // Writers differ in what they write for nothing.
             return Ok(ArrayBytes { number: array.number, big_endian: false, data: Decoded::Own(Vec::new()) });

@@ -4,6 +4,7 @@ use super::super::numbers::{Number, Values, parse_ascii};
 use super::hdf;
 use super::tree::{DEPTH_MAX, Document, Id};
 use crate::error::{FileError, FileResult};
+use crate::slowdown::{Slow, waste};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -202,6 +203,7 @@ impl Item {
     /// If the file is missing or damaged, or holds something else.
     pub(super) fn read(&self, document: &Document) -> FileResult<ItemBytes> {
         let (number, big_endian) = (self.number, self.big_endian);
+        waste(Slow::ReadXdmf, self.len().unwrap_or(0) as usize);
         let array = match &self.source {
             Source::Hdf { file, dataset } => {
                 let array = hdf::read(file, dataset, &self.source_dims, self.slab.as_ref())?;

@@ -1,6 +1,7 @@
 //! What an ensemble gives: the values at a place, and the curve over the scalar.
 
 use super::{Counts2d, Ensemble, Function, Member, Reduction, Space};
+use crate::slowdown::{Slow, waste};
 use crate::transfer::TransferError;
 use crate::transfer::blend::ColorWeighting;
 use crate::transfer::curve::{Curve, check_span};
@@ -241,7 +242,9 @@ impl Ensemble {
             result = Some(blended);
         }
         let points = result.map(|pieces| pieces.to_curve(colors)).transpose()?;
-        Ok(Curve::new(points.unwrap_or_default(), kind))
+        let points = points.unwrap_or_default();
+        waste(Slow::Ensemble, points.len());
+        Ok(Curve::new(points, kind))
     }
 
     /// What the refinement of one of `count` members on logarithmic axes may use up, so that it is half of

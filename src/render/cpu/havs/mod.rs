@@ -59,6 +59,7 @@ use super::raycast::entries::cells_at_eye;
 use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
 use crate::camera::View;
 use crate::optics::Integrator;
+use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::visibility::DrawnFaces;
 use bins::FaceBins;
@@ -123,6 +124,7 @@ impl Havs {
         self.sides.update(&job.mesh);
         let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
         self.bins.fill(source, &self.sides, job, drawn);
+        waste(Slow::Raster, drawn.faces.len());
     }
 }
 
@@ -228,13 +230,18 @@ impl Havs {
         let portable = self.portable;
         let (first, pixels, order) = (active.next_tile, &mut self.tile_pixels, &mut self.order);
         let done = tiles::render_tiles(job, order, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
-            match if portable { Arch::Scalar } else { Arch::new() } {
+            let counts = match if portable { Arch::Scalar } else { Arch::new() } {
                 #[cfg(target_arch = "x86_64")]
                 Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
                 #[cfg(target_arch = "x86_64")]
                 Arch::V3(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
                 _ => Scalar.vectorize(RenderTile { lanes: Scalar, scene: &scene, tile, scratch, pixels }),
-            }
+            };
+            let fragments = counts.fragments as usize;
+            waste(Slow::KBuffer, fragments);
+            waste(Slow::FaceLanes, if portable { 0 } else { fragments });
+            waste(Slow::FewFaces, if scene.is_complete { 0 } else { fragments });
+            counts
         });
         self.frame.stats.add_counts(&done.counts);
         self.frame.stats.ms_idle += done.ms_idle;

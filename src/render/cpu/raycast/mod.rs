@@ -51,6 +51,7 @@ use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Integrator;
 use crate::optics::table3d::Table3dResolution;
+use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::visibility::{Clusters, NeededClusters};
 use entries::{EntryBins, EntryFaces};
@@ -141,6 +142,8 @@ impl Raycast {
         let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
         let cells = knows_outside.then_some(&*self.needed.cells);
         self.bins.fill(source, &self.entry_faces, cells, &job.cancel);
+        waste(Slow::Entries, job.active.universe());
+        waste(Slow::LargeMeshes, job.active.universe().saturating_sub(500_000));
         saved
     }
 }

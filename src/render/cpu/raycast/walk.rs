@@ -11,6 +11,7 @@ use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Integrator;
+use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 use pulp::Arch;
@@ -111,6 +112,7 @@ fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
         pixels[pixel] = walk.light.pixel();
         walk.count(stats);
     }
+    waste(Slow::WalkPortable, stats.steps as usize);
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.

@@ -30,6 +30,7 @@ use super::path;
 use super::starts::PixelStart;
 use super::walk::{Scene, careful_signs};
 use crate::optics::Integrator;
+use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use each::EachLight;
 use exact::{ExactLights, Optics};
@@ -76,6 +77,8 @@ impl<I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, I, L> {
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
         }
+        waste(Slow::Walk, out.stats.steps as usize);
+        waste(Slow::Lanes, out.stats.steps as usize);
     }
 }
 

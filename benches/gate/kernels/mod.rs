@@ -1,0 +1,89 @@
+//! The kernels whose instructions are counted: each one's set-up, and the work behind it.
+//!
+//! Everything runs on the main thread, since callgrind's switch is one of each thread: rayon has one thread, which is that one, and
+//! kernels use no part of the library that starts threads (`counts.rs` looks whether there were others).
+
+mod codec;
+mod files;
+mod render;
+mod transfer;
+mod visibility;
+
+pub use codec::vq_block;
+
+use crate::{Trouble, Verdict};
+use std::error::Error;
+use std::hint::black_box;
+use std::path::Path;
+
+/// What is counted of a kernel.
+type Work = Box<dyn FnMut() -> Result<(), Box<dyn Error>>>;
+
+/// A kernel.
+pub struct Kernel {
+    /// In the baseline, and of the place that slows it down.
+    pub name: &'static str,
+    /// Prepares the work; the folder is empty.
+    set_up: fn(&Path) -> Result<Work, Box<dyn Error>>,
+}
+
+/// All of them, those that take longest first.
+pub const KERNELS: [Kernel; 16] = [
+    Kernel { name: "lod_selection", set_up: visibility::lod_selection },
+    Kernel { name: "radix_sort", set_up: visibility::radix_sort },
+    Kernel { name: "active_cells", set_up: visibility::active_cells },
+    Kernel { name: "k_buffer", set_up: render::k_buffer },
+    Kernel { name: "raster", set_up: render::raster },
+    Kernel { name: "entries", set_up: render::entries },
+    Kernel { name: "walk", set_up: render::walk },
+    Kernel { name: "walk_portable", set_up: render::walk_portable },
+    Kernel { name: "decode_vq", set_up: codec::decode_vq },
+    Kernel { name: "encode_vq", set_up: codec::encode_vq },
+    Kernel { name: "read_vtu", set_up: files::read_vtu },
+    Kernel { name: "read_xdmf", set_up: files::read_xdmf },
+    Kernel { name: "store_chunk", set_up: codec::store_chunk },
+    Kernel { name: "decode_raw", set_up: codec::decode_raw },
+    Kernel { name: "node_table", set_up: transfer::node_table },
+    Kernel { name: "ensemble", set_up: transfer::ensemble },
+];
+
+/// The names of all kernels.
+pub fn names() -> Vec<&'static str> {
+    KERNELS.iter().map(|kernel| kernel.name).collect()
+}
+
+/// Whether the widest vectors that this processor has, as pulp finds them, are those of AVX2.
+fn widest_is_avx2() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return matches!(pulp::Arch::new(), pulp::Arch::V3(_));
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
+/// Runs a kernel once, under valgrind.
+///
+/// # Errors
+/// If there is no such kernel or it fails; if the processor that valgrind shows has no AVX2.
+pub fn run(name: &str, folder: &Path) -> Verdict {
+    if !widest_is_avx2() {
+        return Err(Trouble(
+            "counts are those of AVX2, which this processor does not have (or valgrind does not know)".to_owned(),
+        ));
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global()?;
+    let kernel = KERNELS.iter().find(|kernel| kernel.name == name).ok_or(format!("there is no kernel '{name}'"))?;
+    let mut work = (kernel.set_up)(folder)?;
+    let mut result = Ok(());
+    counted_by_callgrind(&mut || result = work());
+    result?;
+    Ok(true)
+}
+
+/// The function whose instructions are counted, with all that it calls. Its name is in `counts.rs`, too. It is no generic one: nothing
+/// else has its name, and callgrind's switch is turned on and off once.
+#[inline(never)]
+fn counted_by_callgrind(work: &mut dyn FnMut()) {
+    work();
+    // The call above must come back here.
+    black_box(());
+}

@@ -1,0 +1,81 @@
+//! The counts of the parent commit, with the tools of now.
+
+use crate::baseline::Counts;
+use crate::tools::root;
+use crate::{RENEW, Trouble};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Counts the commit that this tree is a change of: `HEAD` if it has changes that are not committed, else the one before.
+///
+/// # Errors
+/// If there is none, if it has no gate, or cannot be built or counted; says how the baseline is renewed instead.
+pub fn counts() -> Result<Counts, Trouble> {
+    counted().map_err(|problem| {
+        Trouble(format!("the parent commit cannot be counted: {problem}; look at the counts yourself, then: {RENEW}"))
+    })
+}
+
+fn counted() -> Result<Counts, String> {
+    let changed = run(git().args(["status", "--porcelain", "--untracked-files=no"]))?;
+    let revision = if changed.trim().is_empty() { "HEAD^" } else { "HEAD" };
+    let commit = run(git().args(["rev-parse", "--verify", "--quiet", &format!("{revision}^{{commit}}")]))
+        .map_err(|_| format!("there is no {revision} here (a shallow clone?)"))?;
+    let commit = commit.trim();
+    let target = target()?;
+    let scratch = tempfile::Builder::new().prefix("gate-parent-").tempdir_in(&target).map_err(|e| e.to_string())?;
+    let tree = scratch.path().join("tree");
+    // An index of its own: nothing of the repository changes.
+    let index = scratch.path().join("index");
+    run(git().env("GIT_INDEX_FILE", &index).args(["read-tree", commit]))?;
+    let prefix = format!("--prefix={}/", tree.display());
+    run(git().env("GIT_INDEX_FILE", &index).args(["checkout-index", "--all", &prefix]))?;
+    if !tree.join("benches/gate").is_dir() {
+        return Err(format!("{commit} has no gate"));
+    }
+    println!("building {commit}");
+    let program = build(&tree, &target)?;
+    let said = run(Command::new(&program).args(["counts", "--json"]).current_dir(&tree))?;
+    serde_json::from_str(&said).map_err(|e| format!("{}: {e}", program.display()))
+}
+
+fn git() -> Command {
+    let mut git = Command::new("git");
+    git.current_dir(root());
+    git
+}
+
+/// The folder that this program was built in: what both versions are built on is shared.
+fn target() -> Result<PathBuf, String> {
+    let program = std::env::current_exe().map_err(|e| e.to_string())?;
+    // target/release/deps/gate-0123
+    let target = program.ancestors().nth(3).ok_or("this program is in no target folder")?;
+    Ok(target.to_owned())
+}
+
+/// Builds the gate of a tree; its program.
+fn build(tree: &Path, target: &Path) -> Result<PathBuf, String> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let mut command = Command::new(cargo);
+    command.args(["bench", "--bench", "gate", "--no-run", "--locked", "--message-format=json-render-diagnostics"]);
+    let said = run(command.current_dir(tree).env("CARGO_TARGET_DIR", target))?;
+    let messages = said.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let programs = messages.filter_map(|message| {
+        let is_gate = message["target"]["name"] == "gate";
+        message["executable"].as_str().filter(|_| is_gate).map(PathBuf::from)
+    });
+    programs.last().ok_or_else(|| "cargo names no program".to_owned())
+}
+
+/// What a command prints.
+fn run(command: &mut Command) -> Result<String, String> {
+    let name = format!("{command:?}");
+    let output = command.output().map_err(|e| format!("{name}: {e}"))?;
+    if output.status.success() {
+        return String::from_utf8(output.stdout).map_err(|e| format!("{name}: {e}"));
+    }
+    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+    // The end says why.
+    let last = said.lines().rev().take(20).collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join("\n");
+    Err(format!("{name}: {}: {last}", output.status))
+}

@@ -1,0 +1,121 @@
+//! Ratios of frames of pipelines.
+
+use super::on_one_thread;
+use crate::scene::{DENSE, TENTS};
+use std::error::Error;
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tetreel::bench::{median, paired};
+use tetreel::camera::Camera;
+use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, Series};
+use tetreel::store::Store;
+use tetreel::synth::{SeriesName, SynthSpec, generate};
+use tetreel::task::{Cancel, Silent};
+use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::visibility::Skip;
+
+/// Steps of the series: after so many frames they are the same again.
+const STEPS: usize = 4;
+/// Frames until the camera is where it was.
+const TURN: usize = 20;
+
+/// A jet in a store, from all sides.
+struct Scene {
+    series: Arc<Series>,
+    requests: Vec<FrameRequest>,
+    /// The files of the series.
+    _folder: tempfile::TempDir,
+}
+
+impl Scene {
+    fn new(cells: u64, tf: &str, pixels: usize, skip: Skip) -> Result<Self, Box<dyn Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("jet.zarr");
+        let jet = generate(&SynthSpec { cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
+        let options = IngestOptions { without_histograms: true, ..Default::default() };
+        ingest(&jet, &path, &options, &Silent, &Cancel::new())?;
+        let series = Arc::new(Series::open(&Store::open(&path)?, None)?);
+        let [lo, hi] = series.field().range.ok_or("no finite value")?.map(f64::from);
+        let bounds = series.mesh().positions.world_bounds();
+        let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
+        let range = MappedRange::new(lo, hi, false)?;
+        let table = build_node_table(&TransferFunction::parse(tf)?, &range, OpacityKind::Alpha, unit_distance)?;
+        let (table, camera) = (Arc::new(table), Camera::default_for(bounds)?);
+        let request = |frame: usize| -> Result<FrameRequest, Box<dyn Error>> {
+            let camera = camera.orbit(360.0 / TURN as f64 * frame as f64, 0.0)?;
+            let request = FrameRequest::new(frame % STEPS, camera, table.clone(), (pixels, pixels));
+            Ok(FrameRequest { backend: Backend::Cpu, skip, ..request })
+        };
+        let requests = (0..TURN).map(request).collect::<Result<_, _>>()?;
+        Ok(Self { series, requests, _folder: folder })
+    }
+
+    fn request(&self, frame: usize) -> FrameRequest {
+        self.requests[frame % TURN].clone()
+    }
+}
+
+/// All that can be is left out, over nothing.
+pub fn skipping() -> Result<f64, Box<dyn Error>> {
+    let scene = Scene::new(400_000, TENTS, 256, Skip::ALL)?;
+    on_one_thread(|| {
+        let draw = |skip: Skip| {
+            let (mut pipeline, mut frame, scene) = (Pipeline::new(scene.series.clone()), 0, &scene);
+            move || {
+                let request = FrameRequest { skip, ..scene.request(frame) };
+                black_box(pipeline.render(&request).map(|frame| frame.stats.steps).unwrap_or(0));
+                frame += 1;
+            }
+        };
+        Ok(paired(draw(Skip::NONE), draw(Skip::ALL), 2 * TURN - 1, 1).ratio)
+    })
+}
+
+/// Frames that are prepared while others are rendered, over one thing after the other.
+pub fn pipelined() -> Result<f64, Box<dyn Error>> {
+    const FRAMES: usize = 30;
+    const LONG: Duration = Duration::from_secs(60);
+    let scene = Scene::new(100_000, DENSE, 256, Skip::ALL)?;
+    let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
+    let pipelined = Pipelined::start(Pipeline::new(scene.series.clone()), &options, || {})?;
+    let mut in_turn = Pipeline::new(scene.series.clone());
+    let mut delivered = 0;
+    let one_after_the_other = || {
+        for frame in 0..FRAMES {
+            black_box(in_turn.render(&scene.request(frame)).map(|frame| frame.stats.steps).unwrap_or(0));
+        }
+    };
+    let side_by_side = || {
+        for frame in 0..FRAMES {
+            _ = pipelined.push(scene.request(frame));
+        }
+        while let Some(delivery) = pipelined.wait(LONG) {
+            delivered += usize::from(black_box(delivery.frame).is_ok());
+        }
+    };
+    let ratio = paired(one_after_the_other, side_by_side, 5, 1).ratio;
+    if delivered == 6 * FRAMES { Ok(ratio) } else { Err(format!("{delivered} frames came").into()) }
+}
+
+/// Frames late in a pipeline's life over the same ones early in it.
+pub fn late_frames() -> Result<f64, Box<dyn Error>> {
+    const FIRST: usize = 5;
+    const LAST: usize = 500;
+    let scene = Scene::new(20_000, DENSE, 128, Skip::ALL)?;
+    let ms = on_one_thread(|| {
+        let mut pipeline = Pipeline::new(scene.series.clone());
+        let mut ms = Vec::new();
+        for frame in 0..=LAST {
+            let (request, started) = (scene.request(frame), Instant::now());
+            black_box(pipeline.render(&request).map_err(|e| e.to_string())?);
+            ms.push(started.elapsed().as_secs_f64() * 1e3);
+        }
+        Ok(ms)
+    })?;
+    // The same frames again: a whole number of turns later.
+    let later = (LAST - FIRST - TURN) / TURN * TURN;
+    let ratios: Vec<f64> = (FIRST..FIRST + TURN).map(|frame| ms[frame + later] / ms[frame]).collect();
+    Ok(median(&ratios))
+}

@@ -1,0 +1,194 @@
+//! Ratios of run times within one process. Each has a limit on one side: one and a half times what the reference machine shows. No
+//! time is compared with one of another day or machine.
+
+mod cores;
+mod data;
+mod frames;
+mod renderers;
+
+use crate::table::{print, row};
+use crate::{Trouble, Verdict};
+use std::error::Error;
+use std::process::Command;
+use std::time::Instant;
+
+/// What a ratio may be, as a multiple of what the reference machine shows.
+const SLACK: f64 = 1.5;
+
+/// How often a ratio beyond its limit is measured before it counts.
+const ATTEMPTS: usize = 3;
+
+/// A ratio.
+struct Ratio {
+    /// Also of the place that makes it worse.
+    name: &'static str,
+    what: &'static str,
+    /// What the reference machine shows: two cores of a Xeon with AVX-512.
+    here: f64,
+    /// Whether it is one of vectors, which are shorter without AVX-512: there, vectors may not be slower than none.
+    of_vectors: bool,
+    /// Whether several threads work at once: then it counts only if there is a core for each of two.
+    threads: bool,
+    measure: fn() -> Result<f64, Box<dyn Error>>,
+}
+
+const RATIOS: [Ratio; 9] = [
+    Ratio {
+        name: "skipping",
+        what: "all that can be is left out / nothing",
+        here: 0.5,
+        of_vectors: false,
+        threads: false,
+        measure: frames::skipping,
+    },
+    Ratio {
+        name: "lanes",
+        what: "ray caster, lanes / portable",
+        here: 0.5,
+        of_vectors: true,
+        threads: false,
+        measure: renderers::lanes,
+    },
+    Ratio {
+        name: "face_lanes",
+        what: "faces, lanes / portable",
+        here: 0.8,
+        of_vectors: true,
+        threads: false,
+        measure: renderers::face_lanes,
+    },
+    Ratio {
+        name: "decode_lanes",
+        what: "a step of codec vq / a plain loop",
+        here: 0.5,
+        of_vectors: true,
+        threads: false,
+        measure: data::decode_lanes,
+    },
+    Ratio {
+        name: "pipelined",
+        what: "30 frames, pipelined / in turn",
+        here: 1.0,
+        of_vectors: false,
+        threads: true,
+        measure: frames::pipelined,
+    },
+    Ratio {
+        name: "few_faces",
+        what: "10 % of the inner faces / all",
+        here: 0.25,
+        of_vectors: false,
+        threads: false,
+        measure: renderers::few_faces,
+    },
+    Ratio {
+        name: "large_meshes",
+        what: "a frame per cell, 1M cells / 100k",
+        here: 0.3,
+        of_vectors: false,
+        threads: false,
+        measure: renderers::large_meshes,
+    },
+    Ratio {
+        name: "late_frames",
+        what: "frames around 490 / around 10",
+        here: 1.0,
+        of_vectors: false,
+        threads: false,
+        measure: frames::late_frames,
+    },
+    Ratio {
+        name: "import",
+        what: "import of .vtu files / cat",
+        here: 20.0,
+        of_vectors: false,
+        threads: true,
+        measure: data::import,
+    },
+];
+
+impl Ratio {
+    fn limit(&self) -> f64 {
+        if self.of_vectors && !has_avx512() { 1.0 } else { SLACK * self.here }
+    }
+
+    fn measured(&self) -> Result<f64, Trouble> {
+        (self.measure)().map_err(|e| Trouble(format!("ratio '{}': {e}", self.name)))
+    }
+}
+
+fn has_avx512() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return matches!(pulp::Arch::new(), pulp::Arch::V4(_));
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
+/// Measures all ratios; whether all are within their limits.
+pub fn gate() -> Verdict {
+    let started = Instant::now();
+    let mut rows = vec![row(["ratio", "here", "limit", "value", "verdict", "what"])];
+    let mut all = true;
+    for ratio in &RATIOS {
+        let (value, verdict) = judged(ratio)?;
+        all &= verdict != SLOWER;
+        let [here, limit, value] = [ratio.here, ratio.limit(), value].map(|number| format!("{number:.3}"));
+        rows.push(row([ratio.name, &here, &limit, &value, verdict, ratio.what]));
+    }
+    print(&rows);
+    let all_said = if all { "none is beyond its limit" } else { "something has become slower beside something else" };
+    println!("ratios: {all_said}");
+    eprintln!("ratios taken in {:.0} s", started.elapsed().as_secs_f64());
+    Ok(all)
+}
+
+const SLOWER: &str = "SLOWER";
+
+/// A ratio, measured until it is within its limit, or as often as it may be; and what that comes to.
+fn judged(ratio: &Ratio) -> Result<(f64, &'static str), Trouble> {
+    let (mut value, mut counts) = (f64::NAN, false);
+    for attempt in 1..=ATTEMPTS {
+        let was_free = !ratio.threads || cores::are_free();
+        value = ratio.measured()?;
+        if value <= ratio.limit() {
+            return Ok((value, if attempt == 1 { "ok" } else { "ok, measured again" }));
+        }
+        let is_free = was_free && (!ratio.threads || cores::are_free());
+        counts |= is_free;
+        let why = if is_free { "" } else { ", and the cores were NOT FREE: this says nothing" };
+        println!("{}: {value:.3} is beyond {:.3} (attempt {attempt} of {ATTEMPTS}{why})", ratio.name, ratio.limit());
+    }
+    Ok((value, if counts { SLOWER } else { "NOT JUDGED: no two free cores" }))
+}
+
+/// Measures one ratio once; whether it is within its limit.
+pub fn once(name: &str) -> Verdict {
+    let ratio = RATIOS.iter().find(|ratio| ratio.name == name).ok_or(format!("there is no ratio '{name}'"))?;
+    let value = ratio.measured()?;
+    println!("{value}");
+    Ok(value <= ratio.limit())
+}
+
+/// Shows that each ratio is within its limit as it is, and beyond it if it is slowed down.
+pub fn prove() -> Verdict {
+    let mut all = gate()?;
+    let mut rows = vec![row(["ratio", "limit", "slowed down", "verdict"])];
+    for ratio in &RATIOS {
+        let mut command = Command::new(std::env::current_exe()?);
+        let output = command.args(["ratio", ratio.name]).env("TETREEL_SLOWDOWN", ratio.name).output()?;
+        let value = String::from_utf8_lossy(&output.stdout).trim().parse::<f64>().map_err(|_| {
+            Trouble(format!("ratio '{}': {}", ratio.name, String::from_utf8_lossy(&output.stderr).trim()))
+        })?;
+        let verdict = if output.status.code() == Some(1) { "trips" } else { "DOES NOT TRIP" };
+        all &= verdict == "trips";
+        rows.push(row([ratio.name, &format!("{:.3}", ratio.limit()), &format!("{value:.3}"), verdict]));
+    }
+    print(&rows);
+    Ok(all)
+}
+
+/// Runs `work` with one thread for all that is parallel.
+fn on_one_thread<T: Send>(work: impl FnOnce() -> Result<T, String> + Send) -> Result<T, Box<dyn Error>> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(work).map_err(Into::into)
+}

@@ -1,0 +1,57 @@
+//! Ratios of frames of one renderer, on one thread.
+
+use super::on_one_thread;
+use crate::scene::{DENSE, Jet};
+use std::error::Error;
+use std::hint::black_box;
+use tetreel::bench::paired;
+use tetreel::render::cpu::havs::Havs;
+use tetreel::render::cpu::raycast::Raycast;
+use tetreel::render::{RenderJob, Renderer};
+
+/// Median over pairs of the time of the second frame over that of the first.
+fn ratio<A, B>(
+    pairs: usize,
+    (mut a, of_a): (A, RenderJob),
+    (mut b, of_b): (B, RenderJob),
+) -> Result<f64, Box<dyn Error>>
+where
+    A: Renderer,
+    B: Renderer,
+{
+    on_one_thread(move || {
+        // Rendered once, they cannot fail any more.
+        a.render(of_a.clone()).map_err(|e| e.to_string())?;
+        b.render(of_b.clone()).map_err(|e| e.to_string())?;
+        let draw_a = || _ = black_box(a.render(of_a.clone()).map(|frame| frame.stats.steps));
+        let draw_b = || _ = black_box(b.render(of_b.clone()).map(|frame| frame.stats.steps));
+        Ok(paired(draw_a, draw_b, pairs, 1).ratio)
+    })
+}
+
+/// The ray caster in vectors over one ray after the other.
+pub fn lanes() -> Result<f64, Box<dyn Error>> {
+    let job = Jet::new(100_000, &[8])?.job(DENSE, 256)?;
+    ratio(9, (Raycast::portable(), job.clone()), (Raycast::new(), job))
+}
+
+/// The renderer of faces for the widest registers over that for all processors.
+pub fn face_lanes() -> Result<f64, Box<dyn Error>> {
+    let job = Jet::new(100_000, &[8])?.job_of_faces(DENSE, 256, 1.0)?;
+    ratio(9, (Havs::portable(), job.clone()), (Havs::new(), job))
+}
+
+/// A tenth of the inner faces over all of them.
+pub fn few_faces() -> Result<f64, Box<dyn Error>> {
+    let jet = Jet::new(100_000, &[8])?;
+    let [all, few] = [jet.job_of_faces(DENSE, 256, 1.0)?, jet.job_of_faces(DENSE, 256, 0.1)?];
+    ratio(9, (Havs::new(), all), (Havs::new(), few))
+}
+
+/// What a frame takes for each cell, of a million cells over a hundred thousand.
+pub fn large_meshes() -> Result<f64, Box<dyn Error>> {
+    let [small, large] = [Jet::new(100_000, &[8])?, Jet::new(1_000_000, &[8])?];
+    let cells = large.cells() as f64 / small.cells() as f64;
+    let [of_small, of_large] = [small.job(DENSE, 256)?, large.job(DENSE, 256)?];
+    Ok(ratio(9, (Raycast::new(), of_small), (Raycast::new(), of_large))? / cells)
+}

@@ -1,0 +1,182 @@
+//! Slow-downs on purpose: how the throughput gate is shown to notice them (`cargo bench --bench gate --features slowdown -- prove`).
+//!
+//! What the gate counts or times has a [`Slow`] and one call of [`waste`], with the units of its work. Without the feature
+//! `slowdown` the call does nothing and is compiled to nothing. With it, the places that the environment variable
+//! `TETREEL_SLOWDOWN` names (with commas between them) lose so many thousandths of an instruction a unit as its rate says:
+//! a tenth of what a counted kernel costs, and more than its limit allows of what is timed.
+
+/// A place that can be slowed down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slow {
+    /// A unit is a vertex.
+    DecodeVq,
+    /// A unit is a vertex.
+    DecodeRaw,
+    /// The walk in lanes; a unit is a step from cell to cell.
+    Walk,
+    /// The walk of one ray after the other; a unit is a step from cell to cell.
+    WalkPortable,
+    /// A unit is a cell of the mesh.
+    Entries,
+    /// Faces into tiles; a unit is a face.
+    Raster,
+    /// A unit is a fragment.
+    KBuffer,
+    /// A unit is a face.
+    RadixSort,
+    /// A unit is a cell.
+    ActiveCells,
+    /// A unit is a face of the mesh.
+    LodSelection,
+    /// A unit is a point of the curve that the table is made from.
+    NodeTable,
+    /// A unit is a point of the curve that comes out.
+    Ensemble,
+    /// A unit is a value.
+    EncodeVq,
+    /// A unit is a byte of a decoded array.
+    ReadVtu,
+    /// A unit is a number of an array.
+    ReadXdmf,
+    /// A unit is a file.
+    StoreChunk,
+    /// Frames from which all is left out that can be; a unit is a cell.
+    Skipping,
+    /// The walk in lanes, as timed; a unit is a step from cell to cell.
+    Lanes,
+    /// Faces in wide registers, as timed; a unit is a fragment.
+    FaceLanes,
+    /// Decoding of codec `vq`, as timed; a unit is a vertex.
+    DecodeLanes,
+    /// Frames that are prepared while others are rendered; a unit is a cell.
+    Pipelined,
+    /// Frames of some of the faces; a unit is a fragment.
+    FewFaces,
+    /// A unit is a cell beyond half a million.
+    LargeMeshes,
+    /// A unit is a frame that came before.
+    LateFrames,
+    /// A unit is a value of a step.
+    Import,
+}
+
+/// Wastes the time of so many units if the place is to be slowed down; here it never is.
+#[cfg(not(feature = "slowdown"))]
+#[inline(always)]
+pub(crate) fn waste(_place: Slow, _units: usize) {}
+
+/// Frames so far, if they are to become slower and slower; here nobody asks.
+#[cfg(not(feature = "slowdown"))]
+#[inline(always)]
+pub(crate) fn frames_before() -> usize {
+    0
+}
+
+#[cfg(feature = "slowdown")]
+pub(crate) use with_feature::{frames_before, waste};
+
+#[cfg(feature = "slowdown")]
+mod with_feature {
+    use super::Slow;
+    use std::hint::black_box;
+    use std::sync::OnceLock;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+    /// Names of the places to slow down, with commas between them.
+    const VARIABLE: &str = "TETREEL_SLOWDOWN";
+
+    /// Instructions of one turn of the loop that wastes them.
+    const PER_TURN: usize = 5;
+
+    const PLACES: [Slow; 25] = [
+        Slow::DecodeVq,
+        Slow::DecodeRaw,
+        Slow::Walk,
+        Slow::WalkPortable,
+        Slow::Entries,
+        Slow::Raster,
+        Slow::KBuffer,
+        Slow::RadixSort,
+        Slow::ActiveCells,
+        Slow::LodSelection,
+        Slow::NodeTable,
+        Slow::Ensemble,
+        Slow::EncodeVq,
+        Slow::ReadVtu,
+        Slow::ReadXdmf,
+        Slow::StoreChunk,
+        Slow::Skipping,
+        Slow::Lanes,
+        Slow::FaceLanes,
+        Slow::DecodeLanes,
+        Slow::Pipelined,
+        Slow::FewFaces,
+        Slow::LargeMeshes,
+        Slow::LateFrames,
+        Slow::Import,
+    ];
+
+    impl Slow {
+        /// The name in the environment variable and in the gate, and thousandths of an instruction that a unit loses.
+        const fn name_and_rate(self) -> (&'static str, usize) {
+            match self {
+                Self::DecodeVq => ("decode_vq", 250),
+                Self::DecodeRaw => ("decode_raw", 250),
+                Self::Walk => ("walk", 9000),
+                Self::WalkPortable => ("walk_portable", 20_000),
+                Self::Entries => ("entries", 4000),
+                Self::Raster => ("raster", 10_000),
+                Self::KBuffer => ("k_buffer", 30_000),
+                Self::RadixSort => ("radix_sort", 6000),
+                Self::ActiveCells => ("active_cells", 2000),
+                Self::LodSelection => ("lod_selection", 1000),
+                Self::NodeTable => ("node_table", 100_000),
+                Self::Ensemble => ("ensemble", 100_000),
+                Self::EncodeVq => ("encode_vq", 10_000),
+                Self::ReadVtu => ("read_vtu", 200),
+                Self::ReadXdmf => ("read_xdmf", 500),
+                Self::StoreChunk => ("store_chunk", 1_000_000),
+                Self::Skipping => ("skipping", 2_000_000),
+                Self::Lanes => ("lanes", 500_000),
+                Self::FaceLanes => ("face_lanes", 500_000),
+                Self::DecodeLanes => ("decode_lanes", 20_000),
+                Self::Pipelined => ("pipelined", 1_000_000),
+                Self::FewFaces => ("few_faces", 1_000_000),
+                Self::LargeMeshes => ("large_meshes", 5_000_000),
+                Self::LateFrames => ("late_frames", 100_000_000),
+                Self::Import => ("import", 1_000_000),
+            }
+        }
+    }
+
+    /// Places to slow down.
+    fn slowed() -> &'static [Slow] {
+        static SLOWED: OnceLock<Vec<Slow>> = OnceLock::new();
+        SLOWED.get_or_init(|| {
+            let names = std::env::var(VARIABLE).unwrap_or_default();
+            let place = |name: &str| {
+                let found = PLACES.into_iter().find(|place| place.name_and_rate().0 == name);
+                assert!(found.is_some(), "{VARIABLE}: there is no place '{name}'");
+                found
+            };
+            names.split(',').filter(|name| !name.is_empty()).filter_map(place).collect()
+        })
+    }
+
+    /// Wastes the time of so many units if the place is to be slowed down.
+    #[inline(never)]
+    pub(crate) fn waste(place: Slow, units: usize) {
+        if slowed().contains(&place) {
+            let turns = units * place.name_and_rate().1 / 1000 / PER_TURN;
+            for turn in 0..turns {
+                black_box(turn);
+            }
+        }
+    }
+
+    /// Frames so far: with [`Slow::LateFrames`], each is slower than the one before.
+    pub(crate) fn frames_before() -> usize {
+        static FRAMES: AtomicUsize = AtomicUsize::new(0);
+        FRAMES.fetch_add(1, Relaxed)
+    }
+}
