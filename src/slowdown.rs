@@ -86,7 +86,7 @@ mod with_feature {
     const VARIABLE: &str = "TETREEL_SLOWDOWN";
 
     /// Instructions of one turn of the loop that wastes them.
-    const PER_TURN: usize = 5;
+    const PER_TURN: usize = 4;
 
     const PLACES: [Slow; 25] = [
         Slow::DecodeVq,
@@ -120,31 +120,31 @@ mod with_feature {
         /// The name in the environment variable and in the gate, and thousandths of an instruction that a unit loses.
         const fn name_and_rate(self) -> (&'static str, usize) {
             match self {
-                Self::DecodeVq => ("decode_vq", 250),
-                Self::DecodeRaw => ("decode_raw", 250),
-                Self::Walk => ("walk", 9000),
-                Self::WalkPortable => ("walk_portable", 20_000),
-                Self::Entries => ("entries", 4000),
-                Self::Raster => ("raster", 10_000),
-                Self::KBuffer => ("k_buffer", 30_000),
-                Self::RadixSort => ("radix_sort", 6000),
-                Self::ActiveCells => ("active_cells", 2000),
-                Self::LodSelection => ("lod_selection", 1000),
-                Self::NodeTable => ("node_table", 100_000),
-                Self::Ensemble => ("ensemble", 100_000),
-                Self::EncodeVq => ("encode_vq", 10_000),
-                Self::ReadVtu => ("read_vtu", 200),
-                Self::ReadXdmf => ("read_xdmf", 500),
-                Self::StoreChunk => ("store_chunk", 1_000_000),
+                Self::DecodeVq => ("decode_vq", 560),
+                Self::DecodeRaw => ("decode_raw", 630),
+                Self::Walk => ("walk", 41_000),
+                Self::WalkPortable => ("walk_portable", 64_000),
+                Self::Entries => ("entries", 20_000),
+                Self::Raster => ("raster", 51_000),
+                Self::KBuffer => ("k_buffer", 68_000),
+                Self::RadixSort => ("radix_sort", 22_000),
+                Self::ActiveCells => ("active_cells", 4400),
+                Self::LodSelection => ("lod_selection", 6100),
+                Self::NodeTable => ("node_table", 1_200_000),
+                Self::Ensemble => ("ensemble", 650_000),
+                Self::EncodeVq => ("encode_vq", 88_000),
+                Self::ReadVtu => ("read_vtu", 9000),
+                Self::ReadXdmf => ("read_xdmf", 18_000),
+                Self::StoreChunk => ("store_chunk", 1_600_000),
                 Self::Skipping => ("skipping", 2_000_000),
                 Self::Lanes => ("lanes", 500_000),
-                Self::FaceLanes => ("face_lanes", 500_000),
+                Self::FaceLanes => ("face_lanes", 1_500_000),
                 Self::DecodeLanes => ("decode_lanes", 20_000),
-                Self::Pipelined => ("pipelined", 1_000_000),
-                Self::FewFaces => ("few_faces", 1_000_000),
+                Self::Pipelined => ("pipelined", 6_000_000),
+                Self::FewFaces => ("few_faces", 3_000_000),
                 Self::LargeMeshes => ("large_meshes", 5_000_000),
-                Self::LateFrames => ("late_frames", 100_000_000),
-                Self::Import => ("import", 1_000_000),
+                Self::LateFrames => ("late_frames", 500_000_000),
+                Self::Import => ("import", 4_000_000),
             }
         }
     }

@@ -168,12 +168,12 @@ impl OneField {
 /// Chunks written to files and read from others, a step each: names, checksums and copies; what the system does is not counted.
 pub fn store_chunk(folder: &Path) -> Result<Work, Box<dyn Error>> {
     const STORED: usize = 8;
-    let jet = Jet::new(3000, &[8])?;
+    let jet = Jet::new(30_000, &[8])?;
     let reader = OneField::written(&folder.join("read.zarr"), &jet, STORED)?;
     let mut new = OneField::begin(&folder.join("write.zarr"), &jet, STORED)?;
     let mut out = vec![0.0; jet.mesh.vertex_source.len()];
     Ok(Box::new(move || {
-        for at in 0..1000 {
+        for at in 0..400 {
             new.field.push(&jet.scalars[0])?;
             reader.decode_step(at % STORED, black_box(&mut out))?;
         }

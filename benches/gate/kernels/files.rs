@@ -58,9 +58,9 @@ pub fn read_xdmf(folder: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// A jet of three steps.
+/// A jet of eight steps.
 fn write_xdmf(folder: &Path, path: &Path) -> Result<(), Box<dyn Error>> {
-    let jet = generate(&SynthSpec { cells: 20_000, steps: 3, ..SynthSpec::new(SeriesName::Jet) })?;
+    let jet = generate(&SynthSpec { cells: 20_000, steps: 8, ..SynthSpec::new(SeriesName::Jet) })?;
     let mesh = jet.mesh()?;
     let points: Vec<[f64; 3]> = mesh.points.iter().map(|point| point.to_array()).collect();
     fs::write(folder.join("points.bin"), bytemuck::cast_slice::<_, u8>(&points))?;

@@ -36,7 +36,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "skipping",
         what: "all that can be is left out / nothing",
-        here: 0.5,
+        here: 0.49,
         of_vectors: false,
         threads: false,
         measure: frames::skipping,
@@ -44,7 +44,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "lanes",
         what: "ray caster, lanes / portable",
-        here: 0.5,
+        here: 0.34,
         of_vectors: true,
         threads: false,
         measure: renderers::lanes,
@@ -52,7 +52,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "face_lanes",
         what: "faces, lanes / portable",
-        here: 0.8,
+        here: 0.73,
         of_vectors: true,
         threads: false,
         measure: renderers::face_lanes,
@@ -60,7 +60,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "decode_lanes",
         what: "a step of codec vq / a plain loop",
-        here: 0.5,
+        here: 0.37,
         of_vectors: true,
         threads: false,
         measure: data::decode_lanes,
@@ -84,7 +84,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "large_meshes",
         what: "a frame per cell, 1M cells / 100k",
-        here: 0.3,
+        here: 0.22,
         of_vectors: false,
         threads: false,
         measure: renderers::large_meshes,
@@ -100,7 +100,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "import",
         what: "import of .vtu files / cat",
-        here: 20.0,
+        here: 75.0,
         of_vectors: false,
         threads: true,
         measure: data::import,
