@@ -71,11 +71,11 @@ fn build(tree: &Path, target: &Path) -> Result<PathBuf, String> {
     command.args(["bench", "--bench", "gate", "--no-run", "--message-format=json-render-diagnostics"]);
     let said = run(command.current_dir(tree).env("CARGO_TARGET_DIR", target))?;
     let messages = said.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let programs = messages.filter_map(|message| {
+    let mut programs = messages.filter_map(|message| {
         let is_gate = message["target"]["name"] == "gate";
         message["executable"].as_str().filter(|_| is_gate).map(PathBuf::from)
     });
-    programs.last().ok_or_else(|| "cargo names no program".to_owned())
+    programs.next_back().ok_or_else(|| "cargo names no program".to_owned())
 }
 
 /// What a command prints.

@@ -46,7 +46,7 @@ pub fn entries(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(20_000, &[8])?;
     let job = jet.job(TENTS, 96)?;
     let skip = Skip { unchanged: false, ..Skip::ALL };
-    let layers = |shift: usize| Arc::new(CellSet::of(jet.cells(), |cell| (cell / 64 + shift) % 3 == 0));
+    let layers = |shift: usize| Arc::new(CellSet::of(jet.cells(), |cell| (cell / 64 + shift).is_multiple_of(3)));
     begins(Raycast::new(), (0..10).map(|shift| RenderJob { active: layers(shift), skip, ..job.clone() }).collect())
 }
 

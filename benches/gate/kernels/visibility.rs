@@ -47,7 +47,7 @@ pub fn lod_selection(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[])?;
     let ranking = Arc::new(Ranking::by_hash(&jet.mesh.topology));
     let some: Vec<Arc<CellSet>> =
-        (0..10).map(|round| Arc::new(CellSet::of(jet.cells(), |cell| (cell / 64 + round) % 3 == 0))).collect();
+        (0..10).map(|round| Arc::new(CellSet::of(jet.cells(), |cell| (cell / 64 + round).is_multiple_of(3)))).collect();
     let mut selector = Selector::new();
     Ok(Box::new(move || {
         for active in &some {

@@ -100,7 +100,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "import",
         what: "import of .vtu files / cat",
-        here: 75.0,
+        here: 60.0,
         of_vectors: false,
         threads: true,
         measure: data::import,
