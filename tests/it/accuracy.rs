@@ -72,6 +72,7 @@ fn worst(runs: &[BenchRun], wanted: impl Fn(&BenchRun) -> bool) -> f64 {
     errors.reduce(f64::max).expect("no run is of this kind")
 }
 
+// Long: it measures all paths that there are.
 #[test]
 fn every_path_is_measured_and_those_that_leave_nothing_out_are_exact() {
     let temp = tempfile::tempdir().unwrap();

@@ -79,6 +79,7 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
     logs.into_iter().map(|of| of.map(f64::exp)).collect()
 }
 
+// Long: a ratio to chance needs many images: seven series, four transfer functions, four views, two levels, five rankings.
 #[test]
 fn the_usual_ranking_is_no_worse_than_chance_and_mostly_better() {
     let Some(dir) = samples() else { return };

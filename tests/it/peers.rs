@@ -212,6 +212,7 @@ mod ranges_that_widen {
         shown
     }
 
+    // Long: six policies and five renderers, and a new pipeline for each step drawn alone.
     #[test]
     fn a_loud_step_after_a_quiet_one_is_the_one_that_is_drawn_alone() {
         let temp = tempfile::tempdir().unwrap();

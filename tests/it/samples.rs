@@ -19,6 +19,7 @@ fn import_to(source: &Path, out: &Path, steps: &str) -> Store {
     ingested(&*import::open(source).unwrap(), out, steps)
 }
 
+// Long: the float64 reference draws five steps from all sides.
 #[test]
 fn the_spxf_series_is_drawn_as_the_reference_draws_it() {
     let Some(dir) = samples() else { return };
@@ -44,6 +45,7 @@ fn the_blunt_fin_is_drawn_as_the_reference_draws_it() {
     assert_faces_agree("blunt fin", &job);
 }
 
+// Long: the float64 reference draws four series from all sides.
 #[test]
 fn the_series_of_solvers_are_drawn_as_the_reference_draws_them() {
     let Some(dir) = samples() else { return };
@@ -70,6 +72,7 @@ const SERIES: [(&str, usize, usize, usize, [f64; 2]); 7] = [
     ("paper_static/bluntfin.vtu", 40_960, 187_395, 1, [0.0, 0.0]),
 ];
 
+// Long: it reads, writes and reads seven series.
 #[test]
 fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_changed_bit() {
     let Some(dir) = samples() else { return };
@@ -239,6 +242,7 @@ impl Printed {
     }
 }
 
+// Long: what is printed is of 64 steps of whole meshes, of up to 149,220 vertices.
 #[test]
 fn the_rebuilt_series_are_compressed_at_least_as_well_as_the_dissertation_prints() {
     let Some(dir) = samples() else { return };

@@ -115,6 +115,7 @@ pub fn assert_agrees_from_all_sides(store: &Store, field: &str, steps: &[usize])
     assert!(seen > 0.5, "empty images prove nothing");
 }
 
+// Long: the float64 reference draws every series from all sides.
 #[test]
 fn every_generated_series_is_drawn_as_the_reference_draws_it() {
     let temp = tempfile::tempdir().unwrap();

@@ -71,6 +71,7 @@ fn all_but_one() -> impl Iterator<Item = Skip> {
     })
 }
 
+// Long: a series, a transfer function and the optics all decide what is skipped: every combination is drawn both ways.
 #[test]
 fn real_series_are_drawn_alike_with_and_without_skipping() {
     let Some(dir) = samples() else { return };
@@ -174,6 +175,7 @@ fn journey(pipeline: &Pipeline) -> Vec<FrameRequest> {
     times.into_iter().enumerate().map(at).collect()
 }
 
+// Long: every switch has a pipeline of its own through the whole journey.
 #[test]
 fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
     for (name, codec) in [
@@ -283,6 +285,7 @@ fn count_faces(topology: &Topology, cells: &CellSet) -> (usize, usize) {
 }
 
 /// With as many faces drawn, an image whose clear cells are left out is no further from the whole one than with them.
+// Long: errors are sums over series, transfer functions, steps and levels.
 #[test]
 fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
     let Some(dir) = samples() else { return };

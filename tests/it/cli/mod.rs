@@ -149,6 +149,7 @@ fn n_steps_asked_make_n_files_of_which_first_and_last_are_the_right_ones() {
     }
 }
 
+// Long: the suite of accuracy measures all paths that there are.
 #[test]
 fn json_is_alone_on_stdout_and_has_the_keys_that_the_help_names() {
     let place = Place::empty();
@@ -303,6 +304,7 @@ fn a_damaged_chunk_is_named_and_what_was_rendered_before_stays() {
     assert_eq!(read_png(&place.path("new.png")).unwrap(), read_png(&place.path("f_3.png")).unwrap());
 }
 
+// Long: 24 frames of the size that the demo has.
 #[test]
 fn the_demo_leaves_frames_and_a_contact_sheet_on_which_something_shines() {
     let place = Place::empty();

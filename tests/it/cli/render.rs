@@ -198,6 +198,7 @@ fn the_playback_suite_measures_moving_time_and_seeks() {
     assert!(run["seek"]["ms"]["median"].as_f64().unwrap() > 0.0);
 }
 
+// Long: the suite measures all paths that there are.
 #[test]
 fn the_accuracy_suite_writes_records_tables_and_plots() {
     let place = Place::with_slab();

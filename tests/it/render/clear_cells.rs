@@ -142,6 +142,7 @@ proptest! {
         }
     }
 
+    // Long: every scene makes a pre-integrated table of its own.
     #[test]
     fn clear_cells_may_be_left_out_with_a_pre_integrated_table(scene in scenes()) {
         let all = RenderJob { optics: OpticsKind::Table3d, ..scene.job() };
@@ -164,6 +165,7 @@ proptest! {
         }
     }
 
+    // Long: a third of the scenes make a pre-integrated table.
     #[test]
     fn vectors_draw_the_bits_of_the_scalar_walk(scene in scenes(), optics in 0..OpticsKind::ALL.len(), opaque in any::<bool>()) {
         let optics = OpticsKind::ALL[optics];

@@ -156,6 +156,7 @@ fn a_raw_store_that_grew_is_the_one_of_one_import() {
     assert_ne!(comparable(&dir.path().join("5.zarr")), comparable(whole.path()));
 }
 
+// Long: codebooks are trained again for every part.
 #[test]
 fn a_vq_store_that_grew_is_the_one_of_one_import() {
     for (ends, relative) in

@@ -18,6 +18,7 @@ fn eyes(mesh: &Mesh) -> Vec<(&'static str, DVec3)> {
     ]
 }
 
+// Long: four views from every kind of place in three meshes, on every path.
 #[test]
 fn eyes_in_cells_on_vertices_edges_and_faces_agree() {
     for (kind, jitter, hole) in [("jittered", 0.16, 0.0), ("regular", 0.0, 0.0), ("hole", 0.16, 0.5)] {

@@ -173,6 +173,7 @@ pub fn table3d_bound() -> Bound {
     Bound { rmse: 7.2e-5, max: 1.5e-4 }
 }
 
+// Long: every job makes a pre-integrated table of its own.
 #[test]
 fn the_pre_integrated_table_agrees_where_the_transfer_function_is_linear() {
     let flat = |case: Case| {

@@ -104,6 +104,7 @@ fn crop(image: &RgbaImage, margin: usize) -> RgbaImage {
 /// sums of about a hundred by a few. Bands of the reference have 8 rows, bands of faces on the GPU any number of tiles.
 const CROP_BOUND: f64 = 1e-6;
 
+// Long: every path draws its jobs with seven margins.
 #[test]
 fn where_tiles_and_bands_end_does_not_show() {
     let jobs = case().jobs();

@@ -206,6 +206,7 @@ fn views_along((place, direction): (DVec3, DVec3), index: usize) -> View {
     camera.view(FRAME_PX, FRAME_PX).unwrap()
 }
 
+// Long: every vertex, edge and face of five meshes has rays of its own, each an image.
 #[test]
 fn rays_through_vertices_along_edges_and_in_faces_lose_no_cell_and_meet_none_twice() {
     let mut all = Tally::default();

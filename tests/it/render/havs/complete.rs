@@ -258,7 +258,7 @@ fn holes_in_the_field_and_any_active_subset_agree_with_the_ray_caster() {
 #[test]
 fn the_comparison_notices_a_missing_face_and_a_wrong_order() {
     let (mesh, scalars, table) = layered(1e-3, 1.0);
-    let base = job(&mesh, scalars, &camera(DVec3::new(2.0, 1.0, 3.0), PERSPECTIVE), (65, 65), table);
+    let base = job(&mesh, scalars, &camera(DVec3::new(2.0, 1.0, 3.0), PERSPECTIVE), (33, 33), table);
     let judge = raycast(&base);
     let all = with_all_faces(&base);
     // Depths, too: of an eye that is a millionth nearer.

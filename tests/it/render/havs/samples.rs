@@ -99,6 +99,7 @@ impl Row {
     }
 }
 
+// Long: every series is drawn in ten ways from every camera.
 #[test]
 fn all_faces_of_real_series_in_exact_order_are_the_ray_casters_image() {
     let Some(dir) = samples() else { return };

@@ -37,6 +37,7 @@ pub fn jobs() -> Vec<RenderJob> {
     jobs
 }
 
+// Long: the oracle looks at every face for every pixel.
 #[test]
 fn levels_of_detail_in_exact_order_are_all_fragments_sorted() {
     let mut worst = (0.0f64, 0.0f64);
@@ -56,6 +57,7 @@ fn levels_of_detail_in_exact_order_are_all_fragments_sorted() {
     eprintln!("levels of detail: rmse {:.1e}, max {:.1e}", worst.0, worst.1);
 }
 
+// Long: the oracle looks at every face for every pixel.
 #[test]
 fn a_small_buffer_makes_the_mistakes_of_a_small_buffer() {
     let mut mistakes = 0;
