@@ -1,0 +1,73 @@
+# shellcheck shell=bash disable=SC2154  # variables of .ci/run
+# What the checks need beyond Rust. Sourced by .ci/run. Each function installs what is missing, or fails and says what to install.
+
+apt_install() {
+    if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then
+        echo "missing: $*; install them, or run as root where there is apt-get" >&2
+        return 1
+    fi
+    apt-get update -qq
+    apt-get install -qq -y --no-install-recommends "$@"
+}
+
+# A virtual environment with what the scripts in tests/interop import; kept until the list or Python changes.
+python_packages='numpy==2.* zarr==3.* vtk==9.* OpenEXR==3.*'
+python_versions() {
+    "$1" -c 'import numpy, OpenEXR, vtk, zarr; print("numpy", numpy.__version__, "OpenEXR", OpenEXR.__version__, "vtk", vtk.VTK_VERSION, "zarr", zarr.__version__)'
+}
+set_up_python() {
+    local venv=$scratch/python key
+    command -v python3 >/dev/null || apt_install python3 python3-venv
+    key=$({ command -v python3; python3 -VV; echo "$python_packages"; } | sha256sum | cut -c 1-16)
+    if [ "$(cat "$venv/key" 2>/dev/null)" != "$key" ]; then
+        rm -rf "$venv"
+        [ -z "$use_cache" ] || cache_restore python "$key" "$venv" || true
+        # The wheel of VTK takes these from the system.
+        [ ! -e "$venv/key" ] || python_versions "$venv/bin/python3" >/dev/null 2>&1 || apt_install libgl1 libxrender1 libx11-6
+    fi
+    if [ "$(cat "$venv/key" 2>/dev/null)" != "$key" ] || ! python_versions "$venv/bin/python3" >/dev/null; then
+        rm -rf "$venv"
+        if ! python3 -m venv "$venv"; then
+            rm -rf "$venv"
+            apt_install python3 python3-venv
+            python3 -m venv "$venv"
+        fi
+        # shellcheck disable=SC2086  # a list
+        "$venv/bin/pip" install --quiet --disable-pip-version-check $python_packages
+        "$venv/bin/python3" -c 'import vtk' 2>/dev/null || apt_install libgl1 libxrender1 libx11-6
+        echo "$key" >"$venv/key"
+        [ -z "$use_cache" ] || cache_save python "$key" "$venv" .
+    fi
+    python_versions "$venv/bin/python3"
+    export PATH=$venv/bin:$PATH PYTHON=$venv/bin/python3
+}
+
+set_up_ffmpeg() {
+    if ! command -v ffmpeg >/dev/null || ! command -v ffprobe >/dev/null; then apt_install ffmpeg; fi
+}
+
+set_up_valgrind() {
+    command -v valgrind >/dev/null || apt_install valgrind
+    valgrind --version
+}
+
+# A screen in memory for the window.
+has_screen() {
+    command -v Xvfb >/dev/null
+}
+set_up_screen() {
+    has_screen || apt_install xvfb
+}
+
+# Mesa's Vulkan driver in software: a GPU for the tests, whatever the machine.
+has_gpu() {
+    find /usr/share/vulkan /etc/vulkan -name 'lvp_icd*.json' 2>/dev/null | grep -q . && ldconfig -p | grep -q 'libvulkan\.so\.1'
+}
+set_up_gpu() {
+    has_gpu || apt_install mesa-vulkan-drivers libvulkan1
+    # Drivers look for a display server there, and complain aloud if the folder is missing.
+    if [ ! -d "${XDG_RUNTIME_DIR-}" ]; then
+        export XDG_RUNTIME_DIR=$scratch/runtime
+        mkdir -p -m 700 "$XDG_RUNTIME_DIR"
+    fi
+}

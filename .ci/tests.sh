@@ -1,0 +1,78 @@
+# shellcheck shell=bash disable=SC2154  # variables of .ci/run
+# How tests are run, listed and timed. Sourced by .ci/run.
+
+# Every test says how long it took: cargo starts test binaries through .ci/timed.
+host=$(rustc -vV | sed -n 's/^host: //p')
+host=${host^^}
+export "CARGO_TARGET_${host//[-.]/_}_RUNNER=$PWD/.ci/timed"
+
+# Tests that take longer say why in a comment.
+long_seconds=5
+
+# Temporary files of tests: in memory where there is room, since stores are flushed to the disk before they are renamed, which is what
+# half of the tests of stores wait for.
+temporary_files_in_memory() {
+    local free
+    free=$(df -Pk /dev/shm 2>/dev/null | awk 'NR == 2 { print $4 }')
+    if [ -w /dev/shm ] && [ "${free:-0}" -gt $((4 << 20)) ]; then
+        memory=$(mktemp -d /dev/shm/tetreel-ci.XXXXXX)
+        export TMPDIR=$memory
+    fi
+}
+
+# run_tests COMMAND...: runs tests, fails if it ran none, and lists those that took long. What they print is kept in tests.log.
+run_tests() {
+    local log=$scratch/tests.log passed
+    "$@" 2>&1 | tee "$log"
+    passed=$(sed -n 's/^test result: .* \([0-9]*\) passed;.*/\1/p' "$log" | awk '{ n += $1 } END { print n + 0 }')
+    if [ "$passed" = 0 ]; then
+        echo "no test ran: $*" >&2
+        return 1
+    fi
+    echo "$passed tests passed; seconds of those that took over $long_seconds:"
+    sed -n 's/^test \([^ ]*\) .*<\([0-9.]*\)s>$/\2 \1/p' "$log" | awk -v long=$long_seconds '$1 > long' | sort -rn
+}
+
+# Runs the tests again that `cargo test` had to skip, if only for a part: no other test would do anything else now.
+tests_that_were_skipped() {
+    local names unknown
+    names=$(sed -n 's/.*SKIPPED \([A-Za-z0-9_:]*\): no .*/\1/p' "$scratch/tests.log" | sort -u)
+    [ -n "$names" ] || { echo "nothing was skipped" && return; }
+    cargo test --quiet --lib --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/tests.list"
+    unknown=$(comm -23 <(printf '%s\n' "$names") "$scratch/tests.list")
+    [ -z "$unknown" ] || { printf 'skipped, but no names of tests: %s\n' "$unknown" >&2 && return 1; }
+    # shellcheck disable=SC2086  # names of tests, one word each
+    run_tests cargo test --lib --test it -- --exact $names
+}
+
+# Of the build without optional parts, the tests that differ: those that only it has, and those of the command line.
+tests_without_optional_parts() {
+    local only
+    cargo test --quiet --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/it.list"
+    cargo test --quiet --package tetreel --no-default-features --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/bare.list"
+    only=$(comm -13 "$scratch/it.list" "$scratch/bare.list")
+    [ -n "$only" ] || { echo "the build without optional parts has no test of its own" >&2 && return 1; }
+    # shellcheck disable=SC2086  # names of tests, one word each
+    run_tests cargo test --package tetreel --no-default-features --test it -- cli:: $only
+}
+
+# The tests of the SIMD loops under valgrind. The library itself has no unsafe code (a test reads it); what it asks the processor
+# for through pulp is looked at here, as compiled for AVX2: valgrind 3.19 knows no AVX-512, and hides it from the program.
+simd_under_valgrind() {
+    local library
+    # What is built already; --no-run names it.
+    library=$(cargo test --lib --test it --no-run 2>&1 | sed -n 's/.*unittests src\/lib.rs (\(.*\/tetreel-[0-9a-f]*\))$/\1/p')
+    # One thread: valgrind runs one at a time anyway.
+    RAYON_NUM_THREADS=1 valgrind --quiet --error-exitcode=9 "$library" --test-threads 1 \
+        codec::vq::block:: codec::vq::pca:: raycast::lanes:: raycast::starts::tests::the_comparison
+}
+
+# The tests of the window, named one by one: with --package all that they are built on would be built again, with the features that
+# this package alone asks for.
+window_tests() {
+    local tests=() file
+    for file in tests/ui/tests/*.rs; do
+        tests+=(--test "$(basename "$file" .rs)")
+    done
+    cargo test "${tests[@]}"
+}
