@@ -61,7 +61,9 @@ set_up_screen() {
 
 # Mesa's Vulkan driver in software: a GPU for the tests, whatever the machine.
 has_gpu() {
-    find /usr/share/vulkan /etc/vulkan -name 'lvp_icd*.json' 2>/dev/null | grep -q . && ldconfig -p | grep -q 'libvulkan\.so\.1'
+    # Nobody ends a pipe before its last line: that would be a failure.
+    find /usr/share/vulkan /etc/vulkan -name 'lvp_icd*.json' 2>/dev/null | grep . >/dev/null &&
+        ldconfig -p | grep 'libvulkan\.so\.1' >/dev/null
 }
 set_up_gpu() {
     has_gpu || apt_install mesa-vulkan-drivers libvulkan1
