@@ -77,16 +77,28 @@ cache_save() {
     ) 9>>"$cache/lock"
 }
 
-# What compiled dependencies depend on: compiler, versions, profiles, features, flags and target.
+# What compiled dependencies depend on: compiler, flags and target; then versions, profiles and features.
 cache_key_of_dependencies() {
     {
         rustc -vV
+        env | grep -E '^(RUSTFLAGS|CARGO_ENCODED_RUSTFLAGS|CARGO_BUILD_[A-Z_]*|CARGO_PROFILE_[A-Z_]*|CARGO_TARGET_[A-Z0-9_]*_(RUSTFLAGS|LINKER))=' | sort
+    } | sha256sum | cut -c 1-12 | tr '\n' -
+    {
         cat Cargo.lock
         for manifest in Cargo.toml tests/ui/Cargo.toml; do
             sed 's/[[:space:]]*#.*//' "$manifest" | awk '/^\[/ { kept = /^\[(profile|features|.*dependencies)/ } kept'
         done
-        env | grep -E '^(RUSTFLAGS|CARGO_ENCODED_RUSTFLAGS|CARGO_BUILD_[A-Z_]*|CARGO_PROFILE_[A-Z_]*|CARGO_TARGET_[A-Z0-9_]*_(RUSTFLAGS|LINKER))=' | sort
-    } | sha256sum | cut -c 1-16
+    } | sha256sum | cut -c 1-12
+}
+
+# cache_restore_nearest KIND KEY FOLDER: the newest entry of the same compiler, flags and target. Cargo knows what of it can be used.
+cache_restore_nearest() {
+    local entry
+    # shellcheck disable=SC2012  # names of our own making
+    entry=$(ls -t "$cache/$1-${2%-*}"-*.tar 2>/dev/null | sed -n 1p)
+    [ -n "$entry" ] || return 1
+    entry=$(basename "$entry" .tar)
+    cache_restore "$1" "${entry#"$1-"}" "$3"
 }
 
 # Keeps the compiled dependencies in $target: all that cargo made there but for the workspace's own packages. The hash in the name
