@@ -6,7 +6,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0a | [`error`], [`slowdown`] |
+//! | 0a | [`error`], [`short`], [`slowdown`] |
 //! | 0b | [`files`], [`task`] |
 //! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`], [`timeline`] |
 //! | 1b | [`field`], [`histograms`] |
@@ -45,6 +45,7 @@ pub mod pipeline;
 pub mod playback;
 pub mod project;
 pub mod render;
+mod short;
 mod slowdown;
 pub mod stats;
 pub mod store;

@@ -11,6 +11,7 @@ mod view;
 pub use motion::Axis;
 pub use view::View;
 
+use crate::short::Short;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -59,13 +60,13 @@ pub enum CameraError {
     #[error("camera position and focal point coincide; move one of them")]
     NoDirection,
     /// The view angle is outside (0, 180) degrees.
-    #[error("view angle {0} is outside 0..180 degrees")]
+    #[error("view angle {} is outside 0..180 degrees; 30 is usual", Short(.0))]
     BadAngle(f64),
     /// The parallel scale is not positive.
-    #[error("parallel scale {0} is not positive")]
+    #[error("parallel scale {} is not positive; half the height of what is seen is one", Short(.0))]
     BadScale(f64),
     /// The near distance is negative.
-    #[error("near distance {0} is negative")]
+    #[error("near distance {} is negative; 0 leaves nothing out", Short(.0))]
     BadNear(f64),
     /// An image without pixels.
     #[error("an image of {0} x {1} pixels has no pixels")]

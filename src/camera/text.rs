@@ -1,6 +1,7 @@
 //! The text form of a camera, as `--camera` takes it.
 
 use super::{Camera, CameraError, Projection};
+use crate::short::Short;
 use glam::DVec3;
 use std::fmt;
 
@@ -48,16 +49,6 @@ impl fmt::Display for Camera {
             Projection::Parallel { scale } => write!(f, "parallel={}", Short(scale))?,
         }
         write!(f, " near={}", Short(self.near))
-    }
-}
-
-/// The shortest digits that read back as the same number, with an exponent where there would be many zeros.
-struct Short(f64);
-
-impl fmt::Display for Short {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plain = self.0 == 0.0 || (1e-5..1e16).contains(&self.0.abs());
-        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
     }
 }
 

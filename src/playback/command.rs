@@ -1,5 +1,6 @@
 //! What a clock is told, and how it is set: plain data, for keys, scripts, traces and project files alike.
 
+use crate::short::Short;
 use serde::{Deserialize, Serialize};
 
 /// Everything that a playback can be told. As JSON `"play"`, `{"step": -1}`, `{"speed": 0.5}`.
@@ -177,7 +178,8 @@ impl StepRange {
 pub enum CommandError {
     /// Not a speed.
     #[error(
-        "a speed of {0} cannot be played; give a finite one above 0 (pause, or reverse the direction, for the rest)"
+        "a speed of {} cannot be played; give a finite one above 0 (pause, or reverse the direction, for the rest)",
+        Short(.0)
     )]
     Speed(f64),
     /// A stride of 0.

@@ -20,6 +20,7 @@ use crate::error::FileError;
 use crate::playback::{CommandError, Settings};
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
+use crate::short::Short;
 use serde::{Deserialize, Serialize};
 
 /// All that a project file holds.
@@ -173,7 +174,7 @@ pub enum ProjectError {
         index: usize,
     },
     /// No view through a camera.
-    #[error("the camera at time {time}: {problem}")]
+    #[error("the camera at time {}: {problem}", Short(.time))]
     Camera {
         /// Time of its key.
         time: f64,
@@ -181,7 +182,7 @@ pub enum ProjectError {
         problem: CameraError,
     },
     /// A level of detail that is none.
-    #[error("a level of detail of {0}; it is a share, 0 to 1")]
+    #[error("a level of detail of {}; it is a share, 0 to 1", Short(.0))]
     BadLod(f64),
     /// An ensemble is at fault.
     #[error("ensemble '{ensemble}': {problem}")]

@@ -6,6 +6,8 @@ mod transition;
 pub use keyframed::{At, Key, Keyframed};
 pub use transition::Transition;
 
+use crate::short::Short;
+
 /// Why keys or a transition cannot be had.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TimelineError {
@@ -13,10 +15,10 @@ pub enum TimelineError {
     #[error("the time {0} of a key must be finite")]
     BadTime(f64),
     /// Keys are sorted by time.
-    #[error("the key at time {0} lies before the one in front of it; times must increase")]
+    #[error("the key at time {} lies before the one in front of it; times must increase", Short(.0))]
     NotSorted(f64),
     /// Two keys at one time.
-    #[error("there are two keys at time {0}")]
+    #[error("there are two keys at time {}; give one of them another time", Short(.0))]
     TimeTaken(f64),
     /// No key of that index.
     #[error("there is no key {0}")]

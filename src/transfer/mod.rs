@@ -37,6 +37,7 @@ pub use widget::{Part, Polyline, PolylinePoint, Rectangle, Triangle, Widget};
 
 use crate::error::FileError;
 use crate::node_table::{GridTableError, NodeTableError};
+use crate::short::Short;
 
 /// Why a transfer function, a range or a table cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -80,7 +81,7 @@ pub enum TransferError {
         problem: String,
     },
     /// An opacity point is at fault.
-    #[error("opacity point {index} ({position}:{value}): {problem}")]
+    #[error("opacity point {index} ({}:{}): {problem}", Short(.position), Short(.value))]
     BadPoint {
         /// Which point, from 0.
         index: usize,
@@ -95,7 +96,7 @@ pub enum TransferError {
     #[error("a transfer function needs at least one opacity point, as in viridis@0:0,1:0.2")]
     NoPoints,
     /// A range that cannot be mapped.
-    #[error("range {lo}..{hi}: {problem}")]
+    #[error("range {}..{}: {problem}", Short(.lo), Short(.hi))]
     BadRange {
         /// Lower end.
         lo: f64,
@@ -144,7 +145,7 @@ pub enum TransferError {
         index: usize,
     },
     /// A unit distance that is not positive, not finite, or so small that extinction overflows.
-    #[error("unit distance {0} must be positive and finite, and extinction per unit must not overflow")]
+    #[error("unit distance {} must be positive and finite, and extinction per unit must not overflow", Short(.0))]
     BadUnitDistance(f64),
     /// The nodes do not make a table.
     #[error(transparent)]

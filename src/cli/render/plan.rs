@@ -6,6 +6,7 @@ use crate::ingest::StepRange;
 use crate::pipeline::FrameTime;
 use anyhow::{bail, ensure};
 
+use crate::short::Short;
 /// Which moments are shown.
 #[derive(Debug, Default, clap::Args)]
 pub(super) struct TimeArgs {
@@ -97,10 +98,11 @@ impl TimeArgs {
         let Some(duration) = self.duration else { return Ok(None) };
         let rate = self.rate()?;
         let frames = (rate.per_second() * duration).round();
-        ensure!(frames >= 1.0, "{duration} s at {rate} frames per second are no frame; give a longer --duration");
+        ensure!(frames >= 1.0, "{} s at {rate} frames per second are no frame; give a longer --duration", Short(duration));
         ensure!(
             frames <= FRAMES_MAX as f64,
-            "{duration} s at {rate} frames per second are more than {FRAMES_MAX} frames; give a shorter --duration"
+            "{} s at {rate} frames per second are more than {FRAMES_MAX} frames; give a shorter --duration",
+            Short(duration)
         );
         Ok(Some(frames as usize))
     }
@@ -126,7 +128,7 @@ impl TimeArgs {
     fn steps_within(&self, selected: &[usize], times: &TimeAxis) -> anyhow::Result<Vec<usize>> {
         let Some((from, to)) = self.times else { return Ok(selected.to_vec()) };
         let within: Vec<usize> = selected.iter().copied().filter(|&s| (from..=to).contains(&times.values[s])).collect();
-        ensure!(!within.is_empty(), "no step lies in time {from}..{to}; {}", extent(selected, times));
+        ensure!(!within.is_empty(), "no step lies in time {}..{}; {}", Short(from), Short(to), extent(selected, times));
         Ok(within)
     }
 
@@ -135,7 +137,7 @@ impl TimeArgs {
         let (from, to) = self.times.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         let time_of = |step: Option<&usize>| step.map_or(f64::NAN, |&s| times.values[s]);
         let (begin, end) = (from.max(time_of(selected.first())), to.min(time_of(selected.last())));
-        ensure!(begin <= end, "the series has no time in {from}..{to}; {}", extent(selected, times));
+        ensure!(begin <= end, "the series has no time in {}..{}; {}", Short(from), Short(to), extent(selected, times));
         let mut frames = Vec::with_capacity(count);
         for n in 0..count {
             let share = if count > 1 { n as f64 / (count - 1) as f64 } else { 0.0 };
@@ -157,7 +159,7 @@ impl TimeArgs {
 fn extent(selected: &[usize], times: &TimeAxis) -> String {
     let time_of = |step: Option<&usize>| step.map_or(f64::NAN, |&s| times.values[s]);
     let (first, last) = (time_of(selected.first()), time_of(selected.last()));
-    format!("the series goes from {first} to {last}")
+    format!("the series goes from {} to {}", Short(first), Short(last))
 }
 
 fn parse_times(text: &str) -> Result<(f64, f64), String> {
