@@ -2,7 +2,7 @@
 
 use super::import;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source};
+use super::{Outcome, print_result, source, steps};
 use crate::field::FieldSelector;
 use crate::ingest::{
     AppendOptions, AppendReport, CodecChoice, FieldUnits, IngestError, IngestOptions, IngestReport, StepRange, append,
@@ -34,15 +34,17 @@ enum Done {
 
 impl Job<'_> {
     /// Says what would be added.
-    pub(super) fn plan(&self) -> anyhow::Result<Outcome> {
-        let plan = plan_append(&*import::open(self.sources)?, self.output, &self.append_options())?;
+    pub(super) fn plan(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
+        let series = import::open(self.sources)?;
+        let steps = steps::within_series(self.steps, series.times().len(), terminal);
+        let plan = plan_append(&*series, self.output, &self.append_options(steps))?;
         print_result(self.json, &plan, &format!("{plan}\nnothing was written"))?;
         Ok(Outcome::Done)
     }
 
     /// Adds what is new.
     pub(super) fn once(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
-        let done = self.look(terminal).map_err(source::ended)?;
+        let done = self.look(steps::within_series, terminal).map_err(source::ended)?;
         self.print(&done)?;
         Ok(Outcome::Done)
     }
@@ -56,7 +58,8 @@ impl Job<'_> {
         loop {
             let now = fingerprint(self.sources);
             if now.is_none() || now != seen {
-                match self.look(terminal) {
+                // What the source lacks by now may come later.
+                match self.look(|steps, count, _| steps::cut(steps, count), terminal) {
                     Ok(done) => {
                         complained_of = None;
                         if !matches!(&done, Done::Appended(report) if report.plan.steps_added == 0) {
@@ -87,11 +90,17 @@ impl Job<'_> {
         }
     }
 
-    fn look(&self, terminal: &Terminal) -> Result<Done, IngestError> {
+    /// Adds what is new; `cut` leaves out of the steps what lies behind the last one that the source has.
+    fn look(
+        &self,
+        cut: impl FnOnce(StepRange, usize, &Terminal) -> StepRange,
+        terminal: &Terminal,
+    ) -> Result<Done, IngestError> {
         let series = import::open(self.sources).map_err(IngestError::Source)?;
+        let steps = cut(self.steps, series.times().len(), terminal);
         let exists = || self.output.symlink_metadata().is_ok();
         let add = || {
-            append(&*series, self.output, &self.append_options(), terminal, &terminal.cancel)
+            append(&*series, self.output, &self.append_options(steps), terminal, &terminal.cancel)
                 .map(|report| Done::Appended(Box::new(report)))
         };
         let result = if exists() {
@@ -99,8 +108,7 @@ impl Job<'_> {
         } else {
             let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
             let codec = self.codec.unwrap_or_default();
-            let options =
-                IngestOptions { fields, units, steps: self.steps, codec, overwrite: false, without_histograms: true };
+            let options = IngestOptions { fields, units, steps, codec, overwrite: false, without_histograms: true };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
                 // Somebody else was faster.
@@ -114,9 +122,9 @@ impl Job<'_> {
         result
     }
 
-    fn append_options(&self) -> AppendOptions {
+    fn append_options(&self, steps: StepRange) -> AppendOptions {
         let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
-        AppendOptions { fields, units, steps: self.steps, codec: self.codec }
+        AppendOptions { fields, units, steps, codec: self.codec }
     }
 
     fn print(&self, done: &Done) -> anyhow::Result<()> {

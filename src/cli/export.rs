@@ -1,7 +1,7 @@
 //! `tetreel export`: the steps of a store as files that other programs read.
 
 use super::progress::Terminal;
-use super::{Interrupted, Outcome, print_result, source};
+use super::{Interrupted, Outcome, print_result, source, steps};
 use crate::export::StoredSeries;
 use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
 use crate::field::FieldSelector;
@@ -33,8 +33,9 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let store = source::open(&args.store, terminal)?;
+    let count = store.times().len();
     let series = StoredSeries::new(&store, &args.fields)?;
-    let steps = Some(args.steps.select(store.times().len())?);
+    let steps = Some(steps::within_series(args.steps, count, terminal).select(count)?);
     let options = VtuOptions { steps, ..VtuOptions::default() };
     match vtu::write_collection(&series, &args.output, &options, terminal, &terminal.cancel) {
         Err(VtuError::Cancelled) => Err(Interrupted.into()),

@@ -2,7 +2,7 @@
 
 use super::append::Job;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source};
+use super::{Outcome, print_result, source, steps};
 use crate::codec::raw;
 use crate::codec::vq::{MAX_ENTRIES, VqOptions};
 use crate::error::FileResult;
@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         };
         return match (args.follow, args.dry_run && output.symlink_metadata().is_ok()) {
             (Some(seconds), _) => job.follow(Duration::from_secs_f64(seconds), terminal),
-            (None, true) => job.plan(),
+            (None, true) => job.plan(terminal),
             (None, false) if args.dry_run => import(args, codec, terminal),
             (None, false) => job.once(terminal),
         };
@@ -99,11 +99,11 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let series = open(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
-    let options =
-        IngestOptions { fields, units, steps: args.steps, overwrite: args.overwrite, codec, without_histograms: false };
+    let steps = steps::within_series(args.steps, series.times().len(), terminal);
+    let options = IngestOptions { fields, units, steps, overwrite: args.overwrite, codec, without_histograms: false };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
-        let plan = Plan::of(&*series, args)?;
+        let plan = Plan::of(&*series, args, steps)?;
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
@@ -154,9 +154,9 @@ struct Plan {
 }
 
 impl Plan {
-    fn of(series: &dyn SeriesSource, args: &Args) -> anyhow::Result<Self> {
+    fn of(series: &dyn SeriesSource, args: &Args, steps: StepRange) -> anyhow::Result<Self> {
         let (mesh, repair) = Mesh::build(series.mesh()?).map_err(|e| anyhow::anyhow!("{}: {e}", series.describe()))?;
-        let steps = args.steps.select(series.times().len())?.len();
+        let steps = steps.select(series.times().len())?.len();
         let wanted = |f: &&FieldInfo| args.fields.is_empty() || args.fields.iter().any(|s| s.name == f.name);
         let fields: Vec<FieldInfo> = series.fields().iter().filter(wanted).cloned().collect();
         let numbers: u64 = if args.fields.is_empty() {

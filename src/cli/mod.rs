@@ -20,6 +20,7 @@ mod scene;
 mod source;
 mod synth;
 mod trace;
+mod steps;
 
 use crate::pipeline::PipelineError;
 use clap::{Parser, Subcommand};

@@ -214,7 +214,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
-    let plan = args.time.plan(store.times())?;
+    let plan = args.time.clone().within_series(store.times().len(), terminal).plan(store.times())?;
     if let Target::Images(pattern) = output
         && plan.frames.len() > 1
         && !pattern.is_numbered()

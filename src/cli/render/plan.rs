@@ -1,14 +1,16 @@
 //! Which moments a run shows, and from where.
 
+use crate::cli::progress::Terminal;
+use crate::cli::steps;
 use crate::export::movie::FrameRate;
 use crate::field::TimeAxis;
 use crate::ingest::StepRange;
 use crate::pipeline::FrameTime;
+use crate::short::Short;
 use anyhow::{bail, ensure};
 
-use crate::short::Short;
 /// Which moments are shown.
-#[derive(Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct TimeArgs {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
@@ -98,13 +100,22 @@ impl TimeArgs {
         let Some(duration) = self.duration else { return Ok(None) };
         let rate = self.rate()?;
         let frames = (rate.per_second() * duration).round();
-        ensure!(frames >= 1.0, "{} s at {rate} frames per second are no frame; give a longer --duration", Short(duration));
+        ensure!(
+            frames >= 1.0,
+            "{} s at {rate} frames per second are no frame; give a longer --duration",
+            Short(duration)
+        );
         ensure!(
             frames <= FRAMES_MAX as f64,
             "{} s at {rate} frames per second are more than {FRAMES_MAX} frames; give a shorter --duration",
             Short(duration)
         );
         Ok(Some(frames as usize))
+    }
+
+    /// The same for a series of so many steps: steps behind its last one are left out, which is said.
+    pub(super) fn within_series(self, count: usize, terminal: &Terminal) -> Self {
+        Self { steps: steps::within_series(self.steps, count, terminal), ..self }
     }
 
     /// The frames to render of a series with these times.

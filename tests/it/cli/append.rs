@@ -90,7 +90,7 @@ fn what_does_not_fit_is_refused_and_the_store_stays() {
         (&["--field", "velocity"], &["t.zarr", "no field 'velocity:0'", "pressure"]),
         (&["--codec", "vq"], &["t.zarr", "coded as raw", "vq with 256 entries", "keeps its codec"]),
         (&["--units", "pressure=bar"], &["'Pa'", "'bar'"]),
-        (&["--steps", "3..9"], &["3..9", "beyond the series"]),
+        (&["--steps", "8..9"], &["8..9", "beyond the series"]),
         (&["--follow", "soon"], &["--follow", "'soon' is no number of seconds"]),
         (&["--follow", "--dry-run"], &["--follow", "--dry-run"]),
     ] {
