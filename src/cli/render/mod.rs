@@ -333,14 +333,16 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
 /// The last word of a run.
 fn summary(output: &Target, records: &[FrameRecord]) -> String {
     let kept = records.iter().filter(|record| record.origin == Origin::Kept).count();
-    let kept = if kept > 0 { format!(" ({kept} of them were there already)") } else { String::new() };
-    let first = output.path(0);
-    match (output, records.len()) {
-        (Target::Movie(..), n) => format!("wrote {}, {n} frames", first.display()),
-        (Target::Images(_), 1) => format!("wrote {}{kept}", first.display()),
-        (Target::Images(_), n) => {
-            format!("wrote {n} frames, {} to {}{kept}", first.display(), output.path(n.saturating_sub(1)).display())
-        }
+    let count = records.len();
+    let first = output.path(0).display().to_string();
+    let all = format!("{first} to {}", output.path(count.saturating_sub(1)).display());
+    match (output, count - kept) {
+        (Target::Movie(..), written) => format!("wrote {first}, {written} frames"),
+        (Target::Images(_), 0) if count == 1 => format!("{first} was there already"),
+        (Target::Images(_), 1) if count == 1 => format!("wrote {first}"),
+        (Target::Images(_), 0) => format!("all {count} frames were there already, {all}"),
+        (Target::Images(_), written) if kept == 0 => format!("wrote {written} frames, {all}"),
+        (Target::Images(_), written) => format!("wrote {written} of {count} frames, {all}; {kept} were there already"),
     }
 }
 

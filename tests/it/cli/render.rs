@@ -67,6 +67,37 @@ fn statistics_take_the_place_of_nothing() {
     let place = Place::with_slab();
     place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "f.png"]), &["f.png", "place of a frame"]);
     place.refuses(&render(&["-o", "f_%d.png", "--stats", "./f_3.png"]), &["f_3.png", "place of a frame"]);
+#[test]
+fn steps_behind_the_last_one_are_left_out_which_is_said() {
+    let place = Place::with_slab();
+    let run = place.run(&render(&["-o", "f_%d.png", "--steps", "1..99:2"]));
+    assert_eq!(run.code, Some(0), "{}", run.err);
+    assert!(run.err.contains("--steps 1..99:2: the last step of the series is 4"), "{}", run.err);
+    assert_eq!([0, 1, 2].map(|n| place.path(&format!("f_{n}.png")).exists()), [true, true, false]);
+    let run = place.run(&["export", "slab.zarr", "-o", "part.pvd", "--steps", "3..7"]);
+    assert!(run.out.contains("2 steps") && run.err.contains("the last step of the series is 4"), "{}", run.err);
+    for more in [&[][..], &["--append"]] {
+        place.ok(&[&["import", "part.pvd", "-o", "part.zarr", "--steps", "0..5"][..], more].concat());
+        assert_eq!(place.json(&["info", "part.zarr", "--json"])["time"]["steps"], 2);
+    }
+}
+
+#[test]
+fn the_last_word_says_what_was_written_and_what_was_there() {
+    let place = Place::with_slab();
+    let said = |file: &str, more: &[&str]| place.run(&render(&[&["-o", file, "--resume"][..], more].concat())).err;
+    let first = said("f_%d.png", &[]);
+    assert!(first.contains("wrote 5 frames, f_0.png to f_4.png\n"), "{first}");
+    std::fs::remove_file(place.path("f_3.png")).unwrap();
+    let some = said("f_%d.png", &[]);
+    assert!(some.contains("wrote 1 of 5 frames, f_0.png to f_4.png; 4 were there already"), "{some}");
+    let none = said("f_%d.png", &[]);
+    assert!(none.contains("all 5 frames were there already, f_0.png to f_4.png") && !none.contains("wrote"), "{none}");
+    let one = ["--steps", "2"];
+    assert!(said("one.png", &one).contains("wrote one.png\n"));
+    assert!(said("one.png", &one).contains("one.png was there already"));
+}
+
     place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "slab.zarr/zarr.json"]), &["part of the series"]);
     place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "."]), &["is a folder"]);
 }
