@@ -82,6 +82,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let mut report =
         BenchReport { machine: Machine::detect(), runs: Vec::new(), playback: Vec::new(), integration: Vec::new() };
     if !args.suite.is_accuracy_alone() {
+        args.scene.check_adapter()?;
         for path in &args.stores {
             run_moving(path, args, terminal, &mut report)?;
         }

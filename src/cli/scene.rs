@@ -237,6 +237,19 @@ impl SceneArgs {
         })
     }
 
+    /// Refuses a GPU by name where none renders. (A window is painted on one all the same.)
+    pub(super) fn check_adapter(&self) -> anyhow::Result<()> {
+        #[cfg(feature = "gpu")]
+        for (on_cpu, option) in
+            [(self.backend == Backend::Cpu, "--backend cpu"), (self.mode == RenderMode::Reference, "--mode reference")]
+        {
+            if on_cpu && !self.adapter.is_empty() {
+                bail!("--adapter names a GPU, which {option} does not use; leave one of the two out");
+            }
+        }
+        Ok(())
+    }
+
     /// The field of a store.
     pub(super) fn series(&self, store: &Store) -> anyhow::Result<Arc<Series>> {
         let blocks = Arc::new(BlockCache::new(self.block_memory.0));

@@ -135,6 +135,7 @@ impl Args {
             Target::Images(_) => None,
         };
         self.time.check(format.is_some())?;
+        self.scene.check_adapter()?;
         self.still_options()?;
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");

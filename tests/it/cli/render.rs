@@ -56,17 +56,18 @@ fn backends_and_annotations_that_do_not_exist_are_refused() {
         assert!(run.err.contains(word), "{}", run.err);
     }
     #[cfg(feature = "gpu")]
+    for cpu in [["--backend", "cpu"], ["--mode", "reference"]] {
+        let named = ["-o", "f.png", "--steps", "1", "--adapter", "no such GPU"];
+        place
+            .refuses(&render(&[&named[..], &cpu].concat()), &["--adapter", &cpu.join(" "), "leave one of the two out"]);
+    }
+    #[cfg(feature = "gpu")]
     place.refuses(
         &render(&["-o", "f.png", "--steps", "1", "--adapter", "no such GPU"]),
         &["no GPU", "--backend cpu renders without one"],
     );
 }
 
-#[test]
-fn statistics_take_the_place_of_nothing() {
-    let place = Place::with_slab();
-    place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "f.png"]), &["f.png", "place of a frame"]);
-    place.refuses(&render(&["-o", "f_%d.png", "--stats", "./f_3.png"]), &["f_3.png", "place of a frame"]);
 #[test]
 fn steps_behind_the_last_one_are_left_out_which_is_said() {
     let place = Place::with_slab();
@@ -98,6 +99,11 @@ fn the_last_word_says_what_was_written_and_what_was_there() {
     assert!(said("one.png", &one).contains("one.png was there already"));
 }
 
+#[test]
+fn statistics_take_the_place_of_nothing() {
+    let place = Place::with_slab();
+    place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "f.png"]), &["f.png", "place of a frame"]);
+    place.refuses(&render(&["-o", "f_%d.png", "--stats", "./f_3.png"]), &["f_3.png", "place of a frame"]);
     place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "slab.zarr/zarr.json"]), &["part of the series"]);
     place.refuses(&render(&["-o", "f.png", "--steps", "1", "--stats", "."]), &["is a folder"]);
 }
