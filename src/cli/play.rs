@@ -64,7 +64,8 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
     match &*args.paths {
         [path] if project::is_project(path) => {
             let opened = project::open::<Args>(path, words, Taker::Play)?;
-            play(&[opened.source], &opened.args, Some(opened.project), terminal)
+            let played = play(&[opened.source], &opened.args, Some(opened.project), terminal);
+            played.map_err(|error| project::in_file(error, Some(path)))
         }
         paths => {
             if let Some(project) = paths.iter().find(|path| project::is_project(path)) {

@@ -4,7 +4,7 @@ use super::Cli;
 use crate::export::movie::MovieFormat;
 use crate::export::still::StillFormat;
 use crate::files;
-use crate::project::{LookSettings, Output, Project};
+use crate::project::{LookSettings, Output, Project, ProjectError};
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
@@ -83,6 +83,14 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     let args = Box::new(A::from_arg_matches_mut(&mut matches)?);
     let source = folder.join(&project.data.source);
     Ok(Opened { project: Arc::new(project), source, args })
+}
+
+/// The error with the project's file, if it is about what the project says.
+pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::Error {
+    match project.filter(|_| error.is::<ProjectError>()) {
+        Some(file) => error.context(file.display().to_string()),
+        None => error,
+    }
 }
 
 /// Takes out of what a project says of its output what is about another kind of file than the user asks for, or about how the

@@ -1,12 +1,14 @@
 //! The tables of a project file.
 
+use super::ProjectError;
 use crate::camera::Camera;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
 use crate::timeline::Keyframed;
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::PathBuf;
 
 /// What is shown.
@@ -43,7 +45,7 @@ pub struct LookSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub optics: Option<OpticsKind>,
     /// Level of detail, 0 to 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "share")]
     pub lod: Option<f64>,
     /// Which faces are drawn first, as `--sampling` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -134,6 +136,13 @@ fn times_of<T>(track: &Keyframed<T>) -> Vec<f64> {
 fn with_middles(times: Vec<f64>) -> Vec<f64> {
     let middles = times.windows(2).map(|pair| 0.5 * pair[0] + 0.5 * pair[1]).collect::<Vec<_>>();
     [times, middles].concat()
+}
+
+/// A share that is none is refused where it is read: whoever reads a file knows the line.
+fn share<'de, D: Deserializer<'de>>(data: D) -> Result<Option<f64>, D::Error> {
+    let share = f64::deserialize(data)?;
+    let wrong = || D::Error::custom(ProjectError::BadLod(share));
+    if (0.0..=1.0).contains(&share) { Ok(Some(share)) } else { Err(wrong()) }
 }
 
 /// How the range map of one member changes.

@@ -104,6 +104,10 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("position = [0.1, -8.0, 3.0]", "position = [0.1, -8.0, 3.0, 1.0]", "more values"),
         ("points = [[0.5, 0.1]]", "points = [[0.5, 0.1, 0.9]]", "more values"),
         ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
+        ("weight = 0.3333333333333333", "weight = 1.8", "a weight of 1.8; it is a share, 0 to 1"),
+        ("weight = 0.3333333333333333", "weight = -1", "a weight of -1"),
+        ("weight = 0.3333333333333333", "weight = nan", "a weight of NaN"),
+        ("lod = 0.5", "lod = 1.5", "a level of detail of 1.5"),
     ] {
         assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
         let message = parse(&text.replace(from, to)).unwrap_err().to_string();

@@ -232,7 +232,9 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel)?;
+    let in_file = |error| project::in_file(error, args.project.as_deref());
+    let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
+    let mut scene = scene.map_err(in_file)?;
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
@@ -257,7 +259,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
         }
     };
     let job = Job { plan: &plan, output, fingerprints, annotator, resume: args.resume };
-    let records = job.run(&mut scene, sink, terminal)?;
+    let records = job.run(&mut scene, sink, terminal).map_err(in_file)?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;

@@ -16,7 +16,9 @@ use super::range::RangePolicy;
 use super::range_map::RangeMap;
 use super::table::OpacityKind;
 use super::widget::Widget;
-use serde::{Deserialize, Serialize};
+use crate::short::Short;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What a member's function is defined on. Positions 0..=1 of the axes: of a scalar those of the member's range, of the
 /// others those of the histogram that they are edited over.
@@ -51,7 +53,7 @@ pub enum Function {
     /// A colour map and opacity points; on one axis.
     TransferFunction(TransferFunction),
     /// Shapes over a histogram. Where several overlap, the one with the highest opacity holds, the later one of equal ones.
-    Widgets(Vec<Widget>),
+    Widgets(#[serde(deserialize_with = "widgets_as_data")] Vec<Widget>),
 }
 
 /// A transfer function in an [`Ensemble`], and how it is blended with those before it.
@@ -75,7 +77,7 @@ pub struct Member {
     #[serde(default)]
     pub map: RangeMap,
     /// Its colours and opacities (or optical depths) are multiplied by this before they are blended, 0..=1.
-    #[serde(default = "full_weight")]
+    #[serde(default = "full_weight", deserialize_with = "weight_as_data")]
     pub weight: f64,
     /// How it is blended with the result of those before it; that of the first enabled one does not matter.
     #[serde(default)]
@@ -109,6 +111,26 @@ fn full_weight() -> f64 {
     1.0
 }
 
+fn is_weight(weight: f64) -> bool {
+    (0.0..=1.0).contains(&weight)
+}
+
+/// A weight that is none is refused where it is read: whoever reads a file knows the line.
+fn weight_as_data<'de, D: Deserializer<'de>>(data: D) -> Result<f64, D::Error> {
+    let weight = f64::deserialize(data)?;
+    let wrong = || D::Error::custom(format!("a weight of {}; it is a share, 0 to 1", Short(weight)));
+    if is_weight(weight) { Ok(weight) } else { Err(wrong()) }
+}
+
+/// As [`weight_as_data`].
+fn widgets_as_data<'de, D: Deserializer<'de>>(data: D) -> Result<Vec<Widget>, D::Error> {
+    let widgets = Vec::<Widget>::deserialize(data)?;
+    match widgets.iter().enumerate().find_map(|(i, widget)| Some((i, widget.problem()?))) {
+        Some((i, problem)) => Err(D::Error::custom(format!("widget {i}: {problem}"))),
+        None => Ok(widgets),
+    }
+}
+
 impl Member {
     /// A member on the scalar with full weight, added to those before it.
     pub fn new(name: impl Into<String>, function: Function) -> Self {
@@ -128,7 +150,7 @@ impl Member {
     /// The member, or what is wrong with it in an ensemble of this opacity kind.
     fn checked(&self, kind: OpacityKind) -> Result<&Self, TransferError> {
         let axes = self.space.axes();
-        if !(0.0..=1.0).contains(&self.weight) {
+        if !is_weight(self.weight) {
             return self.bad("a weight is between 0 and 1");
         }
         match &self.function {

@@ -130,6 +130,12 @@ fn mistakes_in_a_project_are_named_and_leave_nothing() {
     refuses(&good.replace("40x30", "40by30"), &["40by30"]);
     refuses(&good.replace("value = \"b\"", "value = \"c\""), &["case.toml", "'c'", "a, b"]);
     refuses(&good.replace("slab.zarr", "gone.zarr"), &["gone.zarr"]);
+    let heavy = good.replacen("name = \"one\"", "name = \"one\"\nweight = 1.8", 1);
+    let line = 1 + heavy[..heavy.find("weight").unwrap()].matches('\n').count();
+    refuses(&heavy, &["case.toml", &format!("line {line} "), "1.8", "0 to 1"]);
+    // What only shows when the colours are made.
+    let mixed = good.replacen("points = [[0.0, 0.01]", "values = \"extinction\", points = [[0.0, 0.01]", 1);
+    refuses(&mixed, &["case.toml", "opacity kind"]);
     refuses(
         &good.replace("time = 1.0\nvalue = \"b\"", "time = 0.0\nvalue = \"b\""),
         &["case.toml", "two keys at time 0"],
@@ -263,9 +269,9 @@ fn nothing_is_written_before_all_that_the_timeline_names_is_known_to_work() {
     let good = animation();
     // Of the ensemble that the first frame does not show.
     let at = good.rfind("name = \"one\"").unwrap();
-    let heavy = format!("{}weight = 2.0\n{}", &good[..at], &good[at..]);
-    write(&place, &heavy);
-    place.refuses(&["render", "p/case.toml"], &["'b'", "'one'", "weight"]);
+    let flat = format!("{}space = \"scalar-gradient\"\n{}", &good[..at], &good[at..]);
+    write(&place, &flat);
+    place.refuses(&["render", "p/case.toml"], &["p/case.toml", "'b'", "'one'", "widgets"]);
     assert!(!place.path("p/out").exists());
 }
 
