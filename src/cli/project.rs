@@ -4,6 +4,7 @@ use super::Cli;
 use crate::export::movie::MovieFormat;
 use crate::export::still::StillFormat;
 use crate::files;
+use crate::pipeline::RenderMode;
 use crate::project::{LookSettings, Output, Project, ProjectError};
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
@@ -63,6 +64,10 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
             "lod" => timeline.lod = Default::default(),
             _ => timeline.optics = Default::default(),
         }
+    }
+    if says("mode") && matches!(given.get_one("mode"), Some(RenderMode::Raycast | RenderMode::Reference)) {
+        // These draw all cells.
+        (timeline.lod, project.look.lod) = Default::default();
     }
     // The first word is the program's, which may be called anything.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };

@@ -17,10 +17,12 @@ pub use settings::{Data, LookSettings, MapTrack, Output, Timeline};
 
 use crate::camera::CameraError;
 use crate::error::FileError;
+use crate::optics::OpticsKind;
+use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
+use crate::short::Short;
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
-use crate::short::Short;
 use serde::{Deserialize, Serialize};
 
 /// All that a project file holds.
@@ -101,7 +103,22 @@ impl Project {
                 return Err(ProjectError::BadLod(lod));
             }
         }
+        self.check_mode()?;
         Ok(self.playback.check()?)
+    }
+
+    /// A renderer that draws all cells has no use for levels of detail, nor one with optics of its own for others.
+    fn check_mode(&self) -> Result<(), ProjectError> {
+        let Some(mode) = self.look.mode else { return Ok(()) };
+        let (lod, optics) = (self.timeline.lod.keys(), self.timeline.optics.keys());
+        let has_levels = lod.iter().map(|key| key.value).chain(self.look.lod).any(|lod| lod < 1.0);
+        if matches!(mode, RenderMode::Raycast | RenderMode::Reference) && has_levels {
+            return Err(ProjectError::NoLevels(mode));
+        }
+        if mode == RenderMode::Reference && optics.iter().any(|key| key.value != OpticsKind::Exact) {
+            return Err(ProjectError::NoOptics);
+        }
+        Ok(())
     }
 
     /// Each track of range maps is of a member that there is, and the only one of it.
@@ -184,6 +201,12 @@ pub enum ProjectError {
     /// A level of detail that is none.
     #[error("a level of detail of {}; it is a share, 0 to 1", Short(.0))]
     BadLod(f64),
+    /// Levels of detail for a renderer that has none.
+    #[error("mode '{0}' always draws all cells; leave it out or say 'havs', or leave out lod and [[timeline.lod]]")]
+    NoLevels(RenderMode),
+    /// Optics on the timeline, for a renderer that has its own.
+    #[error("the timeline has optics, but mode 'reference' has its own; leave the mode or [[timeline.optics]] out")]
+    NoOptics,
     /// An ensemble is at fault.
     #[error("ensemble '{ensemble}': {problem}")]
     Ensemble {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
+use crate::pipeline::RenderMode;
 use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
 use glam::DVec3;
@@ -154,6 +155,17 @@ fn parts_that_do_not_belong_together_are_errors() {
             .contains("two tracks of range maps for the member 'sharp'")
     );
     assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
+    let raycast = broken(|p| (p.look.mode, p.look.lod) = (Some(RenderMode::Raycast), None));
+    assert!(broken(|p| (p.look.mode, p.timeline.lod) = (Some(RenderMode::Raycast), keys(vec![]))).contains("all cells"));
+    assert!(raycast.contains("'raycast' always draws all cells") && raycast.contains("'havs'"), "{raycast}");
+    assert!(
+        broken(|p| {
+            (p.look.mode, p.look.lod) = (Some(RenderMode::Reference), None);
+            p.timeline.lod = keys(vec![key(0.0, 1.0)]);
+            p.timeline.optics = keys(vec![key(2.0, OpticsKind::Partial)]);
+        })
+        .contains("has its own")
+    );
     assert!(broken(|p| p.playback.stride = 0).contains("stride"));
     assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));
     let nowhere = |p: &mut Project| {

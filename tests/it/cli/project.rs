@@ -317,3 +317,25 @@ fn images_say_what_their_colours_are_of() {
     place.ok(&[&alone[..], &options[..], &["alone.png"]].concat());
     assert_eq!(read_png(&place.path("of_tf.png")).unwrap(), read_png(&place.path("alone.png")).unwrap());
 }
+
+#[test]
+fn levels_of_detail_are_not_ignored_by_renderers_that_have_none() {
+    let place = Place::with_slab();
+    let lod = "[[timeline.lod]]\ntime = 0.0\nvalue = 0.3\n";
+    let good = animation().replace("backend = \"cpu\"", "backend = \"cpu\"\nmode = \"havs\"") + lod;
+    for mode in ["raycast", "reference"] {
+        write(&place, &good.replace("\"havs\"", &format!("\"{mode}\"")));
+        let parts = ["case.toml", &format!("'{mode}' always draws all cells"), "[[timeline.lod]]"];
+        place.refuses(&["render", "p/case.toml", "-o", "x_%d.exr"], &parts);
+    }
+    // Who says so on the command line means all frames.
+    write(&place, &good);
+    let [some, cells] = ["havs", "raycast"].map(|mode| {
+        place.ok(&["render", "p/case.toml", "--steps", "2", "-o", "x.exr", "--mode", mode]);
+        frame(&place.path("x.exr")).color.pixels
+    });
+    write(&place, &animation());
+    place.ok(&["render", "p/case.toml", "--steps", "2", "-o", "x.exr", "--mode", "raycast"]);
+    let all = frame(&place.path("x.exr")).color.pixels;
+    assert!(cells == all && some != all);
+}
