@@ -104,11 +104,11 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("position = [0.1, -8.0, 3.0]", "angle = 60\nposition = [0.1, -8.0, 3.0]", "angle"),
         ("position = [0.1, -8.0, 3.0]", "position = [0.1, -8.0, 3.0, 1.0]", "more values"),
         ("points = [[0.5, 0.1]]", "points = [[0.5, 0.1, 0.9]]", "more values"),
-        ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
         ("weight = 0.3333333333333333", "weight = 1.8", "a weight of 1.8; it is a share, 0 to 1"),
         ("weight = 0.3333333333333333", "weight = -1", "a weight of -1"),
         ("weight = 0.3333333333333333", "weight = nan", "a weight of NaN"),
         ("lod = 0.5", "lod = 1.5", "a level of detail of 1.5"),
+        ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
     ] {
         assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
         let message = parse(&text.replace(from, to)).unwrap_err().to_string();
@@ -156,7 +156,9 @@ fn parts_that_do_not_belong_together_are_errors() {
     );
     assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
     let raycast = broken(|p| (p.look.mode, p.look.lod) = (Some(RenderMode::Raycast), None));
-    assert!(broken(|p| (p.look.mode, p.timeline.lod) = (Some(RenderMode::Raycast), keys(vec![]))).contains("all cells"));
+    assert!(
+        broken(|p| (p.look.mode, p.timeline.lod) = (Some(RenderMode::Raycast), keys(vec![]))).contains("all cells")
+    );
     assert!(raycast.contains("'raycast' always draws all cells") && raycast.contains("'havs'"), "{raycast}");
     assert!(
         broken(|p| {
@@ -306,4 +308,29 @@ fn what_the_manual_shows_and_what_is_shipped_is_read() {
     let shipped = include_str!("../../data/projects/tornado.toml");
     let shipped = Project::parse(shipped, Path::new("data/projects/tornado.toml")).unwrap();
     assert_eq!((shipped.ensembles.len(), shipped.timeline.ensembles.keys().len()), (2, 2));
+}
+
+#[test]
+fn every_range_of_a_member_that_the_manual_lists_is_read() {
+    #[derive(Deserialize)]
+    struct Shown {
+        range: RangePolicy,
+    }
+    let manual = include_str!("../../docs/projects.md");
+    let forms = manual.lines().find_map(|line| line.split_once("`range` (")).unwrap().1.split_once(')').unwrap().0;
+    let read: Vec<RangePolicy> = forms
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .map(|form| toml::from_str::<Shown>(&format!("range = {form}")).unwrap_or_else(|e| panic!("{form}: {e}")).range)
+        .collect();
+    let all = [
+        RangePolicy::Series,
+        RangePolicy::Step,
+        RangePolicy::Symmetric,
+        RangePolicy::Log,
+        RangePolicy::Manual(-1.0, 2.5),
+        RangePolicy::LogManual(0.1, 10.0),
+    ];
+    assert_eq!(read, all);
 }
