@@ -13,12 +13,30 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 /// Least and greatest scalar of each chunk of a step; NaN if one of its scalars is not finite.
 type StepRanges = Arc<[[f32; 2]]>;
 
+/// Bytes for the ranges of a series, at eight a chunk and step. When they are taken, those of other steps are not learned: of a
+/// loop over all steps the same ones are known in each round.
+const BYTES_MAX: usize = 64 << 20;
+
 /// The ranges of a series.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct ChunkRanges {
     clusters: OnceLock<Arc<Clusters>>,
-    /// Eight bytes for each chunk of each step that was decoded.
+    /// Those of the steps that were decoded first.
     steps: Mutex<HashMap<usize, StepRanges>>,
+    bytes_max: usize,
+}
+
+impl Default for ChunkRanges {
+    fn default() -> Self {
+        Self { clusters: OnceLock::new(), steps: Mutex::default(), bytes_max: BYTES_MAX }
+    }
+}
+
+impl ChunkRanges {
+    /// How many steps of so many vertices are learned.
+    fn steps_max(&self, vertices: usize) -> usize {
+        self.bytes_max / (vertices.div_ceil(Clusters::VERTICES).max(1) * size_of::<[f32; 2]>())
+    }
 }
 
 /// Which chunks of a moment are needed.
@@ -47,12 +65,17 @@ impl Series {
 
     /// Learns the ranges of a step from all of its scalars.
     pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
-        if self.known_ranges().contains_key(&step) {
+        let steps_max = self.ranges.steps_max(scalars.len());
+        let is_learned = |steps: &HashMap<_, _>| steps.len() < steps_max && !steps.contains_key(&step);
+        if !is_learned(&self.known_ranges()) {
             return;
         }
         // Without the lock, for the same reason as above.
         let ranges = scalars.par_chunks(Clusters::VERTICES).map(range).collect::<Vec<_>>();
-        self.known_ranges().entry(step).or_insert_with(|| ranges.into());
+        let mut steps = self.known_ranges();
+        if is_learned(&steps) {
+            steps.insert(step, ranges.into());
+        }
     }
 
     /// Which chunks of a moment are needed where the table is not clear; `None` if all of them are, or nothing is known.
@@ -84,4 +107,28 @@ fn range(scalars: &[f32]) -> [f32; 2] {
     let all_finite = scalars.iter().all(|s| s.is_finite());
     let fold = |[lo, hi]: [f32; 2], &s: &f32| [lo.min(s), hi.max(s)];
     if all_finite { scalars.iter().fold([f32::INFINITY, f32::NEG_INFINITY], fold) } else { [f32::NAN; 2] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_steps_are_learned_as_have_room() {
+        let ranges = ChunkRanges::default();
+        assert_eq!([1, 256, 257, 1 << 31].map(|n| ranges.steps_max(n)), [8 << 20, 8 << 20, 4 << 20, 1]);
+    }
+
+    #[test]
+    fn steps_beyond_the_room_for_them_are_not_learned() {
+        let (series, _) = super::super::test_series::logged(5);
+        let mut series = Arc::into_inner(series).unwrap();
+        series.ranges.bytes_max = 2 * size_of::<[f32; 2]>();
+        for step in [3, 1, 3, 0, 2] {
+            series.learn_ranges(step, &[1.0, 2.0]);
+        }
+        let mut known: Vec<usize> = series.known_ranges().keys().copied().collect();
+        known.sort_unstable();
+        assert_eq!(known, [1, 3], "those that were decoded first");
+    }
 }
