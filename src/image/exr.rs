@@ -139,11 +139,8 @@ fn check(path: &Path, color: &RgbaImage, depth: Option<&DepthImage>) -> FileResu
         return Err(FileError::invalid(path, "", "an image without pixels cannot be written"));
     }
     if width.max(height) > LARGEST_SIDE {
-        return Err(FileError::unsupported(
-            path,
-            "",
-            format!("an EXR has at most {LARGEST_SIDE} pixels a row and rows"),
-        ));
+        let problem = format!("an EXR has at most {LARGEST_SIDE} pixels a row and rows");
+        return Err(FileError::unsupported(path, "", problem).remedy("make it smaller"));
     }
     if let Some((i, j)) = color.first_not_finite() {
         return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
@@ -193,7 +190,7 @@ fn layer_attributes(path: &Path, attributes: &ExrAttributes, stored: ExrColor) -
         }
         if name.len() > LONGEST_NAME || name.contains('\0') || !name.contains('.') {
             let problem = format!("a name needs a dot and has at most {LONGEST_NAME} bytes, none of them zero");
-            return Err(FileError::unsupported(path, format!("attribute {name:?}"), problem));
+            return Err(FileError::unsupported(path, format!("attribute {name:?}"), problem).remedy("rename it"));
         }
         let value = match value {
             ExrValue::Text(value) => AttributeValue::Text(text(value)),
@@ -230,10 +227,14 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
     Some(())
 }
 
+/// What to do with a file of a kind that is not read.
+const SAVE_AS: &str =
+    "save it as one flat image with channels R, G, B and A, neither cropped nor subsampled, compressed as ZIP";
+
 /// The library's error as one about a file.
 fn file_error(path: &Path, error: ExrError) -> FileError {
     match error {
-        ExrError::NotSupported(problem) => FileError::unsupported(path, "", problem),
+        ExrError::NotSupported(problem) => FileError::unsupported(path, "", problem).remedy(SAVE_AS),
         ExrError::Invalid(problem) => FileError::invalid(path, "", problem).remedy("is it a whole EXR file?"),
         ExrError::Io(error) => FileError::io(path, "read or write", &error),
         ExrError::Aborted => FileError::invalid(path, "", "was given up"),

@@ -61,7 +61,8 @@ pub fn write_png_with_texts(
         PngDepth::Sixteen => samples.iter().flat_map(|c| ((c * 65535.0).round() as u16).to_be_bytes()).collect(),
     };
     let (Ok(width), Ok(height)) = (u32::try_from(image.width), u32::try_from(image.height)) else {
-        return Err(FileError::unsupported(path, "", "a PNG has less than 2^31 pixels a row and rows"));
+        return Err(FileError::unsupported(path, "", "a PNG has less than 2^31 pixels a row and rows")
+            .remedy("make it smaller"));
     };
     files::replace(path, |file| {
         let mut encoder = png::Encoder::new(BufWriter::new(file), width, height);
@@ -140,7 +141,10 @@ fn open(path: &Path) -> FileResult<PngReader> {
 /// Bytes of the decoded image.
 fn buffer_size(path: &Path, reader: &PngReader) -> FileResult<usize> {
     let (width, height) = (reader.info().width, reader.info().height);
-    let too_large = || FileError::unsupported(path, "header", format!("{width} x {height} pixels do not fit memory"));
+    let too_large = || {
+        let problem = format!("{width} x {height} pixels do not fit memory");
+        FileError::unsupported(path, "header", problem).remedy("make the image smaller, or cut it into parts")
+    };
     reader.output_buffer_size().ok_or_else(too_large)
 }
 

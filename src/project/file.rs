@@ -29,7 +29,10 @@ impl Project {
         if let Ok(OfVersion { version }) = toml::from_str(text)
             && !Self::VERSIONS.contains(&version)
         {
-            return Err(FileError::unsupported(path, "version", ProjectError::Version(version).to_string()).into());
+            let problem = ProjectError::Version(version).to_string();
+            return Err(FileError::unsupported(path, "version", problem)
+                .remedy("use the tetreel that wrote it")
+                .into());
         }
         let project: Self = toml::from_str(text).map_err(|e| {
             let place = e.span().map_or_else(String::new, |span| place_of(text, span.start));

@@ -1,6 +1,6 @@
 //! Reading EXR files, our own and other programs'.
 
-use super::{COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, SOFTWARE, accumulators, file_error};
+use super::{COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, SAVE_AS, SOFTWARE, accumulators, file_error};
 use crate::error::{FileError, FileResult};
 use crate::image::{DepthImage, RgbaImage};
 use ::exr::image::read::image::ReadLayers as _;
@@ -41,7 +41,9 @@ pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
     let (layer, Vec2(width, height)) = (&image.layer_data, image.layer_data.size);
     let attributes = attributes(&layer.attributes);
     let stored = match attributes.get(COLOR) {
-        Some(ExrValue::Text(name)) => name.parse().map_err(|e: String| FileError::unsupported(path, COLOR, e))?,
+        Some(ExrValue::Text(name)) => {
+            name.parse().map_err(|e: String| FileError::unsupported(path, COLOR, e).remedy("remove the attribute"))?
+        }
         _ => ExrColor::Linear,
     };
     let mut color = color_of(path, &layer.channel_data, width, height)?;
@@ -69,7 +71,7 @@ pub(super) fn check_header(path: &Path, header: &Header, file_bytes: u64) -> Fil
         let promise = format!("promises {width} x {height} pixels in {file_bytes} bytes");
         return Err(FileError::invalid(path, "header", promise).remedy("is it a whole EXR file?"));
     }
-    let unsupported = |problem: &str| Err(FileError::unsupported(path, "header", problem));
+    let unsupported = |problem: &str| Err(FileError::unsupported(path, "header", problem).remedy(SAVE_AS));
     if header.deep {
         return unsupported("deep images cannot be read");
     }
@@ -108,7 +110,7 @@ fn color_of(path: &Path, channels: &AnyChannels<FlatSamples>, width: usize, heig
             None => {
                 let names: Vec<String> = channels.list.iter().map(|c| c.name.to_string()).collect();
                 let problem = format!("there is no channel {name}, only {}", names.join(", "));
-                return Err(FileError::unsupported(path, "channels", problem));
+                return Err(FileError::unsupported(path, "channels", problem).remedy(SAVE_AS));
             }
         }
     }
