@@ -7,7 +7,7 @@ use super::histograms::HISTOGRAMS;
 use super::importance::LOD;
 use super::layout::{self, FIELDS, TIME};
 use super::staging::Staging;
-use super::writer::{Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
+use super::writer::{CHECKSUM_PER_STEP, Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
 use super::{FieldDescription, Store};
 use crate::codec::raw::RawEncoder;
 use crate::codec::vq::{self, VqEncoder, VqOptions, VqParameters};
@@ -91,6 +91,7 @@ impl StoreWriter {
                     association: field.association,
                     units: field.units.clone(),
                 },
+                checksums: field.checksums.as_ref().map(|known| known[..resumed.first_step].to_vec()),
                 content: resumed.content,
                 sink: FolderSink::new(writer.staging.path().join(FIELDS).join(&field.folder)),
             },
@@ -171,7 +172,7 @@ fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };
     let Some((folder, key)) = key.split_once('/') else { return key != "zarr.json" };
     let Some(i) = store.fields.iter().position(|f| f.folder == folder) else { return true };
-    let renewed = ["range_per_step", "moments", HISTOGRAMS, ERRORS_PER_STEP, ERRORS_PER_VERTEX];
+    let renewed = ["range_per_step", CHECKSUM_PER_STEP, "moments", HISTOGRAMS, ERRORS_PER_STEP, ERRORS_PER_VERTEX];
     if key == "zarr.json" || renewed.iter().any(|name| within(key, name)) {
         return false;
     }

@@ -5,7 +5,7 @@ use super::array::StoredArray;
 use super::folder::Folder;
 use super::layout::{self, FIELDS, FieldAttributes, Storage};
 use super::mesh::is_current;
-use super::writer::moments_array;
+use super::writer::{CHECKSUM_PER_STEP, moments_array};
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::raw::{self, RawDecoder};
 use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
@@ -44,6 +44,9 @@ pub struct StoredField {
     pub range_per_step: Vec<Option<[f32; 2]>>,
     /// Number of NaN and infinite values in all steps.
     pub nonfinite: u64,
+    /// Of each step that of its values before they were coded; `None` if an older version wrote the store.
+    #[serde(skip)]
+    pub(super) checksums: Option<Vec<u32>>,
     /// Folder below `fields`.
     #[serde(skip)]
     pub(super) folder: String,
@@ -133,6 +136,7 @@ impl StoredField {
             range: series.range,
             range_per_step,
             nonfinite: attributes.nonfinite,
+            checksums: read_checksums(root, storage, source, &group, steps)?,
             folder: folder.to_owned(),
             component_folders: attributes.magnitude_of,
             coding,
@@ -168,6 +172,21 @@ impl StoredField {
             }
         }
     }
+}
+
+fn read_checksums(
+    root: &Path,
+    storage: &Storage,
+    source: &Folder,
+    group: &str,
+    steps: u64,
+) -> FileResult<Option<Vec<u32>>> {
+    let key = format!("{group}/{CHECKSUM_PER_STEP}");
+    if !root.join(&key).join("zarr.json").is_file() {
+        return Ok(None);
+    }
+    let array = StoredArray::open(root, storage, &key, ElementType::U32, Chunking::Whole, 1)?;
+    Ok(Some(array.expect_shape(root, &[steps])?.read::<u32, 1>(root, source)?.into_flattened()))
 }
 
 /// `Some(None)` if a step has no finite value; `None` if these bounds are no range.

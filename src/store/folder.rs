@@ -1,5 +1,6 @@
 //! A folder as source and sink of chunks.
 
+use super::refresh::OpenedSeries;
 use crate::codec::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};
 use crate::slowdown::{Slow, waste};
@@ -16,10 +17,27 @@ pub(super) struct Folder {
     root: PathBuf,
     pinned: Pinned,
 }
+    /// What the files must be of.
+    series: Option<Arc<OpenedSeries>>,
 
 impl Folder {
     pub(super) fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into(), pinned: Pinned::default() }
+        Self { root: root.into(), pinned: Pinned::default(), series: None }
+    }
+
+    /// The folder of a store, from which nothing is read once another series has taken its place.
+    pub(super) fn of_series(root: impl Into<PathBuf>, series: Arc<OpenedSeries>) -> Self {
+        Self { series: Some(series), ..Self::new(root) }
+    }
+
+    /// Whether what was just found in the folder is of its series; if not, it may be when it is looked for again.
+    fn is_of_series(&self) -> FileResult<bool> {
+        self.series.as_ref().map_or(Ok(true), |series| series.is_unchanged(&self.root))
+    }
+
+    /// Fails if another series has taken the place of the one that was opened.
+    pub(super) fn check(&self) -> FileResult<()> {
+        self.is_of_series().map(drop)
     }
 
     /// From now on these objects are what they are now, or missing as they are now, whatever takes their place.
@@ -41,7 +59,19 @@ impl Folder {
 
     /// Does something with a file. While a store is being exchanged in two moves, it is nowhere for a moment: what is missing
     /// together with the store is looked for again.
-    fn find<T>(&self, act: impl Fn() -> io::Result<T>) -> io::Result<T> {
+    /// Does something with a file of the series.
+    fn find<T>(&self, act: impl Fn() -> io::Result<T>) -> FileResult<io::Result<T>> {
+        for _ in 0..EXCHANGE_LOOKS {
+            let result = self.look(&act);
+            if self.is_of_series()? {
+                return Ok(result);
+            }
+        }
+        let error = FileError::invalid(&self.root, "", "changes all the time, so that nothing can be read");
+        Err(error.remedy("try again when fewer steps are added"))
+    }
+
+    fn look<T>(&self, act: &impl Fn() -> io::Result<T>) -> io::Result<T> {
         for _ in 0..EXCHANGE_LOOKS {
             match act() {
                 Err(e) if e.kind() == ErrorKind::NotFound => {}
@@ -92,7 +122,7 @@ impl ReadRange for Folder {
         let metadata = match self.pinned.get(key) {
             Some(Some(file)) => file.metadata(),
             Some(None) => Err(ErrorKind::NotFound.into()),
-            None => self.find(|| fs::metadata(&path)),
+            None => self.find(|| fs::metadata(&path))?,
         };
         match metadata {
             Ok(metadata) if metadata.is_file() => Ok(metadata.len()),
@@ -110,7 +140,7 @@ impl ReadRange for Folder {
         if let Some(pinned) = self.pinned.get(key) {
             return Ok(pinned.is_some());
         }
-        match self.find(|| fs::metadata(&path)) {
+        match self.find(|| fs::metadata(&path))? {
             Ok(_) => Ok(true),
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
             Err(e) => Err(FileError::io(path, "open", &e)),
@@ -133,7 +163,7 @@ impl ReadRange for Folder {
         let file = match self.pinned.get(key) {
             Some(Some(file)) => Ok(file.clone()),
             Some(None) => Err(ErrorKind::NotFound.into()),
-            None => self.find(|| File::open(&path)).map(Arc::new),
+            None => self.find(|| File::open(&path))?.map(Arc::new),
         };
         let file = file.map_err(|e| FileError::io(&path, "open", &e))?;
         for part in parts {

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
-//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
+//! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `checksum_per_step` (CRC-32C of a step's values as f32, before the codec; not from older versions), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
@@ -49,14 +49,15 @@ use folder::Folder;
 use glam::DVec3;
 use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
 use mesh::StoredMesh;
-use refresh::Stamp;
+use refresh::{OpenedSeries, Stamp};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The codec of a field without values of its own: the norm of other fields.
 const MAGNITUDE_CODEC: &str = "magnitude";
 
-/// An opened store.
+/// An opened store. It and its readers give what the store had when it was opened, also from one that has grown since; when another
+/// series has taken its place, they give errors.
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
@@ -67,7 +68,7 @@ pub struct Store {
     times: TimeAxis,
     fields: Vec<StoredField>,
     stamp: Stamp,
-    mesh_checksums: Vec<Option<[u8; 4]>>,
+    series: Arc<OpenedSeries>,
 }
 
 /// Whether `path` is a folder with a tetreel store of any version; reads its attributes only.
@@ -91,8 +92,9 @@ impl Store {
         let mesh = StoredMesh::open(root, &storage, &source)?;
         let times = read_times(root, &storage, &*source)?;
         let fields = open_fields(root, &storage, &source, times.len() as u64, mesh.vertices)?;
-        let mesh_checksums = refresh::mesh_checksums(&*source);
-        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields, stamp, mesh_checksums })
+        let series = Arc::new(OpenedSeries::of(&mesh, &times, &fields, &*source, &stamp));
+        let source = Arc::new(Folder::of_series(root, series.clone()));
+        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields, stamp, series })
     }
 
     /// Folder of the store.
@@ -113,18 +115,22 @@ impl Store {
     /// Reads the mesh. Faces and neighbours that are missing, damaged or of another version are derived again.
     ///
     /// # Errors
-    /// If points, cells or permutations are missing or damaged, or do not make a mesh.
+    /// If points, cells or permutations are missing or damaged, or do not make a mesh; if another series has taken the store's place.
     pub fn mesh(&self) -> FileResult<Mesh> {
-        self.mesh.read(&self.root, &self.storage, &*self.source)
+        let mesh = self.mesh.read(&self.root, &self.storage, &*self.source)?;
+        self.source.check()?;
+        Ok(mesh)
     }
 
     /// For each vertex of the mesh the coordinates that the source has, where those of the mesh do not give them back bit
     /// for bit; `None` where they do, or if an older version wrote the store.
     ///
     /// # Errors
-    /// If the array is damaged.
+    /// If the array is damaged, or another series has taken the store's place.
     pub fn source_points(&self) -> FileResult<Option<Vec<DVec3>>> {
-        source_points::read(&self.root, &self.storage, &*self.source, self.mesh.vertices)
+        let points = source_points::read(&self.root, &self.storage, &*self.source, self.mesh.vertices)?;
+        self.source.check()?;
+        Ok(points)
     }
 
     /// A reader of one field. `NAME` of a vector means `NAME:mag`.

@@ -1,30 +1,52 @@
-//! A store that has grown since it was opened.
+//! A store that has grown since it was opened, or has become another one.
 
 use super::Store;
 use super::field::StoredField;
 use super::folder::{EXCHANGE_LOOKS, EXCHANGE_PAUSE};
 use super::layout::MESH;
+use super::mesh::StoredMesh;
 use crate::codec::{ReadRange, chunk_key};
 use crate::error::{FileError, FileResult};
+use crate::field::TimeAxis;
 use std::fs;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// What tells one state of a store from the next: the metadata of its root, which every append and every import write anew,
-/// when that was, and which file it is (0 where that has no number). `None` while there is no store.
+/// What tells one state of a store from the next: the metadata of its root, which every append and every import write anew, and
+/// which file that is. `None` while there is no store.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Stamp(Option<(Vec<u8>, Option<SystemTime>, u64)>);
+pub(super) struct Stamp(Option<(Vec<u8>, FileId)>);
+
+/// Which file something is: when it was written, how long it is, and its number (0 where it has none).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FileId {
+    modified: Option<SystemTime>,
+    bytes: u64,
+    number: u64,
+}
+
+impl FileId {
+    /// That of the metadata of a store; `None` while there is no store.
+    fn of(root: &Path) -> Option<Self> {
+        let metadata = fs::metadata(root.join("zarr.json")).ok().filter(fs::Metadata::is_file)?;
+        #[cfg(unix)]
+        let number = std::os::unix::fs::MetadataExt::ino(&metadata);
+        #[cfg(not(unix))]
+        let number = 0;
+        Some(Self { modified: metadata.modified().ok(), bytes: metadata.len(), number })
+    }
+}
 
 impl Stamp {
     pub(super) fn of(root: &Path) -> Self {
-        let path = root.join("zarr.json");
-        let metadata = fs::metadata(&path).ok();
-        let modified = metadata.as_ref().and_then(|m| m.modified().ok());
-        #[cfg(unix)]
-        let number = metadata.as_ref().map_or(0, std::os::unix::fs::MetadataExt::ino);
-        #[cfg(not(unix))]
-        let number = 0;
-        Self(fs::read(&path).ok().map(|text| (text, modified, number)))
+        let id = FileId::of(root);
+        let text = id.and_then(|_| fs::read(root.join("zarr.json")).ok());
+        Self(text.zip(id))
+    }
+
+    fn id(&self) -> Option<FileId> {
+        self.0.as_ref().map(|(_, id)| *id)
     }
 }
 
@@ -46,7 +68,7 @@ pub(super) fn at_rest<T>(root: &Path, open: impl Fn(&Path, Stamp) -> FileResult<
 }
 
 /// The checksums of the chunks that make up the mesh; whatever has the same is the same mesh.
-pub(super) fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
+fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
     let checksum = |(name, rank): (&str, usize)| {
         let key = chunk_key(&format!("{MESH}/{name}"), 0, rank);
         let mut bytes = [0; 4];
@@ -57,12 +79,101 @@ pub(super) fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
     [("points", 2), ("tets", 2), ("vertex_permutation", 1), ("cell_permutation", 1)].map(checksum).to_vec()
 }
 
+/// The series that a store had when it was opened, and whether what lies in its place now still is.
+#[derive(Debug)]
+pub(super) struct OpenedSeries {
+    vertices: u64,
+    cells: u64,
+    bounds: Option<[[f64; 3]; 2]>,
+    mesh_checksums: Vec<Option<[u8; 4]>>,
+    times: TimeAxis,
+    fields: Vec<StoredField>,
+    /// The state of the store in which this series was found last.
+    found_in: Mutex<Option<FileId>>,
+}
+
+impl OpenedSeries {
+    /// The series that `source` reads, of a store in this state.
+    pub(super) fn of(
+        mesh: &StoredMesh,
+        times: &TimeAxis,
+        fields: &[StoredField],
+        source: &dyn ReadRange,
+        stamp: &Stamp,
+    ) -> Self {
+        Self {
+            vertices: mesh.vertices,
+            cells: mesh.cells,
+            bounds: mesh.attributes.bounds,
+            mesh_checksums: mesh_checksums(source),
+            times: times.clone(),
+            fields: fields.to_vec(),
+            found_in: Mutex::new(stamp.id()),
+        }
+    }
+
+    /// Whether the store is in the state in which this series was found last, so that what was just looked up is of this series. If
+    /// it has changed and goes on with this series, what was looked up may be from any state between: look again.
+    ///
+    /// # Errors
+    /// If it has become another series.
+    pub(super) fn is_unchanged(&self, root: &Path) -> FileResult<bool> {
+        let mut found_in = self.found_in.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = FileId::of(root);
+        // While there is no store, nothing of another one can have been found.
+        if now.is_none() || now == *found_in {
+            return Ok(true);
+        }
+        let new = Store::open(root)?;
+        self.check_continued_by(&new)?;
+        if self.fields.iter().any(|field| field.checksums.is_none()) {
+            return Err(Self::is_not(root, "values that an older version has written, which may be others"));
+        }
+        *found_in = new.stamp.id();
+        Ok(false)
+    }
+
+    fn is_not(root: &Path, what: &str) -> FileError {
+        let problem = format!("is no longer the series that was opened: it has {what}");
+        FileError::invalid(root, "", problem).remedy("open it again")
+    }
+
+    fn check_continued_by(&self, store: &Store) -> FileResult<()> {
+        let other = |what: &str| Err(Self::is_not(&store.root, what));
+        let new = &store.series;
+        let counts = |series: &Self| (series.vertices, series.cells, series.bounds);
+        if counts(self) != counts(new) || self.mesh_checksums != new.mesh_checksums {
+            return other("another mesh");
+        }
+        let identity = |f: &StoredField| {
+            let codec = (f.codec.clone(), f.vq_parameters().and_then(|parameters| parameters.options()));
+            (f.name.clone(), f.folder.clone(), codec, f.association)
+        };
+        if !self.fields.iter().map(identity).eq(new.fields.iter().map(identity)) {
+            return other("other fields");
+        }
+        let (before, now) = (&self.times.values, &new.times.values);
+        if now.len() < before.len() {
+            return other("fewer steps");
+        }
+        if before.iter().zip(now).any(|(a, b)| a.to_bits() != b.to_bits()) {
+            return other("other times");
+        }
+        let goes_on = |(old, new): (&StoredField, &StoredField)| match (&old.checksums, &new.checksums) {
+            (Some(old), Some(new)) => new.starts_with(old),
+            // An older version has written one of them.
+            _ => true,
+        };
+        if self.fields.iter().zip(&new.fields).all(goes_on) { Ok(()) } else { other("other values") }
+    }
+}
+
 impl Store {
     /// The store as it is now if steps were added since it was opened; `None`, after a look at one small file, if nothing has
     /// changed. This store and its readers stay as they are: they go on with the steps that they know.
     ///
     /// # Errors
-    /// If it is no longer the same series (another mesh, other fields, other times or fewer of them), or cannot be opened.
+    /// If it is no longer the same series (another mesh, other fields, other values, other times or fewer of them), or cannot be opened.
     pub fn refreshed(&self) -> FileResult<Option<Self>> {
         for _ in 0..EXCHANGE_LOOKS {
             let stamp = Stamp::of(&self.root);
@@ -76,30 +187,7 @@ impl Store {
             std::thread::sleep(EXCHANGE_PAUSE);
         }
         let new = Self::open(&self.root)?;
-        self.check_continued_by(&new)?;
+        self.series.check_continued_by(&new)?;
         Ok(Some(new))
-    }
-
-    fn check_continued_by(&self, new: &Self) -> FileResult<()> {
-        let other = |what: &str| {
-            let problem = format!("is no longer the series that was opened: it has {what}");
-            Err(FileError::invalid(&self.root, "", problem).remedy("open it again"))
-        };
-        let counts = |store: &Self| (store.mesh.vertices, store.mesh.cells, store.mesh.attributes.bounds);
-        if counts(self) != counts(new) || self.mesh_checksums != new.mesh_checksums {
-            return other("another mesh");
-        }
-        let identity = |f: &StoredField| (f.name.clone(), f.folder.clone(), f.codec.clone(), f.association);
-        if !self.fields.iter().map(identity).eq(new.fields.iter().map(identity)) {
-            return other("other fields");
-        }
-        let (before, now) = (&self.times.values, &new.times.values);
-        if now.len() < before.len() {
-            return other("fewer steps");
-        }
-        if before.iter().zip(now).any(|(a, b)| a.to_bits() != b.to_bits()) {
-            return other("other times");
-        }
-        Ok(())
     }
 }

@@ -107,7 +107,8 @@ impl StoreWriter {
         self.folders.push(folder.clone());
         let root = self.staging.path().to_owned();
         let sink = FolderSink::new(root.join(FIELDS).join(&folder));
-        FieldWriter { root, storage: self.storage.clone(), folder, description, content, sink }
+        let checksums = Some(Vec::new());
+        FieldWriter { root, storage: self.storage.clone(), folder, description, content, checksums, sink }
     }
 
     pub(super) fn write_fields(&self) -> FileResult<()> {
@@ -167,6 +168,8 @@ pub struct FieldWriter {
     pub(super) folder: String,
     pub(super) description: FieldDescription,
     pub(super) content: Content,
+    /// Of the steps until now; `None` if those of the store to which steps are added are not known.
+    pub(super) checksums: Option<Vec<u32>>,
     pub(super) sink: FolderSink,
 }
 
@@ -181,6 +184,9 @@ impl FieldWriter {
     /// # Errors
     /// If a file cannot be written.
     pub fn push(&mut self, values: &[f32]) -> FileResult<()> {
+        if let Some(checksums) = &mut self.checksums {
+            checksums.push(crc32c::crc32c(&to_bytes(values)));
+        }
         match &mut self.content {
             Content::Encoded(encoder) => encoder.push(values, &mut self.sink),
             Content::MagnitudeOf(_) => Ok(()),
@@ -226,6 +232,9 @@ impl FieldWriter {
         let mut to = ArrayWriter::new(&self.root, &self.storage, &group);
         let ranges: Vec<[f32; 2]> = moments.steps().iter().map(|s| s.range.unwrap_or([f32::NAN; 2])).collect();
         to.write("range_per_step", &ranges, ["step", "bound"], Map::new())?;
+        if let Some(checksums) = &self.checksums {
+            to.write(CHECKSUM_PER_STEP, column(checksums), ["step", ""], Map::new())?;
+        }
         if let Some(errors) = &encoded.settled_errors {
             let (steps, vertices) = errors.parts();
             to.write(ERRORS_PER_STEP, &steps, ["step", "squares_count_largest"], mesh::derived())?;
@@ -237,6 +246,8 @@ impl FieldWriter {
     }
 }
 
+/// Array of the checksums of the steps' values, by which a series is known again.
+pub(super) const CHECKSUM_PER_STEP: &str = "checksum_per_step";
 /// Array of the errors of the steps of complete blocks: sum of squares, number of values, largest.
 pub(super) const ERRORS_PER_STEP: &str = "errors_per_step";
 /// Array of the sums of squared errors of each vertex over these steps.

@@ -1,8 +1,10 @@
 //! A store appears whole or not at all, and what existed is only ever replaced by a whole one.
 
-use super::{contents, import, list, sample};
+use super::append::{decode, import_all, part, reader, vq};
+use super::{Formulas, contents, import, list, sample};
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use tetreel::ingest::{IngestError, IngestOptions};
 use tetreel::store::Store;
 use tetreel::task::Cancel;
@@ -140,4 +142,87 @@ fn a_link_to_nowhere_counts_as_existing() {
     std::os::unix::fs::symlink(dir.path().join("gone"), &out).unwrap();
     assert!(import(&sample(1), &out, &options(OVERWRITE)).is_err());
     assert!(fs::symlink_metadata(&out).unwrap().is_symlink());
+}
+
+/// A series of the same mesh, fields, times and ranges as [`part`] in which the steps come in another order.
+fn reversed(steps: usize) -> Formulas {
+    let forwards = part(0..steps);
+    Formulas {
+        value: Box::new(move |name, c, step, i| (forwards.value)(name, c, steps - 1 - step, i)),
+        ..part(0..steps)
+    }
+}
+
+#[test]
+fn a_reader_of_a_store_that_is_replaced_gives_what_it_opened_or_an_error() {
+    const STEPS: usize = 70;
+    for (codec, other_codec) in [(None, None), (vq(16, false), vq(16, false)), (vq(16, false), vq(16, true))] {
+        let dir = tempfile::tempdir().unwrap();
+        let [out, kept] = ["s.zarr", "kept.zarr"].map(|name| dir.path().join(name));
+        let [store, kept] = [&out, &kept].map(|path| import_all(&part(0..STEPS), path, codec));
+        let names: Vec<String> = store.fields().iter().map(|f| f.name.clone()).collect();
+        let readers: Vec<_> = names.iter().map(|name| reader(&store, name)).collect();
+        for (open, name) in readers.iter().zip(&names) {
+            assert!(decode(open, STEPS - 1) == decode(&reader(&kept, name), STEPS - 1));
+        }
+        let options = IngestOptions { codec: other_codec.unwrap_or_default(), ..options(OVERWRITE) };
+        import(&reversed(STEPS), &out, &options).unwrap();
+        for (open, name) in readers.iter().zip(&names) {
+            let mut refused = 0;
+            for step in 0..STEPS {
+                let mut values = vec![0.0; open.vertex_count()];
+                match open.decode_step(step, &mut values) {
+                    Ok(_) => {
+                        let bits: Vec<u32> = values.iter().map(|x| x.to_bits()).collect();
+                        assert!(bits == decode(&reader(&kept, name), step), "{name}, step {step}: of the other series");
+                    }
+                    Err(error) => {
+                        let error = error.to_string();
+                        assert!(error.contains("no longer the series") && error.contains("open it again"), "{error}");
+                        refused += 1;
+                    }
+                }
+            }
+            assert!(refused > 0, "{name}: nothing of it was in memory");
+        }
+        // The mesh is the same: whose it is shows in the values.
+        for error in [store.mesh().err(), store.source_points().err(), store.refreshed().err()] {
+            assert!(error.unwrap().to_string().contains("no longer the series"));
+        }
+    }
+}
+
+#[test]
+fn a_reader_never_mixes_series_while_stores_are_exchanged() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("s.zarr");
+    let first = reader(&import_all(&part(0..3), &out, None), "T");
+    let forwards = [0, 2].map(|step| decode(&first, step));
+    let backwards = [forwards[1].clone(), forwards[0].clone()];
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // The last one is another series than the first.
+            for round in 0..13 {
+                let source = if round % 2 == 0 { reversed(3) } else { part(0..3) };
+                import(&source, &out, &options(OVERWRITE)).unwrap();
+            }
+            done.store(true, Ordering::SeqCst);
+        });
+        let (mut open, mut refused) = (first, 0);
+        while !done.load(Ordering::SeqCst) || refused == 0 {
+            let mut steps = [0, 2].map(|step| (step, vec![0.0; open.vertex_count()]));
+            match steps.iter_mut().try_for_each(|(step, values)| open.decode_step(*step, values).map(drop)) {
+                Ok(()) => {
+                    let bits = steps.map(|(_, values)| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+                    assert!(bits == forwards || bits == backwards);
+                }
+                Err(error) => {
+                    assert!(error.to_string().contains("no longer the series"), "{error}");
+                    refused += 1;
+                    open = reader(&Store::open(&out).unwrap(), "T");
+                }
+            }
+        }
+    });
 }
