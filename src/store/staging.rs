@@ -2,7 +2,8 @@
 //!
 //! Until then the place is not touched; a failure, a panic or a cancelled run removes what was written. With
 //! `overwrite`, the old and the new store change places in one operation of the file system, where it has such (Linux, macOS);
-//! elsewhere the old store is moved aside first. It is removed only once the new one is in its place.
+//! elsewhere the old store is moved aside first. It is removed only once the new one is in its place. Where the place is a link,
+//! the store that it leads to is replaced, and the link stays.
 //!
 //! A store to which steps are added begins as hard links of the old one's files ([`Staging::keep`]).
 
@@ -29,8 +30,9 @@ impl Staging {
     /// Makes the folder, if the target may be written.
     pub(super) fn begin(target: &Path, overwrite: bool) -> FileResult<Self> {
         check_target(target, overwrite)?;
-        let dir = files::sibling_folder(target, "tmp")?;
-        Ok(Self { dir, target: target.to_owned(), overwrite, linked: BTreeSet::new() })
+        let target = behind_link(target)?;
+        let dir = files::sibling_folder(&target, "tmp")?;
+        Ok(Self { dir, target, overwrite, linked: BTreeSet::new() })
     }
 
     /// Gives the new store all files of the old one whose key (path below it, with `/`) `is_kept` confirms: hard links, or
@@ -113,6 +115,16 @@ impl Staging {
         let _gone = self.dir.keep();
         sync_folder(files::parent_of(&self.target))
     }
+}
+
+/// What a target leads to if it is a link, else the target.
+fn behind_link(target: &Path) -> FileResult<PathBuf> {
+    let name = target.file_name().unwrap_or_default();
+    // With a slash at its end, a path is that of the folder behind a link.
+    if !files::parent_of(target).join(name).is_symlink() {
+        return Ok(target.to_owned());
+    }
+    fs::canonicalize(target).map_err(|e| FileError::io(target, "follow the link", &e))
 }
 
 /// Whether there is anything, a dangling link included.

@@ -226,3 +226,28 @@ fn a_reader_never_mixes_series_while_stores_are_exchanged() {
         }
     });
 }
+
+#[cfg(unix)]
+#[test]
+fn overwriting_through_a_link_replaces_the_store_behind_it_and_not_the_link() {
+    let dir = tempfile::tempdir().unwrap();
+    let [disk, here] = ["disk", "here"].map(|name| dir.path().join(name));
+    [&disk, &here].map(|folder| fs::create_dir(folder).unwrap());
+    let real = disk.join("s.zarr");
+    import(&sample(2), &real, &options(false)).unwrap();
+    for (link, target) in [("to.zarr", real.clone()), ("relative.zarr", "../disk/s.zarr".into()), ("slash.zarr", real)]
+    {
+        std::os::unix::fs::symlink(&target, here.join(link)).unwrap();
+        let steps = 3 + link.len();
+        let named = if link.starts_with("slash") { here.join(format!("{link}/")) } else { here.join(link) };
+        let error = import(&sample(steps), &named, &options(false)).unwrap_err().to_string();
+        assert!(error.contains("exists"), "{error}");
+        import(&sample(steps), &named, &options(OVERWRITE)).unwrap();
+        assert_eq!(fs::read_link(here.join(link)).unwrap(), target);
+        for path in [disk.join("s.zarr"), here.join(link)] {
+            assert_eq!(Store::open(path).unwrap().times().len(), steps);
+        }
+    }
+    assert_eq!(list(&disk), ["s.zarr"]);
+    assert_eq!(list(&here), ["relative.zarr", "slash.zarr", "to.zarr"]);
+}
