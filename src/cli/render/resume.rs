@@ -101,6 +101,8 @@ mod tests {
     use crate::camera::Camera;
     use crate::export::still::FrameAttributes;
     use crate::ingest::{IngestOptions, ingest};
+    use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::FrameTime;
     use crate::store::Store;
     use crate::synth::{SeriesName, SynthSpec, generate};
     use crate::task::Silent;
@@ -139,5 +141,34 @@ mod tests {
         assert_eq!(of(&rows, &one), of(&table(&[0.0, 1.0], 0.5), &one));
         assert_ne!(of(&rows, &one), of(&table(&[0.0, 1.0], 0.25), &one));
         assert_ne!(of(&rows, &one), of(&table(&[0.0, 2.0], 0.5), &one));
+    }
+
+    #[test]
+    fn the_scalars_of_every_step_that_is_shown_count_and_no_others() {
+        let (_dir, series) = series(1);
+        let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+        let table = Arc::new(NodeTable::new(vec![Node { scalar: 0.0, rgb: [0.5; 3], tau: 1.0 }]).unwrap());
+        let plan = Plan { steps: vec![0, 1, 2], ..Plan::of_steps(&[], series.times()) };
+        // Of a frame at `time`, with these checksums of the steps.
+        let of = |time: FrameTime, checksums: [u32; 3]| {
+            let fingerprints = Fingerprints::new(series.mesh(), &plan, &checksums, "png");
+            let frame = PlannedFrame { time, at: 0.0, azimuth_deg: 0.0 };
+            let request = FrameRequest::new(time, camera, table.clone(), (8, 8));
+            fingerprints.of(&frame, &request, &FrameAttributes::default(), &series, &Cancel::new()).unwrap()
+        };
+        for (time, shown) in [
+            (FrameTime::from(1), [false, true, false]),
+            (FrameTime::between(0, 1, 0.25), [true, true, false]),
+            (FrameTime::between(0, 2, 0.25), [true, false, true]),
+        ] {
+            let before = of(time, [7, 8, 9]);
+            assert_eq!(of(time, [7, 8, 9]), before);
+            for step in 0..3 {
+                let mut checksums = [7, 8, 9];
+                checksums[step] = 10;
+                assert_eq!(of(time, checksums) != before, shown[step], "{time:?}, step {step}");
+            }
+        }
+        assert_ne!(of(FrameTime::between(0, 1, 0.25), [7, 8, 9]), of(FrameTime::between(0, 1, 0.5), [7, 8, 9]));
     }
 }
