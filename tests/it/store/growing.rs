@@ -5,6 +5,7 @@ use super::{Formulas, field, import, list};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use tetreel::field::Association;
 use tetreel::ingest::{AppendOptions, AppendReport, IngestError, IngestOptions, append, ingest};
 use tetreel::store::{FieldReader, Store};
@@ -176,6 +177,33 @@ fn of_two_that_add_at_the_same_time_neither_is_lost() {
             assert_eq!(Store::open(&out).unwrap().times().len(), end + 4);
         }
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn who_adds_has_the_store_locked_while_the_source_is_read() {
+    use std::fs::File;
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("s.zarr");
+    import_all(&part(0..3), &out, None);
+    let is_free = |folder: &Path| File::open(folder).unwrap().try_lock().is_ok();
+    if File::open(&out).unwrap().try_lock().is_err() {
+        eprintln!("left out: this file system has no locks");
+        return;
+    }
+    let mut source = part(0..6);
+    let looks: Arc<Mutex<Vec<bool>>> = Arc::default();
+    let (folder, seen) = (out.clone(), looks.clone());
+    source.value = Box::new(move |name, component, step, i| {
+        if i == 0 {
+            seen.lock().unwrap().push(is_free(&folder));
+        }
+        value(name, component, step, i)
+    });
+    add(&source, &out, &AppendOptions::default()).unwrap();
+    assert!(!looks.lock().unwrap().is_empty());
+    assert!(looks.lock().unwrap().iter().all(|free| !free), "somebody else could have added at the same time");
+    assert!(is_free(&out), "the lock ends with the work");
 }
 
 #[cfg(unix)]
