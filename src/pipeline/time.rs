@@ -103,6 +103,7 @@ pub(super) fn mix(a: f64, b: f64, weight: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::test_series;
 
     /// Not uniform, and with digits as files have them.
     fn times() -> TimeAxis {
@@ -151,6 +152,22 @@ mod tests {
     fn times_at_the_ends_of_a_double_have_a_middle() {
         let times = TimeAxis { values: vec![-f64::MAX, f64::MAX] };
         assert_eq!(FrameTime::at(&times, &[0, 1], 0.0, true), Some(FrameTime::between(0, 1, 0.5)));
+    }
+
+    #[test]
+    fn the_range_between_two_steps_is_mixed_as_their_scalars_are() {
+        let series = test_series::jet();
+        let field = series.field();
+        let of = |step: usize| field.range_per_step[step].map(|range| range.map(f64::from)).unwrap();
+        let ([a, b], [c, d]) = (of(1), of(2));
+        assert!(b != d, "steps of the same range would tell nothing");
+        let (whole, (lo, hi)) = FrameTime::between(1, 2, 0.25).scalar_ranges(field);
+        // By quarters, which are exact, summed in the order of the definition.
+        assert_eq!((lo, hi), (0.75 * a + 0.25 * c, 0.75 * b + 0.25 * d));
+        assert_eq!(FrameTime::from(2).scalar_ranges(field), (whole, (c, d)));
+        let steps = field.range_per_step.iter().flatten().map(|range| range.map(f64::from));
+        let ends = steps.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)]);
+        assert_eq!(whole, (ends[0], ends[1]));
     }
 
     #[test]
