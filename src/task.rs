@@ -6,7 +6,12 @@ use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 /// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work that looks at it between two units.
 #[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
+pub struct Cancel {
+    raised: Arc<AtomicBool>,
+    /// Looks after which it is raised.
+    #[cfg(test)]
+    looks_left: Option<Arc<std::sync::atomic::AtomicU64>>,
+}
 
 impl Cancel {
     /// A flag that nobody has raised.
@@ -14,14 +19,26 @@ impl Cancel {
         Self::default()
     }
 
+    /// A flag that is up from so many looks on: that of the work itself, whenever it comes.
+    #[cfg(test)]
+    pub(crate) fn after_looks(looks: u64) -> Self {
+        Self { looks_left: Some(Arc::new(looks.into())), ..Self::default() }
+    }
+
     /// Asks the work to stop at its next look.
     pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.raised.store(true, Ordering::Relaxed);
     }
 
     /// Whether the work should stop.
     pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        #[cfg(test)]
+        if let Some(left) = &self.looks_left
+            && left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1)).is_err()
+        {
+            self.cancel();
+        }
+        self.raised.load(Ordering::Relaxed)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::codec::chunk::PIECE_BYTES;
 use crate::codec::raw::{RawDecoder, RawEncoder};
 use crate::codec::test_objects::Objects;
 use crate::codec::vq::{VqDecoder, VqEncoder, VqOptions, VqParameters};
-use crate::codec::{Decoder, Encoder, ReadRange};
+use crate::codec::{Decoder, Encoder, ReadRange, Wanted};
 use std::path::PathBuf;
 
 /// A source that can be damaged, counts its reads and raises a flag at one of them.
@@ -140,6 +140,47 @@ fn a_cancelled_block_of_vq_stops_at_the_piece_that_is_read() {
     let cache = Arc::new(BlockCache::new(u64::MAX));
     let decoder = VqDecoder::new(source.clone(), "f", parameters, 130, VQ_VERTICES).with_cache(cache.clone());
     cancelled_at_every_read(&source, &cache, &decoder, VQ_VERTICES);
+}
+
+/// Cancels a decode at each of its looks at the flag; with `chunks`, of all chunks of this length.
+fn cancelled_at_every_look(decoder: &dyn Decoder, vertices: usize, chunks: Option<usize>) {
+    /// In no step.
+    const BEFORE: f32 = 7e33;
+    let mut expected = vec![0.0; vertices];
+    decoder.decode_step(1, &mut expected).unwrap();
+    for looks in 0.. {
+        let cancel = Cancel::after_looks(looks);
+        let mut out = vec![BEFORE; vertices];
+        let all = vec![true; vertices.div_ceil(chunks.unwrap_or(1))];
+        let done = match chunks {
+            None => decoder.decode_step_unless(1, &mut out, &cancel),
+            Some(length) => decoder.decode_chunks_unless(1, Wanted { length, chunks: &all }, &mut out, &cancel),
+        };
+        let is_whole = bits(&out) == bits(&expected);
+        if done.unwrap().is_some() {
+            assert!(is_whole, "what was given up after {looks} looks counts as whole");
+            assert!(looks > 0, "the flag is looked at on the way");
+            return;
+        }
+    }
+}
+
+#[test]
+fn a_decode_that_is_cancelled_at_any_look_is_none() {
+    let blocks = Arc::new(BlockCache::new(u64::MAX));
+    let (source, parameters) = vq();
+    let decoder = VqDecoder::new(source, "f", parameters, 130, VQ_VERTICES).with_cache(blocks.clone());
+    for chunks in [None, Some(256)] {
+        cancelled_at_every_look(&decoder, VQ_VERTICES, chunks);
+    }
+    let decoder = RawDecoder::new(raw(2), "f", 2, RAW_VERTICES).with_cache(blocks.clone());
+    cancelled_at_every_look(&decoder, RAW_VERTICES, None);
+    let loader = decoder.blocks().unwrap();
+    blocks.expect([BlockKey { decoder: loader.id(), index: 1 }]);
+    assert!(blocks.prefetch(|_| Some(loader), &Cancel::new()).unwrap(), "and now from memory");
+    for chunks in [None, Some(256)] {
+        cancelled_at_every_look(&decoder, RAW_VERTICES, chunks);
+    }
 }
 
 #[test]
