@@ -3,6 +3,7 @@
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
 use std::time::Duration;
+use tetreel::mesh::RawMesh;
 use tetreel::render::Advance;
 use tetreel::visibility::{CellSet, Skip};
 
@@ -41,6 +42,30 @@ fn any_active_subset_agrees_with_the_reference() {
         }
         job.active = Arc::new(active);
         assert_agrees(&format!("seed {seed}"), &job);
+    }
+}
+
+#[test]
+fn rays_walk_through_active_cells_only_and_through_each_once() {
+    let view = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
+    let all = Arc::new(build(grid(5, 0.16, 13, |_| true)));
+    let tets = &all.topology.tets;
+    // With those at the corners of the box the rest has the same box, and the same coordinates to the bit.
+    let is_at_corner = |v: u32| all.positions.world(v as usize).abs().min_element() > 0.99;
+    let is_kept =
+        |(cell, tet): (usize, &[u32; 4])| noise(7, cell as u64) > -0.2 || tet.iter().any(|&v| is_at_corner(v));
+    let kept: Vec<bool> = tets.iter().enumerate().map(is_kept).collect();
+    let points = (0..all.positions.local.len()).map(|v| all.positions.world(v)).collect();
+    let left = tets.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tet, _)| *tet).collect();
+    let part = Arc::new(build(RawMesh { points, tets: left }));
+    let mut among_all = job(&all, sample(&all, wave), &view, (48, 48), dense());
+    let mut active = CellSet::none(tets.len());
+    (0..).zip(&kept).for_each(|(cell, &kept)| active.set(cell, kept));
+    among_all.active = Arc::new(active);
+    let alone = job(&part, sample(&part, wave), &view, (48, 48), dense());
+    for renderer in [Raycast::new, Raycast::portable] {
+        let steps = [&among_all, &alone].map(|job| renderer().render(job.clone()).unwrap().stats.steps);
+        assert!(steps[0] == steps[1] && steps[0] > 48 * 48, "{steps:?}");
     }
 }
 

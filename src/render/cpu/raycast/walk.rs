@@ -108,7 +108,10 @@ fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
         let pixel = starts[0].0 as usize;
         let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
         let mut walk = Walk::new(scene, ray, starts);
-        while walk.step::<IN_GRID>(scene) {}
+        let most = starts.len() * scene.mesh.topology.tets.len();
+        while walk.step::<IN_GRID>(scene) {
+            debug_assert!(walk.steps as usize <= most, "a path goes through a cell once");
+        }
         pixels[pixel] = walk.light.pixel();
         walk.count(stats);
     }

@@ -265,6 +265,7 @@ fn walk<'a, I: Integrator, L: Lanes, K: Lights>(
         active: (!scene.all_active).then(|| scene.active.words()),
         perspective: scene.view.perspective,
     };
+    let most = rays.rest.len() * topology.tets.len();
     let mut slots = Slots::default();
     let mut own: [Option<Lane<'_>>; LANES] = [None; LANES];
     let mut alive = 0u8;
@@ -285,6 +286,7 @@ fn walk<'a, I: Integrator, L: Lanes, K: Lights>(
             let first = rows.count;
             let stepped = walk_on(lanes, &cells, &mut slots, rows, alive);
             out.stats.steps += (rows.count - first) as u64 * u64::from(alive.count_ones());
+            debug_assert!(out.stats.steps <= most as u64, "a path goes through a cell once");
             let mut ended = alive & !stepped.goes_on;
             while ended != 0 {
                 let l = ended.trailing_zeros() as usize;
