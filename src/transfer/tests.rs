@@ -228,3 +228,19 @@ fn the_shipped_files_are_those_compiled_in() {
     }
     assert_eq!(files, ColorMap::built_in_names().count());
 }
+
+#[test]
+fn extinction_is_that_of_the_opacity_of_a_unit_distance() {
+    let (range, unit) = (MappedRange::new(2.0, 5.0, false).unwrap(), 0.25);
+    // Constant, and a ramp so low that the table is the line between its ends, whatever it is allowed to be off by: a table that
+    // cannot follow a wrong formula would be refined for ever.
+    for ends in [[0.15, 0.15], [0.5, 0.5], [1e-9, 3e-9]] {
+        let tf = TransferFunction::parse(format!("gray@0:{},1:{}", ends[0], ends[1])).unwrap();
+        let table = build_node_table(&tf, &range, OpacityKind::Alpha, unit).unwrap();
+        for (scalar, opacity) in [2.0, 5.0].into_iter().zip(ends) {
+            let (tau, expected) = (table.eval(scalar).tau, -f64::ln_1p(-opacity) / unit);
+            // A logarithm, a quotient and an interpolation, each rounded.
+            assert!((tau - expected).abs() <= 4.0 * f64::EPSILON * expected, "{opacity}: {tau} instead of {expected}");
+        }
+    }
+}
