@@ -1,4 +1,9 @@
-//! Writing files and folders whole or not at all.
+//! Writing files and folders whole or not at all, and reading only what is a file.
+//!
+//! What is written has a temporary name first, `.tetreel-` and letters. A run that is killed leaves it; the next one that writes into
+//! the folder removes it (`files/leftovers.rs`).
+
+mod leftovers;
 
 use crate::error::{FileError, FileResult};
 use std::ffi::OsString;
@@ -20,7 +25,8 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> 
     Ok(())
 }
 
-/// Makes an empty file beside `path` with the same extension; it is removed when dropped unless it is renamed.
+/// Makes an empty file beside `path` with the same extension; it is removed when dropped unless it is renamed. As long as it is open,
+/// no other run takes it for a leftover.
 ///
 /// # Errors
 /// If the folder does not take the file.
@@ -28,13 +34,19 @@ pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
     check_place(path)?;
     let mut suffix = OsString::new();
     if let Some(extension) = path.extension() {
+    leftovers::remove_once(parent_of(path));
         suffix.push(".");
         suffix.push(extension);
     }
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".tetreel-").suffix(&suffix);
+    builder.prefix(leftovers::PREFIX).suffix(&suffix);
     readable(&mut builder, 0o666);
-    builder.tempfile_in(parent_of(path)).map_err(|e| FileError::io(path, "write", &e))
+    loop {
+        let file = builder.tempfile_in(parent_of(path)).map_err(|e| FileError::io(path, "write", &e))?;
+        if leftovers::mark_as_live(&file) {
+            return Ok(file);
+        }
+    }
 }
 
 /// Makes an empty folder beside `target`, named after it and `purpose`; it is removed when dropped unless it is kept or

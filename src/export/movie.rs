@@ -17,7 +17,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::str::FromStr;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tempfile::TempPath;
+use tempfile::NamedTempFile;
 
 /// Names the program to run in place of the `ffmpeg` on the path.
 pub const FFMPEG_VARIABLE: &str = "TETREEL_FFMPEG";
@@ -236,7 +236,7 @@ pub struct MovieWriter {
     place: PathBuf,
     program: OsString,
     /// Removed with this writer unless it has become the movie.
-    file: Option<TempPath>,
+    file: Option<NamedTempFile>,
     size_px: (usize, usize),
     process: Child,
     queue: Option<Sender<RgbaImage>>,
@@ -250,9 +250,9 @@ impl MovieWriter {
     /// # Errors
     /// If the folder takes no file or the process does not start.
     pub fn start(ffmpeg: &Ffmpeg, place: &Path, options: &MovieOptions) -> FileResult<Self> {
-        let file = files::sibling_file(place)?.into_temp_path();
+        let file = files::sibling_file(place)?;
         let cannot_run = |e: &io::Error| FileError::io(&ffmpeg.program, "run", e);
-        let mut process = ffmpeg.command(options, &file).spawn().map_err(|e| cannot_run(&e))?;
+        let mut process = ffmpeg.command(options, file.path()).spawn().map_err(|e| cannot_run(&e))?;
         let (pipe, mut errors) = (process.stdin.take(), process.stderr.take());
         let (queue, frames) = bounded(QUEUE);
         let background = background_rgb(options);
@@ -310,7 +310,8 @@ impl MovieWriter {
     /// If the process fails, the folder does not take the file, or `cancel` was raised: then all is as it was before.
     pub fn finish(mut self, cancel: &Cancel) -> Result<usize, MovieError> {
         let frames = self.end(cancel)?;
-        let written = |file: &TempPath| std::fs::metadata(file).is_ok_and(|m| m.len() > 0);
+        // By its name: the process may have put another file there.
+        let written = |file: &NamedTempFile| std::fs::metadata(file).is_ok_and(|m| m.len() > 0);
         let Some(file) = self.file.take().filter(written) else {
             return Err(self.failure(&format!("wrote nothing for {frames} frames"), ""));
         };
