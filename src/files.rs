@@ -7,7 +7,7 @@ mod leftovers;
 
 use crate::error::{FileError, FileResult};
 use std::ffi::OsString;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
@@ -83,6 +83,56 @@ pub fn check_place(path: &Path) -> FileResult<()> {
 
 /// The folder that a path lies in.
 pub fn parent_of(path: &Path) -> &Path {
+/// The content of a file.
+///
+/// # Errors
+/// If there is none, it is no regular file, or cannot be read.
+pub fn read(path: &Path) -> FileResult<Vec<u8>> {
+    check_kind(path)?;
+    fs::read(path).map_err(|e| FileError::io(path, "read", &e))
+}
+
+/// Opens a file to read it.
+///
+/// # Errors
+/// If there is none, it is no regular file, or cannot be opened.
+pub fn open(path: &Path) -> FileResult<File> {
+    check_kind(path)?;
+    File::open(path).map_err(|e| FileError::io(path, "open", &e))
+}
+
+/// Refuses what is neither a file nor a folder, before it is opened: a FIFO that nobody writes would be waited for, and some devices
+/// have no end. What does not exist is left to whoever opens it.
+///
+/// # Errors
+/// If it is a FIFO, a socket or a device; the error says which.
+pub fn check_kind(path: &Path) -> FileResult<()> {
+    let kind = fs::metadata(path).ok().and_then(|metadata| special_kind(metadata.file_type()));
+    match kind {
+        None => Ok(()),
+        Some(kind) => Err(FileError::unsupported(path, "", format!("is {kind}, not a file"))
+            .remedy("write what comes from it to a file, and name that")),
+    }
+}
+
+#[cfg(unix)]
+fn special_kind(file: fs::FileType) -> Option<&'static str> {
+    use std::os::unix::fs::FileTypeExt;
+    let kinds = [
+        (file.is_fifo(), "a FIFO"),
+        (file.is_socket(), "a socket"),
+        (file.is_char_device(), "a device"),
+        (file.is_block_device(), "a device"),
+    ];
+    kinds.into_iter().find(|(is_it, _)| *is_it).map(|(_, name)| name)
+}
+
+/// Such have no names in folders here.
+#[cfg(not(unix))]
+fn special_kind(_file: fs::FileType) -> Option<&'static str> {
+    None
+}
+
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 

@@ -2,9 +2,9 @@
 
 use super::xml::{Attributes, same_length_utf8};
 use crate::error::{FileError, FileResult};
+use crate::files;
 use quick_xml::Reader;
 use quick_xml::events::Event;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// One time of a collection.
@@ -38,7 +38,7 @@ impl Entry {
 /// If the file cannot be read or is no collection, if two entries are the same part of the same time, or if a file
 /// that it names is missing or of another kind.
 pub(super) fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
-    let bytes = fs::read(path).map_err(|e| FileError::io(path, "read", &e))?;
+    let bytes = files::read(path)?;
     let mut entries = parse(path, &bytes)?;
     let all = entries.len();
     entries.retain(|entry| extension(&entry.file) != "vtp");
@@ -145,7 +145,7 @@ fn locate(path: &Path, entry: &Entry) -> FileResult<PathBuf> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let decoded = percent_decoded(&entry.file);
     let candidates = [entry.file.clone(), decoded.clone(), entry.file.replace('\\', "/"), decoded.replace('\\', "/")];
-    let found = candidates.iter().map(|name| folder.join(name)).find(|file| file.is_file());
+    let found = candidates.iter().map(|name| folder.join(name)).find(|file| file.exists() && !file.is_dir());
     found.ok_or_else(|| {
         let missing = folder.join(&entry.file);
         FileError::invalid(path, entry.place(), format!("the file {} is missing", missing.display()))
@@ -175,6 +175,7 @@ fn percent_decoded(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn collection(entries: &[(&str, &str, &str)], files: &[&str]) -> FileResult<(Vec<Step>, Vec<String>)> {
         let folder = tempfile::tempdir().expect("a folder");

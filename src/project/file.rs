@@ -16,6 +16,7 @@ impl Project {
     /// If the file cannot be read; with line and column, if it is no TOML, has a key that is not known or a value that is none;
     /// or if its parts do not belong together.
     pub fn read(path: &Path) -> Result<Self, ProjectError> {
+        files::check_kind(path)?;
         let text = std::fs::read_to_string(path).map_err(|e| FileError::io(path, "read the project", &e))?;
         Self::parse(&text, path)
     }

@@ -3,6 +3,7 @@
 use super::refresh::OpenedSeries;
 use crate::codec::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};
+use crate::files;
 use crate::slowdown::{Slow, waste};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -46,6 +47,7 @@ impl Folder {
     pub(super) fn pin(&mut self, keys: Vec<String>) -> FileResult<()> {
         if cfg!(unix) {
             for key in keys {
+                files::check_kind(&self.path(&key))?;
                 let file = match File::open(self.path(&key)) {
                     Ok(file) => Some(Arc::new(file)),
                     Err(e) if e.kind() == ErrorKind::NotFound => None,

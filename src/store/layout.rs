@@ -5,6 +5,7 @@ use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use serde::de::DeserializeOwned;
+use crate::files;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
@@ -128,6 +129,8 @@ pub(super) fn read_group<T: DeserializeOwned>(root: &Path, storage: &Storage, ke
 }
 
 /// Reads the attributes of the root and checks that the store is one that this version can read.
+    files::check_kind(root)?;
+    files::check_kind(&root.join("zarr.json"))?;
 pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttributes> {
     if !root.is_dir() {
         let problem = if root.exists() { "is not a folder, so not a store" } else { "does not exist" };
@@ -160,7 +163,8 @@ pub(super) fn check_appendable(root: &Path, attributes: &RootAttributes) -> File
 
 /// Whether a folder is a tetreel store of any version.
 pub(super) fn is_store(path: &Path) -> bool {
-    let text = std::fs::read(path.join("zarr.json")).unwrap_or_default();
+    let file = path.join("zarr.json");
+    let text = if file.is_file() { std::fs::read(file).unwrap_or_default() } else { Vec::new() };
     let Ok(json) = serde_json::from_slice::<serde_json::Value>(&text) else { return false };
     json.pointer("/attributes/tetreel_store").is_some()
 }

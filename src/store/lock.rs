@@ -37,7 +37,8 @@ impl StoreLock {
 
 #[cfg(unix)]
 fn open_folder(root: &Path) -> Option<File> {
-    File::open(root).ok()
+    // A FIFO would be waited for.
+    File::open(Some(root).filter(|root| root.is_dir())?).ok()
 }
 
 /// Folders cannot be opened here.

@@ -12,11 +12,11 @@ use super::numbers::{self, Number, Values};
 use header::{ArrayInfo, Piece};
 
 use crate::error::{FileError, FileResult};
+use crate::files;
 use crate::slowdown::{Slow, waste};
 use encoded::{Decoded, Layout, Stored};
 use header::{DataPlace, Extent, Header};
 use std::borrow::Cow;
-use std::fs;
 use std::hash::{Hash, Hasher};
 use std::io::Read;
 use std::ops::Range;
@@ -42,7 +42,7 @@ impl VtuFile {
     /// # Errors
     /// If the file cannot be read, or is no unstructured grid.
     pub(super) fn open(path: &Path) -> FileResult<Self> {
-        let bytes = fs::read(path).map_err(|e| FileError::io(path, "read", &e))?;
+        let bytes = files::read(path)?;
         Self::from_bytes(path, bytes)
     }
 
@@ -204,7 +204,7 @@ fn without_blanks(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
 /// If the file cannot be read, or is no unstructured grid.
 pub(super) fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
     const FIRST_READ: u64 = 1 << 16;
-    let mut file = fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    let mut file = files::open(path)?;
     let mut bytes = Vec::new();
     let mut wanted = FIRST_READ;
     loop {
@@ -226,6 +226,7 @@ pub(super) fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     /// A header with a comment of `blanks` bytes in front of a raw appended `TimeValue` of 2.5 that lies `offset` bytes
     /// behind the start of the data; the file goes on with `tail` bytes.

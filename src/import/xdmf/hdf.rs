@@ -7,6 +7,7 @@
 use super::super::numbers::Number;
 use super::items::Slab;
 use crate::error::{FileError, FileResult};
+use crate::files;
 use hdf5_reader::error::ByteOrder;
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, SliceInfo, SliceInfoElem};
 use std::path::Path;
@@ -32,6 +33,7 @@ pub(super) struct HdfArray {
 pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -> FileResult<HdfArray> {
     let place = || format!("data set '{name}'");
     let damaged = |e: hdf5_reader::error::Error| failure(path, place(), &e);
+    files::check_kind(path)?;
     let file_bytes = std::fs::metadata(path).map_err(|e| FileError::io(path, "open", &e))?.len();
     let file = Hdf5File::open(path).map_err(damaged)?;
     let dataset = file.dataset(name).map_err(damaged)?;

@@ -4,8 +4,8 @@ use super::super::numbers::{Number, Values, parse_ascii};
 use super::hdf;
 use super::tree::{DEPTH_MAX, Document, Id};
 use crate::error::{FileError, FileResult};
+use crate::files;
 use crate::slowdown::{Slow, waste};
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -238,11 +238,7 @@ impl Item {
 fn beside(document: &Document, name: &str) -> PathBuf {
     let folder = document.path().parent().unwrap_or(Path::new(""));
     let path = folder.join(name);
-    if path.is_file() {
-        path
-    } else {
-        Some(folder.join(name.replace('\\', "/"))).filter(|p| p.is_file()).unwrap_or(path)
-    }
+    if path.exists() { path } else { Some(folder.join(name.replace('\\', "/"))).filter(|p| p.exists()).unwrap_or(path) }
 }
 
 fn product(dims: &[u64]) -> Option<u64> {
@@ -277,7 +273,7 @@ fn number_of(document: &Document, id: Id) -> FileResult<Number> {
 }
 
 fn read_binary(path: &Path, seek: u64, count: Option<u64>, size: usize) -> FileResult<Vec<u8>> {
-    let mut file = File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
+    let mut file = files::open(path)?;
     let there = file.metadata().map_err(|e| FileError::io(path, "examine", &e))?.len();
     let wanted = count.and_then(|n| n.checked_mul(size as u64));
     let fits = wanted.filter(|wanted| seek.checked_add(*wanted).is_some_and(|end| end <= there));

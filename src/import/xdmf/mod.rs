@@ -38,6 +38,7 @@ struct Collection {
 pub(super) fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     let (collections, notes) = read(path)?;
     for (file, place) in files_of(&collections) {
+        crate::files::check_kind(&file)?;
         if !file.is_file() {
             return Err(FileError::invalid(path, place, format!("the file {} is missing", file.display()))
                 .remedy("copy it there, or correct the path, which is relative to the XDMF file"));

@@ -5,11 +5,11 @@
 
 use super::super::xml::{Attributes, same_length_utf8, unescape};
 use crate::error::{FileError, FileResult};
+use crate::files;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -45,7 +45,7 @@ impl Document {
     /// # Errors
     /// If it cannot be read, or is no well-formed XML with the root `Xdmf`.
     pub(super) fn open(path: &Path) -> FileResult<Self> {
-        let bytes = fs::read(path).map_err(|e| FileError::io(path, "read", &e))?;
+        let bytes = files::read(path)?;
         let text = match String::from_utf8(bytes) {
             Ok(text) => text,
             Err(e) => same_length_utf8(e.as_bytes()).into_owned(),
@@ -333,6 +333,7 @@ fn parse(path: &Path, text: &str) -> FileResult<Vec<Element>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn document(inside: &str) -> FileResult<Document> {
         let folder = tempfile::tempdir().expect("a folder");
