@@ -4,7 +4,7 @@ mod accuracy;
 
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizeArgs};
-use super::{Outcome, print_result, source};
+use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
@@ -106,6 +106,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 /// The frame and playback suites on one series.
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
+    memory::check(args.image.size, 1)?;
     let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
     for (motion, judged) in args.suite.runs() {
         terminal.check_interrupted()?;

@@ -11,6 +11,7 @@ mod export;
 mod import;
 mod info;
 mod manual;
+mod memory;
 #[cfg(feature = "gui")]
 mod play;
 mod progress;

@@ -67,11 +67,7 @@ impl RgbaImage {
 
     /// Colours over an opaque background, clamped to 0..=1; `width * height`, top row first.
     pub fn over(&self, background: [f32; 3]) -> Vec<[f32; 3]> {
-        let over = |&[r, g, b, a]: &[f32; 4]| {
-            let premultiplied = [r, g, b];
-            std::array::from_fn(|c| (premultiplied[c] + (1.0 - a) * background[c]).clamp(0.0, 1.0))
-        };
-        self.pixels.iter().map(over).collect()
+        self.pixels.iter().map(|pixel| over(pixel, background)).collect()
     }
 
     /// Column and row of the first pixel with a NaN or an infinity.
@@ -79,4 +75,10 @@ impl RgbaImage {
         let bad = self.pixels.iter().position(|p| !p.iter().all(|c| c.is_finite()))?;
         Some((bad % self.width, bad / self.width))
     }
+}
+
+/// A pixel over an opaque background, clamped to 0..=1.
+fn over(&[r, g, b, a]: &[f32; 4], background: [f32; 3]) -> [f32; 3] {
+    let premultiplied = [r, g, b];
+    std::array::from_fn(|c| (premultiplied[c] + (1.0 - a) * background[c]).clamp(0.0, 1.0))
 }

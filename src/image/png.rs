@@ -1,6 +1,6 @@
 //! PNG files, display-referred values as they are.
 
-use super::RgbaImage;
+use super::{RgbaImage, over};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use std::io::{BufReader, BufWriter};
@@ -52,14 +52,8 @@ pub fn write_png_with_texts(
     if let Some((i, j)) = image.first_not_finite() {
         return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
     }
-    let (color, samples) = match background {
-        Some(background) => (png::ColorType::Rgb, image.over(background).concat()),
-        None => (png::ColorType::Rgba, image.pixels.iter().flat_map(straight).collect()),
-    };
-    let bytes: Vec<u8> = match depth {
-        PngDepth::Eight => samples.iter().map(|c| (c * 255.0).round() as u8).collect(),
-        PngDepth::Sixteen => samples.iter().flat_map(|c| ((c * 65535.0).round() as u16).to_be_bytes()).collect(),
-    };
+    let color = if background.is_some() { png::ColorType::Rgb } else { png::ColorType::Rgba };
+    let bytes = samples(image, background, depth);
     let (Ok(width), Ok(height)) = (u32::try_from(image.width), u32::try_from(image.height)) else {
         return Err(FileError::unsupported(path, "", "a PNG has less than 2^31 pixels a row and rows")
             .remedy("make it smaller"));
@@ -86,6 +80,23 @@ pub fn write_png_with_texts(
             other => FileError::invalid(path, "", other.to_string()),
         })
     })
+}
+
+/// The numbers of an image as a PNG has them.
+fn samples(image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> Vec<u8> {
+    let (channels, size) = (if background.is_some() { 3 } else { 4 }, if depth == PngDepth::Eight { 1 } else { 2 });
+    let mut bytes = Vec::with_capacity(image.pixels.len() * channels * size);
+    let mut add = |channels: &[f32]| match depth {
+        PngDepth::Eight => bytes.extend(channels.iter().map(|c| (c * 255.0).round() as u8)),
+        PngDepth::Sixteen => bytes.extend(channels.iter().flat_map(|c| ((c * 65535.0).round() as u16).to_be_bytes())),
+    };
+    for pixel in &image.pixels {
+        match background {
+            Some(background) => add(&over(pixel, background)),
+            None => add(&straight(pixel)),
+        }
+    }
+    bytes
 }
 
 /// A pixel with straight instead of premultiplied alpha, clamped to 0..=1; transparent black where it is transparent.

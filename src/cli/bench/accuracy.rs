@@ -2,7 +2,7 @@
 
 use super::super::progress::Terminal;
 use super::super::scene::Scene;
-use super::super::source;
+use super::super::{memory, source};
 use super::{Args, dataset_name};
 use crate::bench::accuracy::{
     AccuracyBench, CODEC_PATHS, Judged, TRANSFER_FUNCTIONS, judge, judge_runs, on_backends, paths, run_accuracy, scenes,
@@ -92,6 +92,7 @@ pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Termi
 fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened> {
     let store = source::open(path, terminal)?;
     let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
+    memory::check(args.image.size, 1)?;
     let backends = match args.scene.backend {
         // One in software counts: it shows how wrong GPUs are, if not how fast.
         Backend::Auto if scene.pipeline.check_backend(Backend::Gpu).is_ok() => vec![Backend::Cpu, Backend::Gpu],

@@ -9,7 +9,7 @@ use super::progress::Terminal;
 use super::project::{self, Opened, Taker};
 use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::trace::Trace;
-use super::{Outcome, source};
+use super::{Outcome, memory, source};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
 use crate::export::sequence::FramePattern;
@@ -144,6 +144,7 @@ impl Args {
         for (option, path) in self.side_files() {
             files::check_place(path)?;
             if self.inputs().iter().any(|input| is_within(path, input)) {
+        memory::check(self.image.size, 1)?;
                 bail!(
                     "{option} {} is the project, or a part of the series or of the transfer function; choose another name",
                     path.display()
@@ -239,6 +240,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
     terminal.end();
+    memory::check(args.image.size, plan.frames.len())?;
     let checksums = checked?;
     terminal.detail(&format!("camera: {}", scene.look.camera));
     let annotator = annotator(args, output, &scene);

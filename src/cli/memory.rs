@@ -1,0 +1,56 @@
+//! Whether there is memory for images of a size: said before anything is rendered.
+
+use super::scene::SizePx;
+use anyhow::ensure;
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+
+/// Bytes of a pixel of a frame: accumulators and depth.
+const FRAME: u64 = (size_of::<[f32; 4]>() + size_of::<f32>()) as u64;
+/// Bytes of a pixel of a file in the making: an EXR has its planes once as numbers and once as it is written; others take less.
+const FILE: u64 = 2 * FRAME;
+/// Frames that a run has in the making, and copies of frames that wait to be written, if it has as many.
+const IN_THE_MAKING: usize = 4;
+const TO_BE_WRITTEN: usize = 3;
+
+/// Refuses images for which the memory that is free now does not suffice.
+pub(super) fn check(size: SizePx, frames: usize) -> anyhow::Result<()> {
+    let of_memory = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+    // A system that does not say how much there is says so when it is taken.
+    let Ok(system) = System::new_with_specifics(of_memory) else { return Ok(()) };
+    // Of what a group of processes has taken, files that are kept in memory can go.
+    let of_group = system.cgroup_limits().map_or(u64::MAX, |limits| limits.total_memory);
+    check_against(size, frames, system.available_memory().min(of_group))
+}
+
+/// The same, if so many bytes are free.
+fn check_against(SizePx(width, height): SizePx, frames: usize, free: u64) -> anyhow::Result<()> {
+    let per_pixel = FRAME * (frames.min(IN_THE_MAKING) + frames.min(TO_BE_WRITTEN)) as u64 + FILE;
+    let needed = (width as u64).saturating_mul(height as u64).saturating_mul(per_pixel);
+    let side = ((free / per_pixel) as f64).sqrt() as u64;
+    ensure!(
+        needed <= free,
+        "--size {width}x{height} takes {:.1} GB of memory, and {:.1} GB are free; with {side}x{side} pixels it fits",
+        needed as f64 / 1e9,
+        free as f64 / 1e9,
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_the_number_and_what_is_named_instead_fits() {
+        const GB: u64 = 1_000_000_000;
+        let error = check_against(SizePx(20_000, 20_000), 1, 16 * GB).unwrap_err().to_string();
+        assert!(error.contains("--size 20000x20000 takes 32.0 GB") && error.contains("16.0 GB are free"), "{error}");
+        let fits = error.split("with ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+        check_against(fits.parse().unwrap(), 1, 16 * GB).unwrap();
+        check_against(SizePx(20_000, 20_000), 1, 33 * GB).unwrap();
+        check_against(SizePx(20_000, 20_000), 2, 33 * GB).unwrap_err();
+        check_against(SizePx(1024, 768), 1_000_000, GB).unwrap();
+        check_against(SizePx(32_768, 32_768), usize::MAX, u64::MAX).unwrap();
+        check(SizePx(16, 16), 1).unwrap();
+    }
+}
