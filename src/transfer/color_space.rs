@@ -5,6 +5,7 @@
 //! Msh, the polar form of Lab.
 
 use super::color_map::{ColorPoint, mix};
+use rayon::prelude::*;
 
 /// How colours between two points are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,22 +42,33 @@ pub(super) fn from_name(name: &str) -> Option<ColorSpace> {
 
 /// Points between which RGB is linear, within [`REFINEMENT`] of what `space` gives between `points`.
 pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<ColorPoint> {
+    let ways: Vec<Option<Vec<Place>>> = points.par_windows(2).map(|pair| way_between(space, pair)).collect();
     let mut refined: Vec<ColorPoint> = points.first().copied().into_iter().collect();
-    for pair in points.windows(2) {
-        let curve = |f: f64| interpolate(space, pair[0].rgb, pair[1].rgb, f);
-        let at = |f: f64| ColorPoint { position: pair[0].position * (1.0 - f) + pair[1].position * f, rgb: curve(f) };
-        if space != ColorSpace::Rgb && pair[0].position < pair[1].position {
-            begin(at(0.0), &mut refined);
-            let mut inner = Vec::new();
-            halve(&curve, 0.0, 1.0, MAX_HALVINGS, &mut inner);
-            refined.extend(inner.into_iter().map(at));
-            if !is_close(curve(1.0), pair[1].rgb) {
-                refined.push(at(1.0));
+    for (pair, way) in points.windows(2).zip(ways) {
+        let at = |&(f, rgb): &Place| ColorPoint { position: pair[0].position * (1.0 - f) + pair[1].position * f, rgb };
+        if let Some([first, inner @ .., last]) = way.as_deref() {
+            begin(at(first), &mut refined);
+            refined.extend(inner.iter().map(at));
+            if !is_close(last.1, pair[1].rgb) {
+                refined.push(at(last));
             }
         }
         refined.push(pair[1]);
     }
     refined
+}
+
+/// The places from one point to the next between which RGB is linear, both ends included; `None` if it is linear throughout.
+fn way_between(space: ColorSpace, pair: &[ColorPoint]) -> Option<Vec<Place>> {
+    if space == ColorSpace::Rgb || pair[0].position >= pair[1].position {
+        return None;
+    }
+    let way = Way::new(space, pair[0].rgb, pair[1].rgb);
+    let ends = [(0.0, way.at(0.0)), (1.0, way.at(1.0))];
+    let mut places = vec![ends[0]];
+    halve(&way, ends, MAX_HALVINGS, &mut places);
+    places.push(ends[1]);
+    Some(places)
 }
 
 /// Begins an interval whose formula need not begin with its point's colour: a diverging map turns the hue of grayish points toward
@@ -76,31 +88,65 @@ fn is_close(a: [f64; 3], b: [f64; 3]) -> bool {
     a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 0.5 * REFINEMENT)
 }
 
-/// Collects the places in (a, b) at which the curve must be cut to be linear in between.
-fn halve(curve: &impl Fn(f64) -> [f64; 3], a: f64, b: f64, halvings_left: u32, cuts: &mut Vec<f64>) {
-    // Seven places in between: a single one in the middle would miss curves that are symmetric around it.
-    let straight = (1..8).all(|i| {
-        let f = f64::from(i) / 8.0;
-        let chord = mix(curve(a), curve(b), f);
-        is_close(curve(a + (b - a) * f), chord)
-    });
-    if straight || halvings_left == 0 {
+/// A place between two points, and the colour there.
+type Place = (f64, [f64; 3]);
+
+/// Collects the places between two others at which the way must be cut to be linear in between.
+fn halve(way: &Way, [a, b]: [Place; 2], halvings_left: u32, cuts: &mut Vec<Place>) {
+    if halvings_left == 0 {
         return;
     }
-    let middle = 0.5 * (a + b);
-    halve(curve, a, middle, halvings_left - 1, cuts);
+    let at = |eighths: u32| {
+        let f = f64::from(eighths) / 8.0;
+        (f, way.at(a.0 + (b.0 - a.0) * f))
+    };
+    let fits = |(f, rgb): Place| is_close(rgb, mix(a.1, b.1, f));
+    // Seven places in between: a single one in the middle would miss curves that are symmetric around it. It shows most, though.
+    let (_, middle) = at(4);
+    if fits((0.5, middle)) && [2, 6, 1, 3, 5, 7].into_iter().all(|eighths| fits(at(eighths))) {
+        return;
+    }
+    let middle = (0.5 * (a.0 + b.0), middle);
+    halve(way, [a, middle], halvings_left - 1, cuts);
     cuts.push(middle);
-    halve(curve, middle, b, halvings_left - 1, cuts);
+    halve(way, [middle, b], halvings_left - 1, cuts);
+}
+
+/// The way from one colour to another through a colour space, in which its ends are.
+struct Way {
+    space: ColorSpace,
+    ends: [[f64; 3]; 2],
+}
+
+impl Way {
+    fn new(space: ColorSpace, a: [f64; 3], b: [f64; 3]) -> Self {
+        let into: fn([f64; 3]) -> [f64; 3] = match space {
+            ColorSpace::Rgb => |rgb| rgb,
+            ColorSpace::Hsv => rgb_to_hsv,
+            ColorSpace::Lab => rgb_to_lab,
+            ColorSpace::Diverging => rgb_to_msh,
+        };
+        Self { space, ends: [into(a), into(b)] }
+    }
+
+    /// The colour at `f` (0..=1).
+    fn at(&self, f: f64) -> [f64; 3] {
+        #[cfg(test)]
+        tests::LOOKS.with(|looks| looks.set(looks.get() + 1));
+        let [a, b] = self.ends;
+        match self.space {
+            ColorSpace::Rgb => mix(a, b, f),
+            ColorSpace::Hsv => hsv_to_rgb(mix(a, b, f)),
+            ColorSpace::Lab => lab_to_rgb(mix(a, b, f)),
+            ColorSpace::Diverging => lab_to_rgb(msh_to_lab(diverging(a, b, f))),
+        }
+    }
 }
 
 /// The colour at `f` (0..=1) from `a` to `b`.
+#[cfg(test)]
 pub(super) fn interpolate(space: ColorSpace, a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
-    match space {
-        ColorSpace::Rgb => mix(a, b, f),
-        ColorSpace::Hsv => hsv_to_rgb(mix(rgb_to_hsv(a), rgb_to_hsv(b), f)),
-        ColorSpace::Lab => lab_to_rgb(mix(rgb_to_lab(a), rgb_to_lab(b), f)),
-        ColorSpace::Diverging => lab_to_rgb(msh_to_lab(diverging(a, b, f))),
-    }
+    Way::new(space, a, b).at(f)
 }
 
 fn rgb_to_hsv([r, g, b]: [f64; 3]) -> [f64; 3] {
@@ -168,11 +214,10 @@ fn msh_to_lab([m, s, h]: [f64; 3]) -> [f64; 3] {
     [m * s.cos(), m * s.sin() * h.cos(), m * s.sin() * h.sin()]
 }
 
-/// Msh colour between `a` and `b`; two saturated colours of different hue have white between them.
-fn diverging(a: [f64; 3], b: [f64; 3], mut f: f64) -> [f64; 3] {
+/// Msh colour between two; two saturated colours of different hue have white between them.
+fn diverging(mut a: [f64; 3], mut b: [f64; 3], mut f: f64) -> [f64; 3] {
     use std::f64::consts::{FRAC_PI_3, TAU};
     const UNSATURATED: f64 = 0.05;
-    let (mut a, mut b) = (rgb_to_msh(a), rgb_to_msh(b));
     let turn = (a[2] - b[2]).abs();
     if a[1] > UNSATURATED && b[1] > UNSATURATED && turn.min(TAU - turn) > FRAC_PI_3 {
         let white = [a[0].max(b[0]).max(88.0), 0.0, 0.0];
@@ -202,6 +247,13 @@ fn adjust_hue([m, s, h]: [f64; 3], m_unsaturated: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Colours that this thread has looked up on ways.
+        pub(super) static LOOKS: Cell<u64> = const { Cell::new(0) };
+    }
+
     use proptest::prelude::*;
 
     fn is_within(a: [f64; 3], b: [f64; 3], tolerance: f64) -> bool {
@@ -314,5 +366,17 @@ mod tests {
             // Without refinement it is noticed.
             assert!(!is_within(mix(BLUE, AMBER, 0.5), interpolate(ColorSpace::Lab, BLUE, AMBER, 0.5), 0.01));
         }
+    }
+
+    #[test]
+    fn no_colour_of_a_way_is_looked_up_twice() {
+        let ends = [[0.1, 0.9, 0.2], [0.9, 0.0, 0.8]].map(|rgb| ColorPoint { position: 0.0, rgb });
+        let pair = [ends[0], ColorPoint { position: 1.0, ..ends[1] }];
+        let before = LOOKS.get();
+        let places = way_between(ColorSpace::Lab, &pair).unwrap().len() as u64;
+        let (pieces, looks) = (places - 1, LOOKS.get() - before);
+        assert!(pieces > 8);
+        // The ends, seven in a piece, and in each that was cut one to seven.
+        assert!(looks <= 2 + 7 * pieces + 7 * (pieces - 1), "{looks} for {pieces} pieces");
     }
 }
