@@ -6,6 +6,8 @@
 mod leftovers;
 
 use crate::error::{FileError, FileResult};
+#[cfg(doc)]
+use std::ffi::OsStr;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::Write;
@@ -32,9 +34,9 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> 
 /// If the folder does not take the file.
 pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
     check_place(path)?;
+    leftovers::remove_once(parent_of(path));
     let mut suffix = OsString::new();
     if let Some(extension) = path.extension() {
-    leftovers::remove_once(parent_of(path));
         suffix.push(".");
         suffix.push(extension);
     }
@@ -81,8 +83,6 @@ pub fn check_place(path: &Path) -> FileResult<()> {
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
 
-/// The folder that a path lies in.
-pub fn parent_of(path: &Path) -> &Path {
 /// The content of a file.
 ///
 /// # Errors
@@ -133,6 +133,8 @@ fn special_kind(_file: fs::FileType) -> Option<&'static str> {
     None
 }
 
+/// The folder that a path lies in.
+pub fn parent_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -150,6 +152,22 @@ fn readable(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 /// If the folder does not take the file.
 pub fn replace_with(path: &Path, bytes: &[u8]) -> FileResult<()> {
     replace(path, |file| file.write_all(bytes).map_err(|e| FileError::io(path, "write", &e)))
+}
+
+/// The name that these bytes, parts of names ([`OsStr::as_encoded_bytes`]), are; `None` where the system cannot tell.
+pub fn os_string(bytes: Vec<u8>) -> Option<OsString> {
+    #[cfg(unix)]
+    return Some(std::os::unix::ffi::OsStringExt::from_vec(bytes));
+    #[cfg(not(unix))]
+    String::from_utf8(bytes).ok().map(OsString::from)
+}
+
+/// A path for a report in JSON, which has Unicode only: what is none becomes U+FFFD.
+///
+/// # Errors
+/// If the serializer fails.
+pub fn serialize_path<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&path.display())
 }
 
 #[cfg(test)]

@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 
     let scene_args = SceneArgs {
         field: None,
-        tf: TRANSFER_FUNCTION.to_owned(),
+        tf: TRANSFER_FUNCTION.into(),
         range: Default::default(),
         opacity_kind: Default::default(),
         unit_distance: None,

@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
 
 fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
     // What cannot work fails here, before there is a window.
-    TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf))?;
+    TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf.display()))?;
     let start = match paths {
         [] if args.follow => bail!("--follow needs a store to follow"),
         [] => Start::Nothing,

@@ -185,10 +185,14 @@ fn output_options(project: &Project, folder: &Path) -> Vec<OsString> {
 
 /// A pattern of files in a folder, whose own name is none: a % in it is doubled.
 fn within(folder: &Path, pattern: &Path) -> PathBuf {
-    match folder.to_str() {
-        Some(text) if !pattern.is_absolute() => Path::new(&text.replace('%', "%%")).join(pattern),
-        _ => folder.join(pattern),
+    if pattern.is_absolute() {
+        return pattern.to_owned();
     }
+    let mut bytes = Vec::new();
+    for &byte in folder.as_os_str().as_encoded_bytes() {
+        bytes.extend_from_slice(if byte == b'%' { b"%%" } else { std::slice::from_ref(&byte) });
+    }
+    files::os_string(bytes).map_or_else(|| folder.to_owned(), PathBuf::from).join(pattern)
 }
 
 struct Options(Vec<OsString>);

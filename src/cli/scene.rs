@@ -18,6 +18,7 @@ use crate::transfer::{ColorMap, ColorPoint, MappedRange, OpacityKind, RangePolic
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
+use std::ffi::OsString;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -29,7 +30,7 @@ pub(super) struct SceneArgs {
     pub(super) field: Option<FieldSelector>,
     /// Transfer function: MAP, MAP@POSITION:OPACITY,... or a file (docs/transfer-functions.md)
     #[arg(long, value_name = "TF", default_value = DEFAULT_TF)]
-    pub(super) tf: String,
+    pub(super) tf: OsString,
     /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, log or log:LO,HI
     #[arg(long, value_name = "RANGE", default_value = "series", allow_hyphen_values = true)]
     pub(super) range: RangePolicy,
@@ -208,7 +209,7 @@ struct Colors {
 impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
-        let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf))?;
+        let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf.display()))?;
         let faces = self.faces.detail();
         let draws_faces = self.mode == RenderMode::Havs || self.mode == RenderMode::Auto && faces.lod < 1.0;
         if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
@@ -283,7 +284,7 @@ impl Scene {
         let mut scene = Self {
             pipeline,
             look,
-            tf_text: args.tf.clone(),
+            tf_text: args.tf.to_string_lossy().into_owned(),
             size,
             #[cfg(feature = "gpu")]
             gpu: args.gpu(),

@@ -2,7 +2,9 @@
 
 use super::still::{OutputFrame, StillFormat, StillOptions, write_still};
 use crate::error::{FileError, FileResult};
+use crate::files::os_string;
 use crossbeam::channel::{Sender, bounded};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::thread::JoinHandle;
@@ -11,10 +13,10 @@ use std::thread::JoinHandle;
 /// sign. Without a number it names a single frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FramePattern {
-    before: String,
+    before: OsString,
     /// Least number of digits; `None` for a single frame.
     digits: Option<usize>,
-    after: String,
+    after: OsString,
 }
 
 impl FramePattern {
@@ -25,38 +27,30 @@ impl FramePattern {
     pub fn new(path: &Path) -> FileResult<Self> {
         let bad =
             |problem: &str| FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png");
-        let text = path.to_str().ok_or_else(|| bad("the name is not Unicode"))?;
-        let mut pattern = Self { before: String::new(), digits: None, after: String::new() };
-        let mut rest = text;
-        while let Some(at) = rest.find('%') {
-            pattern.push(&rest[..at]);
-            rest = &rest[at + 1..];
-            if let Some(tail) = rest.strip_prefix('%') {
-                pattern.push("%");
+        let (mut parts, mut digits) = ([Vec::new(), Vec::new()], None);
+        let mut rest = path.as_os_str().as_encoded_bytes();
+        while let Some(at) = rest.iter().position(|&byte| byte == b'%') {
+            let (text, number) = (&rest[..at], &rest[at + 1..]);
+            let part = &mut parts[usize::from(digits.is_some())];
+            part.extend_from_slice(text);
+            if let Some(tail) = number.strip_prefix(b"%") {
+                part.push(b'%');
                 rest = tail;
                 continue;
             }
-            let end = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
-            let width = &rest[..end];
-            let digits = if width.is_empty() { Some(1) } else { width.parse().ok().filter(|&n| (1..=20).contains(&n)) };
-            let tail = rest[end..].strip_prefix('d');
-            let (Some(digits), Some(tail)) = (digits, tail) else {
-                return Err(bad("% is followed by no number format"));
-            };
-            if pattern.digits.replace(digits).is_some() {
+            let (width, tail) = conversion(number).ok_or_else(|| bad("% is followed by no number format"))?;
+            if digits.replace(width).is_some() {
                 return Err(bad("two places for the frame number"));
             }
             rest = tail;
         }
-        pattern.push(rest);
-        if StillFormat::of(Path::new(text)).is_none() {
+        parts[usize::from(digits.is_some())].extend_from_slice(rest);
+        if StillFormat::of(path).is_none() {
             return Err(bad("only .png and .exr images can be written"));
         }
-        Ok(pattern)
-    }
-
-    fn push(&mut self, text: &str) {
-        if self.digits.is_some() { self.after.push_str(text) } else { self.before.push_str(text) }
+        let [before, after] =
+            parts.map(|part| os_string(part).ok_or_else(|| bad("cannot be taken apart: it is no Unicode")));
+        Ok(Self { before: before?, digits, after: after? })
     }
 
     /// Whether there is a place for a number.
@@ -66,11 +60,21 @@ impl FramePattern {
 
     /// The file of frame `n`.
     pub fn path(&self, n: usize) -> PathBuf {
-        match self.digits {
-            None => PathBuf::from(&self.before),
-            Some(digits) => PathBuf::from(format!("{}{n:0digits$}{}", self.before, self.after)),
+        let mut path = self.before.clone();
+        if let Some(digits) = self.digits {
+            path.push(format!("{n:0digits$}"));
+            path.push(&self.after);
         }
+        path.into()
     }
+}
+
+/// Least number of digits of a number format behind its percent sign (`d`, `04d`), and what follows it.
+fn conversion(text: &[u8]) -> Option<(usize, &[u8])> {
+    let end = text.iter().position(|byte| !byte.is_ascii_digit())?;
+    let (width, tail) = (std::str::from_utf8(&text[..end]).ok()?, text[end..].strip_prefix(b"d")?);
+    let digits = if width.is_empty() { Some(1) } else { width.parse().ok().filter(|n| (1..=20).contains(n)) };
+    Some((digits?, tail))
 }
 
 impl FromStr for FramePattern {
@@ -146,6 +150,19 @@ mod tests {
         assert_eq!(path("50%%_%d.png", 3), "50%_3.png");
         assert_eq!(path("one.png", 3), "one.png");
         assert_eq!(path("raw_%03d.exr", 3), "raw_003.exr");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn patterns_may_be_no_unicode() {
+        use std::os::unix::ffi::OsStrExt;
+        let os = |bytes: &[u8]| PathBuf::from(std::ffi::OsStr::from_bytes(bytes));
+        let pattern = FramePattern::new(&os(b"o\xff%%/f_%03d\xfe.png")).unwrap();
+        assert_eq!(pattern.path(7), os(b"o\xff%/f_007\xfe.png"));
+        assert_eq!(FramePattern::new(&os(b"\xff.exr")).unwrap().path(7), os(b"\xff.exr"));
+        for bad in [&b"\xff_%d_%d.png"[..], b"\xff_%s.png", b"\xff_%\xff.png", b"\xff_%d.jpg", b"\xff%"] {
+            assert!(FramePattern::new(&os(bad)).is_err(), "{}", os(bad).display());
+        }
     }
 
     #[test]

@@ -82,7 +82,7 @@ pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
 /// As for [`open`]; if `paths` is empty; if several paths are of other or of different kinds.
 pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let mut paths = paths.to_vec();
-    paths.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    paths.sort_by(|a, b| natural_order(a.as_os_str().as_encoded_bytes(), b.as_os_str().as_encoded_bytes()));
     let (first, last) = match paths.as_slice() {
         [] => return Err(FileError::invalid("", "", "no file was named").remedy(format!("name one: {SUPPORTED}"))),
         [path] => return open(path),
@@ -153,8 +153,8 @@ fn unsupported(path: &Path) -> FileError {
 }
 
 /// Order of names in which runs of digits compare as numbers; equal ones by their bytes, so that it is total.
-fn natural_order(a: &str, b: &str) -> Ordering {
-    let (mut left, mut right) = (a.as_bytes(), b.as_bytes());
+fn natural_order(a: &[u8], b: &[u8]) -> Ordering {
+    let (mut left, mut right) = (a, b);
     while let (Some(&l), Some(&r)) = (left.first(), right.first()) {
         let (order, taken) = if l.is_ascii_digit() && r.is_ascii_digit() {
             let ((l, m), (r, n)) = (digits(left), digits(right));
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn digits_in_names_compare_as_numbers() {
         let mut names = ["t10", "t9", "t010", "t1_2", "t1_10", "t", "t1", "u0", "t99999999999999999999999", "t2"];
-        names.sort_by(|a, b| natural_order(a, b));
+        names.sort_by(|a, b| natural_order(a.as_bytes(), b.as_bytes()));
         assert_eq!(names, ["t", "t1", "t1_2", "t1_10", "t2", "t9", "t010", "t10", "t99999999999999999999999", "u0"]);
     }
 

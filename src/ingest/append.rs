@@ -43,6 +43,7 @@ pub struct AppendPlan {
     /// The source.
     pub source: String,
     /// The store.
+    #[serde(serialize_with = "crate::files::serialize_path")]
     pub output: PathBuf,
     /// Steps that the store has.
     pub steps_before: usize,

@@ -157,24 +157,28 @@ const STEM_BYTES: usize = 180;
 
 /// A name that changes with the version of tetreel, the sources' paths and every change of their files.
 fn entry_name(sources: &[PathBuf]) -> FileResult<String> {
-    let mut state = env!("CARGO_PKG_VERSION").to_owned();
+    // Bytes: two paths that are no Unicode may look the same as text.
+    let mut state = env!("CARGO_PKG_VERSION").as_bytes().to_vec();
     for path in sources {
-        state.push_str(&format!(" {}", canonical(path).display()));
+        state.push(b' ');
+        state.extend_from_slice(canonical(path).as_os_str().as_encoded_bytes());
     }
     for file in sources.iter().map(|path| import::files(path)).collect::<FileResult<Vec<_>>>()?.concat() {
         let (size, changed) = fs::metadata(&file).map_or((0, None), |m| (m.len(), m.modified().ok()));
         let nanos = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());
         // The same file is the same, wherever it is named from.
         let file = absolute(&file).unwrap_or(file);
-        state.push_str(&format!("\n{} {size} {nanos}", file.display()));
+        state.push(b'\n');
+        state.extend_from_slice(file.as_os_str().as_encoded_bytes());
+        state.extend_from_slice(format!(" {size} {nanos}").as_bytes());
     }
     let stem = sources.first().and_then(|path| path.file_stem());
     let stem = stem.map_or_else(|| "source".into(), OsStr::to_string_lossy);
     let stem = &stem[..stem.floor_char_boundary(STEM_BYTES)];
     let more = if sources.len() > 1 { format!("-and-{}-more", sources.len() - 1) } else { String::new() };
     // Two independent checksums: one of the text, one of the text backwards.
-    let reversed: Vec<u8> = state.bytes().rev().collect();
-    Ok(format!("{stem}{more}-{:08x}{:08x}.zarr", crc32c::crc32c(state.as_bytes()), crc32c::crc32c(&reversed)))
+    let reversed: Vec<u8> = state.iter().rev().copied().collect();
+    Ok(format!("{stem}{more}-{:08x}{:08x}.zarr", crc32c::crc32c(&state), crc32c::crc32c(&reversed)))
 }
 
 /// Makes place for an entry: removes what is there and no store, and what killed imports have left.

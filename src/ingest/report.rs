@@ -52,6 +52,7 @@ pub struct IngestReport {
     /// What was imported.
     pub source: String,
     /// The store.
+    #[serde(serialize_with = "crate::files::serialize_path")]
     pub output: PathBuf,
     /// What was found and repaired in the mesh.
     pub repair: RepairReport,

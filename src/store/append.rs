@@ -76,7 +76,7 @@ impl StoreWriter {
         let resumed = store.fields.iter().map(|field| resume(store, field)).collect::<FileResult<Vec<_>>>()?;
         let mut staging = Staging::begin(&target, true)?;
         staging.keep(|key| is_kept(key, store, &resumed))?;
-        let storage = layout::storage(staging.path())?;
+        let storage = layout::storage(staging.path());
         let mut writer = Self::at(staging, storage);
         writer.folders = store.fields.iter().map(|f| f.folder.clone()).collect();
         writer.revision = store.attributes.revision.saturating_add(1);

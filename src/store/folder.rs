@@ -17,9 +17,9 @@ use std::time::Duration;
 pub(super) struct Folder {
     root: PathBuf,
     pinned: Pinned,
-}
     /// What the files must be of.
     series: Option<Arc<OpenedSeries>>,
+}
 
 impl Folder {
     pub(super) fn new(root: impl Into<PathBuf>) -> Self {
@@ -59,8 +59,6 @@ impl Folder {
         Ok(())
     }
 
-    /// Does something with a file. While a store is being exchanged in two moves, it is nowhere for a moment: what is missing
-    /// together with the store is looked for again.
     /// Does something with a file of the series.
     fn find<T>(&self, act: impl Fn() -> io::Result<T>) -> FileResult<io::Result<T>> {
         for _ in 0..EXCHANGE_LOOKS {
@@ -73,6 +71,8 @@ impl Folder {
         Err(error.remedy("try again when fewer steps are added"))
     }
 
+    /// Does something with a file. While a store is being exchanged in two moves, it is nowhere for a moment: what is missing
+    /// together with the store is looked for again.
     fn look<T>(&self, act: &impl Fn() -> io::Result<T>) -> io::Result<T> {
         for _ in 0..EXCHANGE_LOOKS {
             match act() {

@@ -1,15 +1,15 @@
 //! Names, versions and attributes of the groups of a store.
 
 use super::folder::unlink;
+use super::metadata::MetadataFolder;
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
-use serde::de::DeserializeOwned;
 use crate::files;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
-use zarrs::filesystem::FilesystemStore;
 use zarrs::group::{Group, GroupBuilder};
 
 /// Version of the layout. A reader takes any minor version of its major one.
@@ -27,7 +27,7 @@ pub(super) const TIME: &str = "time";
 pub(super) const FIELDS: &str = "fields";
 
 /// The backing of all Zarr metadata.
-pub(super) type Storage = Arc<FilesystemStore>;
+pub(super) type Storage = Arc<MetadataFolder>;
 
 /// Attributes of the root group.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -100,9 +100,8 @@ pub(super) fn store_version() -> String {
 }
 
 /// Opens the backing; nothing is read yet.
-pub(super) fn storage(root: &Path) -> FileResult<Storage> {
-    let storage = FilesystemStore::new(root).map_err(|e| FileError::unsupported(root, "", e.to_string()))?;
-    Ok(Arc::new(storage))
+pub(super) fn storage(root: &Path) -> Storage {
+    Arc::new(MetadataFolder::new(root))
 }
 
 /// Writes a group with its attributes.
@@ -129,9 +128,9 @@ pub(super) fn read_group<T: DeserializeOwned>(root: &Path, storage: &Storage, ke
 }
 
 /// Reads the attributes of the root and checks that the store is one that this version can read.
+pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttributes> {
     files::check_kind(root)?;
     files::check_kind(&root.join("zarr.json"))?;
-pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttributes> {
     if !root.is_dir() {
         let problem = if root.exists() { "is not a folder, so not a store" } else { "does not exist" };
         return Err(FileError::invalid(root, "", problem).remedy("name the folder that an import has written"));

@@ -26,6 +26,7 @@ mod info;
 mod layout;
 mod lock;
 mod mesh;
+mod metadata;
 mod names;
 mod refresh;
 mod source_points;
@@ -86,7 +87,7 @@ impl Store {
     }
 
     fn open_at(root: &Path, stamp: Stamp) -> FileResult<Self> {
-        let storage = layout::storage(root)?;
+        let storage = layout::storage(root);
         let attributes = layout::read_root(root, &storage)?;
         let source = Arc::new(Folder::new(root));
         let mesh = StoredMesh::open(root, &storage, &source)?;

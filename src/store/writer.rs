@@ -52,7 +52,7 @@ impl StoreWriter {
     /// If something exists there and is no tetreel store or `overwrite` is not set, or its folder cannot be written.
     pub fn create(target: &Path, overwrite: bool) -> FileResult<Self> {
         let staging = Staging::begin(target, overwrite)?;
-        let storage = layout::storage(staging.path())?;
+        let storage = layout::storage(staging.path());
         layout::write_group(staging.path(), &storage, "mesh", &Map::new())?;
         Ok(Self::at(staging, storage))
     }

@@ -5,7 +5,9 @@ use super::color_map::ColorMap;
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::paraview::{ColorMapEntry, JsonEntry, read_color_maps};
 use crate::error::FileError;
+use crate::files::os_string;
 use serde::{Deserialize, Serialize};
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// A transfer function as it stands in JSON.
@@ -32,7 +34,7 @@ impl TransferFunctionFile {
     /// The transfer function, with names of map files relative to the folder `base`.
     fn resolve(self, path: &Path, base: &Path) -> Result<TransferFunction, TransferError> {
         let map = match self.color_map {
-            MapInFile::Name(name) => find_map(&name, base)?.map,
+            MapInFile::Name(name) => find_map(OsStr::new(&name), base)?.map,
             MapInFile::Full(entry) => entry.into_entry(path, "color_map")?.map,
         };
         TransferFunction::new(map, self.points, self.positions, self.values)
@@ -92,17 +94,23 @@ fn invalid_json(path: &Path, e: &serde_json::Error) -> FileError {
     FileError::invalid(path, format!("line {} column {}", e.line(), e.column()), e.to_string())
 }
 
+/// End of the name of a file of maps.
+const JSON: &str = ".json";
+/// The same, followed by the name of a map in it.
+const ENTRY: &str = ".json#";
 /// Suffix of a map's name that turns it around.
 const REVERSED: &str = "_r";
 
 /// The colour map called `name`: a built-in one, or `FILE.json` (relative to `base`) with one map, or `FILE.json#NAME`;
 /// each with `_r` for its reverse.
-pub(super) fn find_map(name: &str, base: &Path) -> Result<ColorMapEntry, TransferError> {
+pub(super) fn find_map(name: &OsStr, base: &Path) -> Result<ColorMapEntry, TransferError> {
     if let Some(entry) = find_exact(name, base)? {
         return Ok(entry);
     }
-    let turned = name.strip_suffix(REVERSED).map(|stem| find_exact(stem, base)).transpose()?.flatten();
-    turned.map(reversed).ok_or_else(|| TransferError::UnknownMap { name: name.to_owned(), known: built_in_names() })
+    let stem = name.as_encoded_bytes().strip_suffix(REVERSED.as_bytes()).and_then(|stem| os_string(stem.to_vec()));
+    let turned = stem.map(|stem| find_exact(&stem, base)).transpose()?.flatten();
+    let unknown = || TransferError::UnknownMap { name: name.to_string_lossy().into_owned(), known: built_in_names() };
+    turned.map(reversed).ok_or_else(unknown)
 }
 
 /// The built-in map of that name, or its reverse.
@@ -122,12 +130,13 @@ fn reversed(entry: ColorMapEntry) -> ColorMapEntry {
 }
 
 /// The map of exactly that name; `None` if it is neither built in nor looks like a file.
-fn find_exact(name: &str, base: &Path) -> Result<Option<ColorMapEntry>, TransferError> {
-    if let Some(map) = ColorMap::built_in(name) {
+fn find_exact(name: &OsStr, base: &Path) -> Result<Option<ColorMapEntry>, TransferError> {
+    if let Some(map) = name.to_str().and_then(ColorMap::built_in) {
         return Ok(Some(ColorMapEntry { map: map.clone(), opacity: None }));
     }
-    if let Some(file) = name.strip_suffix(".json") {
-        let path = base.join(format!("{file}.json"));
+    let bytes = name.as_encoded_bytes();
+    if bytes.ends_with(JSON.as_bytes()) {
+        let path = base.join(name);
         let mut entries = read_color_maps(&path)?;
         if entries.len() > 1 {
             let remedy = format!("choose one with {}#NAME: {}", path.display(), names(&entries));
@@ -136,13 +145,16 @@ fn find_exact(name: &str, base: &Path) -> Result<Option<ColorMapEntry>, Transfer
         }
         return Ok(entries.pop());
     }
-    let Some((file, entry_name)) = name.split_once(".json#") else { return Ok(None) };
-    let path = base.join(format!("{file}.json"));
+    let place = bytes.windows(ENTRY.len()).position(|part| part == ENTRY.as_bytes());
+    let Some(end) = place.map(|at| at + JSON.len()) else { return Ok(None) };
+    let Some(file) = os_string(bytes[..end].to_vec()) else { return Ok(None) };
+    let entry_name = String::from_utf8_lossy(&bytes[end + 1..]);
+    let path = base.join(file);
     let entries = read_color_maps(&path)?;
     let known = names(&entries);
     let named = |wanted: &str| entries.iter().find(|e| e.map.name() == wanted).cloned();
     let is_reversed = |stem: &str| named(stem).is_some();
-    match named(entry_name) {
+    match named(&entry_name) {
         Some(entry) => Ok(Some(entry)),
         None if entry_name.strip_suffix(REVERSED).is_some_and(is_reversed) => Ok(None),
         None => Err(FileError::invalid(&path, "", format!("has no colour map '{entry_name}'"))

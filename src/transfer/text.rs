@@ -4,6 +4,8 @@ use super::TransferError;
 use super::file::find_map;
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use crate::error::FileError;
+use crate::files;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 impl TransferFunction {
@@ -17,11 +19,10 @@ impl TransferFunction {
     ///
     /// # Errors
     /// Name the offending part; an unknown map comes with the list of maps.
-    pub fn parse(text: &str) -> Result<Self, TransferError> {
-        // A path may contain '@': what follows the last one is a list of points only if it looks like no path.
-        let parts = text.rsplit_once('@').filter(|(_, points)| !points.contains(".json"));
-        let Some((map, points)) = parts else { return Self::without_points(text) };
-        let map = find_map(map, Path::new(""))?.map;
+    pub fn parse(text: impl AsRef<OsStr>) -> Result<Self, TransferError> {
+        let text = text.as_ref();
+        let Some((map, points)) = map_and_points(text) else { return Self::without_points(text) };
+        let map = find_map(&map, Path::new(""))?.map;
         let mut previous = [f64::NEG_INFINITY; 2];
         let mut opacity = Vec::new();
         for part in points.split(',') {
@@ -32,15 +33,24 @@ impl TransferFunction {
         Self::new(map, opacity, PositionKind::Relative, OpacityValues::Opacity)
     }
 
-    fn without_points(text: &str) -> Result<Self, TransferError> {
+    fn without_points(text: &OsStr) -> Result<Self, TransferError> {
         let path = Path::new(text);
-        if text.ends_with(".json") && holds_an_object(path)? {
+        if text.as_encoded_bytes().ends_with(b".json") && holds_an_object(path)? {
             return Self::read(path);
         }
         let entry = find_map(text, Path::new(""))?;
         let Some(points) = entry.opacity else { return Ok(Self::ramp(entry.map)) };
         Self::new(entry.map, points, PositionKind::Relative, OpacityValues::Opacity)
     }
+}
+
+/// The text before and behind the last '@'. A path may contain '@': what follows it is a list of points only if it looks like no
+/// path.
+fn map_and_points(text: &OsStr) -> Option<(OsString, &str)> {
+    let bytes = text.as_encoded_bytes();
+    let at = bytes.iter().rposition(|&byte| byte == b'@')?;
+    let points = std::str::from_utf8(&bytes[at + 1..]).ok().filter(|points| !points.contains(".json"))?;
+    Some((files::os_string(bytes[..at].to_vec())?, points))
 }
 
 /// Whether a JSON file is a transfer function (an object), not a list of colour maps (an array).

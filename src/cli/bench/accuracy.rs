@@ -18,6 +18,7 @@ use crate::transfer::TransferFunction;
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -91,8 +92,8 @@ pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Termi
 
 fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened> {
     let store = source::open(path, terminal)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
     memory::check(args.image.size, 1)?;
+    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
     let backends = match args.scene.backend {
         // One in software counts: it shows how wrong GPUs are, if not how fast.
         Backend::Auto if scene.pipeline.check_backend(Backend::Gpu).is_ok() => vec![Backend::Cpu, Backend::Gpu],
@@ -129,14 +130,18 @@ fn truth_of(all: &[Opened], at: usize) -> usize {
 fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::Result<Judged> {
     let scene = &mut opened.scene;
     let (look, field, steps) = (&scene.look, scene.pipeline.field(), scene.pipeline.times().len());
-    let table = |tf: &str, step: usize| -> anyhow::Result<_> {
-        let tf = TransferFunction::parse(tf).with_context(|| format!("--tf '{tf}'"))?;
+    let is_given = args.scene.tf != DEFAULT_TF;
+    let table = |name: &str, step: usize| -> anyhow::Result<_> {
+        // A path in it may be no Unicode.
+        let text = if is_given { args.scene.tf.as_os_str() } else { OsStr::new(name) };
+        let tf = TransferFunction::parse(text).with_context(|| format!("--tf '{}'", text.display()))?;
         let range =
             mapped_range(field, &look.range, step.into()).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         Ok(Arc::new(Look { tf, ..look.clone() }.table(&range)?))
     };
-    let given = [("given", args.scene.tf.as_str())];
-    let functions = if args.scene.tf == DEFAULT_TF { &TRANSFER_FUNCTIONS[..] } else { &given[..] };
+    let text = args.scene.tf.to_string_lossy();
+    let given = [("given", &*text)];
+    let functions = if is_given { &given[..] } else { &TRANSFER_FUNCTIONS[..] };
     let size = (args.image.size.0, args.image.size.1);
     let scenes = scenes(&opened.name, steps, &look.camera, size, functions, table)?;
     terminal.begin("judge", scenes.len() as u64, "scenes");

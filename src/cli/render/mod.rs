@@ -22,6 +22,7 @@ use crate::stats::FrameStats;
 use crate::store::is_store;
 use crate::task::Progress;
 use anyhow::{Context, bail};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use job::Job;
 use plan::{Plan, TimeArgs};
 use resume::Fingerprints;
@@ -47,6 +48,7 @@ pub(super) struct Args {
     /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9); of a project, the
     /// one that it names if none is given
     #[arg(short, long, value_name = "frame_%04d.png|movie.mp4")]
+    #[arg(value_parser = OsStringValueParser::new().try_map(Target::parse))]
     output: Option<Target>,
     #[command(flatten)]
     time: TimeArgs,
@@ -115,8 +117,10 @@ impl Args {
     /// Files and folders that are read.
     fn inputs(&self) -> Vec<PathBuf> {
         // `FILE` or `FILE@POSITION:OPACITY,...`
-        let (tf, map) = (&self.scene.tf, self.scene.tf.split('@').next().unwrap_or_default());
-        let mut inputs = vec![self.store.clone(), PathBuf::from(tf), PathBuf::from(map)];
+        let mut inputs = vec![self.store.clone(), PathBuf::from(&self.scene.tf)];
+        let tf = self.scene.tf.as_encoded_bytes();
+        let map = tf.iter().rposition(|&byte| byte == b'@').and_then(|at| files::os_string(tf[..at].to_vec()));
+        inputs.extend(map.map(PathBuf::from));
         inputs.extend(self.project.clone());
         if !is_store(&self.store) {
             // What is wrong with a source is said when it is opened.
@@ -140,11 +144,11 @@ impl Args {
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
         }
+        memory::check(self.image.size, 1)?;
         output.check_place()?;
         for (option, path) in self.side_files() {
             files::check_place(path)?;
             if self.inputs().iter().any(|input| is_within(path, input)) {
-        memory::check(self.image.size, 1)?;
                 bail!(
                     "{option} {} is the project, or a part of the series or of the transfer function; choose another name",
                     path.display()
@@ -195,6 +199,7 @@ pub(super) struct FrameRecord {
     /// The step towards which the frame is interpolated, and its weight.
     toward: Option<(usize, f64)>,
     time: f64,
+    #[serde(serialize_with = "files::serialize_path")]
     file: PathBuf,
     origin: Origin,
     /// Of rendered frames only.
@@ -233,6 +238,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
+    memory::check(args.image.size, plan.frames.len())?;
     let in_file = |error| project::in_file(error, args.project.as_deref());
     let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
     let mut scene = scene.map_err(in_file)?;
@@ -240,7 +246,6 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
     terminal.end();
-    memory::check(args.image.size, plan.frames.len())?;
     let checksums = checked?;
     terminal.detail(&format!("camera: {}", scene.look.camera));
     let annotator = annotator(args, output, &scene);

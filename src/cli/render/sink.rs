@@ -7,8 +7,8 @@ use crate::export::movie::{Ffmpeg, MovieError, MovieFormat, MovieOptions, MovieW
 use crate::export::sequence::{FramePattern, FrameWriter};
 use crate::export::still::{OutputFrame, StillFormat, StillOptions};
 use crate::files;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// What `--output` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,28 +19,27 @@ pub(super) enum Target {
     Movie(PathBuf, MovieFormat),
 }
 
-impl FromStr for Target {
-    type Err = FileError;
-
-    fn from_str(text: &str) -> Result<Self, FileError> {
-        let path = Path::new(text);
-        if let Some(format) = MovieFormat::of(path) {
-            let plain = text.replace("%%", "");
-            if plain.contains('%') {
-                let problem = "a movie is one file and has no number in its name";
-                return Err(FileError::unsupported(path, "", problem).remedy("write, for example, movie.mp4"));
-            }
-            return Ok(Self::Movie(text.replace("%%", "%").into(), format));
-        }
-        if StillFormat::of(path).is_none() {
+impl Target {
+    /// Reads the word behind `--output`.
+    pub(super) fn parse(word: OsString) -> FileResult<Self> {
+        let path = Path::new(&word);
+        let is_movie = MovieFormat::of(path);
+        if is_movie.is_none() && StillFormat::of(path).is_none() {
             let problem = "is neither an image (.png, .exr) nor a movie (.mp4, .mov, .mkv, .webm)";
             return Err(FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png"));
         }
-        text.parse().map(Self::Images)
+        let Some(format) = is_movie else { return FramePattern::new(path).map(Self::Images) };
+        let mut plain = Vec::new();
+        let mut rest = word.as_encoded_bytes();
+        while let Some((&first, after)) = rest.split_first() {
+            plain.push(first);
+            // A percent sign is doubled, as in the names of images.
+            rest = if first == b'%' { after.strip_prefix(b"%").ok_or_else(|| no_number(path))? } else { after };
+        }
+        let plain = files::os_string(plain).unwrap_or_else(|| word.clone());
+        Ok(Self::Movie(plain.into(), format))
     }
-}
 
-impl Target {
     /// The file of a frame.
     pub(super) fn path(&self, frame: usize) -> PathBuf {
         match self {
@@ -70,6 +69,11 @@ impl Target {
         }
         tempfile::tempfile_in(folder).map(|_| ()).map_err(|e| FileError::io(&path, "write", &e))
     }
+}
+
+fn no_number(path: &Path) -> FileError {
+    FileError::unsupported(path, "", "a movie is one file and has no number in its name")
+        .remedy("write, for example, movie.mp4")
 }
 
 /// The current folder has an empty name as an ancestor.

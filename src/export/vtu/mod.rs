@@ -33,6 +33,7 @@ pub struct VtuOptions {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct VtuReport {
     /// The `.pvd` file.
+    #[serde(serialize_with = "crate::files::serialize_path")]
     pub pvd: PathBuf,
     /// Number of `.vtu` files.
     pub steps: usize,
@@ -94,6 +95,8 @@ pub fn write_collection(
     check_free()?;
     let dir = pvd.with_extension("");
     let name = file_name(&dir, &VtuOptions::default())?;
+    // The collection names it in text; where the name of `pvd` is none, it has the name of its files.
+    let dir = dir.with_file_name(&name);
     let prefix = format!("{name}/");
     let (folder, steps, text, bytes) = write_folder(source, &dir, &name, &prefix, options, progress, cancel)?;
     check_free()?;

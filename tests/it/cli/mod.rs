@@ -4,11 +4,13 @@ mod append;
 mod export;
 mod import;
 mod movie;
+mod places;
 mod project;
 mod render;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tetreel::image::read_png;
@@ -42,6 +44,10 @@ impl Place {
     }
 
     fn run(&self, args: &[&str]) -> Run {
+        self.run_words(&args.iter().map(OsStr::new).collect::<Vec<_>>())
+    }
+
+    fn run_words(&self, args: &[&OsStr]) -> Run {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
         command.args(args).current_dir(self.0.path()).env("TETREEL_CACHE", self.path("cache"));
         // Without it, GPU drivers say on stderr that they find no display server.
