@@ -1,6 +1,7 @@
 //! The options that say what is seen and how, shared by the commands that render.
 
 use super::Interrupted;
+use super::progress::unless_interrupted;
 use crate::camera::Camera;
 use crate::codec::BlockCache;
 use crate::export::still::FrameAttributes;
@@ -14,7 +15,7 @@ use crate::render::KBuffer;
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::task::Cancel;
-use crate::transfer::{ColorMap, ColorPoint, MappedRange, OpacityKind, RangePolicy, TransferFunction};
+use crate::transfer::{ColorMap, ColorPoint, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction};
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
@@ -208,8 +209,19 @@ struct Colors {
 
 impl SceneArgs {
     /// What frames of a series look like, in images of this size.
+    #[cfg(feature = "gui")]
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
-        let tf = TransferFunction::parse(&self.tf).with_context(|| format!("--tf '{}'", self.tf.display()))?;
+        self.look_with(TransferFunction::parse(&self.tf), series, size)
+    }
+
+    /// The same with the transfer function that the options name.
+    fn look_with(
+        &self,
+        tf: Result<TransferFunction, TransferError>,
+        series: &Series,
+        size: SizePx,
+    ) -> anyhow::Result<Look> {
+        let tf = tf.with_context(|| format!("--tf '{}'", self.tf.display()))?;
         let faces = self.faces.detail();
         let draws_faces = self.mode == RenderMode::Havs || self.mode == RenderMode::Auto && faces.lod < 1.0;
         if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
@@ -275,7 +287,9 @@ impl Scene {
         cancel: &Cancel,
     ) -> anyhow::Result<Self> {
         let mut pipeline = Pipeline::new(args.series(store)?);
-        let look = args.look(pipeline.series(), size)?;
+        let text = args.tf.clone();
+        let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
+        let look = args.look_with(tf, pipeline.series(), size)?;
         #[cfg(feature = "gpu")]
         pipeline.choose_gpu(args.gpu());
         if let Err(problem) = pipeline.check_backend(args.backend) {
@@ -412,7 +426,8 @@ impl Scene {
         {
             return Ok(last.table.clone());
         }
-        let table = Arc::new(self.look.table(&range)?);
+        let look = self.look.clone();
+        let table = Arc::new(unless_interrupted(&self.cancel, move || look.table(&range))??);
         self.colors = Some(Colors { range: Some(range), table: table.clone(), of_project: false });
         Ok(table)
     }
