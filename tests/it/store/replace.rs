@@ -238,7 +238,7 @@ fn a_reader_never_mixes_series_while_stores_are_exchanged() {
 fn overwriting_through_a_link_replaces_the_store_behind_it_and_not_the_link() {
     let dir = tempfile::tempdir().unwrap();
     let [disk, here] = ["disk", "here"].map(|name| dir.path().join(name));
-    [&disk, &here].map(|folder| fs::create_dir(folder).unwrap());
+    [&disk, &here].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let real = disk.join("s.zarr");
     import(&sample(2), &real, &options(false)).unwrap();
     for (link, target) in [("to.zarr", real.clone()), ("relative.zarr", "../disk/s.zarr".into()), ("slash.zarr", real)]
