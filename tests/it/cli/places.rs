@@ -87,7 +87,7 @@ fn error_of(place: &Place, args: &[&str]) -> Option<String> {
 #[test]
 fn a_fifo_a_socket_or_a_device_is_refused_by_name_wherever_a_series_is_named() {
     let place = Place::empty();
-    place.ok(&["synth", "slab", "-o", "good.zarr", "--cells", "100", "--steps", "1"]);
+    place.ok(&["synth", "slab", "-o", "good.zarr", "--cells", "600", "--steps", "1"]);
     let fifo = |path: &Path| assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
     let mut kinds = Vec::new();
     for ending in ["pvd", "vtu", "xdmf", "toml", "zarr"] {
