@@ -77,7 +77,8 @@ fn is_at(file: &File, path: &Path) -> bool {
     matches!((file, named), (Ok(file), Ok(named)) if file == named)
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::super::{replace_with, sibling_file};
     use super::*;

@@ -80,7 +80,7 @@ fn an_unknown_map_comes_with_the_list() {
 #[test]
 fn maps_come_from_files_by_name_and_reversed() {
     let dir = folder();
-    let parse = |name: &str| TransferFunction::parse(&path_text(&dir, name));
+    let parse = |name: &str| TransferFunction::parse(path_text(&dir, name));
     let ink = parse("two.json#ink").unwrap();
     assert_eq!(ink.color_map().eval(0.25), [0.75; 3]);
     assert_eq!(parse("two.json#ink_r@0:0,1:1").unwrap().color_map(), &ink.color_map().reversed());
@@ -123,7 +123,7 @@ fn file_errors_name_file_and_entry() {
 #[test]
 fn transfer_function_files_are_read_with_maps_beside_them() {
     let dir = folder();
-    let tf = TransferFunction::parse(&path_text(&dir, "tf.json")).unwrap();
+    let tf = TransferFunction::parse(path_text(&dir, "tf.json")).unwrap();
     assert_eq!((tf.positions(), tf.color_map().name()), (PositionKind::Absolute, "ink_r"));
     assert_eq!(numbers(&tf), [[-5.0, 0.0], [20.5, 0.5]]);
     let tau = TransferFunction::read(&dir.path().join("tau.json")).unwrap();
@@ -156,7 +156,7 @@ fn bad_transfer_function_files_name_file_and_place() {
 #[test]
 fn transfer_functions_round_trip_through_json() {
     let dir = folder();
-    let own = TransferFunction::parse(&path_text(&dir, "one.json")).unwrap();
+    let own = TransferFunction::parse(path_text(&dir, "one.json")).unwrap();
     let built_in = TransferFunction::parse("cool-to-warm_r@0:0,0.3:1,0.3:0.25").unwrap();
     assert!(built_in.to_json().contains("\"cool-to-warm_r\""), "a built-in map is its name");
     let own_absolute =

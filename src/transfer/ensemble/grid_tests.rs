@@ -117,7 +117,7 @@ proptest! {
         scalar in random_member(Space::Scalar), gradient in random_member(Space::ScalarGradient),
         cov in random_member(Space::ScalarCov), tf in 0.1..0.9_f64,
     ) {
-        let line = TransferFunction::parse(&format!("viridis@0:0,{tf}:0.5,1:0.1")).unwrap();
+        let line = TransferFunction::parse(format!("viridis@0:0,{tf}:0.5,1:0.1")).unwrap();
         let plain = Member { blend: Blend::Add, ..Member::new("line", Function::TransferFunction(line)) };
         let all = ensemble(vec![scalar, gradient, plain, cov]);
         let table = all.grid(&context()).unwrap();
