@@ -19,9 +19,9 @@ mod project;
 mod render;
 mod scene;
 mod source;
+mod steps;
 mod synth;
 mod trace;
-mod steps;
 
 use crate::pipeline::PipelineError;
 use clap::{Parser, Subcommand};
