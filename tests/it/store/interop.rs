@@ -37,9 +37,9 @@ fn zarrs_reads_every_array() {
     let store = imported(dir.path());
     let storage = Arc::new(zarrs::filesystem::FilesystemStore::new(store.path()).unwrap());
     let paths = arrays(store.path(), "");
-    // Mesh 8 (the grid has cells to turn), time 2, ten fields with ranges, moments, two arrays for the level of detail and
+    // Mesh 8 (the grid has cells to turn), time 2, ten fields with ranges, checksums, moments, two arrays for the level of detail and
     // four histograms, eight of them with values.
-    assert_eq!(paths.len(), 8 + 2 + 8 * 10 + 8, "{paths:?}");
+    assert_eq!(paths.len(), 8 + 2 + 9 * 10 + 8, "{paths:?}");
     for path in paths {
         let array = zarrs::array::Array::open(storage.clone(), &path).unwrap();
         array.retrieve_array_subset::<zarrs::array::ArrayBytes<'_>>(&array.subset_all()).unwrap();
@@ -93,7 +93,7 @@ fn python_reads_every_array() {
     let Some(python) = python() else { return };
     let dir = tempfile::tempdir().unwrap();
     let text = python_reads(&python, &imported(dir.path()), 1);
-    assert!(text.contains("mesh 162 cells 64 vertices") && text.contains("ok 98 arrays"), "{text}");
+    assert!(text.contains("mesh 162 cells 64 vertices") && text.contains("ok 108 arrays"), "{text}");
 }
 
 /// Swaps two corners of a tet if its volume is negative.
