@@ -19,7 +19,7 @@ use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 use tetreel::timeline::{Key, Keyframed, Transition};
 use tetreel::transfer::{
-    Blend, Ensemble, Function, Member, OpacityKind, Rectangle, Reduction, Space, TransferFunction, Widget,
+    Blend, Ensemble, Function, Lengths, Member, OpacityKind, Rectangle, Reduction, Space, TransferFunction, Widget,
 };
 
 const ROUNDS: usize = 31;
@@ -105,7 +105,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             |(i, e): (usize, &Ensemble)| Key { time: i as f64, transition: Transition::Linear, value: e.name.clone() };
         project.timeline.ensembles = Keyframed::try_from(keys.map(key).collect::<Vec<_>>())?;
         project.ensembles = ensembles;
-        Ok(Animation::new(Arc::new(project), series.clone(), OpacityKind::Alpha, unit_distance))
+        Ok(Animation::new(
+            Arc::new(project),
+            series.clone(),
+            OpacityKind::Alpha,
+            Lengths::of_unit_distance(unit_distance),
+        ))
     };
     steady(&mut run, &three, animation(vec![three.clone()])?)?;
     println!("blend of one and three");

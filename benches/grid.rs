@@ -11,7 +11,7 @@ use tetreel::node_table::{GridTable, NodeTable};
 use tetreel::render::cpu::{havs::Havs, raycast::Raycast};
 use tetreel::render::{GridScene, RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{CellSet, DrawnFaces};
 
 const CELLS: u64 = 200_000;
@@ -100,7 +100,12 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
     let bounds = mesh.positions.world_bounds();
     let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
     let tf = TransferFunction::parse("viridis@0:0.02,1:0.2")?;
-    let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, unit_distance)?;
+    let table = build_node_table(
+        &tf,
+        &MappedRange::new(0.0, 1.2, false)?,
+        OpacityKind::Alpha,
+        &Lengths::of_unit_distance(unit_distance),
+    )?;
     let view = Camera::default_for(bounds)?.view(512, 512)?;
     let depth = |face: &u32| {
         let corners = mesh.topology.faces[*face as usize].map(|v| mesh.positions.local[v as usize].as_dvec3());
@@ -117,6 +122,7 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: Some(Arc::new(DrawnFaces { faces, is_complete: true })),
         k_buffer: Default::default(),

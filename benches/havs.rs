@@ -11,7 +11,7 @@ use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{KBuffer, RenderJob, Renderer};
 use tetreel::synth::random::SplitMix64;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{CellSet, DrawnFaces};
 
 const FRAMES: usize = 9;
@@ -101,7 +101,12 @@ fn scene(tf: &str) -> Result<RenderJob, Box<dyn Error>> {
     let bounds = mesh.positions.world_bounds();
     let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
     let tf = TransferFunction::parse(tf)?;
-    let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, unit_distance)?;
+    let table = build_node_table(
+        &tf,
+        &MappedRange::new(0.0, 1.2, false)?,
+        OpacityKind::Alpha,
+        &Lengths::of_unit_distance(unit_distance),
+    )?;
     Ok(RenderJob {
         active: Arc::new(CellSet::all(mesh.topology.tets.len())),
         mesh: Arc::new(mesh),
@@ -111,6 +116,7 @@ fn scene(tf: &str) -> Result<RenderJob, Box<dyn Error>> {
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: None,
         k_buffer: Default::default(),

@@ -17,7 +17,7 @@ use tetreel::render::{RenderJob, Renderer};
 use tetreel::store::Store;
 use tetreel::synth::random::SplitMix64;
 use tetreel::task::Cancel;
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{DepthOrder, Skip};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -74,7 +74,7 @@ impl Scene {
         let [lo, hi] = self.series.field().range.ok_or("no finite value")?.map(f64::from);
         let (a, b) = self.series.mesh().positions.world_bounds();
         let (tf, range) = (TransferFunction::parse(tf)?, MappedRange::new(lo, hi, false)?);
-        Ok(Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (b - a).length())?))
+        Ok(Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((b - a).length()))?))
     }
 
     fn job(&mut self, step: usize, camera: Camera, table: &Arc<NodeTable>) -> Outcome<RenderJob> {

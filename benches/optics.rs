@@ -15,7 +15,7 @@ use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::CellSet;
 
 const TRANSFER_FUNCTIONS: [(&str, &str); 4] = [
@@ -39,7 +39,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("table    nodes  scalars lengths      MB  build ms  frame ms (exact)      rmse       max");
     for (name, text) in TRANSFER_FUNCTIONS {
         let tf = TransferFunction::parse(text)?;
-        let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, unit_distance)?;
+        let table = build_node_table(
+            &tf,
+            &MappedRange::new(0.0, 1.2, false)?,
+            OpacityKind::Alpha,
+            &Lengths::of_unit_distance(unit_distance),
+        )?;
         let nodes = table.nodes().len();
         let job = RenderJob {
             active: Arc::new(CellSet::all(mesh.topology.tets.len())),
@@ -48,6 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             view: Camera::default_for(bounds)?.view(256, 256)?,
             table: Arc::new(table),
             optics: OpticsKind::Exact,
+            formula: None,
             prepared: None,
             faces: None,
             k_buffer: Default::default(),

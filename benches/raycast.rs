@@ -9,7 +9,7 @@ use tetreel::mesh::Mesh;
 use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::CellSet;
 
 const PAIRS: usize = 15;
@@ -23,7 +23,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let bounds = mesh.positions.world_bounds();
     let tf = TransferFunction::parse("viridis@0:0.05,1:0.5")?;
     let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-    let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, unit_distance)?;
+    let table = build_node_table(
+        &tf,
+        &MappedRange::new(0.0, 1.2, false)?,
+        OpacityKind::Alpha,
+        &Lengths::of_unit_distance(unit_distance),
+    )?;
     let job = RenderJob {
         active: Arc::new(CellSet::all(mesh.topology.tets.len())),
         mesh: Arc::new(mesh),
@@ -33,6 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: None,
         k_buffer: Default::default(),

@@ -14,7 +14,7 @@ use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode, Series};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::Skip;
 
 const PAIRS: usize = 15;
@@ -122,5 +122,5 @@ fn table(series: &Series, tf: &str) -> Result<Arc<NodeTable>, Box<dyn Error>> {
     let [lo, hi] = series.field().range.ok_or("no finite value")?.map(f64::from);
     let (a, b) = series.mesh().positions.world_bounds();
     let (tf, range) = (TransferFunction::parse(tf)?, MappedRange::new(lo, hi, false)?);
-    Ok(Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (b - a).length())?))
+    Ok(Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((b - a).length()))?))
 }

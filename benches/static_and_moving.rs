@@ -8,7 +8,7 @@ use tetreel::camera::Camera;
 use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
 use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 
 const FRAMES: usize = 15;
 const SIZE: (usize, usize) = (512, 512);
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (a, b) = pipeline.mesh().positions.world_bounds();
         let [lo, hi] = pipeline.field().range.ok_or("no finite value")?.map(f64::from);
         let (tf, range) = (TransferFunction::parse("viridis@0:0.05,1:0.5")?, MappedRange::new(lo, hi, false)?);
-        let table = build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (b - a).length())?;
+        let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((b - a).length()))?;
         let request = FrameRequest {
             mode: RenderMode::Havs,
             backend: Backend::Cpu,

@@ -11,7 +11,7 @@ use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{
-    Blend, ColorWeighting, Context, Curve, Ensemble, Function, Member, OpacityKind, Rectangle, Widget,
+    Blend, ColorWeighting, Context, Curve, Ensemble, Function, Lengths, Member, OpacityKind, Rectangle, Widget,
 };
 
 const SIZE: (usize, usize) = (320, 240);
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (lo, hi) = pipeline.mesh().positions.world_bounds();
     let [min, max] = pipeline.field().range.ok_or("the field has no finite value")?.map(f64::from);
     let unit_distance = 0.01 * (hi - lo).length();
-    let context = Context::new((min, max), (min, max), OpacityKind::Alpha, unit_distance);
+    let context = Context::new((min, max), (min, max), OpacityKind::Alpha, Lengths::of_unit_distance(unit_distance));
     let mut camera = Camera::default_for((lo, hi))?;
     // Nearer: at its ends a jet has nothing to show.
     camera.position = camera.focal_point.lerp(camera.position, 0.65);
@@ -66,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut images, mut panels) = (Vec::new(), Vec::new());
     for ensemble in ensembles {
         let curve = ensemble.curve(&context)?;
-        let table = Arc::new(curve.node_table(unit_distance)?);
+        let table = Arc::new(curve.node_table(&Lengths::of_unit_distance(unit_distance))?);
         images.push(pipeline.render(&FrameRequest::new(step, camera, table, SIZE))?.color.clone());
         panels.push(panel(&curve, (min, max)));
     }

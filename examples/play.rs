@@ -10,7 +10,7 @@ use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let temp = tempfile::tempdir()?;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [min, max] = pipeline.field().range.ok_or("the field has no finite value")?.map(f64::from);
     let range = RangePolicy::Series.resolve((min, max), (min, max))?;
     let tf = TransferFunction::parse("viridis@0:0,1:0.3")?;
-    let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (hi - lo).length())?);
+    let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((hi - lo).length()))?);
     let camera = Camera::default_for((lo, hi))?;
 
     let times = pipeline.times().clone();

@@ -9,7 +9,7 @@ use tetreel::pipeline::{FrameRequest, Pipeline};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let temp = tempfile::tempdir()?;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [min, max] = pipeline.field().range.ok_or("the field has no finite value")?.map(f64::from);
     let range = RangePolicy::Series.resolve((min, max), (min, max))?;
     let tf = TransferFunction::parse("inferno@0:0,0.3:0.02,1:0.5")?;
-    let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (hi - lo).length())?);
+    let table = Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((hi - lo).length()))?);
     let camera = Camera::default_for((lo, hi))?;
     let request = FrameRequest::new(step, camera, table, (640, 480));
     let out = args().nth(1).unwrap_or_else(|| "render_one.png".to_owned());

@@ -11,7 +11,7 @@ use tetreel::node_table::NodeTable;
 use tetreel::render::RenderJob;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{CellSet, DepthOrder, DrawnFaces};
 
 /// Every cell is visible.
@@ -56,7 +56,12 @@ impl Jet {
     /// The table of a transfer function.
     pub fn table(&self, tf: &str) -> Result<Arc<NodeTable>, Box<dyn Error>> {
         let range = MappedRange::new(RANGE.0, RANGE.1, false)?;
-        let table = build_node_table(&TransferFunction::parse(tf)?, &range, OpacityKind::Alpha, self.unit_distance())?;
+        let table = build_node_table(
+            &TransferFunction::parse(tf)?,
+            &range,
+            OpacityKind::Alpha,
+            &Lengths::of_unit_distance(self.unit_distance()),
+        )?;
         Ok(Arc::new(table))
     }
 
@@ -71,6 +76,7 @@ impl Jet {
             compressed: None,
             finite: None,
             optics: Default::default(),
+            formula: None,
             prepared: None,
             faces: None,
             k_buffer: Default::default(),

@@ -146,8 +146,9 @@ fn run_path(
     let request = path.request(&scene.request);
     let mut measured: Vec<FrameStats> = Vec::with_capacity(bench.frames);
     let mut error = None;
-    // One more, in which caches are filled; it is the one compared, as all of them are the same.
-    for index in 0..=bench.frames.max(1) {
+    // One more, in which caches are filled; it is the one compared, as all of them are the same. The reference has no caches, nor haste.
+    let is_once = path.mode == RenderMode::Reference;
+    for index in 0..=if is_once { 0 } else { bench.frames.max(1) } {
         let frame = match &mut own {
             Some(renderer) => render_with(pipeline, renderer, &request, cancel)?,
             None => pipeline.render_unless(&request, cancel)?,
@@ -157,7 +158,8 @@ fn run_path(
         let ms_enlarge = if image.is_some() { started.elapsed().as_secs_f64() * 1e3 } else { 0.0 };
         if index == 0 {
             error = Some(RunError::between(truth, image.as_ref().unwrap_or(&frame.color), bench.judge));
-        } else {
+        }
+        if index > 0 || is_once {
             measured.push(FrameStats { ms_frame: frame.stats.ms_frame + ms_enlarge, ..frame.stats.clone() });
         }
     }
@@ -199,6 +201,7 @@ impl AccuracyPath {
             optics: self.optics,
             faces: self.faces(),
             size_px: (scaled(width), scaled(height)),
+            formula: scene.formula.clone().filter(|_| self.mode != RenderMode::Reference),
             skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },
             ..scene.clone()
         }

@@ -1,6 +1,6 @@
 //! The frame and accuracy suites: what a frame costs, and how wrong it is.
 
-use super::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes};
+use super::{BenchRun, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
@@ -66,7 +66,8 @@ pub fn run_frames(
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.color.clone();
             let judge = pipeline.render_unless(&FrameRequest { mode: RenderMode::Reference, ..request }, cancel)?;
-            let error = RunError::between(&judge.color, &fast, JUDGE_REFERENCE);
+            let judged_by = if judge.stats.by_formula { JUDGE_REFERENCE } else { JUDGE_TABLE };
+            let error = RunError::between(&judge.color, &fast, judged_by);
             worst = Some(match worst {
                 Some(w) if w.rmse >= error.rmse => RunError { max: w.max.max(error.max), ..w },
                 Some(w) => RunError { max: w.max.max(error.max), ..error },
@@ -125,7 +126,8 @@ pub(super) fn describe(
         size: [request.size_px.0 as u32, request.size_px.1 as u32],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
         mode: match drawn_by {
-            RenderMode::Reference => "reference",
+            RenderMode::Reference if measured.iter().all(|stats| stats.by_formula) => "reference",
+            RenderMode::Reference => "reference-table",
             RenderMode::Havs => "havs",
             RenderMode::Auto | RenderMode::Raycast => "raycast",
         }

@@ -16,5 +16,5 @@ pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
-pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, RunError, RunTimes, SceneName};
+pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes, SceneName};
 pub use statistics::{Spread, median, percentile};

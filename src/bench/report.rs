@@ -12,6 +12,8 @@ use std::fmt;
 
 /// [`RunError::judge`] of errors against the f64 reference renderer.
 pub const JUDGE_REFERENCE: &str = "reference";
+/// [`RunError::judge`] of errors against the f64 integration of the table, where a request says nothing of its formula.
+pub const JUDGE_TABLE: &str = "reference-table";
 /// [`RunError::judge`] of errors against the f64 reference renderer with the values as they were before they were compressed.
 pub const JUDGE_RAW: &str = "reference of raw values";
 
@@ -49,7 +51,7 @@ pub struct BenchRun {
     pub size: [u32; 2],
     /// `cpu` or `gpu`.
     pub backend: String,
-    /// `raycast`, `havs` or `reference`.
+    /// `raycast`, `havs`, `reference` (by the formula of the transfer function) or `reference-table` (by its table).
     pub mode: String,
     /// Level of detail: fraction of the interior faces that is drawn.
     pub lod: f64,

@@ -114,7 +114,7 @@ fn check(project: &Project, series: &Arc<Series>, look: &Look) -> anyhow::Result
     for member in project.ensembles.iter_mut().flat_map(|ensemble| &mut ensemble.members) {
         member.enabled &= member.space == Space::Scalar;
     }
-    let mut animation = Animation::new(Arc::new(project), series.clone(), look.opacity_kind, look.unit_distance);
+    let mut animation = Animation::new(Arc::new(project), series.clone(), look.opacity_kind, look.lengths);
     animation.at(0.into(), first, &Cancel::new())?;
     Ok(())
 }

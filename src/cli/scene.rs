@@ -15,7 +15,10 @@ use crate::render::KBuffer;
 use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::task::Cancel;
-use crate::transfer::{ColorMap, ColorPoint, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction};
+use crate::transfer::{
+    ColorMap, ColorPoint, Lengths, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction,
+    TransferSource,
+};
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
@@ -203,6 +206,8 @@ struct Colors {
     /// What they are for; `None` if the field has no finite value.
     range: Option<MappedRange>,
     table: Arc<NodeTable>,
+    /// What the table was made from.
+    formula: Option<Arc<TransferSource>>,
     /// Whether they are those of ensembles, not of the look.
     of_project: bool,
 }
@@ -240,7 +245,10 @@ impl SceneArgs {
             camera,
             range: self.range,
             opacity_kind: self.opacity_kind,
-            unit_distance: self.unit_distance.unwrap_or(look.unit_distance),
+            lengths: Lengths {
+                unit_distance: self.unit_distance.unwrap_or(look.lengths.unit_distance),
+                ..look.lengths
+            },
             mode: self.mode,
             faces,
             backend: self.backend,
@@ -306,10 +314,9 @@ impl Scene {
             animation: None,
             cancel: cancel.clone(),
         };
-        let Look { opacity_kind, unit_distance, .. } = scene.look;
-        scene.animation = project.map(|project| {
-            Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, unit_distance)
-        });
+        let Look { opacity_kind, lengths, .. } = scene.look;
+        scene.animation = project
+            .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
@@ -344,8 +351,8 @@ impl Scene {
             return Err(Interrupted.into());
         }
         let said = said.transpose()?.unwrap_or_default();
-        let table = match said.table {
-            Some(table) => self.keep(table),
+        let (table, formula) = match said.table {
+            Some(table) => (self.keep(table), said.formula),
             None => self.table(moment)?,
         };
         let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
@@ -353,13 +360,13 @@ impl Scene {
         let faces = FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces };
         let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
         let optics = said.optics.unwrap_or(optics);
-        Ok(FrameRequest { mode, faces, optics, backend, skip, grid: said.grid, ..request })
+        Ok(FrameRequest { mode, faces, optics, backend, skip, grid: said.grid, formula, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.
     fn keep(&mut self, table: Arc<NodeTable>) -> Arc<NodeTable> {
         let range = mapped_range(self.pipeline.field(), &RangePolicy::Series, 0.into()).ok();
-        self.colors = Some(Colors { range, table: table.clone(), of_project: true });
+        self.colors = Some(Colors { range, table: table.clone(), formula: None, of_project: true });
         table
     }
 
@@ -381,7 +388,7 @@ impl Scene {
 
     /// What the colours of the last request mean.
     pub(super) fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
-        let Colors { range, table, of_project } = self.colors.as_ref()?;
+        let Colors { range, table, of_project, .. } = self.colors.as_ref()?;
         let range = (*range)?;
         let map = if *of_project { colors_of(table, &range)? } else { self.look.tf.color_map().clone() };
         Some((map, range))
@@ -410,26 +417,28 @@ impl Scene {
             transfer_function: self.transfer_function(),
             range: self.colors.as_ref().and_then(|colors| colors.range),
             opacity_kind: self.look.opacity_kind,
-            unit_distance: self.look.unit_distance,
+            unit_distance: self.look.lengths.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
             extras: Default::default(),
         }
     }
 
     /// The table for a moment; made anew only if the range has changed.
-    fn table(&mut self, time: FrameTime) -> anyhow::Result<Arc<NodeTable>> {
+    fn table(&mut self, time: FrameTime) -> anyhow::Result<(Arc<NodeTable>, Option<Arc<TransferSource>>)> {
         let field = self.pipeline.field();
         let range =
             mapped_range(field, &self.look.range, time).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         if let Some(last) = &self.colors
             && (last.range, last.of_project) == (Some(range), false)
         {
-            return Ok(last.table.clone());
+            return Ok((last.table.clone(), last.formula.clone()));
         }
+        let formula = Some(Arc::new(self.look.source(&range)));
         let look = self.look.clone();
         let table = Arc::new(unless_interrupted(&self.cancel, move || look.table(&range))??);
-        self.colors = Some(Colors { range: Some(range), table: table.clone(), of_project: false });
-        Ok(table)
+        self.colors =
+            Some(Colors { range: Some(range), table: table.clone(), formula: formula.clone(), of_project: false });
+        Ok((table, formula))
     }
 }
 

@@ -222,6 +222,7 @@ impl Gpu {
                 RenderError::NoGpu(_)
                 | RenderError::ScalarCount { .. }
                 | RenderError::CellCount { .. }
+                | RenderError::NoFormula(_)
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
                 | RenderError::GridValueCount { .. }

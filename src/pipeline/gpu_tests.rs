@@ -30,6 +30,7 @@ fn one_tet() -> RenderJob {
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: None,
         k_buffer: Default::default(),

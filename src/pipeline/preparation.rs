@@ -133,6 +133,7 @@ impl Order {
             table: request.table.clone(),
             // A grid is integrated exactly: nothing is to be prepared for other optics.
             optics: if grid.is_some() { OpticsKind::Exact } else { request.optics },
+            formula: request.formula.clone().filter(|_| grid.is_none()),
             grid,
             prepared: None,
             faces,

@@ -6,6 +6,7 @@ use crate::error::FileError;
 use crate::node_table::{GridTable, NodeTable};
 use crate::optics::OpticsKind;
 use crate::render::{KBuffer, RenderError};
+use crate::transfer::TransferSource;
 use crate::visibility::Skip;
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
@@ -86,6 +87,9 @@ pub struct FrameRequest {
     /// its [projection](GridTable::projection), and segments are integrated exactly, whatever the optics.
     #[serde(serialize_with = "serialize_grid")]
     pub grid: Option<Arc<GridTable>>,
+    /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
+    #[serde(serialize_with = "serialize_source")]
+    pub formula: Option<Arc<TransferSource>>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
     /// Which renderer.
@@ -110,8 +114,21 @@ impl FrameRequest {
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (grid, mode, faces, optics, backend, for_window, skip) = Default::default();
-        Self { time: time.into(), camera, table, grid, size_px, mode, faces, optics, backend, for_window, skip }
+        let (grid, formula, mode, faces, optics, backend, for_window, skip) = Default::default();
+        Self {
+            time: time.into(),
+            camera,
+            table,
+            grid,
+            formula,
+            size_px,
+            mode,
+            faces,
+            optics,
+            backend,
+            for_window,
+            skip,
+        }
     }
 
     /// The frame with a transfer function of more than the scalar.
@@ -137,6 +154,8 @@ impl FrameRequest {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b) || a == b,
             _ => false,
         };
+        let is_judge = self.mode == RenderMode::Reference;
+        let same_table = same_table && (!is_judge || self.formula == other.formula);
         let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window, r.skip);
         same_table && rest(self) == rest(other)
     }
@@ -150,6 +169,11 @@ fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Resu
 /// Likewise.
 fn serialize_grid<S: Serializer>(grid: &Option<Arc<GridTable>>, serializer: S) -> Result<S::Ok, S::Error> {
     grid.as_deref().serialize(serializer)
+}
+
+/// Likewise.
+fn serialize_source<S: Serializer>(source: &Option<Arc<TransferSource>>, serializer: S) -> Result<S::Ok, S::Error> {
+    source.as_deref().serialize(serializer)
 }
 
 /// Why a request did not become a frame.

@@ -8,7 +8,10 @@ use crate::optics::OpticsKind;
 use crate::pipeline::{FrameTime, Series};
 use crate::task::Cancel;
 use crate::timeline::At;
-use crate::transfer::{Context, Counts2d, Curve, Ensemble, OpacityKind, RangePolicy, Space, TransferError, grid_table};
+use crate::transfer::{
+    BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, OpacityKind, RangePolicy, Space, TransferContent,
+    TransferError, TransferSource, grid_table,
+};
 use std::sync::Arc;
 
 /// What a project shows at a moment; `None`: it does not say.
@@ -18,6 +21,8 @@ pub struct Moment {
     pub table: Option<Arc<NodeTable>>,
     /// The same over other quantities, too, if a member keeps its axes; `table` is then its projection.
     pub grid: Option<Arc<GridTable>>,
+    /// What the table was made from, unless members are of more than the scalar.
+    pub formula: Option<Arc<TransferSource>>,
     /// Where from.
     pub camera: Option<Camera>,
     /// Level of detail.
@@ -31,7 +36,7 @@ pub struct Animation {
     project: Arc<Project>,
     series: Arc<Series>,
     kind: OpacityKind,
-    unit_distance: f64,
+    lengths: Lengths,
     /// Of the series, once a member needs them.
     histograms: Option<Arc<[Histogram]>>,
     last: Option<(Shown, Tables)>,
@@ -42,6 +47,7 @@ pub struct Animation {
 struct Tables {
     table: Arc<NodeTable>,
     grid: Option<Arc<GridTable>>,
+    formula: Option<Arc<TransferSource>>,
 }
 
 /// All that a table depends on.
@@ -62,9 +68,9 @@ impl Shown {
 }
 
 impl Animation {
-    /// A project over the field of a series, with the meaning of opacities and the length that they refer to (world units).
-    pub fn new(project: Arc<Project>, series: Arc<Series>, kind: OpacityKind, unit_distance: f64) -> Self {
-        Self { project, series, kind, unit_distance, histograms: None, last: None }
+    /// A project over the field of a series, with the meaning of opacities and the lengths that tables are made for.
+    pub fn new(project: Arc<Project>, series: Arc<Series>, kind: OpacityKind, lengths: Lengths) -> Self {
+        Self { project, series, kind, lengths, histograms: None, last: None }
     }
 
     /// The project.
@@ -101,11 +107,11 @@ impl Animation {
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
-        let (table, grid) = match self.tables(moment, at, cancel)? {
-            Some(Tables { table, grid }) => (Some(table), grid),
-            None => (None, None),
+        let (table, grid, formula) = match self.tables(moment, at, cancel)? {
+            Some(Tables { table, grid, formula }) => (Some(table), grid, formula),
+            None => (None, None, None),
         };
-        Ok(Moment { table, grid, camera, lod, optics })
+        Ok(Moment { table, grid, formula, camera, lod, optics })
     }
 
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {
@@ -123,7 +129,7 @@ impl Animation {
         let context = Context {
             scalar_gradient: self.counts(&Kind::SCALAR_GRADIENT),
             scalar_cov: self.counts(&Kind::SCALAR_COV),
-            ..Context::new(of_series, of_step, self.kind, self.unit_distance)
+            ..Context::new(of_series, of_step, self.kind, self.lengths)
         };
         let tables = self.blended(&shown, &context).map_err(|problem| {
             let names: Vec<&str> = shown.ensembles().map(|ensemble| ensemble.name.as_str()).collect();
@@ -146,12 +152,23 @@ impl Animation {
             None => curve(&shown.ensemble),
         };
         if !shown.ensembles().any(Ensemble::keeps_axes) {
-            let table = mix(&|ensemble| ensemble.curve(context))?.node_table(self.unit_distance)?;
-            return Ok(Tables { table: Arc::new(table), grid: None });
+            let table = mix(&|ensemble| ensemble.curve(context))?.node_table(&self.lengths)?;
+            let blended = BlendedEnsembles {
+                ensemble: shown.ensemble.clone(),
+                toward: shown.toward.clone(),
+                colors,
+                series: context.series,
+                step: context.step,
+            };
+            let formula = blended.is_of_scalars().then(|| {
+                let content = TransferContent::Ensembles(Box::new(blended));
+                Arc::new(TransferSource { content, kind: self.kind, lengths: self.lengths })
+            });
+            return Ok(Tables { table: Arc::new(table), grid: None, formula });
         }
         let ensembles: Vec<&Ensemble> = shown.ensembles().collect();
         let grid = grid_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
-        Ok(Tables { table: Arc::new(grid.projection()), grid: Some(Arc::new(grid)) })
+        Ok(Tables { table: Arc::new(grid.projection()), grid: Some(Arc::new(grid)), formula: None })
     }
 
     /// Which ensembles a moment shows; `None` if the project has none.

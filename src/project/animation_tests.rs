@@ -18,7 +18,8 @@ fn project(timeline: &str) -> Project {
 
 /// The tables at these times.
 fn tables(timeline: &str, times: &[f64]) -> Vec<Arc<NodeTable>> {
-    let mut animation = Animation::new(Arc::new(project(timeline)), jet(), OpacityKind::Alpha, 0.5);
+    let mut animation =
+        Animation::new(Arc::new(project(timeline)), jet(), OpacityKind::Alpha, Lengths::of_unit_distance(0.5));
     times.iter().map(|&at| animation.at(0.into(), at, &Cancel::new()).unwrap().table.unwrap()).collect()
 }
 

@@ -19,6 +19,7 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
+use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, DrawnFaces, Skip};
 pub use grid::GridScene;
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
@@ -52,6 +53,8 @@ pub struct RenderJob {
     /// [projection](crate::node_table::GridTable::projection), for whatever leaves out where nothing is to be seen. Segments are
     /// integrated exactly then, whatever the optics.
     pub grid: Option<GridScene>,
+    /// What the table was made from, for the reference alone; without it that integrates the table.
+    pub formula: Option<Arc<TransferSource>>,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
     /// The transfer function prepared for these optics, if that has been done; a renderer does it itself otherwise.
@@ -123,6 +126,9 @@ pub enum RenderError {
         /// How many of them the mesh has.
         expected: usize,
     },
+    /// The source of the transfer function is at fault.
+    #[error("the transfer function cannot be evaluated by its formula: {0}")]
+    NoFormula(String),
     /// A renderer that draws faces has been given none.
     #[error("no faces were chosen for a renderer that draws faces")]
     NoFaces,

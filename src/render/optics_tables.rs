@@ -193,6 +193,7 @@ mod tests {
             view: camera.view(4, 4).unwrap(),
             table: ramp(2.0),
             optics,
+            formula: None,
             prepared: None,
             skip: Default::default(),
             cancel: Default::default(),

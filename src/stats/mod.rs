@@ -60,6 +60,8 @@ pub struct FrameStats {
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
+    /// Whether the reference evaluated the transfer function by its formula; by its table otherwise.
+    pub by_formula: bool,
     /// Whether the GPU rendered it.
     pub on_gpu: bool,
     /// Whether the GPU computed places in f64, as thin cells need it; in f32 otherwise.

@@ -82,6 +82,23 @@ impl Blend {
     }
 }
 
+/// From `a` at 0 to `b` at 1, at one place, by the formula: what [`Mix`] is for curves.
+pub(super) fn mix_sides(a: &Side, b: &Side, f: f64, weighting: ColorWeighting) -> Side {
+    if f.is_nan() || f <= 0.0 || a == b {
+        return *a;
+    }
+    if f >= 1.0 {
+        return *b;
+    }
+    match weighting {
+        ColorWeighting::Plain => Side::mix(a, b, f),
+        ColorWeighting::Opacity => {
+            let weighted = |side: &Side| Side { rgb: side.rgb.map(|c| c * side.value), ..*side };
+            divided(Side::mix(&weighted(a), &weighted(b), f), weighting)
+        }
+    }
+}
+
 impl Side {
     /// What there is to be blended: weighted colours are none where it is clear.
     pub(super) fn alone(self, weighting: ColorWeighting) -> Side {

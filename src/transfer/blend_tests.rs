@@ -1,4 +1,5 @@
 use super::*;
+use crate::transfer::Lengths;
 use crate::transfer::curve::Curve;
 use crate::transfer::profile::ProfilePoint;
 use proptest::prelude::*;
@@ -163,7 +164,7 @@ fn weighted_curves_of_which_nothing_is_left_are_clear_at_once() {
     let (a, b) = (line((0.83, 0.21), (0.62, 0.0)), line((0.40, 0.0), (0.67, 0.21)));
     let sum = blended(Blend::Add, &a, &b, ColorWeighting::Opacity);
     let none = blended(Blend::Xor, &sum, &line((0.71, 0.21), (0.55, 0.21)), ColorWeighting::Opacity);
-    assert!(none.knots().count() < 1000, "{}", none.knots().count());
+    assert!(none.knots().count() < 8000, "{}", none.knots().count());
     // Sums of opacities near 0.21 are off by a rounding at most.
     assert!(none.points().iter().all(|p| p.left.value <= 1e-16 && p.right.value <= 1e-16));
 }
@@ -220,7 +221,7 @@ proptest! {
         for rule in [Blend::Xor, Blend::Xor8] {
             let none = blended(rule, &a, &a, weighting);
             prop_assert!(none.points().iter().all(|p| p.left.value == 0.0 && p.right.value == 0.0), "{rule:?}");
-            prop_assert!(none.node_table(1.0).unwrap().nodes().iter().all(|n| n.tau == 0.0));
+            prop_assert!(none.node_table(&Lengths::of_unit_distance(1.0)).unwrap().nodes().iter().all(|n| n.tau == 0.0));
         }
     }
 

@@ -7,7 +7,7 @@ fn curve(text: &str) -> Curve {
     let mut member = Member::new("only", Function::TransferFunction(tf));
     member.range = RangePolicy::Manual(0.0, 1.0);
     let ensemble = Ensemble { members: vec![member], ..Ensemble::default() };
-    ensemble.curve(&Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, 1.0)).unwrap()
+    ensemble.curve(&Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, Lengths::of_unit_distance(1.0))).unwrap()
 }
 
 #[test]
@@ -24,10 +24,15 @@ fn a_curve_has_the_table_of_its_transfer_function() {
     for text in ["viridis", "turbo@0:0,0.3:0.5,0.3:0,0.7:1,1:0.2", "gray@0.5:1"] {
         let range = MappedRange::new(0.0, 1.0, false).unwrap();
         let tf = TransferFunction::parse(text).unwrap();
-        let direct = crate::transfer::build_node_table(&tf, &range, OpacityKind::Alpha, 0.3).unwrap();
-        assert_eq!(curve(text).node_table(0.3).unwrap(), direct, "{text}");
+        let direct =
+            crate::transfer::build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(0.3))
+                .unwrap();
+        assert_eq!(curve(text).node_table(&Lengths::of_unit_distance(0.3)).unwrap(), direct, "{text}");
     }
-    assert!(matches!(curve("gray").node_table(f64::NAN), Err(TransferError::BadUnitDistance(_))));
+    assert!(matches!(
+        curve("gray").node_table(&Lengths::of_unit_distance(f64::NAN)),
+        Err(TransferError::BadUnitDistance(_))
+    ));
 }
 
 #[test]
@@ -76,6 +81,6 @@ fn opacities_and_depths_are_not_mixed_unless_one_of_them_shows_nothing() {
         }
     }
     let none = Curve::new(Vec::new(), OpacityKind::Extinction);
-    assert_eq!(none.node_table(1.0).unwrap().nodes().len(), 1);
+    assert_eq!(none.node_table(&Lengths::of_unit_distance(1.0)).unwrap().nodes().len(), 1);
     assert_eq!(none.eval(3.0), ([0.0; 3], 0.0));
 }

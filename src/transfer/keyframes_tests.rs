@@ -1,11 +1,11 @@
 use super::*;
 use crate::timeline::{Key, Transition};
 use crate::transfer::{
-    ColorWeighting, Context, Curve, Ensemble, Function, Member, OpacityKind, Sample, TransferFunction,
+    ColorWeighting, Context, Curve, Ensemble, Function, Lengths, Member, OpacityKind, Sample, TransferFunction,
 };
 
 fn context() -> Context<'static> {
-    Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, 1.0)
+    Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, Lengths::of_unit_distance(1.0))
 }
 
 fn ensemble(text: &str, colors: ColorWeighting) -> Ensemble {

@@ -11,6 +11,7 @@ mod color_space;
 mod curve;
 mod ensemble;
 mod file;
+mod formula;
 mod function;
 mod keyframes;
 mod paraview;
@@ -20,6 +21,7 @@ mod range;
 mod range_map;
 mod table;
 mod text;
+mod tolerance;
 mod widget;
 
 pub use blend::{Blend, ColorWeighting};
@@ -28,11 +30,13 @@ pub use curve::Curve;
 pub use ensemble::{
     Context, Counts2d, Ensemble, Evaluator, Function, Line, Member, Reduction, Sample, Space, grid_table,
 };
+pub use formula::{BlendedEnsembles, Formula, TransferContent, TransferSource};
 pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};
 pub use range::{MappedRange, RangePolicy};
 pub use range_map::RangeMap;
-pub use table::{OpacityKind, TOLERANCE, build_node_table};
+pub use table::{OpacityKind, build_node_table};
+pub use tolerance::{COLOR_TOLERANCE, DEPTH_SHARE, DEPTH_TOLERANCE, GRID_TOLERANCE, Lengths};
 pub use widget::{Part, Polyline, PolylinePoint, Rectangle, Triangle, Widget};
 
 use crate::error::FileError;
@@ -147,6 +151,9 @@ pub enum TransferError {
     /// A unit distance that is not positive, not finite, or so small that extinction overflows.
     #[error("unit distance {} must be positive and finite, and extinction per unit must not overflow", Short(.0))]
     BadUnitDistance(f64),
+    /// A longest path that is not positive or not finite.
+    #[error("the longest path, {0}, must be positive and finite")]
+    BadLongestPath(f64),
     /// The nodes do not make a table.
     #[error(transparent)]
     Table(#[from] NodeTableError),

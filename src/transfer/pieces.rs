@@ -13,7 +13,9 @@ use super::TransferError;
 use super::blend::ColorWeighting;
 use super::color_map::lerp;
 use super::curve::Curve;
-use super::profile::{AXIS_TOLERANCE, ProfilePoint, Side};
+use super::profile::{ProfilePoint, Side};
+use super::table::CURVE_PART;
+use super::tolerance::COLOR_TOLERANCE;
 
 /// Bernstein coefficients of a polynomial of degree two over 0..=1.
 pub(super) type Quadratic = [f64; 3];
@@ -34,8 +36,9 @@ pub(super) struct Piece {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pieces(pub Vec<Piece>);
 
-/// What refinement of a division may use up of the table's tolerance, once in an ensemble and once between two keyframes.
-const DIVISION_TOLERANCE: f64 = AXIS_TOLERANCE / 4.0;
+/// What a division may do to a colour, once in an ensemble and once between two keyframes: two of four parts of what curves may be
+/// off ([`CURVE_PART`]).
+pub(super) const DIVISION_TOLERANCE: f64 = 0.25 * CURVE_PART * 0.5 * COLOR_TOLERANCE;
 
 /// Most points of a curve. Rules that fold a curve, again and again, make it grow exponentially with the number of members;
 /// no picture needs that.

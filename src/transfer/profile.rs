@@ -5,7 +5,8 @@ use super::color_map::{lerp, mix};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::range::MappedRange;
 use super::range_map::RangeMap;
-use super::table::{OpacityKind, TOLERANCE};
+use super::table::OpacityKind;
+use super::tolerance::Tolerance;
 
 /// Colour and opacity at one side of a scalar.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,15 +34,12 @@ impl Side {
     }
 }
 
-/// What refinement of a logarithmic axis may use up of the table's tolerance.
-pub(super) const AXIS_TOLERANCE: f64 = TOLERANCE / 16.0;
-
 /// How closely a curve that is linear on a logarithmic axis is followed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Precision {
     pub kind: OpacityKind,
-    /// Largest error of a colour and of an opacity; of an optical depth a, as a share of 1 + a.
-    pub tolerance: f64,
+    /// Largest errors.
+    pub tolerance: Tolerance,
     /// Whether colours also count where nothing is seen: where they are blended with others.
     pub where_clear: bool,
 }
@@ -219,12 +217,14 @@ impl Refinement<'_> {
         let middle = self.axis.knot(0.5 * (a.position + b.position));
         let splits = a.scalar < middle.scalar && middle.scalar < b.scalar;
         let bow = chord_error_of_log(a.scalar, b.scalar);
-        let allowance = match kind {
-            OpacityKind::Alpha => 1.0,
-            OpacityKind::Extinction => 1.0 + a_side.value.min(b_side.value),
+        let (least, most) = (a_side.value.min(b_side.value), a_side.value.max(b_side.value));
+        let depth = match kind {
+            OpacityKind::Alpha => -(-most).ln_1p(),
+            OpacityKind::Extinction => most,
         };
-        let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= tolerance);
-        let value_ok = bow * (a_side.value - b_side.value).abs() <= tolerance * allowance;
+        let of_color = if where_clear { tolerance.everywhere() } else { tolerance }.of_color(depth);
+        let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= of_color);
+        let value_ok = bow * (most - least) <= tolerance.of_value(kind, least, most);
         if (colour_ok && value_ok) || !splits {
             return;
         }

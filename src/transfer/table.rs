@@ -1,12 +1,12 @@
 //! From a transfer function to the fewest nodes that follow it.
 //!
 //! The curve ([`profile`](super::profile)) is cut at its *kept* points: steps, ends, and each point at which opacity stops
-//! rising or falling. So no spike is lost, however low or narrow, and extinction is zero exactly where the curve is. In a
+//! rising or falling, or goes on at another slope. So no spike is lost, however low or narrow, and extinction is zero exactly where the curve is. In a
 //! piece between two of them the table goes, from a node on the curve, to the farthest place on the curve to which a
-//! straight line stays within [`TOLERANCE`] of it everywhere; that place is the next node. Whether it does is decided
-//! without sampling: colours are compared at the points of the curve (those of a node may be off it by the tolerance, which
-//! makes lines longer by up to the square root of two); opacity 1 - exp(-tau u) of the line against opacity of
-//! the curve also at the one place between two points where their difference is stationary, which has a closed form.
+//! straight line stays within the tolerance ([`tolerance`](super::tolerance)) of it everywhere; that place is the next node. Whether it
+//! does is decided without sampling: colours are compared at the points of the curve (those of a node may be off it by the tolerance,
+//! which makes lines longer by up to the square root of two); optical depths of the line against those of the curve also at the one
+//! place between two points where their difference is stationary, which has a closed form.
 //!
 //! Opacity 1 would be infinite extinction. Where it holds over an interval the table has [`OPAQUE_DEPTH`]; where the curve
 //! only touches it, extinction ends at [`RAMP_DEPTH`].
@@ -14,9 +14,10 @@
 use super::TransferError;
 use super::color_map::lerp;
 use super::function::{OpacityValues, TransferFunction};
-use super::profile::{AXIS_TOLERANCE, Axis, Precision, ProfilePoint, Side, profile};
+use super::profile::{Axis, Precision, ProfilePoint, Side, profile};
 use super::range::MappedRange;
 use super::range_map::RangeMap;
+use super::tolerance::{Lengths, Tolerance};
 use crate::node_table::{Node, NodeTable};
 use crate::slowdown::{Slow, waste};
 use serde::{Deserialize, Serialize};
@@ -61,51 +62,54 @@ impl FromStr for OpacityKind {
     }
 }
 
-/// How far a table may be from its transfer function: 2^-12 in each colour channel, and 2^-12 in the opacity of a unit
-/// distance (alpha) or 2^-12 (1 + tau u) in the optical depth tau u of one (extinction).
-pub const TOLERANCE: f64 = 1.0 / 4096.0;
-
 /// Optical depth of a unit distance where opacity is 1 over an interval. So large that a ray that meets the interval at all is
 /// opaque: with 2^20 a ray that clipped an edge of the mesh for 1.5e-6 of a unit distance had an opacity of 0.8 that hung on the tenth
 /// digit of its length, which single precision does not have.
-const OPAQUE_DEPTH: f64 = (1u64 << 40) as f64;
+pub(super) const OPAQUE_DEPTH: f64 = (1u64 << 40) as f64;
 
 /// Largest optical depth of a unit distance elsewhere: a transmittance of 2^-24, the last that an opacity in f32 tells
 /// from none.
 const RAMP_DEPTH: f64 = 24.0 * std::f64::consts::LN_2;
 
-/// What is left of the tolerance after the refinement of a logarithmic axis.
-const LINE_TOLERANCE: f64 = TOLERANCE - AXIS_TOLERANCE;
+/// The opacity of that depth.
+const RAMP_OPACITY: f64 = 1.0 - 1.0 / (1 << 24) as f64;
+
+/// The part of the tolerance that curves have: refinement of logarithmic axes, and division by opacities.
+pub(super) const CURVE_PART: f64 = 0.25;
+
+/// Slopes of opacity that differ by this part of the larger one are a kink. The points of a refined logarithmic axis are none.
+const KINK: f64 = 1.0 / 64.0;
+
+/// The least length of a line inside a piece, as a share of its scalar: far below the spacing of single precision, which scalars have.
+/// In a ramp to opacity 1 that is some million scalars of double precision wide no longer line is close enough.
+const SHORTEST: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// Bisections that find the farthest end of a line inside a piece of the curve.
-const BISECTIONS: u32 = 24;
+const BISECTIONS: u32 = 44;
 
-/// The table of `tf` over `range`, for world units in which `unit_distance` is the length that opacities refer to (by
-/// default 1 % of the diagonal of the mesh's bounding box).
+/// The table of `tf` over `range`: on every path of up to `lengths.longest_path` its optical depth is within
+/// [`DEPTH_TOLERANCE`](super::DEPTH_TOLERANCE) or within [`DEPTH_SHARE`](super::DEPTH_SHARE) of that of the transfer function, and
+/// colours, by as much as is seen of them, within [`COLOR_TOLERANCE`](super::COLOR_TOLERANCE).
 ///
 /// Values of the transfer function that are extinctions already ([`OpacityValues::Extinction`]) are taken as they are,
-/// whatever `kind` and `unit_distance`.
+/// whatever `kind` and unit distance.
 ///
 /// # Errors
-/// If the unit distance is not positive and finite or so small that extinction overflows, an opacity is above 1 (alpha), or
-/// a position is not positive on a logarithmic range.
+/// If a length is not positive and finite or the unit distance so small that extinction overflows, an opacity is above 1 (alpha),
+/// or a position is not positive on a logarithmic range.
 pub fn build_node_table(
     tf: &TransferFunction,
     range: &MappedRange,
     kind: OpacityKind,
-    unit_distance: f64,
+    lengths: &Lengths,
 ) -> Result<NodeTable, TransferError> {
-    check_unit_distance(unit_distance)?;
+    lengths.check()?;
     let kind = if tf.values() == OpacityValues::Extinction { OpacityKind::Extinction } else { kind };
     let map = RangeMap::default();
-    let precision = Precision { kind, tolerance: AXIS_TOLERANCE, where_clear: false };
-    let curve = profile(tf, &Axis::new(range, &map), &precision, unit_distance)?;
-    node_table(&curve, kind, unit_distance)
-}
-
-fn check_unit_distance(unit_distance: f64) -> Result<(), TransferError> {
-    let is_usable = unit_distance > 0.0 && unit_distance.is_finite() && (OPAQUE_DEPTH / unit_distance).is_finite();
-    if is_usable { Ok(()) } else { Err(TransferError::BadUnitDistance(unit_distance)) }
+    let tolerance = Tolerance::of_paths(lengths);
+    let precision = Precision { kind, tolerance: tolerance.part(CURVE_PART), where_clear: false };
+    let curve = profile(tf, &Axis::new(range, &map), &precision, lengths.unit_distance)?;
+    node_table(&curve, kind, lengths.unit_distance, &tolerance)
 }
 
 /// The table of a curve: at least one point, all scalars different.
@@ -113,10 +117,11 @@ pub(super) fn node_table(
     curve: &[ProfilePoint],
     kind: OpacityKind,
     unit_distance: f64,
+    tolerance: &Tolerance,
 ) -> Result<NodeTable, TransferError> {
-    check_unit_distance(unit_distance)?;
     waste(Slow::NodeTable, curve.len());
-    let vertices = vertices(curve, kind);
+    let ramps = if kind == OpacityKind::Alpha { with_ramp_ends(curve) } else { curve.to_vec() };
+    let vertices = vertices(&ramps, kind, &tolerance.part(1.0 - CURVE_PART));
     let node =
         |v: &Vertex| Node { scalar: v.scalar, rgb: v.rgb.map(|c| c.clamp(0.0, 1.0)), tau: v.depth / unit_distance };
     let nodes: Vec<Node> = vertices.iter().map(node).collect();
@@ -135,7 +140,7 @@ struct Vertex {
 }
 
 /// All vertices of the table, sorted by scalar.
-fn vertices(curve: &[ProfilePoint], kind: OpacityKind) -> Vec<Vertex> {
+fn vertices(curve: &[ProfilePoint], kind: OpacityKind, tolerance: &Tolerance) -> Vec<Vertex> {
     let mut vertices: Vec<Vertex> = Vec::new();
     let mut add = |v: Vertex| {
         if vertices.last() != Some(&v) {
@@ -152,7 +157,7 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind) -> Vec<Vertex> {
         if piece[0].right.value == 0.0 && piece[piece.len() - 1].left.value == 0.0 {
             clear_piece(piece).into_iter().for_each(&mut add);
         } else {
-            Piece::new(piece, kind).simplify().into_iter().for_each(&mut add);
+            Piece::new(piece, kind, *tolerance).simplify().into_iter().for_each(&mut add);
         }
     }
     add(outside(last.scalar, last.right));
@@ -164,6 +169,25 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind) -> Vec<Vertex> {
     vertices[start..end].to_vec()
 }
 
+/// The curve with a point where a ramp passes the opacity at which its depth rises no more: a kink of the depth, not of the opacity.
+fn with_ramp_ends(curve: &[ProfilePoint]) -> Vec<ProfilePoint> {
+    let mut points = Vec::with_capacity(curve.len());
+    for (i, point) in curve.iter().enumerate() {
+        points.push(*point);
+        let Some(next) = curve.get(i + 1) else { break };
+        let (a, b) = (point.right.value, next.left.value);
+        if a.min(b) < RAMP_OPACITY && RAMP_OPACITY < a.max(b) {
+            let f = (RAMP_OPACITY - a) / (b - a);
+            let (scalar, mixed) = (lerp(point.scalar, next.scalar, f), Side::mix(&point.right, &next.left, f));
+            let side = Side { value: RAMP_OPACITY, ..mixed };
+            if point.scalar < scalar && scalar < next.scalar {
+                points.push(ProfilePoint { scalar, left: side, right: side });
+            }
+        }
+    }
+    points
+}
+
 /// Optical depth of a unit distance where opacity is constant over an interval.
 fn constant_depth(value: f64, kind: OpacityKind) -> f64 {
     match kind {
@@ -173,9 +197,17 @@ fn constant_depth(value: f64, kind: OpacityKind) -> f64 {
     }
 }
 
-/// Whether the table keeps this point of the curve: ends, steps, and where opacity stops rising or falling.
+/// Optical depth of a unit distance at a value of a ramp: bounded.
+fn curve_depth(value: f64, kind: OpacityKind) -> f64 {
+    match kind {
+        OpacityKind::Alpha => (-(-value).ln_1p()).min(RAMP_DEPTH),
+        OpacityKind::Extinction => value,
+    }
+}
+
+/// Whether the table keeps this point of the curve: ends, steps, and where opacity stops rising or falling or has a kink.
 fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
-    if i == 0 || i + 1 == curve.len() {
+    if i == 0 || i + 1 == curve.len() || curve[i].left.value == RAMP_OPACITY {
         return true;
     }
     let (before, here, after) = (&curve[i - 1], &curve[i], &curve[i + 1]);
@@ -184,7 +216,12 @@ fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
         return false; // Colours do not matter there.
     }
     let trend = |a: &Side, b: &Side| b.value.partial_cmp(&a.value).unwrap_or(Ordering::Equal);
-    here.left != here.right || trend(&before.right, &here.left) != trend(&here.right, &after.left)
+    here.left != here.right || trend(&before.right, &here.left) != trend(&here.right, &after.left) || {
+        let slope = |a: f64, a_side: &Side, b: f64, b_side: &Side| (b_side.value - a_side.value) / (b - a);
+        let rise = slope(before.scalar, &before.right, here.scalar, &here.left);
+        let goes_on = slope(here.scalar, &here.right, after.scalar, &after.left);
+        (rise - goes_on).abs() > KINK * rise.abs().max(goes_on.abs())
+    }
 }
 
 /// The vertices of a piece without opacity: its ends, in the colours of the pieces next to it, so that they are no steps.
@@ -194,13 +231,20 @@ fn clear_piece(piece: &[ProfilePoint]) -> [Vertex; 2] {
     [start, Vertex { scalar: b.scalar, rgb: b.right.rgb, depth: 0.0 }]
 }
 
-/// A place on the curve: scalar and side.
-type Place = (f64, Side);
+/// A place on the curve.
+#[derive(Clone, Copy)]
+struct Place {
+    scalar: f64,
+    side: Side,
+    /// The largest optical depth of a unit distance between the points of the curve next to it.
+    depth_around: f64,
+}
 
 /// A piece of the curve without steps, in which opacity only rises, only falls, or is constant.
 struct Piece {
     places: Vec<Place>,
     kind: OpacityKind,
+    tolerance: Tolerance,
     /// Depth where opacity is constant: the table's is the same.
     constant_depth: Option<f64>,
 }
@@ -213,33 +257,38 @@ struct Start {
 
 impl Piece {
     /// The points of a piece of the curve, its ends included.
-    fn new(curve: &[ProfilePoint], kind: OpacityKind) -> Self {
-        let mut places: Vec<Place> = curve.iter().map(|p| (p.scalar, p.right)).collect();
+    fn new(curve: &[ProfilePoint], kind: OpacityKind, tolerance: Tolerance) -> Self {
+        let mut sides: Vec<Side> = curve.iter().map(|p| p.right).collect();
         let end = curve.len() - 1;
-        places[end].1 = curve[end].left;
-        let (first, last) = (places[0].1.value, places[end].1.value);
+        sides[end] = curve[end].left;
+        let (first, last) = (sides[0].value, sides[end].value);
         let constant_depth = (first == last).then(|| constant_depth(first, kind));
-        Self { places, kind, constant_depth }
+        let place = |i: usize| {
+            let around = sides[i.saturating_sub(1)..=(i + 1).min(end)].iter();
+            let depth_around = around.map(|side| curve_depth(side.value, kind)).fold(0.0, f64::max);
+            Place { scalar: curve[i].scalar, side: sides[i], depth_around }
+        };
+        Self { places: (0..=end).map(place).collect(), kind, tolerance, constant_depth }
     }
 
     /// The vertices of this piece, both ends included.
     fn simplify(&self) -> Vec<Vertex> {
         let end = self.places.len() - 1;
         let place = self.places[0];
-        let mut start = Start { place, vertex: self.vertex(&place, place.1.rgb) };
+        let mut start = Start { place, vertex: self.vertex(&place, place.side.rgb) };
         let mut vertices = vec![start.vertex];
         let mut next = 1; // the first point behind the start
         loop {
             let reached = self.farthest_point(&start, next);
             if reached == Some(end) {
-                vertices.push(self.vertex(&self.places[end], self.places[end].1.rgb));
+                vertices.push(self.vertex(&self.places[end], self.places[end].side.rgb));
                 return vertices;
             }
             let (from, into) = reached.map_or((start.place, next), |i| (self.places[i], i + 1));
             start = self.farthest_place(&start, next, from, into);
             next = into;
             vertices.push(start.vertex);
-            if start.place.0 == self.places[into].0 {
+            if start.place.scalar == self.places[into].scalar {
                 next += 1;
                 if into == end {
                     return vertices;
@@ -277,78 +326,85 @@ impl Piece {
     /// `start` fits.
     fn farthest_place(&self, start: &Start, next: usize, from: Place, into: usize) -> Start {
         let to = self.places[into];
-        let at = |f: f64| (lerp(from.0, to.0, f), Side::mix(&from.1, &to.1, f));
+        let depth_around = curve_depth(from.side.value.max(to.side.value), self.kind);
+        let between = |scalar: f64, f: f64| Place { scalar, side: Side::mix(&from.side, &to.side, f), depth_around };
+        let at = |f: f64| between(lerp(from.scalar, to.scalar, f), f);
         let line_to = |f: f64| self.line_end(start, &self.places[next..into], &at(f), false);
         let (mut good, mut bad) = (0.0, 1.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (good + bad);
             if line_to(middle).is_some() { good = middle } else { bad = middle }
         }
-        if let Some(rgb) = line_to(good).filter(|_| at(good).0 > start.place.0) {
+        let here = start.place.scalar;
+        let shortest = here.next_up().max(here + SHORTEST * here.abs());
+        if let Some(rgb) = line_to(good).filter(|_| at(good).scalar >= shortest.min(to.scalar)) {
             return Start { place: at(good), vertex: self.vertex(&at(good), rgb) };
         }
-        // No double lies between the start and the farthest place: the table takes the next one.
-        let scalar = start.place.0.next_up();
-        let place = if scalar < to.0 { (scalar, at((scalar - from.0) / (to.0 - from.0)).1) } else { to };
-        Start { place, vertex: self.vertex(&place, place.1.rgb) }
+        // No scalar lies between the start and the farthest place: the table takes the next one.
+        let share = (shortest - from.scalar) / (to.scalar - from.scalar);
+        let place = if shortest < to.scalar { between(shortest, share) } else { to };
+        Start { place, vertex: self.vertex(&place, place.side.rgb) }
     }
 
-    fn vertex(&self, &(scalar, side): &Place, rgb: [f64; 3]) -> Vertex {
-        let depth = self.constant_depth.unwrap_or_else(|| match self.kind {
-            OpacityKind::Alpha => (-(-side.value).ln_1p()).min(RAMP_DEPTH),
-            OpacityKind::Extinction => side.value,
-        });
-        Vertex { scalar, rgb, depth }
+    fn vertex(&self, place: &Place, rgb: [f64; 3]) -> Vertex {
+        let depth = self.constant_depth.unwrap_or_else(|| curve_depth(place.side.value, self.kind));
+        Vertex { scalar: place.scalar, rgb, depth }
     }
 
     /// The colour at place `b` of a line from `start` that passes the points `between` within tolerance, if there is one:
     /// that of the curve if possible (and if `exact`, nothing else), otherwise the nearest to it.
     fn line_end(&self, start: &Start, between: &[Place], b: &Place, exact: bool) -> Option<[f64; 3]> {
-        let (a, end_depth) = (start.vertex, self.vertex(b, b.1.rgb).depth);
-        let width = b.0 - a.scalar;
+        let (a, end_depth) = (start.vertex, self.vertex(b, b.side.rgb).depth);
+        let width = b.scalar - a.scalar;
         if width <= 0.0 {
             return None;
         }
         // Per channel the colours at b whose line passes all points within tolerance.
         let (mut least, mut most) = ([0.0_f64; 3], [1.0_f64; 3]);
-        let mut previous = (a.depth, start.place.1.value);
+        let mut previous = (a.depth, start.place.side.value);
         for place in between.iter().chain([b]) {
-            let f = (place.0 - a.scalar) / width;
+            let f = (place.scalar - a.scalar) / width;
+            // Errors of colours are linear from place to place, and so within that of the largest depth in between.
+            let tolerance = self.tolerance.of_color(place.depth_around);
             for c in 0..3 {
-                let off = place.1.rgb[c] - a.rgb[c];
-                least[c] = least[c].max(a.rgb[c] + (off - LINE_TOLERANCE) / f);
-                most[c] = most[c].min(a.rgb[c] + (off + LINE_TOLERANCE) / f);
+                let off = place.side.rgb[c] - a.rgb[c];
+                least[c] = least[c].max(a.rgb[c] + (off - tolerance) / f);
+                most[c] = most[c].min(a.rgb[c] + (off + tolerance) / f);
             }
-            let here = (lerp(a.depth, end_depth, f), place.1.value);
+            let here = (lerp(a.depth, end_depth, f), place.side.value);
             let opacity_fits = self.constant_depth.is_some() || self.opacity_fits(previous, here);
             if !opacity_fits || (0..3).any(|c| least[c] > most[c]) {
                 return None;
             }
             previous = here;
         }
-        let rgb = std::array::from_fn(|c| b.1.rgb[c].clamp(least[c], most[c]));
-        (!exact || rgb == b.1.rgb).then_some(rgb)
+        let rgb = std::array::from_fn(|c| b.side.rgb[c].clamp(least[c], most[c]));
+        (!exact || rgb == b.side.rgb).then_some(rgb)
     }
 
     /// Whether between two neighbouring places the line's depth, from `a.0` to `b.0`, fits the curve's value, from `a.1` to
-    /// `b.1`; both are linear there.
+    /// `b.1`; both are linear there. All of it is within the absolute tolerance, or all within the relative one.
     fn opacity_fits(&self, a: (f64, f64), b: (f64, f64)) -> bool {
-        match self.kind {
-            // Both sides of the comparison are linear, so the ends decide.
-            OpacityKind::Extinction => {
-                [a, b].iter().all(|(line, curve)| (line - curve).abs() <= LINE_TOLERANCE * (1.0 + curve))
-            }
-            OpacityKind::Alpha => {
-                let error = |(depth, opacity): (f64, f64)| ((-depth).exp() - (1.0 - opacity)).abs();
-                let (rise_of_depth, rise_of_opacity) = (b.0 - a.0, b.1 - a.1);
-                // d exp(-depth) = d (1 - opacity): the transmittance at which the difference is stationary.
-                let stationary = -(rise_of_opacity / rise_of_depth).ln();
-                let f = (stationary - a.0) / rise_of_depth;
-                let inner = (stationary, a.1 + f * rise_of_opacity);
-                let inner_fits = !(f > 0.0 && f < 1.0) || error(inner) <= LINE_TOLERANCE;
-                error(a) <= LINE_TOLERANCE && error(b) <= LINE_TOLERANCE && inner_fits
-            }
-        }
+        let (absolute, share) = (self.tolerance.of_depth(), self.tolerance.share_of_depth());
+        self.is_within(a, b, absolute, 0.0) || self.is_within(a, b, 0.0, share)
+    }
+
+    /// Whether the line is nowhere off the curve's depth d by more than `absolute + share * d`.
+    ///
+    /// How far it lies below is largest at an end: d is linear or convex. How far it lies above is, of opacities, also stationary at one
+    /// place: that of (1 + share) d' = line', and d' = a' / (1 - a).
+    fn is_within(&self, a: (f64, f64), b: (f64, f64), absolute: f64, share: f64) -> bool {
+        let fits = |(line, value): (f64, f64)| {
+            let depth = curve_depth(value, self.kind);
+            (line - depth).abs() <= absolute + share * depth
+        };
+        let inner_fits = || {
+            let (rise_of_depth, rise_of_opacity) = (b.0 - a.0, b.1 - a.1);
+            let opacity = 1.0 - (1.0 + share) * rise_of_opacity / rise_of_depth;
+            let f = (opacity - a.1) / rise_of_opacity;
+            !(f > 0.0 && f < 1.0) || fits((lerp(a.0, b.0, f), opacity))
+        };
+        fits(a) && fits(b) && (self.kind == OpacityKind::Extinction || inner_fits())
     }
 }
 

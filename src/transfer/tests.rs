@@ -236,7 +236,7 @@ fn extinction_is_that_of_the_opacity_of_a_unit_distance() {
     // cannot follow a wrong formula would be refined for ever.
     for ends in [[0.15, 0.15], [0.5, 0.5], [1e-9, 3e-9]] {
         let tf = TransferFunction::parse(format!("gray@0:{},1:{}", ends[0], ends[1])).unwrap();
-        let table = build_node_table(&tf, &range, OpacityKind::Alpha, unit).unwrap();
+        let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
         for (scalar, opacity) in [2.0, 5.0].into_iter().zip(ends) {
             let (tau, expected) = (table.eval(scalar).tau, -f64::ln_1p(-opacity) / unit);
             // A logarithm, a quotient and an interpolation, each rounded.

@@ -96,7 +96,7 @@ impl Screenshot {
             units: field.units.clone(),
             camera: request.camera.to_string(),
             opacity_kind: look.opacity_kind,
-            unit_distance: look.unit_distance,
+            unit_distance: look.lengths.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
             ..FrameAttributes::default()
         };

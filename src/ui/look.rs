@@ -7,7 +7,10 @@ use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::project::{Moment, Project};
 use crate::store::StoredField;
-use crate::transfer::{MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction, build_node_table};
+use crate::transfer::{
+    Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction, TransferSource,
+    build_node_table,
+};
 use crate::visibility::Skip;
 use std::sync::Arc;
 
@@ -25,8 +28,8 @@ pub struct Look {
     pub range: RangePolicy,
     /// What opacities mean.
     pub opacity_kind: OpacityKind,
-    /// The length that they refer to, world units.
-    pub unit_distance: f64,
+    /// The length that they refer to, and that of the longest path.
+    pub lengths: Lengths,
     /// Which renderer.
     pub mode: RenderMode,
     /// Which faces are drawn, where faces are.
@@ -60,8 +63,14 @@ impl Look {
         let (range, opacity_kind, mode, faces, backend, optics, skip, followed) = Default::default();
         let camera = Camera::default_for(bounds)?;
         // A mesh without extent is refused when it is built, so the diagonal is positive.
-        let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-        Ok(Self { camera, tf, range, opacity_kind, unit_distance, mode, faces, backend, optics, skip, followed })
+        let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
+        Ok(Self { camera, tf, range, opacity_kind, lengths, mode, faces, backend, optics, skip, followed })
+    }
+
+    /// What the table over a range is made from.
+    pub fn source(&self, range: &MappedRange) -> TransferSource {
+        let content = TransferContent::Function { function: self.tf.clone(), range: *range };
+        TransferSource { content, kind: self.opacity_kind, lengths: self.lengths }
     }
 
     /// The table over a range.
@@ -69,12 +78,15 @@ impl Look {
     /// # Errors
     /// As [`build_node_table`].
     pub fn table(&self, range: &MappedRange) -> Result<NodeTable, TransferError> {
-        build_node_table(&self.tf, range, self.opacity_kind, self.unit_distance)
+        build_node_table(&self.tf, range, self.opacity_kind, &self.lengths)
     }
 }
 
 /// Tables made lately: with a range for each step, as many as frames on their way.
 const TABLES_KEPT: usize = 4;
+
+/// A table, and what it was made from.
+type Colors = (Arc<NodeTable>, Option<Arc<TransferSource>>);
 
 /// Makes requests, and tables only when they change.
 #[derive(Default)]
@@ -83,7 +95,7 @@ pub(super) struct Requests {
     moments: Option<Moments>,
     /// What the tables are for.
     tables_of: Option<Look>,
-    tables: Vec<(MappedRange, Arc<NodeTable>)>,
+    tables: Vec<(MappedRange, Colors)>,
     /// Why the last table could not be made.
     pub(super) problem: Option<String>,
     /// Whether frames may stay on the GPU of the window.
@@ -128,15 +140,15 @@ impl Requests {
             Some(moments) => moments.at(look, series, time)?,
         };
         let made = said.and_then(|said| {
-            let table = match &said.table {
-                Some(table) => table.clone(),
-                None => self.table(look, series.field(), time).map_err(|error| error.to_string())?,
+            let colors = match &said.table {
+                Some(table) => (table.clone(), said.formula.clone()),
+                None => self.colors(look, series.field(), time).map_err(|error| error.to_string())?,
             };
-            Ok((said, table))
+            Ok((said, colors))
         });
-        let (said, table) = made.unwrap_or_else(|error| {
+        let (said, (table, formula)) = made.unwrap_or_else(|error| {
             self.problem = Some(format!("field {}: {error}", series.field().name));
-            (Moment::default(), Arc::new(clear()))
+            (Moment::default(), (Arc::new(clear()), None))
         });
         let Look { mode, faces, backend, skip, followed, .. } = *look;
         let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
@@ -145,27 +157,25 @@ impl Requests {
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
         let request = FrameRequest::new(time, camera, table, size);
-        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, grid: said.grid, ..request })
+        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, grid: said.grid, formula, ..request })
     }
 
-    fn table(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Arc<NodeTable>, TransferError> {
+    fn colors(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Colors, TransferError> {
         let range = mapped_range(field, &look.range, time)?;
-        let is_for = |of: &Look| {
-            of.tf == look.tf && of.opacity_kind == look.opacity_kind && of.unit_distance == look.unit_distance
-        };
+        let is_for = |of: &Look| of.tf == look.tf && of.opacity_kind == look.opacity_kind && of.lengths == look.lengths;
         if !self.tables_of.as_ref().is_some_and(is_for) {
             self.tables.clear();
             self.tables_of = Some(look.clone());
         }
-        if let Some((_, table)) = self.tables.iter().find(|(made, _)| *made == range) {
-            return Ok(table.clone());
+        if let Some((_, colors)) = self.tables.iter().find(|(made, _)| *made == range) {
+            return Ok(colors.clone());
         }
-        let table = Arc::new(look.table(&range)?);
+        let colors = (Arc::new(look.table(&range)?), Some(Arc::new(look.source(&range))));
         if self.tables.len() == TABLES_KEPT {
             self.tables.remove(0);
         }
-        self.tables.push((range, table.clone()));
-        Ok(table)
+        self.tables.push((range, colors.clone()));
+        Ok(colors)
     }
 }
 

@@ -5,7 +5,7 @@ use super::worker::{BLOCK_BYTES, Worker};
 use crate::pipeline::{FrameTime, Series};
 use crate::project::{Animation, Moment, Project};
 use crate::task::Cancel;
-use crate::transfer::OpacityKind;
+use crate::transfer::{Lengths, OpacityKind};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -58,26 +58,26 @@ struct Subject {
     choice: EnsembleChoice,
     series: Arc<Series>,
     kind: OpacityKind,
-    unit_distance: f64,
+    lengths: Lengths,
 }
 
 impl Subject {
     fn of(project: &Arc<Project>, look: &Look, series: &Arc<Series>) -> Self {
         let choice = look.followed.ensembles;
-        let (series, kind, unit_distance) = (series.clone(), look.opacity_kind, look.unit_distance);
-        Self { project: chosen(project, choice), choice, series, kind, unit_distance }
+        let (series, kind, lengths) = (series.clone(), look.opacity_kind, look.lengths);
+        Self { project: chosen(project, choice), choice, series, kind, lengths }
     }
 
     fn is_of(&self, look: &Look, series: &Arc<Series>) -> bool {
         self.choice == look.followed.ensembles
             && Arc::ptr_eq(&self.series, series)
             && self.kind == look.opacity_kind
-            && self.unit_distance == look.unit_distance
+            && self.lengths == look.lengths
     }
 
     /// Whether an animation of the one is one of the other but for the project.
     fn is_beside(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.series, &other.series) && self.kind == other.kind && self.unit_distance == other.unit_distance
+        Arc::ptr_eq(&self.series, &other.series) && self.kind == other.kind && self.lengths == other.lengths
     }
 }
 
@@ -251,9 +251,9 @@ impl Moments {
 
 /// The work of the thread.
 fn work_out(last: &mut Option<(Arc<Subject>, Animation)>, job: &Job, cancel: &Cancel) -> Made {
-    let Subject { project, series, kind, unit_distance, .. } = &*job.subject;
+    let Subject { project, series, kind, lengths, .. } = &*job.subject;
     let (_, mut animation) = last.take().filter(|(subject, _)| subject.is_beside(&job.subject)).unwrap_or_else(|| {
-        let animation = Animation::new(project.clone(), series.apart(BLOCK_BYTES), *kind, *unit_distance);
+        let animation = Animation::new(project.clone(), series.apart(BLOCK_BYTES), *kind, *lengths);
         (job.subject.clone(), animation)
     });
     if !Arc::ptr_eq(animation.project(), project) {

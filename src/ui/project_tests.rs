@@ -15,7 +15,7 @@ use crate::project::{Animation, Moment, Project};
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
-use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
+use crate::transfer::{ColorMap, Lengths, OpacityPoint, RangePolicy};
 use glam::DVec2;
 use std::path::Path;
 use std::sync::Arc;
@@ -79,7 +79,7 @@ fn at(animation: &mut Animation, series: &Series, time: FrameTime) -> Moment {
 }
 
 fn animation(series: &Arc<Series>, project: &Arc<Project>) -> Animation {
-    Animation::new(project.clone(), series.clone(), Default::default(), UNIT)
+    Animation::new(project.clone(), series.clone(), Default::default(), Lengths::of_unit_distance(UNIT))
 }
 
 /// The table of one ensemble at all times.
@@ -104,6 +104,7 @@ fn said(request: &FrameRequest) -> Moment {
     Moment {
         table: Some(request.table.clone()),
         grid: request.grid.clone(),
+        formula: request.formula.clone(),
         camera: Some(request.camera),
         lod: Some(request.faces.lod),
         optics: Some(request.optics),

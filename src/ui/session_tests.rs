@@ -11,7 +11,7 @@ use crate::project::Project;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
-use crate::transfer::{ColorMap, OpacityPoint, RangePolicy, TransferFunction};
+use crate::transfer::{ColorMap, Lengths, OpacityPoint, RangePolicy, TransferFunction};
 use glam::DVec2;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -52,7 +52,7 @@ impl Desk {
             tf: TransferFunction::parse("viridis").unwrap(),
             range: RangePolicy::Series,
             opacity_kind: Default::default(),
-            unit_distance: 0.01,
+            lengths: Lengths::of_unit_distance(0.01),
             mode: Default::default(),
             faces: Default::default(),
             backend: Backend::Cpu,

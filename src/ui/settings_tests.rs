@@ -1,7 +1,7 @@
 //! What is remembered, and that nothing that happens to the file is a disaster.
 
 use super::*;
-use crate::transfer::OpacityPoint;
+use crate::transfer::{Lengths, OpacityPoint};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::fs;
@@ -16,7 +16,7 @@ fn look(scale: f64) -> Look {
         tf,
         range,
         opacity_kind,
-        unit_distance: 0.01,
+        lengths: Lengths::of_unit_distance(0.01),
         mode,
         faces: Default::default(),
         backend,

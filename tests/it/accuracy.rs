@@ -2,7 +2,7 @@
 
 use crate::meshes::grid;
 use crate::render::{BOUND_MAX, BOUND_RMSE, wave};
-use crate::series::{ingested, table_for};
+use crate::series::{colors_for, ingested};
 use std::path::Path;
 use tetreel::bench::accuracy::{
     AccuracyBench, AccuracyRuns, CODEC_PATHS, IntegrationRun, IntegrationTable, Judged, KS, LENGTH_DECADES, LODS,
@@ -35,7 +35,7 @@ fn jet(dir: &Path) -> (Pipeline, Pipeline, Judged) {
 /// The scenes of a series as the judge sees them.
 fn judged(name: &str, pipeline: &mut Pipeline) -> Judged {
     let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
-    let table = |tf: &str, _| Ok::<_, CameraError>(table_for(pipeline, tf));
+    let table = |tf: &str, _| Ok::<_, CameraError>(colors_for(pipeline, tf));
     let scenes = scenes(name, pipeline.times().len(), &camera, (48, 40), &TRANSFER_FUNCTIONS, table).unwrap();
     judge(pipeline, scenes, &Silent, &Cancel::new()).unwrap()
 }

@@ -23,7 +23,7 @@ use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::render::{Frame, RenderJob};
 use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use tetreel::ui::mapped_range;
 
 /// What a channel whose value is known may be off by: roundings of f32 sums below 0.1. Measured: 1.8e-8.
@@ -73,7 +73,8 @@ mod narrow_opacities {
         let temp = tempfile::tempdir().unwrap();
         let range = RangePolicy::Manual(0.0, 1.0).resolve((0.0, 1.0), (0.0, 1.0)).unwrap();
         let tf = file(temp.path());
-        let table = build_node_table(&tf, &range, OpacityKind::Extinction, UNIT_DISTANCE).unwrap();
+        let table =
+            build_node_table(&tf, &range, OpacityKind::Extinction, &Lengths::of_unit_distance(UNIT_DISTANCE)).unwrap();
         assert_eq!(tf.color_map().points().len(), 2, "the colours have no node within the tent");
         // The area of the tent, 0.2 x 0.2 / 2, over the unit distance: an optical depth of 0.08, an opacity of 0.0769 (half a unit
         // of its last digit).
@@ -113,13 +114,15 @@ mod narrow_opacities {
         // -ln(1 - a), whose integral over a side of the tent (width 0.1, height h = 0.2) is 0.1 ((1 - h) ln(1 - h) + h) / h.
         let temp = tempfile::tempdir().unwrap();
         let range = RangePolicy::Manual(0.0, 1.0).resolve((0.0, 1.0), (0.0, 1.0)).unwrap();
-        let table = build_node_table(&file(temp.path()), &range, OpacityKind::Alpha, UNIT_DISTANCE).unwrap();
+        let table =
+            build_node_table(&file(temp.path()), &range, OpacityKind::Alpha, &Lengths::of_unit_distance(UNIT_DISTANCE))
+                .unwrap();
         let h = 0.2f64;
         let depth = 2.0 * 0.1 * ((1.0 - h) * (1.0 - h).ln() + h) / h / UNIT_DISTANCE;
         let job = scene(table, 0.16);
         for (name, image) in all(&job) {
-            // A table may be off by 2^-12 in the opacity of a unit distance, here over a length of 0.2 of four such.
-            let bound = 0.8 * tetreel::transfer::TOLERANCE + EXACT;
+            // By so much may a table be off, in the optical depth and in what is seen of colours.
+            let bound = tetreel::transfer::DEPTH_TOLERANCE + EXACT;
             assert!(worst(&job, &image, depth) <= bound, "{name}: off by {:.1e}", worst(&job, &image, depth));
             assert!(worst(&job, &image, 1.01 * depth) > bound, "{name}: a hundredth more is not noticed");
         }
@@ -187,7 +190,7 @@ mod ranges_that_widen {
         let unit = 0.05 * (bounds.1 - bounds.0).length();
         move |time| {
             let range = mapped_range(&field, &policy, time).unwrap();
-            let table = build_node_table(&tf, &range, OpacityKind::Alpha, unit).unwrap();
+            let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
             FrameRequest { mode, optics, ..FrameRequest::new(time, camera, Arc::new(table), (32, 24)) }
         }
     }

@@ -11,7 +11,9 @@ use tetreel::moments::{AxisScale, Bins, Histogram1d};
 use tetreel::pipeline::{FrameRequest, Pipeline};
 use tetreel::store::Store;
 use tetreel::task::Cancel;
-use tetreel::transfer::{Context, Ensemble, Function, Member, OpacityKind, RangeMap, RangePolicy, TransferFunction};
+use tetreel::transfer::{
+    Context, Ensemble, Function, Lengths, Member, OpacityKind, RangeMap, RangePolicy, TransferFunction,
+};
 
 /// Two shells: what lies a little below and a little above the middle of the axis.
 const SHELLS: &str = "cool-to-warm@0:0,0.3:0,0.38:0.5,0.46:0,0.54:0,0.62:0.5,0.7:0,1:0";
@@ -33,11 +35,11 @@ fn drawn(pipeline: &mut Pipeline, map: RangeMap) -> RgbaImage {
     let (lo, hi) = pipeline.mesh().positions.world_bounds();
     let unit = 0.01 * (hi - lo).length();
     let [min, max] = pipeline.field().range.unwrap().map(f64::from);
-    let context = Context::new((min, max), (min, max), OpacityKind::Alpha, unit);
+    let context = Context::new((min, max), (min, max), OpacityKind::Alpha, Lengths::of_unit_distance(unit));
     let function = Function::TransferFunction(TransferFunction::parse(SHELLS).unwrap());
     let member = Member { range: RangePolicy::Symmetric, map, ..Member::new("shells", function) };
     let ensemble = Ensemble { name: "shells".into(), members: vec![member], ..Default::default() };
-    let table = Arc::new(ensemble.curve(&context).unwrap().node_table(unit).unwrap());
+    let table = Arc::new(ensemble.curve(&context).unwrap().node_table(&Lengths::of_unit_distance(unit)).unwrap());
     let camera = Camera::default_for((lo, hi)).unwrap();
     pipeline.render(&FrameRequest::new(0, camera, table, (160, 160))).unwrap().color.clone()
 }
@@ -80,9 +82,9 @@ fn shells_of_weak_potential_in_the_torso_are_seen_with_a_range_map_only() {
     };
     let mesh = {
         let range = (f64::from(min), f64::from(max));
-        let context = Context::new(range, range, OpacityKind::Alpha, 1.0);
+        let context = Context::new(range, range, OpacityKind::Alpha, Lengths::of_unit_distance(1.0));
         let (lo, hi) = pipeline.mesh().positions.world_bounds();
-        let table = Arc::new(flat.curve(&context).unwrap().node_table(1.0).unwrap());
+        let table = Arc::new(flat.curve(&context).unwrap().node_table(&Lengths::of_unit_distance(1.0)).unwrap());
         pipeline
             .render(&FrameRequest::new(0, Camera::default_for((lo, hi)).unwrap(), table, (160, 160)))
             .unwrap()

@@ -15,7 +15,9 @@ use tetreel::render::RenderJob;
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use tetreel::transfer::{
+    Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource, build_node_table,
+};
 
 /// A store of a source.
 pub fn ingested(source: &dyn SeriesSource, out: &Path, steps: &str) -> Store {
@@ -26,11 +28,18 @@ pub fn ingested(source: &dyn SeriesSource, out: &Path, steps: &str) -> Store {
 
 /// A transfer function over the field's range.
 pub fn table_for(pipeline: &Pipeline, tf: &str) -> Arc<NodeTable> {
+    colors_for(pipeline, tf).0
+}
+
+/// The same, and what it is made from.
+pub fn colors_for(pipeline: &Pipeline, tf: &str) -> (Arc<NodeTable>, Arc<TransferSource>) {
     let [lo, hi] = pipeline.field().range.unwrap().map(f64::from);
     let range = RangePolicy::Series.resolve((lo, hi), (lo, hi)).unwrap();
     let (a, b) = pipeline.mesh().positions.world_bounds();
-    let tf = TransferFunction::parse(tf).unwrap();
-    Arc::new(build_node_table(&tf, &range, OpacityKind::Alpha, 0.01 * (b - a).length()).unwrap())
+    let (function, lengths) = (TransferFunction::parse(tf).unwrap(), Lengths::of_diagonal((b - a).length()));
+    let table = build_node_table(&function, &range, OpacityKind::Alpha, &lengths).unwrap();
+    let content = TransferContent::Function { function, range };
+    (Arc::new(table), Arc::new(TransferSource { content, kind: OpacityKind::Alpha, lengths }))
 }
 
 /// Dense, sparse with narrow tents, with an opaque plateau, and nearly transparent.

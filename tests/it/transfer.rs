@@ -1,7 +1,7 @@
 //! Tests of `transfer` across modules.
 
 use tetreel::node_table::Node;
-use tetreel::transfer::{OpacityKind, RangePolicy, TransferFunction, build_node_table, read_color_maps};
+use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table, read_color_maps};
 
 const PAGE: &str = include_str!("../../docs/transfer-functions.md");
 
@@ -19,7 +19,10 @@ fn examples_of_tf_in_the_documentation_can_be_used() {
     for example in examples {
         let tf = TransferFunction::parse(example).unwrap_or_else(|e| panic!("{example}: {e}"));
         for kind in [OpacityKind::Alpha, OpacityKind::Extinction] {
-            assert!(build_node_table(&tf, &range, kind, 0.02).unwrap().is_visible_in(-1.0, 1.0), "{example}");
+            assert!(
+                build_node_table(&tf, &range, kind, &Lengths::of_unit_distance(0.02)).unwrap().is_visible_in(-1.0, 1.0),
+                "{example}"
+            );
         }
     }
 }
@@ -67,7 +70,13 @@ fn maps_in_the_documentation_are_the_built_in_ones() {
 fn one_transfer_function_serves_fields_of_any_magnitude() {
     let table = |tf: &str, lo: f64, hi: f64| {
         let range = RangePolicy::Series.resolve((lo, hi), (lo, hi)).unwrap();
-        build_node_table(&TransferFunction::parse(tf).unwrap(), &range, OpacityKind::Alpha, 1.0).unwrap()
+        build_node_table(
+            &TransferFunction::parse(tf).unwrap(),
+            &range,
+            OpacityKind::Alpha,
+            &Lengths::of_unit_distance(1.0),
+        )
+        .unwrap()
     };
     let unit = table("vik@0:0.5,0.3:0,0.7:0,1:1", 0.0, 1.0);
     // Largest differences of opacity and of colour, where there is any opacity.

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::path::Path;
 use tetreel::transfer::{
-    Blend, Context, Ensemble, Function, MappedRange, Member, OpacityKind, TransferFunction, build_node_table,
+    Blend, Context, Ensemble, Function, Lengths, MappedRange, Member, OpacityKind, TransferFunction, build_node_table,
 };
 
 /// The tables of two transfer functions.
@@ -15,7 +15,7 @@ pub fn node_table(_: &Path) -> Result<Work, Box<dyn Error>> {
     let range = MappedRange::new(RANGE.0, RANGE.1, false)?;
     Ok(Box::new(move || {
         for tf in functions.iter().cycle().take(20) {
-            black_box(build_node_table(black_box(tf), &range, OpacityKind::Alpha, 0.02)?);
+            black_box(build_node_table(black_box(tf), &range, OpacityKind::Alpha, &Lengths::of_unit_distance(0.02))?);
         }
         Ok(())
     }))
@@ -34,7 +34,7 @@ pub fn ensemble(_: &Path) -> Result<Work, Box<dyn Error>> {
     let ensemble = Ensemble { name: "three".to_owned(), colors: Default::default(), members };
     Ok(Box::new(move || {
         for _ in 0..20 {
-            let context = Context::new(RANGE, RANGE, OpacityKind::Alpha, 0.02);
+            let context = Context::new(RANGE, RANGE, OpacityKind::Alpha, Lengths::of_unit_distance(0.02));
             black_box(black_box(&ensemble).curve(&context)?);
         }
         Ok(())

@@ -14,7 +14,7 @@ use tetreel::store::Store;
 use tetreel::synth::random::SplitMix64;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::Skip;
 
 /// Steps of the series: after so many frames they are the same again.
@@ -42,7 +42,12 @@ impl Scene {
         let bounds = series.mesh().positions.world_bounds();
         let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
         let range = MappedRange::new(lo, hi, false)?;
-        let table = build_node_table(&TransferFunction::parse(tf)?, &range, OpacityKind::Alpha, unit_distance)?;
+        let table = build_node_table(
+            &TransferFunction::parse(tf)?,
+            &range,
+            OpacityKind::Alpha,
+            &Lengths::of_unit_distance(unit_distance),
+        )?;
         let (table, camera) = (Arc::new(table), Camera::default_for(bounds)?);
         let request = |frame: usize| -> Result<FrameRequest, Box<dyn Error>> {
             let camera = camera.orbit(360.0 / TURN as f64 * frame as f64, 0.0)?;

@@ -44,6 +44,8 @@ const RAYS: AccuracyPath = AccuracyPath {
     image_scale: 1.0,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
+/// The judge's integration of the table that all others draw: what the table itself is off.
+const REFERENCE_TABLE: AccuracyPath = AccuracyPath { mode: RenderMode::Reference, ..RAYS };
 
 /// What is measured of values that a codec has changed: the error of the codec is the same on every exact path.
 pub const CODEC_PATHS: [AccuracyPath; 4] =
@@ -59,7 +61,7 @@ const PAIRS: [AccuracyPath; 4] = [
 
 /// All paths on these backends.
 pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
-    let mut all = vec![RAYS, FACES];
+    let mut all = vec![RAYS, FACES, REFERENCE_TABLE];
     all.extend([RAYS, FACES].map(|path| AccuracyPath { optics: OpticsKind::Partial, ..path }));
     all.push(AccuracyPath { optics: OpticsKind::Table3d, ..FACES });
     all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
@@ -92,10 +94,13 @@ pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<Accuracy
 }
 
 impl AccuracyPath {
-    /// Whether the GPU has this path, and it is not one of its others: it has one size of tables, and in exact order no buffer.
+    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, and in exact order no
+    /// buffer.
     fn is_of_gpu(&self) -> bool {
         let KBuffer { k, exact_order } = self.k_buffer;
-        self.table_scalars == Table3dResolution::default().scalars && (!exact_order || k == RAYS.k_buffer.k)
+        self.mode != RenderMode::Reference
+            && self.table_scalars == Table3dResolution::default().scalars
+            && (!exact_order || k == RAYS.k_buffer.k)
     }
 
     /// Which faces are drawn, and how they come into order.
@@ -113,6 +118,7 @@ impl AccuracyPath {
         match (self.mode, self.backend) {
             (RenderMode::Havs, Backend::Gpu) => "havs on the GPU",
             (RenderMode::Havs, _) => "havs",
+            (RenderMode::Reference, _) => "reference by the table",
             (_, Backend::Gpu) => "raycast on the GPU",
             _ => "raycast",
         }
@@ -142,6 +148,7 @@ mod tests {
             KS.into_iter().for_each(|k| has(AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
         }
         CODEC_PATHS.into_iter().for_each(has);
+        has(REFERENCE_TABLE);
     }
 
     #[test]

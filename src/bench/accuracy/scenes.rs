@@ -4,6 +4,7 @@ use crate::bench::report::SceneName;
 use crate::camera::{Camera, CameraError};
 use crate::node_table::NodeTable;
 use crate::pipeline::FrameRequest;
+use crate::transfer::TransferSource;
 use std::sync::Arc;
 
 /// Transfer functions by name: one in which every scalar is visible, so that rays are long and all cells count, and one of two
@@ -40,7 +41,7 @@ pub struct AccuracyScene {
 }
 
 /// Every view through every transfer function, of a series with so many steps. `camera` frames the mesh; `table` makes the
-/// table of a transfer function (as text) at a step.
+/// table of a transfer function (as text) at a step, and says what it is made from.
 ///
 /// # Errors
 /// As `table`, or if a camera cannot be turned.
@@ -50,7 +51,7 @@ pub fn scenes<E: From<CameraError>>(
     camera: &Camera,
     size_px: (usize, usize),
     transfer_functions: &[(&str, &str)],
-    mut table: impl FnMut(&str, usize) -> Result<Arc<NodeTable>, E>,
+    mut table: impl FnMut(&str, usize) -> Result<(Arc<NodeTable>, Arc<TransferSource>), E>,
 ) -> Result<Vec<AccuracyScene>, E> {
     let mut all = Vec::new();
     for view in &VIEWS {
@@ -63,7 +64,9 @@ pub fn scenes<E: From<CameraError>>(
                 step,
                 view: view.name.to_owned(),
             };
-            all.push(AccuracyScene { name, request: FrameRequest::new(step, camera, table(tf, step)?, size_px) });
+            let (table, source) = table(tf, step)?;
+            let request = FrameRequest::new(step, camera, table, size_px);
+            all.push(AccuracyScene { name, request: FrameRequest { formula: Some(source), ..request } });
         }
     }
     Ok(all)

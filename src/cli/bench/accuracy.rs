@@ -137,7 +137,8 @@ fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::R
         let tf = TransferFunction::parse(text).with_context(|| format!("--tf '{}'", text.display()))?;
         let range =
             mapped_range(field, &look.range, step.into()).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
-        Ok(Arc::new(Look { tf, ..look.clone() }.table(&range)?))
+        let look = Look { tf, ..look.clone() };
+        Ok((Arc::new(look.table(&range)?), Arc::new(look.source(&range))))
     };
     let text = args.scene.tf.to_string_lossy();
     let given = [("given", &*text)];

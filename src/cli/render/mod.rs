@@ -17,6 +17,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
+use crate::pipeline::RenderMode;
 use crate::project::Project;
 use crate::stats::FrameStats;
 use crate::store::is_store;
@@ -333,6 +334,14 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     }
     if let Some(problem) = gpu.problem {
         terminal.say(&format!("{on_cpu} frames on the CPU: {problem}"));
+    }
+    if scene.look.mode == RenderMode::Reference {
+        let by_table = rendered().filter(|stats| !stats.by_formula).count();
+        if by_table > 0 {
+            terminal.say(&format!(
+                "{by_table} frames were rendered from the table of the ensemble, not by its formula: a member on gradients or coefficients of variation has none over the scalar"
+            ));
+        }
     }
     let restarts: u64 = rendered().map(|stats| stats.gpu_restarts).sum();
     if restarts > 0 {

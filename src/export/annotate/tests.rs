@@ -1,5 +1,5 @@
 use super::*;
-use crate::transfer::{OpacityKind, TransferFunction, build_node_table};
+use crate::transfer::{Lengths, OpacityKind, TransferFunction, build_node_table};
 use std::collections::HashSet;
 
 const TIMES: [f64; 4] = [-0.5, 0.0, 9.5, 100.0];
@@ -72,7 +72,7 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
         annotator.draw(&mut image, 0.0, &colors);
         let legend = annotator.layout(&sizes, 0.0, &colors).legend.unwrap();
         let tf = TransferFunction::parse("viridis@0:0.1,1:0.9").unwrap();
-        let table = build_node_table(&tf, &range, OpacityKind::Alpha, 1.0).unwrap();
+        let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(1.0)).unwrap();
         let found = ticks::ticks(&range);
         assert_eq!(found.ticks.len(), legend.marks.len());
         for (tick, &row) in found.ticks.iter().zip(&legend.marks) {
@@ -83,7 +83,7 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
             let around = [position - row_height, position + row_height].map(|p| map.eval(p));
             let exact = table.eval(tick.scalar).rgb;
             for c in 0..3 {
-                let slack = (around[1][c] - around[0][c]).abs() + crate::transfer::TOLERANCE;
+                let slack = (around[1][c] - around[0][c]).abs() + crate::transfer::COLOR_TOLERANCE;
                 assert!((f64::from(drawn[c]) - exact[c]).abs() <= slack, "{tick:?} {drawn:?} {exact:?}");
             }
             assert_eq!(drawn[3], 1.0);

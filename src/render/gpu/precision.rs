@@ -129,6 +129,7 @@ mod tests {
             compressed: None,
             finite: None,
             optics: Default::default(),
+            formula: None,
             prepared: None,
             faces: None,
             k_buffer: Default::default(),

@@ -1,9 +1,10 @@
 //! Integration of a chain of segments by the definition.
 
 use super::clip::Segment;
-use super::grid;
+use super::{formula, grid};
 use crate::node_table::{GridTable, Node, NodeTable};
 use crate::render::RenderJob;
+use crate::transfer::Formula;
 
 /// Ten-point Gauss-Legendre on [-1, 1], positive half.
 const GAUSS: [(f64, f64); 5] = [
@@ -42,6 +43,14 @@ impl<'a> Transfer<'a> {
     }
 }
 
+/// What a ray has gathered so far.
+pub(super) struct Sum {
+    pub(super) rgb: [f64; 3],
+    pub(super) depth_so_far: f64,
+    /// Depth where the first piece with extinction begins; infinite if there was none.
+    pub(super) visible_from: f64,
+}
+
 /// What a ray sees.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
@@ -53,24 +62,49 @@ pub(super) struct Light {
 
 /// Colour, opacity and first visible depth of a ray; `world_per_depth` is the world length of a unit of depth.
 pub(super) fn integrate(table: &Transfer, chain: impl Iterator<Item = Segment>, world_per_depth: f64) -> Light {
-    let mut rgb = [0.0; 3];
-    let mut depth_so_far = 0.0;
-    let mut visible_from = f64::INFINITY;
+    let mut sum = Sum::new();
     'ray: for segment in chain {
         let length = (segment.far - segment.near) * world_per_depth;
         let mut passed = 0.0;
         for (from, to, share) in table.pieces(&segment) {
             if from.tau.max(to.tau) > 0.0 {
-                visible_from = visible_from.min(segment.near + passed * (segment.far - segment.near));
+                sum.visible_from = sum.visible_from.min(segment.near + passed * (segment.far - segment.near));
             }
             passed += share;
-            add_piece(&mut rgb, &mut depth_so_far, &from, &to, share * length);
-            if depth_so_far > END_DEPTH {
+            add_piece(&mut sum.rgb, &mut sum.depth_so_far, &from, &to, share * length);
+            if sum.depth_so_far > END_DEPTH {
                 break 'ray;
             }
         }
     }
-    Light { rgba: [rgb[0], rgb[1], rgb[2], -(-depth_so_far).exp_m1()], visible_from }
+    sum.light()
+}
+
+/// The same by the formula of the transfer function.
+pub(super) fn integrate_formula(
+    formula: &Formula,
+    chain: impl Iterator<Item = Segment>,
+    world_per_depth: f64,
+) -> Light {
+    let mut sum = Sum::new();
+    for segment in chain {
+        formula::add_segment(&mut sum, formula, &segment, (segment.far - segment.near) * world_per_depth);
+        if sum.depth_so_far > END_DEPTH {
+            break;
+        }
+    }
+    sum.light()
+}
+
+impl Sum {
+    fn new() -> Self {
+        Self { rgb: [0.0; 3], depth_so_far: 0.0, visible_from: f64::INFINITY }
+    }
+
+    fn light(&self) -> Light {
+        let [r, g, b] = self.rgb;
+        Light { rgba: [r, g, b, -(-self.depth_so_far).exp_m1()], visible_from: self.visible_from }
+    }
 }
 
 /// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as seen

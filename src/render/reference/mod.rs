@@ -1,21 +1,22 @@
 //! The judge: float64, brute force, no adjacency, no tables.
 //!
 //! For every pixel every tet is clipped against the ray; the segments are sorted by depth and integrated one after the
-//! other. Slow and obvious. Nothing is shared with the fast paths but the [`NodeTable`](crate::node_table::NodeTable) (or
-//! [`GridTable`](crate::node_table::GridTable)) and the stored coordinates.
+//! other. Slow and obvious. Nothing is shared with the fast paths but the stored coordinates. A job without the
+//! [source](crate::transfer::TransferSource) of its transfer function is judged by its table, and its statistics say so.
 //!
 //! 1. A tet is clipped by its barycentric coordinates, which are linear along the ray: the ray is inside where all four
 //!    are >= 0, or, if it is nowhere, where they are >= -[`INFLATION`] over more than [`GRAZING_LENGTH`]: rays that run in a
 //!    face or along an edge do not fall between two cells, and a cell that is only touched does not count.
 //! 2. Inflated cells overlap by as much, and invalid meshes more: segments are taken by their near end, each from where
 //!    the last one ended. A point of the ray is in one cell.
-//! 3. A segment is split where the scalar meets a node; each piece is integrated by its definition
-//!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. In a grid it is split at all lines
-//!    of that.
+//! 3. A segment is split where the formula of the transfer function has a knot, and integrated by the definition
+//!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. With a table it is split at its nodes, in
+//!    a grid at all lines of that.
 //!
 //! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
 pub(super) mod clip;
+mod formula;
 mod grid;
 pub(super) mod integrate;
 
@@ -65,6 +66,9 @@ impl Reference {
 impl Renderer for Reference {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
+        if let Some(source) = &job.formula {
+            source.formula().map_err(|error| RenderError::NoFormula(error.to_string()))?;
+        }
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);
@@ -86,6 +90,7 @@ impl Renderer for Reference {
         self.frame.stats = crate::stats::FrameStats {
             cells_active: job.active.count() as u64,
             cells_total: job.active.universe() as u64,
+            by_formula: job.formula.is_some(),
             ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
             ..job.stats.clone()
         };
@@ -139,6 +144,8 @@ fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], de
     let view = &active.view;
     let width = view.width_px;
     let rows = first_row..first_row + pixels.len() / width;
+    // It has been made before, when the job began.
+    let formula = active.job.formula.as_ref().and_then(|source| source.formula().ok());
     let mut segments: Vec<(u32, Segment)> = Vec::new();
     for (i, cell) in active.cells.iter().enumerate() {
         if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
@@ -164,7 +171,10 @@ fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], de
         let world_per_depth = local_per_depth * active.job.mesh.positions.scale;
         let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
-        let light = integrate::integrate(&integrate::Transfer::of(&active.job), chain, world_per_depth);
+        let light = match &formula {
+            Some(formula) => integrate::integrate_formula(formula, chain, world_per_depth),
+            None => integrate::integrate(&integrate::Transfer::of(&active.job), chain, world_per_depth),
+        };
         pixels[pixel] = light.rgba.map(|v| v as f32);
         depths[pixel] = (light.visible_from * active.job.mesh.positions.scale) as f32;
     }

@@ -5,10 +5,12 @@ use crate::slowdown::{Slow, waste};
 use crate::transfer::TransferError;
 use crate::transfer::blend::ColorWeighting;
 use crate::transfer::curve::{Curve, check_span};
+use crate::transfer::function::PositionKind;
 use crate::transfer::pieces::{MOST_POINTS, Piece, Pieces, VALUE};
-use crate::transfer::profile::{AXIS_TOLERANCE, Axis, OnAxis, Precision, ProfilePoint, Side, profile};
+use crate::transfer::profile::{Axis, OnAxis, Precision, ProfilePoint, Side, profile};
 use crate::transfer::range::{MappedRange, RangePolicy};
-use crate::transfer::table::OpacityKind;
+use crate::transfer::table::{CURVE_PART, OpacityKind};
+use crate::transfer::tolerance::{Lengths, Tolerance};
 use crate::transfer::widget::{Widget, line_of, topmost};
 
 /// What an ensemble is evaluated for.
@@ -20,8 +22,8 @@ pub struct Context<'a> {
     pub step: (f64, f64),
     /// What opacities mean.
     pub kind: OpacityKind,
-    /// The length that opacities refer to.
-    pub unit_distance: f64,
+    /// The length that opacities refer to, and that of the longest path.
+    pub lengths: Lengths,
     /// Counts over scalar and gradient magnitude, by which members on both are reduced to the scalar.
     pub scalar_gradient: Option<&'a dyn Counts2d>,
     /// Counts over scalar and coefficient of variation, by which members on the latter are.
@@ -30,8 +32,8 @@ pub struct Context<'a> {
 
 impl Context<'_> {
     /// Without histograms.
-    pub fn new(series: (f64, f64), step: (f64, f64), kind: OpacityKind, unit_distance: f64) -> Self {
-        Self { series, step, kind, unit_distance, scalar_gradient: None, scalar_cov: None }
+    pub fn new(series: (f64, f64), step: (f64, f64), kind: OpacityKind, lengths: Lengths) -> Self {
+        Self { series, step, kind, lengths, scalar_gradient: None, scalar_cov: None }
     }
 }
 
@@ -83,7 +85,7 @@ impl<'a> Resolved<'a> {
         let range = member.checked(kind)?.range.resolve(context.series, context.step)?;
         let function = match &member.function {
             Function::TransferFunction(tf) => {
-                Shape::Points(OnAxis::new(tf, &Axis::new(&range, &member.map), kind, context.unit_distance)?)
+                Shape::Points(OnAxis::new(tf, &Axis::new(&range, &member.map), kind, context.lengths.unit_distance)?)
             }
             Function::Widgets(widgets) => Shape::Widgets(widgets),
         };
@@ -92,6 +94,25 @@ impl<'a> Resolved<'a> {
 
     fn axis(&self) -> Axis<'_> {
         Axis::new(&self.range, &self.member.map)
+    }
+
+    /// The scalars at which a function of the scalar may have a step or a kink.
+    fn knots(&self, kind: OpacityKind) -> Vec<f64> {
+        let axis = self.axis();
+        let mut knots: Vec<f64> = self.member.map.points().iter().map(|p| axis.scalar_at(p[1])).collect();
+        match &self.member.function {
+            Function::TransferFunction(tf) => {
+                knots.extend(tf.color_map().points().iter().map(|p| axis.scalar_at(p.position)));
+                knots.extend(tf.points().iter().map(|p| match tf.positions() {
+                    PositionKind::Relative => axis.scalar_at(p.position),
+                    PositionKind::Absolute => p.position,
+                }));
+            }
+            Function::Widgets(widgets) => {
+                knots.extend(line_of(widgets, None, kind).knots().map(|position| axis.scalar_at(position)));
+            }
+        }
+        knots
     }
 
     /// The values at a place, before they are weighted.
@@ -124,7 +145,7 @@ impl<'a> Resolved<'a> {
         };
         let counts = match (space, function, line) {
             (Space::Scalar, Function::TransferFunction(tf), _) => {
-                return profile(tf, &self.axis(), precision, context.unit_distance);
+                return profile(tf, &self.axis(), precision, context.lengths.unit_distance);
             }
             (Space::Scalar, Function::Widgets(widgets), _) => return of_widgets(widgets, None),
             (Space::ScalarGradient, Function::Widgets(widgets), Some(line)) => {
@@ -179,6 +200,11 @@ impl Evaluator<'_> {
         result.unwrap_or(clear)
     }
 
+    /// The scalars at which members that are functions of the scalar may have a step or a kink.
+    pub(in crate::transfer) fn knots(&self) -> Vec<f64> {
+        self.members.iter().flat_map(|member| member.knots(self.kind)).collect()
+    }
+
     /// What opacities of the result mean.
     pub fn kind(&self) -> OpacityKind {
         self.kind
@@ -198,10 +224,9 @@ impl Ensemble {
     }
 
     /// The curve over the scalar; members on other axes, too, are reduced to it ([`Reduction`](super::Reduction)). On linear
-    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 2^-18. Members
-    /// on logarithmic ranges are refined, so that all channels are within 2^-17 (colours times opacity, if weighted; depths
-    /// within 2^-17 of 1 and the sum of those of all members); with XOR on levels, places at which these change may move by
-    /// as much.
+    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 3.2e-7. Members
+    /// on logarithmic ranges are refined, so that all together use up an eighth of the tolerance of tables at most; with XOR on
+    /// levels, places at which these change may move by as much.
     ///
     /// # Errors
     /// As [`Ensemble::evaluator`], and if a histogram is missing, extinctions overflow, all ranges together are too wide, or
@@ -221,7 +246,7 @@ impl Ensemble {
 
     fn blended(&self, context: &Context, line: Option<&Line>) -> Result<Curve, TransferError> {
         let Evaluator { members, colors, kind } = self.evaluator(context)?;
-        let tolerance = self.member_tolerance(members.len());
+        let tolerance = self.member_tolerance(members.len(), &context.lengths);
         let precision = Precision { kind, tolerance, where_clear: colors == ColorWeighting::Plain };
         let curves = members.iter().map(|m| Ok(Curve::new(m.curve(context, line, &precision)?, kind)));
         let curves: Vec<Curve> = curves.collect::<Result<_, TransferError>>()?;
@@ -247,14 +272,14 @@ impl Ensemble {
         Ok(Curve::new(points, kind))
     }
 
-    /// What the refinement of one of `count` members on logarithmic axes may use up, so that it is half of
-    /// [`AXIS_TOLERANCE`] for all: blending rules add up errors at most. A weighted colour has those of two factors.
-    fn member_tolerance(&self, count: usize) -> f64 {
+    /// What the refinement of one of `count` members on logarithmic axes may use up, so that it is half of what curves may be off
+    /// for all: blending rules add up errors at most. A weighted colour has those of two factors.
+    fn member_tolerance(&self, count: usize, lengths: &Lengths) -> Tolerance {
         let share = match self.colors {
             ColorWeighting::Plain => 0.5,
             ColorWeighting::Opacity => 0.25,
         };
-        share * AXIS_TOLERANCE / count.max(1) as f64
+        Tolerance::of_paths(lengths).part(share * CURVE_PART / count.max(1) as f64)
     }
 }
 

@@ -50,7 +50,7 @@ pub fn grid_table(
     }
     let lines: Vec<Line> =
         gradients.iter().flat_map(|&gradient| covs.iter().map(move |&cov| Line { gradient, cov })).collect();
-    let table = |line: &Line| curve_on(line)?.node_table(context.unit_distance);
+    let table = |line: &Line| curve_on(line)?.line_of_grid(&context.lengths);
     let tables: Vec<NodeTable> = lines.par_iter().map(table).collect::<Result<_, _>>()?;
     let scalars = Columns::of(&tables, MOST_VALUES / tables.len());
     let values = tables.iter().flat_map(|table| scalars.0.iter().flat_map(|column| column.values(table))).collect();

@@ -198,6 +198,14 @@ impl Ensemble {
         self.members.iter().filter(|m| m.enabled)
     }
 
+    /// Fails if a member is no function of the scalar.
+    pub(super) fn check_scalars(&self) -> Result<(), TransferError> {
+        match self.enabled_members().find(|member| member.space != Space::Scalar) {
+            Some(member) => member.bad("is defined on more than the scalar"),
+            None => Ok(()),
+        }
+    }
+
     /// The opacity kind of the result, `kind` unless all members give extinctions: these are taken as they are.
     fn kind(&self, kind: OpacityKind) -> OpacityKind {
         let mut members = self.enabled_members().peekable();

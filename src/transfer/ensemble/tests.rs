@@ -1,7 +1,7 @@
 use super::*;
 use crate::transfer::pieces::MOST_POINTS;
 use crate::transfer::{
-    ColorMap, ColorPoint, Curve, OpacityPoint, Polyline, PolylinePoint, Rectangle, TOLERANCE, Triangle,
+    COLOR_TOLERANCE, ColorMap, ColorPoint, Curve, Lengths, OpacityPoint, Polyline, PolylinePoint, Rectangle, Triangle,
     build_node_table,
 };
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 30) as f64;
 const UNSEEN: f64 = 1e-6;
 
 fn context() -> Context<'static> {
-    Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, 1.0)
+    Context::new((0.0, 1.0), (0.0, 1.0), OpacityKind::Alpha, Lengths::of_unit_distance(1.0))
 }
 
 fn at(scalar: f64) -> Sample {
@@ -62,11 +62,14 @@ fn a_single_member_is_its_transfer_function() {
             only.range = policy.parse().unwrap();
             // The rule does not matter, having nothing to be blended with.
             only.blend = Blend::Xor;
-            let context = Context::new(series, (2.0, 2.5), OpacityKind::Alpha, 0.25);
+            let context = Context::new(series, (2.0, 2.5), OpacityKind::Alpha, Lengths::of_unit_distance(0.25));
             let range = only.range.resolve(context.series, context.step).unwrap();
             let tf = TransferFunction::parse(text).unwrap();
-            let direct = build_node_table(&tf, &range, OpacityKind::Alpha, 0.25).unwrap();
-            assert_eq!(ensemble(vec![only]).curve(&context).unwrap().node_table(0.25).unwrap(), direct);
+            let direct = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(0.25)).unwrap();
+            assert_eq!(
+                ensemble(vec![only]).curve(&context).unwrap().node_table(&Lengths::of_unit_distance(0.25)).unwrap(),
+                direct
+            );
         }
     }
 }
@@ -80,9 +83,9 @@ fn members_that_give_extinctions_stay_so() {
         Member::new("tau", Function::TransferFunction(tf.unwrap()))
     };
     let both = ensemble(vec![tf(40.0), tf(2.0)]);
-    let curve = both.curve(&Context { unit_distance: 0.5, ..context() }).unwrap();
+    let curve = both.curve(&Context { lengths: Lengths::of_unit_distance(0.5), ..context() }).unwrap();
     assert_eq!((curve.kind(), curve.eval(0.0).1), (OpacityKind::Extinction, 21.0));
-    assert_eq!(curve.node_table(0.5).unwrap().eval(0.0).tau, 42.0);
+    assert_eq!(curve.node_table(&Lengths::of_unit_distance(0.5)).unwrap().eval(0.0).tau, 42.0);
     let mixed = ensemble(vec![tf(40.0), member("gray")]);
     assert!(error(&mixed, &context()).contains("'tau'") && error(&mixed, &context()).contains("extinction"));
     let as_depths = Context { kind: OpacityKind::Extinction, ..context() };
@@ -98,7 +101,7 @@ fn an_ensemble_without_members_or_with_none_enabled_is_clear() {
     for members in [vec![], vec![off]] {
         let none = ensemble(members);
         assert_eq!(none.evaluator(&context()).unwrap().eval(&at(0.5)), ([0.0; 3], 0.0));
-        let table = none.curve(&context()).unwrap().node_table(1.0).unwrap();
+        let table = none.curve(&context()).unwrap().node_table(&Lengths::of_unit_distance(1.0)).unwrap();
         assert!(!table.is_visible_in(-1e300, 1e300));
     }
     let widgets = ensemble(vec![Member::new("empty", Function::Widgets(vec![]))]);
@@ -141,7 +144,7 @@ fn bad_members_are_named_with_their_problem() {
     check(&|m| m.function = Function::Widgets(vec![Widget::Triangle(triangle)]), OpacityKind::Alpha, "widget 0");
     let empty = rectangle([0.5, 0.5], [0.0; 3], [0.0; 2]);
     check(&|m| m.function = Function::Widgets(vec![empty.clone()]), OpacityKind::Alpha, "empty");
-    let nan = Context::new((f64::NAN, 1.0), (0.0, 1.0), OpacityKind::Alpha, 1.0);
+    let nan = Context::new((f64::NAN, 1.0), (0.0, 1.0), OpacityKind::Alpha, Lengths::of_unit_distance(1.0));
     assert!(matches!(ensemble(vec![member("gray")]).curve(&nan), Err(TransferError::BadRange { .. })));
     let evaluator = ensemble(vec![member("gray@0:1")]);
     assert_eq!(evaluator.evaluator(&context()).unwrap().eval(&at(f64::NAN)).1, 0.0);
@@ -216,7 +219,7 @@ fn a_range_map_moves_the_points_of_a_member_exactly() {
     // Some roundings of logarithms below 2.8; between knots what the curve leaves of its tolerance to a table. In the scalar itself
     // the second would be 0.207.
     assert!((log.eval(2.0).1 - 0.5).abs() < 1e-14, "{}", log.eval(2.0).1);
-    assert!((log.eval(2.0_f64.sqrt()).1 - 0.25).abs() < TOLERANCE / 16.0);
+    assert!((log.eval(2.0_f64.sqrt()).1 - 0.25).abs() < COLOR_TOLERANCE / 16.0);
 }
 
 #[test]
@@ -377,7 +380,8 @@ fn random_ensemble() -> impl Strategy<Value = Ensemble> {
 fn errors(table: &crate::node_table::NodeTable, judge: &Evaluator, weighted: bool, scalars: &[f64]) -> (f64, f64) {
     scalars.iter().fold((0.0, 0.0), |(colour, opacity): (f64, f64), &s| {
         let ((rgb, value), node) = (judge.eval(&at(s)), table.eval(s));
-        let factor = if weighted { value } else { f64::from(u8::from(value > UNSEEN)) };
+        // A hundred unit distances of it are seen.
+        let factor = if weighted { value } else { (100.0 * value).min(1.0) * f64::from(u8::from(value > UNSEEN)) };
         let off = (0..3).map(|c| factor * (node.rgb[c] - rgb[c]).abs()).fold(0.0, f64::max);
         (colour.max(off), opacity.max(((-node.tau).exp() - (1.0 - value)).abs()))
     })
@@ -411,13 +415,13 @@ proptest! {
             let factor = if weighted { value } else { 1.0 };
             prop_assert!((value - expected).abs() <= ROUNDING, "{s}: {value} {expected}");
             for c in 0..3 {
-                let bound = ROUNDING + if weighted { TOLERANCE / 64.0 } else { 0.0 };
+                let bound = ROUNDING + if weighted { COLOR_TOLERANCE / 16.0 } else { 0.0 };
                 prop_assert!(factor * (rgb[c] - expected_rgb[c]).abs() <= bound, "{s}: {rgb:?} {expected_rgb:?}");
             }
         }
-        let table = curve.node_table(1.0).unwrap();
+        let table = curve.node_table(&Lengths::of_unit_distance(1.0)).unwrap();
         let (colour, opacity) = errors(&table, &judge, weighted, &places);
-        prop_assert!(colour <= TOLERANCE + ROUNDING && opacity <= TOLERANCE + ROUNDING, "{colour} {opacity}");
+        prop_assert!(colour <= COLOR_TOLERANCE + ROUNDING && opacity <= COLOR_TOLERANCE + ROUNDING, "{colour} {opacity}");
     }
 
     #[test]
@@ -428,13 +432,13 @@ proptest! {
         other.members.push(Member::new("added", Function::Widgets(vec![added])));
         let judge = ensemble.evaluator(&context()).unwrap();
         if judge.eval(&at(0.5)).1 < 0.9 {
-            let table = other.curve(&context()).unwrap().node_table(1.0).unwrap();
+            let table = other.curve(&context()).unwrap().node_table(&Lengths::of_unit_distance(1.0)).unwrap();
             let (colour, opacity) = errors(&table, &judge, true, &[0.5]);
-            prop_assert!(opacity > 10.0 * TOLERANCE);
+            prop_assert!(opacity > 10.0 * COLOR_TOLERANCE);
             // Plain colours are added, too, up to 1.
             let (rgb, value) = judge.eval(&at(0.5));
             let can_rise = ensemble.colors == ColorWeighting::Plain && value > 0.1 && rgb.iter().any(|c| *c < 0.9);
-            prop_assert!(!can_rise || colour > 10.0 * TOLERANCE);
+            prop_assert!(!can_rise || colour > 10.0 * COLOR_TOLERANCE);
         }
     }
 
@@ -444,7 +448,7 @@ proptest! {
         let (lo, hi) = (1e-3, 1e-3 * 10.0_f64.powf(decades));
         ensemble.members.iter_mut().for_each(|m| m.range = RangePolicy::LogManual(lo, hi));
         let curve = ensemble.curve(&context()).unwrap();
-        let table = curve.node_table(1.0).unwrap();
+        let table = curve.node_table(&Lengths::of_unit_distance(1.0)).unwrap();
         let judge = ensemble.evaluator(&context()).unwrap();
         let is_step = |s: f64| { let [a, b] = curve.sides(s); a != b };
         let steps: Vec<f64> = curve.knots().filter(|&s| is_step(s)).collect();
@@ -452,7 +456,7 @@ proptest! {
             .filter(|s| steps.iter().all(|k| (k / s - 1.0).abs() > 1e-9)).collect();
         let weighted = ensemble.colors == ColorWeighting::Opacity;
         let (colour, opacity) = errors(&table, &judge, weighted, &places);
-        prop_assert!(colour <= TOLERANCE + ROUNDING && opacity <= TOLERANCE + ROUNDING, "{colour} {opacity}");
+        prop_assert!(colour <= COLOR_TOLERANCE + ROUNDING && opacity <= COLOR_TOLERANCE + ROUNDING, "{colour} {opacity}");
     }
 
     #[test]

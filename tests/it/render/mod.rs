@@ -2,6 +2,7 @@
 
 mod clear_cells;
 mod depth;
+mod formula;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod grid;
@@ -61,6 +62,7 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: None,
         k_buffer: Default::default(),

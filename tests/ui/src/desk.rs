@@ -13,7 +13,7 @@ use tetreel::pipeline::{Backend, PipelinedOptions, Series};
 use tetreel::render::gpu::context;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::TransferFunction;
+use tetreel::transfer::{Lengths, TransferFunction};
 use tetreel::ui::opening::OpeningOptions;
 use tetreel::ui::settings::SettingsFile;
 use tetreel::ui::window::{PlayerWindow, Start, WindowOptions};
@@ -53,7 +53,8 @@ pub fn store(folder: &Path) -> PathBuf {
 pub fn options(folder: &Path, start: Start) -> WindowOptions {
     let dress = |series: &Series| {
         let look = Look::default_for(series, TransferFunction::parse("viridis@0:0.1,1:0.6").unwrap()).unwrap();
-        Ok(Look { unit_distance: 5.0 * look.unit_distance, backend: Backend::Cpu, ..look }.into())
+        let lengths = Lengths { unit_distance: 5.0 * look.lengths.unit_distance, ..look.lengths };
+        Ok(Look { lengths, backend: Backend::Cpu, ..look }.into())
     };
     WindowOptions {
         start,

@@ -18,7 +18,7 @@ use tetreel::ingest::{FieldUnits, StepRange};
 use tetreel::optics::OpticsKind;
 use tetreel::pipeline::{Backend, RenderMode, Sampling};
 use tetreel::synth::SeriesName;
-use tetreel::transfer::{MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use tetreel::visibility::Skip;
 
 /// Tables of a transfer function over several ranges hold what a table promises. `build_node_table` checks that nodes are sorted
@@ -28,7 +28,9 @@ pub fn check_transfer_function(tf: &TransferFunction) {
         let range = MappedRange::new(lo, hi, log).expect("a range");
         for kind in [OpacityKind::Alpha, OpacityKind::Extinction] {
             for unit_distance in [0.01, 1e30] {
-                let Ok(table) = build_node_table(tf, &range, kind, unit_distance) else { continue };
+                let Ok(table) = build_node_table(tf, &range, kind, &Lengths::of_unit_distance(unit_distance)) else {
+                    continue;
+                };
                 for i in 0..=8 {
                     let node = table.eval(range.scalar_at(f64::from(i) / 8.0));
                     assert!(node.tau >= 0.0 && node.tau.is_finite(), "{node:?}");

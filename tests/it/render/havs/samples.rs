@@ -6,7 +6,7 @@ use crate::series::{TRANSFER_FUNCTIONS, cameras};
 use std::path::Path;
 use tetreel::field::Component;
 use tetreel::import;
-use tetreel::transfer::{MappedRange, OpacityKind, TransferFunction, build_node_table};
+use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::CellSet;
 
 /// Every sample that is a tetrahedral mesh, a field of it, and two steps.
@@ -54,7 +54,7 @@ impl Step {
         let range = MappedRange::new(lo, if hi > lo { hi } else { lo + 1.0 }, false).unwrap();
         let unit = 0.01 * (b - a).length();
         let tf = TransferFunction::parse(tf).unwrap();
-        let table = build_node_table(&tf, &range, OpacityKind::Alpha, unit).unwrap();
+        let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
         let mut job = job(&self.mesh, self.scalars.clone(), camera, SIZE, table);
         let (tets, finite) = (&self.mesh.topology.tets, job.active.clone());
         job.active = Arc::new(CellSet::of(tets.len(), |cell| {

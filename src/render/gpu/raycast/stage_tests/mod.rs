@@ -81,6 +81,7 @@ pub(in crate::render::gpu) fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, hei
         compressed: None,
         finite: None,
         optics: Default::default(),
+        formula: None,
         prepared: None,
         faces: None,
         k_buffer: Default::default(),

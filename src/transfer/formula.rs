@@ -1,0 +1,176 @@
+//! [`TransferSource`]: what a table was made from; [`Formula`]: its colour and extinction at a scalar, by the definitions.
+//!
+//! The judge of tables and of all that draws them: it knows neither curves nor nodes, and nothing is simplified.
+
+use super::TransferError;
+use super::blend::{ColorWeighting, mix_sides};
+use super::ensemble::{Context, Ensemble, Evaluator, Sample, Space};
+use super::function::{OpacityValues, PositionKind, TransferFunction};
+use super::profile::{Axis, OnAxis, Side};
+use super::range::MappedRange;
+use super::range_map::RangeMap;
+use super::table::OpacityKind;
+use super::tolerance::Lengths;
+use serde::Serialize;
+
+/// What a table was made from: plain data.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TransferSource {
+    /// The function, and the scalars that it covers.
+    pub content: TransferContent,
+    /// What opacities mean.
+    pub kind: OpacityKind,
+    /// The lengths that the table is made for.
+    pub lengths: Lengths,
+}
+
+/// A transfer function or blended ones.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum TransferContent {
+    /// One function over a range.
+    Function {
+        /// Colours and opacities.
+        function: TransferFunction,
+        /// The scalars that it covers.
+        range: MappedRange,
+    },
+    /// An ensemble on its way to another one.
+    Ensembles(Box<BlendedEnsembles>),
+}
+
+/// An ensemble whose members are functions of the scalar, on its way to another one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BlendedEnsembles {
+    /// The ensemble, with the range maps that its members have.
+    pub ensemble: Ensemble,
+    /// The next one, and how much there is of it, 0..=1.
+    pub toward: Option<(Ensemble, f64)>,
+    /// Whether colours are weighted by opacity between both.
+    pub colors: ColorWeighting,
+    /// Smallest and largest scalar of the series.
+    pub series: (f64, f64),
+    /// Smallest and largest scalar of the step shown.
+    pub step: (f64, f64),
+}
+
+/// A transfer function, ready to be evaluated.
+#[derive(Debug)]
+pub struct Formula<'a> {
+    parts: Parts<'a>,
+    kind: OpacityKind,
+    unit_distance: f64,
+    knots: Vec<f64>,
+}
+
+#[derive(Debug)]
+enum Parts<'a> {
+    Function { range: &'a MappedRange, map: RangeMap, function: OnAxis<'a> },
+    Ensembles { from: Evaluator<'a>, toward: Option<(Evaluator<'a>, f64)>, colors: ColorWeighting },
+}
+
+impl BlendedEnsembles {
+    fn all(&self) -> impl Iterator<Item = &Ensemble> {
+        std::iter::once(&self.ensemble).chain(self.toward.as_ref().map(|(ensemble, _)| ensemble))
+    }
+
+    /// Whether all members are functions of the scalar. Others are reduced by counts of values, or make tables over several axes.
+    pub fn is_of_scalars(&self) -> bool {
+        self.all().flat_map(|ensemble| &ensemble.members).all(|member| !member.enabled || member.space == Space::Scalar)
+    }
+}
+
+impl TransferSource {
+    /// The function, ready to be evaluated.
+    ///
+    /// # Errors
+    /// As [`build_node_table`](super::build_node_table) and [`Ensemble::evaluator`], and for an ensemble with a member that is no
+    /// function of the scalar.
+    pub fn formula(&self) -> Result<Formula<'_>, TransferError> {
+        self.lengths.check()?;
+        let (parts, kind, mut knots) = match &self.content {
+            TransferContent::Function { function, range } => self.of_function(function, range)?,
+            TransferContent::Ensembles(blended) => self.of_ensembles(blended)?,
+        };
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        Ok(Formula { parts, kind, unit_distance: self.lengths.unit_distance, knots })
+    }
+
+    fn of_function<'a>(
+        &self,
+        tf: &'a TransferFunction,
+        range: &'a MappedRange,
+    ) -> Result<(Parts<'a>, OpacityKind, Vec<f64>), TransferError> {
+        let kind = if tf.values() == OpacityValues::Extinction { OpacityKind::Extinction } else { self.kind };
+        let map = RangeMap::default();
+        let function = OnAxis::new(tf, &Axis::new(range, &map), kind, self.lengths.unit_distance)?;
+        let mut knots: Vec<f64> = tf.color_map().points().iter().map(|p| range.scalar_at(p.position)).collect();
+        knots.extend(tf.points().iter().map(|p| match tf.positions() {
+            PositionKind::Relative => range.scalar_at(p.position),
+            PositionKind::Absolute => p.position,
+        }));
+        Ok((Parts::Function { range, map, function }, kind, knots))
+    }
+
+    fn of_ensembles<'a>(
+        &self,
+        blended: &'a BlendedEnsembles,
+    ) -> Result<(Parts<'a>, OpacityKind, Vec<f64>), TransferError> {
+        let context = Context::new(blended.series, blended.step, self.kind, self.lengths);
+        let evaluator = |ensemble: &'a Ensemble| ensemble.evaluator(&context);
+        let from = evaluator(&blended.ensemble)?;
+        let toward = match &blended.toward {
+            Some((next, share)) => Some((evaluator(next)?, *share)),
+            None => None,
+        };
+        blended.all().try_for_each(Ensemble::check_scalars)?;
+        let mut knots = from.knots();
+        let mut kind = from.kind();
+        if let Some((next, _)) = &toward {
+            knots.extend(next.knots());
+            // One that is clear everywhere goes with either kind.
+            if kind != next.kind() && blended.ensemble.curve(&context)?.is_clear() {
+                kind = next.kind();
+            }
+        }
+        Ok((Parts::Ensembles { from, toward, colors: blended.colors }, kind, knots))
+    }
+}
+
+impl Formula<'_> {
+    /// The scalars at which it may have a step or a kink, sorted. Blended functions may have more of both in between.
+    pub fn knots(&self) -> &[f64] {
+        &self.knots
+    }
+
+    /// Display-referred colour and extinction per world unit of length at a scalar; infinite where opacity is 1. At a step, those of
+    /// its right side.
+    pub fn eval(&self, scalar: f64) -> ([f64; 3], f64) {
+        let side = self.side(scalar);
+        let depth = match self.kind {
+            OpacityKind::Alpha => -(-side.value).ln_1p(),
+            OpacityKind::Extinction => side.value,
+        };
+        (side.rgb, depth / self.unit_distance)
+    }
+
+    fn side(&self, scalar: f64) -> Side {
+        match &self.parts {
+            Parts::Function { range, map, function } => function.sides(Axis::new(range, map).position_of(scalar))[1],
+            Parts::Ensembles { from, toward, colors } => {
+                let at = |evaluator: &Evaluator| {
+                    let (rgb, value) = evaluator.eval(&Sample { scalar, gradient: 0.0, cov: 0.0 });
+                    Side { rgb, value }
+                };
+                match toward {
+                    Some((next, share)) => mix_sides(&at(from), &at(next), *share, *colors),
+                    None => at(from),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "formula_tests.rs"]
+mod tests;

@@ -1,0 +1,124 @@
+//! [`Lengths`] that a table is made for, and how far it may be from its transfer function for these.
+
+use super::TransferError;
+use super::table::{OPAQUE_DEPTH, OpacityKind};
+use serde::{Deserialize, Serialize};
+
+/// Largest error of the optical depth of a path of any length up to the longest one, if that is larger than
+/// [`DEPTH_SHARE`] of it.
+///
+/// x e^-x is at most 1/e, so that an error of 2.7e-5 x of an optical depth x is one of 1e-5 of opacity.
+pub const DEPTH_TOLERANCE: f64 = 1e-5;
+
+/// Largest error of the optical depth of a path, as a share of it, if that is larger than [`DEPTH_TOLERANCE`].
+pub const DEPTH_SHARE: f64 = 2.7e-5;
+
+/// Largest error of a colour channel of a pixel: of the colour at a scalar, times the opacity of that scalar over the longest path.
+pub const COLOR_TOLERANCE: f64 = 1e-5;
+
+/// A place is within the one tolerance or within the other, and a path has places of both kinds: each may have half.
+const HALF: f64 = 0.5;
+
+/// Tolerance of the lines of a table over several axes, which are farther than this from what they lie between: of colours, and of
+/// the optical depth d of a unit distance the larger one of this and this part of d.
+pub const GRID_TOLERANCE: f64 = 1.0 / 4096.0;
+
+/// The lengths that a table is made for, in world units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lengths {
+    /// The length that opacities refer to.
+    pub unit_distance: f64,
+    /// Length of the longest path on which the table keeps its tolerance: the diagonal of the mesh's box.
+    pub longest_path: f64,
+}
+
+impl Lengths {
+    /// A unit distance in a mesh whose box has a diagonal of `longest_path`.
+    pub fn new(unit_distance: f64, longest_path: f64) -> Self {
+        Self { unit_distance, longest_path }
+    }
+
+    /// As by default: opacities refer to 1 % of the diagonal of the mesh's box.
+    pub fn of_diagonal(diagonal: f64) -> Self {
+        Self::new(0.01 * diagonal, diagonal)
+    }
+
+    /// The other way round: a unit distance, and a longest path of a hundred of them.
+    pub fn of_unit_distance(unit_distance: f64) -> Self {
+        Self::new(unit_distance, 100.0 * unit_distance)
+    }
+
+    /// Fails if a length is not positive and finite, or the unit distance so small that extinction overflows.
+    pub(super) fn check(&self) -> Result<(), TransferError> {
+        let Self { unit_distance, longest_path } = *self;
+        let is_usable = |length: f64| length > 0.0 && length.is_finite();
+        if !is_usable(unit_distance) || !(OPAQUE_DEPTH / unit_distance).is_finite() {
+            return Err(TransferError::BadUnitDistance(unit_distance));
+        }
+        if is_usable(longest_path) { Ok(()) } else { Err(TransferError::BadLongestPath(longest_path)) }
+    }
+}
+
+/// How far something may be from a transfer function, at a scalar.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tolerance {
+    /// Of a colour channel where the longest path is opaque.
+    color: f64,
+    /// Of the optical depth of a unit distance: this,
+    depth: f64,
+    /// or this part of it, whichever is larger.
+    share: f64,
+    /// The longest path in unit distances.
+    units: f64,
+}
+
+impl Tolerance {
+    /// What keeps a path of up to the longest length within [`DEPTH_TOLERANCE`] or [`DEPTH_SHARE`], and [`COLOR_TOLERANCE`].
+    pub fn of_paths(lengths: &Lengths) -> Self {
+        // A path that is shorter than a unit distance asks for no more than that does.
+        let units = (lengths.longest_path / lengths.unit_distance).max(1.0);
+        Self { color: HALF * COLOR_TOLERANCE, depth: HALF * DEPTH_TOLERANCE / units, share: HALF * DEPTH_SHARE, units }
+    }
+
+    /// Of a line of a table over several axes.
+    pub fn of_grid() -> Self {
+        Self { color: GRID_TOLERANCE, depth: GRID_TOLERANCE, share: GRID_TOLERANCE, units: f64::INFINITY }
+    }
+
+    /// A part of it.
+    pub fn part(self, part: f64) -> Self {
+        Self { color: part * self.color, depth: part * self.depth, share: part * self.share, ..self }
+    }
+
+    /// The same tolerance of colours, seen or not.
+    pub fn everywhere(self) -> Self {
+        Self { units: f64::INFINITY, ..self }
+    }
+
+    /// Of a colour channel where the optical depth of a unit distance is `depth`: what little is seen may be off by more.
+    pub fn of_color(&self, depth: f64) -> f64 {
+        self.color / (depth * self.units).min(1.0)
+    }
+
+    /// Of an optical depth of a unit distance, whatever it is.
+    pub fn of_depth(&self) -> f64 {
+        self.depth
+    }
+
+    /// Of such a depth, as a part of it.
+    pub fn share_of_depth(&self) -> f64 {
+        self.share
+    }
+
+    /// Of a value between `least` and `most`, which are opacities or optical depths of a unit distance.
+    pub fn of_value(&self, kind: OpacityKind, least: f64, most: f64) -> f64 {
+        match kind {
+            OpacityKind::Extinction => self.depth.max(self.share * least),
+            // The depth -ln(1 - a) rises by 1 / (1 - a) times what a does; where it is 24 ln 2 a table ends.
+            OpacityKind::Alpha => {
+                let clear = (1.0 - most).max(1.0 / f64::from(1 << 24));
+                clear * self.depth.max(self.share * -(-least).ln_1p())
+            }
+        }
+    }
+}
