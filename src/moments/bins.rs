@@ -45,10 +45,10 @@ impl Bins {
     /// `count` bins over a range.
     ///
     /// # Panics
-    /// If `count` is 0 or above 4096, or, with octaves, not 16 times a power of two; if the ends of the range are not finite or in
+    /// If `count` is 0 or above 65,536, or, with octaves, not 16 times a power of two; if the ends of the range are not finite or in
     /// the wrong order.
     pub fn new(range: Option<[f32; 2]>, scale: AxisScale, count: usize) -> Self {
-        assert!((1..=4096).contains(&count), "1 to 4096 bins");
+        assert!((1..=1 << 16).contains(&count), "1 to 65,536 bins");
         assert!(range.is_none_or(|[lo, hi]| lo <= hi && lo.is_finite() && hi.is_finite()), "{range:?} is no range");
         match scale {
             AxisScale::Linear => Self::linear(range, count),
@@ -58,7 +58,7 @@ impl Bins {
 
     fn linear(range: Option<[f32; 2]>, count: usize) -> Self {
         let [lo, hi] = range.unwrap_or_default().map(f64::from);
-        // Products of 24 and 13 bits are exact, and so is a quotient by a power of two: only the sum rounds.
+        // Products of 24 and 17 bits are exact, and so is a quotient by a power of two: only the sum rounds.
         let edge = |i: usize| (lo * (count - i) as f64 + hi * i as f64) / count as f64;
         Self { range, scale: AxisScale::Linear, edges: (0..=count).map(edge).collect(), first_key: 0 }
     }

@@ -66,6 +66,29 @@ impl Histogram1d {
         self.bins.bounds(bin)
     }
 
+    /// How many values lie between each two of these scalars, which do not fall. A bin that lies in several of these intervals is shared by
+    /// them according to its width in each.
+    pub fn between(&self, scalars: &[f64]) -> Vec<f64> {
+        let mut found = vec![0.0; scalars.len().saturating_sub(1)];
+        for (bin, &count) in self.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+            let Some([from, to]) = self.bounds(bin) else { continue };
+            let first = scalars.partition_point(|&s| s <= from).saturating_sub(1);
+            for interval in first..found.len() {
+                let (lo, hi) = (scalars[interval].max(from), scalars[interval + 1].min(to));
+                if scalars[interval] > to {
+                    break;
+                }
+                let is_inside = (scalars[interval]..=scalars[interval + 1]).contains(&from);
+                let share = if from < to { ((hi - lo) / (to - from)).max(0.0) } else { f64::from(u8::from(is_inside)) };
+                found[interval] += count as f64 * share;
+                if from == to && is_inside {
+                    break;
+                }
+            }
+        }
+        found
+    }
+
     /// Counts values.
     pub fn add(&mut self, values: &[f32]) {
         for &value in values {

@@ -317,3 +317,21 @@ fn positions_of_an_axis_without_extent_all_have_its_value() {
     let none_varies = Bins::new(Some([0.0; 2]), AxisScale::Octaves, 64);
     assert_eq!([0.0, 0.3, 1.0].map(|at| none_varies.value_at(at)), [0.0; 3]);
 }
+
+#[test]
+fn counts_between_scalars_are_those_of_the_bins_and_shares_of_them() {
+    let mut histogram = Histogram1d::over(Bins::new(Some([0.0, 8.0]), AxisScale::Linear, 8));
+    histogram.add(&[0.5, 1.5, 1.5, 3.5, 7.0, 8.0]);
+    // Whole bins, and what is outside does not count.
+    assert_eq!(histogram.between(&[0.0, 1.0, 2.0, 8.0]), [1.0, 2.0, 3.0]);
+    assert_eq!(histogram.between(&[1.0, 2.0]), [2.0]);
+    // Narrower than a bin, and across two.
+    assert_eq!(histogram.between(&[1.0, 1.25, 1.5, 2.0]), [0.5, 0.5, 1.0]);
+    assert_eq!(histogram.between(&[0.5, 1.5]), [0.5 + 1.0]);
+    assert_eq!(histogram.between(&[]), [0.0; 0]);
+    // A series of one value.
+    let mut constant = Histogram1d::over(Bins::new(Some([3.0, 3.0]), AxisScale::Linear, 8));
+    constant.add(&[3.0; 5]);
+    assert_eq!(constant.between(&[2.0, 2.5, 3.5, 4.0]), [0.0, 5.0, 0.0]);
+    assert_eq!(constant.between(&[4.0, 5.0]), [0.0]);
+}

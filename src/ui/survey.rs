@@ -7,7 +7,7 @@
 
 use super::worker::{BLOCK_BYTES, Slot, Worker};
 use crate::codec::vq;
-use crate::moments::{Histogram1d, StepSummary};
+use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
 use crate::pipeline::Series;
 use crate::task::Cancel;
 use std::io;
@@ -30,19 +30,23 @@ pub struct StepSurvey {
     pub summary: StepSummary,
     /// Mean of the finite values of all vertices, each counted once; NaN if there is none.
     pub mean: f64,
-    /// How often which value occurs, over the range of the whole series.
-    pub histogram: Histogram1d,
 }
 
 impl StepSurvey {
-    /// Of a step of a field with this range.
-    fn of(range: Option<[f32; 2]>, values: &[f32]) -> Self {
-        let mut histogram = Histogram1d::new(range);
-        histogram.add(values);
+    fn of(values: &[f32]) -> Self {
+        let summary = StepSummary::of(values);
         // In one order, and far from overflow: no sum of f32 leaves the range of f64.
         let sum: f64 = values.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).sum();
-        Self { summary: StepSummary::of(values), mean: sum / histogram.finite() as f64, histogram }
+        Self { summary, mean: sum / (values.len() as u64 - summary.nonfinite) as f64 }
     }
+}
+
+/// Bins of what has been looked at: a range of a hundredth of all values has some hundreds of them.
+const BINS: usize = 1 << 16;
+
+/// No value yet, over the range of a series.
+fn nothing(range: Option<[f32; 2]>) -> Histogram1d {
+    Histogram1d::over(Bins::new(range, AxisScale::Linear, BINS))
 }
 
 /// What is known of a series.
@@ -69,7 +73,7 @@ impl Surveyed {
         let steps = series.times().len();
         Self {
             steps: vec![None; steps],
-            histogram: Histogram1d::new(series.field().range),
+            histogram: nothing(series.field().range),
             done: 0,
             total: steps.min(MOST_STEPS),
             failed: 0,
@@ -156,7 +160,6 @@ impl Gate {
 
 /// Looks at the steps of a series one after the other, and shows now and then what is known.
 fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut(Surveyed)) {
-    let range = series.field().range;
     let apart = series.apart(BLOCK_BYTES);
     let mut known = Surveyed::begin(series);
     let mut values = vec![0.0; series.vertices()];
@@ -165,9 +168,8 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut
         gate.pass();
         match apart.decode_step(step, &mut values, cancel) {
             Ok(true) => {
-                let survey = StepSurvey::of(range, &values);
-                known.histogram.merge(&survey.histogram);
-                known.steps[step] = Some(Arc::new(survey));
+                known.histogram.add(&values);
+                known.steps[step] = Some(Arc::new(StepSurvey::of(&values)));
             }
             Ok(false) => return,
             Err(error) => {
@@ -253,7 +255,7 @@ mod tests {
         let survey = silent(&series);
         let known = whole(&survey);
         assert_eq!((known.done, known.total, known.failed, known.problem.as_ref()), (4, 4, 0, None));
-        let mut all = Histogram1d::new(series.field().range);
+        let mut all = nothing(series.field().range);
         for (step, found) in known.steps.iter().enumerate() {
             let mut values = vec![0.0; series.vertices()];
             assert!(series.decode_step(step, &mut values, &Cancel::new()).unwrap());
@@ -270,11 +272,11 @@ mod tests {
 
     #[test]
     fn holes_are_counted_apart_and_a_step_of_holes_has_no_mean() {
-        let survey = StepSurvey::of(Some([0.0, 4.0]), &[1.0, f32::NAN, 3.0, f32::INFINITY]);
-        assert_eq!((survey.mean, survey.summary.nonfinite, survey.histogram.finite()), (2.0, 2, 2));
-        let holes = StepSurvey::of(None, &[f32::NAN; 3]);
+        let survey = StepSurvey::of(&[1.0, f32::NAN, 3.0, f32::INFINITY]);
+        assert_eq!((survey.mean, survey.summary.nonfinite), (2.0, 2));
+        let holes = StepSurvey::of(&[f32::NAN; 3]);
         assert!(holes.mean.is_nan() && holes.summary.range.is_none());
-        let wide = StepSurvey::of(Some([f32::MIN, f32::MAX]), &[f32::MAX; 1000]);
+        let wide = StepSurvey::of(&[f32::MAX; 1000]);
         assert_eq!(wide.mean, f64::from(f32::MAX));
     }
 

@@ -83,20 +83,21 @@ impl TransferEditor {
     }
 }
 
-/// How often which value occurs in the series, as bars; counts are seen as their logarithms, since most volumes are mostly
+/// Bars over the range that is shown.
+const BARS: u32 = 256;
+
+/// How often which value of the range occurs in the series, as bars; counts are seen as their logarithms, since most volumes are mostly
 /// surroundings.
 fn bars(axes: &Axes, session: &Session, range: &MappedRange, color: egui::Color32) -> Mesh {
     let mut mesh = Mesh::default();
-    let survey = session.survey();
-    let counts = survey.histogram.counts();
-    let most = counts.iter().copied().max().unwrap_or(0);
-    for (bin, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-        let Some([from, to]) = survey.histogram.bounds(bin) else { continue };
-        let x = |scalar: f64| egui::lerp(axes.rect.x_range(), range.position_of(scalar).clamp(0.0, 1.0) as f32);
-        let share = (1.0 + count as f64).ln() / (1.0 + most as f64).ln();
-        let top = axes.rect.bottom() - share as f32 * axes.rect.height();
-        let bar = Rect::from_min_max(pos2(x(from), top), pos2(x(to).max(x(from) + 0.5), axes.rect.bottom()));
-        mesh.add_colored_rect(bar, color);
+    let position = |bar: u32| f64::from(bar) / f64::from(BARS);
+    let scalars: Vec<f64> = (0..=BARS).map(|bar| range.scalar_at(position(bar))).collect();
+    let counts = session.survey().histogram.between(&scalars);
+    let most = counts.iter().copied().fold(0.0, f64::max);
+    for (bar, &count) in (0..BARS).zip(&counts).filter(|(_, count)| **count > 0.0) {
+        let x = |bar: u32| egui::lerp(axes.rect.x_range(), position(bar) as f32);
+        let top = axes.rect.bottom() - (count.ln_1p() / most.ln_1p()) as f32 * axes.rect.height();
+        mesh.add_colored_rect(Rect::from_min_max(pos2(x(bar), top), pos2(x(bar + 1), axes.rect.bottom())), color);
     }
     mesh
 }
