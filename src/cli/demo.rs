@@ -11,6 +11,7 @@ use crate::image::{self, PngDepth};
 use crate::ingest::IngestOptions;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
+use crate::ui::DEFAULT_TF;
 #[cfg(feature = "gui")]
 use crate::ui::window::{Start, WindowError};
 use anyhow::Context;
@@ -42,8 +43,6 @@ const SIZE: SizePx = SizePx(640, 420);
 const CAMERA: &str = "angle=20";
 const BACKGROUND_COLOR: [f32; 3] = [0.086, 0.094, 0.114];
 const BACKGROUND: Background = Background::Color(BACKGROUND_COLOR);
-/// The quiet surroundings are a faint blue haze, the outer jet is a veil, fronts and cores stand out.
-const TRANSFER_FUNCTION: &str = "cool-to-warm@0:0.008,0.04:0.004,0.15:0.02,0.4:0.05,0.6:0.15,0.8:0.65,1:0.95";
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let series = generate(&SynthSpec { cells: args.cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
@@ -56,7 +55,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 
     let scene_args = SceneArgs {
         field: None,
-        tf: TRANSFER_FUNCTION.into(),
+        tf: DEFAULT_TF.into(),
         range: Default::default(),
         opacity_kind: Default::default(),
         unit_distance: None,

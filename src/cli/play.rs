@@ -78,7 +78,9 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
 
 fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
     // What cannot work fails here, before there is a window.
-    TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf.display()))?;
+    if args.scene.tf != DEFAULT_TF {
+        TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf.display()))?;
+    }
     let start = match paths {
         [] if args.follow => bail!("--follow needs a store to follow"),
         [] => Start::Nothing,
@@ -156,7 +158,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
         let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);
         Ok(Dressed { look, camera_is_chosen, project: project.clone() })
     });
-    let is_default = scene.field.is_none() && scene.tf == DEFAULT_TF && scene.range == Default::default();
+    let is_default = scene.field.is_none() && scene.tf == DEFAULT_TF && scene.range.is_none();
     let restores = is_default && scene.camera.is_none() && playing.project.is_none();
     let opening =
         OpeningOptions { block_bytes: scene.block_memory.0, field: scene.field.clone(), ..Default::default() };

@@ -16,7 +16,7 @@ use crate::render::gpu::context::ContextOptions;
 use crate::store::Store;
 use crate::task::Cancel;
 use crate::transfer::{
-    ColorMap, ColorPoint, Lengths, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction,
+    ColorMap, ColorPoint, FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction,
     TransferSource,
 };
 use crate::ui::{DEFAULT_TF, Look, mapped_range};
@@ -32,12 +32,13 @@ pub(super) struct SceneArgs {
     /// Field to show: NAME, NAME:mag or NAME:0 (default: the first of the store)
     #[arg(long)]
     pub(super) field: Option<FieldSelector>,
-    /// Transfer function: MAP, MAP@POSITION:OPACITY,... or a file (docs/transfer-functions.md)
+    /// Transfer function: MAP, MAP@POSITION:OPACITY,..., a file, or auto, by the values of the series (docs/transfer-functions.md)
     #[arg(long, value_name = "TF", default_value = DEFAULT_TF)]
     pub(super) tf: OsString,
-    /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, log or log:LO,HI
-    #[arg(long, value_name = "RANGE", default_value = "series", allow_hyphen_values = true)]
-    pub(super) range: RangePolicy,
+    /// Scalars that the transfer function covers: series, step, LO,HI, symmetric, percentile[:P,Q], symmetric:P,Q, log or log:LO,HI
+    /// (default: series; by the values with --tf auto)
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true)]
+    pub(super) range: Option<RangePolicy>,
     /// Meaning of opacities: alpha (of a unit distance) or extinction (ParaView's unstructured mappers)
     #[arg(long, value_name = "KIND", default_value = "alpha")]
     pub(super) opacity_kind: OpacityKind,
@@ -216,13 +217,24 @@ impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     #[cfg(feature = "gui")]
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
-        self.look_with(TransferFunction::parse(&self.tf), series, size)
+        let first = self.first_look(series, &Cancel::new());
+        let (tf, range) = match first {
+            Some(first) => (Ok(first.tf), Some(first.range)),
+            None => (TransferFunction::parse(&self.tf), None),
+        };
+        self.look_with(tf, range, series, size)
     }
 
-    /// The same with the transfer function that the options name.
+    /// What the values of the series suggest, if no transfer function is named.
+    fn first_look(&self, series: &Series, cancel: &Cancel) -> Option<FirstLook> {
+        (self.tf == DEFAULT_TF).then(|| series.first_look(self.range, cancel))
+    }
+
+    /// The same with the transfer function that the options name, and this range if they name none.
     fn look_with(
         &self,
         tf: Result<TransferFunction, TransferError>,
+        range: Option<RangePolicy>,
         series: &Series,
         size: SizePx,
     ) -> anyhow::Result<Look> {
@@ -243,7 +255,7 @@ impl SceneArgs {
         };
         Ok(Look {
             camera,
-            range: self.range,
+            range: self.range.or(range).unwrap_or_default(),
             opacity_kind: self.opacity_kind,
             lengths: Lengths {
                 unit_distance: self.unit_distance.unwrap_or(look.lengths.unit_distance),
@@ -295,9 +307,15 @@ impl Scene {
         cancel: &Cancel,
     ) -> anyhow::Result<Self> {
         let mut pipeline = Pipeline::new(args.series(store)?);
-        let text = args.tf.clone();
-        let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
-        let look = args.look_with(tf, pipeline.series(), size)?;
+        let (tf, range, tf_text) = match args.first_look(pipeline.series(), cancel) {
+            Some(first) => (Ok(first.tf), Some(first.range), first.text),
+            None => {
+                let text = args.tf.clone();
+                let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
+                (tf, None, args.tf.to_string_lossy().into_owned())
+            }
+        };
+        let look = args.look_with(tf, range, pipeline.series(), size)?;
         #[cfg(feature = "gpu")]
         pipeline.choose_gpu(args.gpu());
         if let Err(problem) = pipeline.check_backend(args.backend) {
@@ -306,7 +324,7 @@ impl Scene {
         let mut scene = Self {
             pipeline,
             look,
-            tf_text: args.tf.to_string_lossy().into_owned(),
+            tf_text,
             size,
             #[cfg(feature = "gpu")]
             gpu: args.gpu(),
@@ -365,7 +383,7 @@ impl Scene {
 
     /// A table of the timeline, over the range of the series: what a legend shows.
     fn keep(&mut self, table: Arc<NodeTable>) -> Arc<NodeTable> {
-        let range = mapped_range(self.pipeline.field(), &RangePolicy::Series, 0.into()).ok();
+        let range = mapped_range(self.pipeline.series(), &RangePolicy::Series, 0.into()).ok();
         self.colors = Some(Colors { range, table: table.clone(), formula: None, of_project: true });
         table
     }
@@ -426,8 +444,8 @@ impl Scene {
     /// The table for a moment; made anew only if the range has changed.
     fn table(&mut self, time: FrameTime) -> anyhow::Result<(Arc<NodeTable>, Option<Arc<TransferSource>>)> {
         let field = self.pipeline.field();
-        let range =
-            mapped_range(field, &self.look.range, time).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
+        let range = mapped_range(self.pipeline.series(), &self.look.range, time)
+            .map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
         if let Some(last) = &self.colors
             && (last.range, last.of_project) == (Some(range), false)
         {

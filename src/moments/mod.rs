@@ -6,6 +6,7 @@
 //! counted; -0 counts as smaller than +0, so that a range has one answer whatever the order of the comparisons.
 
 mod bins;
+mod distribution;
 mod histogram;
 #[cfg(test)]
 mod histogram_tests;
@@ -14,6 +15,7 @@ mod spread;
 mod tests;
 
 pub use bins::{AxisScale, Bins};
+pub use distribution::Distribution;
 pub use histogram::{CountScale, Histogram1d, Histogram2d};
 pub use spread::{CovDenominator, VertexStatistics};
 

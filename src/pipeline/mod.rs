@@ -7,6 +7,7 @@
 
 mod apart;
 mod backend;
+mod distribution;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;

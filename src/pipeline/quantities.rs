@@ -4,7 +4,7 @@ use super::series::Series;
 use crate::error::FileResult;
 use crate::histograms::Histogram;
 use crate::mesh::Mesh;
-use crate::moments::CovDenominator;
+use crate::moments::{CovDenominator, Distribution};
 use crate::node_table::GridTable;
 use crate::render::GridScene;
 use crate::task::Cancel;
@@ -16,6 +16,8 @@ pub(super) struct Quantities {
     cov: OnceLock<Arc<Vec<f32>>>,
     /// Locked while they are counted: whoever asks meanwhile waits for them.
     histograms: Mutex<Option<Arc<[Histogram]>>>,
+    /// Likewise.
+    pub(super) distribution: Mutex<Option<Arc<Distribution>>>,
 }
 
 /// The magnitudes of the gradients of the scalars that were asked for last: a series that stands has the same in each frame.

@@ -3,14 +3,15 @@
 use super::{Project, ProjectError};
 use crate::camera::Camera;
 use crate::histograms::{Histogram, Kind};
+use crate::moments::Distribution;
 use crate::node_table::{GridTable, NodeTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{FrameTime, Series};
 use crate::task::Cancel;
 use crate::timeline::At;
 use crate::transfer::{
-    BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, OpacityKind, RangePolicy, Space, TransferContent,
-    TransferError, TransferSource, grid_table,
+    BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, Member, OpacityKind, RangePolicy, Space,
+    TransferContent, TransferError, TransferSource, grid_table,
 };
 use std::sync::Arc;
 
@@ -117,7 +118,12 @@ impl Animation {
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {
         let field = self.series.field();
         let (of_series, of_step) = moment.scalar_ranges(field);
-        let Some(shown) = self.shown(at, of_step) else { return Ok(None) };
+        let of_percentiles = |member: &Member| member.enabled && member.range.has_percentiles();
+        let values = match self.project.ensembles.iter().flat_map(|ensemble| &ensemble.members).any(of_percentiles) {
+            true => self.series.distribution(cancel)?,
+            false => None,
+        };
+        let Some(shown) = self.shown(at, of_step, values.as_deref()) else { return Ok(None) };
         if let Some((last, tables)) = &self.last
             && *last == shown
         {
@@ -172,7 +178,7 @@ impl Animation {
     }
 
     /// Which ensembles a moment shows; `None` if the project has none.
-    fn shown(&self, at: f64, of_step: (f64, f64)) -> Option<Shown> {
+    fn shown(&self, at: f64, of_step: (f64, f64), values: Option<&Distribution>) -> Option<Shown> {
         let project = &self.project;
         let named = |name: &String| project.ensemble(name);
         let (ensemble, toward) = match project.timeline.ensembles.at(at) {
@@ -180,8 +186,8 @@ impl Animation {
             Some(At::One(name)) => (named(name)?, None),
             Some(At::Between { a, b, weight }) => (named(a)?, Some((named(b)?, weight))),
         };
-        let toward = toward.map(|(ensemble, weight)| (self.with_maps(ensemble, at), weight));
-        let mut shown = Shown { ensemble: self.with_maps(ensemble, at), toward, step: None };
+        let toward = toward.map(|(ensemble, weight)| (self.with_maps(ensemble, at, values), weight));
+        let mut shown = Shown { ensemble: self.with_maps(ensemble, at, values), toward, step: None };
         let follows_step = |ensemble: &Ensemble| {
             ensemble.members.iter().any(|member| member.enabled && member.range == RangePolicy::Step)
         };
@@ -191,9 +197,12 @@ impl Animation {
         Some(shown)
     }
 
-    /// An ensemble with the range maps that its members have at a time.
-    fn with_maps(&self, ensemble: &Ensemble, at: f64) -> Ensemble {
+    /// An ensemble with the range maps that its members have at a time, and scalars in place of percentiles.
+    fn with_maps(&self, ensemble: &Ensemble, at: f64, values: Option<&Distribution>) -> Ensemble {
         let mut ensemble = ensemble.clone();
+        if let Some(values) = values {
+            ensemble.members.iter_mut().for_each(|member| member.range = member.range.settled(values));
+        }
         for track in self.project.timeline.maps.iter().filter(|track| track.ensemble == ensemble.name) {
             // A track without keys does not say.
             let Some(map) = track.keys.map(at) else { continue };

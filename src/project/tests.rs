@@ -331,6 +331,8 @@ fn every_range_of_a_member_that_the_manual_lists_is_read() {
         RangePolicy::Log,
         RangePolicy::Manual(-1.0, 2.5),
         RangePolicy::LogManual(0.1, 10.0),
+        RangePolicy::Percentile(1.0, 99.0),
+        RangePolicy::SymmetricPercentile(1.0, 99.0),
     ];
     assert_eq!(read, all);
 }

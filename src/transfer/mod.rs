@@ -11,6 +11,7 @@ mod color_space;
 mod curve;
 mod ensemble;
 mod file;
+mod first_look;
 mod formula;
 mod function;
 mod keyframes;
@@ -30,6 +31,7 @@ pub use curve::Curve;
 pub use ensemble::{
     Context, Counts2d, Ensemble, Evaluator, Function, Line, Member, Reduction, Sample, Space, grid_table,
 };
+pub use first_look::FirstLook;
 pub use formula::{BlendedEnsembles, Formula, TransferContent, TransferSource};
 pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};

@@ -1,13 +1,14 @@
 //! Which scalars the axis 0..1 of a transfer function covers.
 
 use super::TransferError;
+use crate::moments::Distribution;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
 /// Where the mapped range comes from.
 ///
-/// As text (`--range`): `series`, `step`, `LO,HI`, `symmetric`, `log` or `log:LO,HI`.
+/// As text (`--range`): `series`, `step`, `LO,HI`, `symmetric`, `percentile`, `percentile:P,Q`, `symmetric:P,Q`, `log` or `log:LO,HI`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RangePolicy {
@@ -20,6 +21,11 @@ pub enum RangePolicy {
     Manual(f64, f64),
     /// The series' range made symmetric about 0.
     Symmetric,
+    /// From one percentile of the series' volume to another, 0..=100: what few values lie beyond has the colours of the ends.
+    Percentile(f64, f64),
+    /// Symmetric about 0, out to the farther one of two such percentiles.
+    #[serde(rename = "symmetric-percentile")]
+    SymmetricPercentile(f64, f64),
     /// The positive part of the series' range, log-spaced.
     Log,
     /// These two scalars, log-spaced.
@@ -116,8 +122,38 @@ impl RangePolicy {
                 let reach = lo.abs().max(hi.abs());
                 linear((-reach, reach))
             }
+            Self::Percentile(..) | Self::SymmetricPercentile(..) => {
+                let problem = "percentiles need the values of the series; give the range as LO,HI";
+                Err(TransferError::BadRange { lo: series.0, hi: series.1, problem })
+            }
             Self::Log => log_spaced(series),
             Self::LogManual(lo, hi) => MappedRange::new(lo, hi, true),
+        }
+    }
+
+    /// The 1st and the 99th percentile.
+    pub const PERCENTILES: (f64, f64) = (1.0, 99.0);
+
+    /// Whether [`Self::settled`] is needed before [`Self::resolve`].
+    pub fn has_percentiles(&self) -> bool {
+        matches!(self, Self::Percentile(..) | Self::SymmetricPercentile(..))
+    }
+
+    /// The policy with scalars in place of percentiles. Where both percentiles are the same scalar, or there is none, all of the series
+    /// is covered.
+    #[must_use]
+    pub fn settled(&self, values: &Distribution) -> Self {
+        let (Self::Percentile(from, to) | Self::SymmetricPercentile(from, to)) = *self else { return *self };
+        let is_symmetric = matches!(self, Self::SymmetricPercentile(..));
+        let ends = [from, to].map(|percent| values.value_at(percent / 100.0).map(f64::from));
+        match ends {
+            [Some(lo), Some(hi)] if is_symmetric && (lo, hi) != (0.0, 0.0) => {
+                let reach = lo.abs().max(hi.abs());
+                Self::Manual(-reach, reach)
+            }
+            [Some(lo), Some(hi)] if !is_symmetric && lo < hi => Self::Manual(lo, hi),
+            _ if is_symmetric => Self::Symmetric,
+            _ => Self::Series,
         }
     }
 }
@@ -156,9 +192,9 @@ impl FromStr for RangePolicy {
     type Err = TransferError;
 
     fn from_str(text: &str) -> Result<Self, TransferError> {
-        let manual = |pair: &str| -> Result<(f64, f64), TransferError> {
-            let bad = |problem: &str| TransferError::BadText { part: text.to_owned(), problem: problem.to_owned() };
-            let known = "is no range; known are series, step, LO,HI, symmetric, log and log:LO,HI";
+        let bad = |problem: &str| TransferError::BadText { part: text.to_owned(), problem: problem.to_owned() };
+        let two = |pair: &str| -> Result<(f64, f64), TransferError> {
+            let known = "is no range; known are series, step, LO,HI, symmetric, percentile, percentile:P,Q, symmetric:P,Q, log and log:LO,HI";
             let (lo, hi) = pair.split_once(',').ok_or_else(|| bad(known))?;
             let number = |part: &str| {
                 let problem = format!("is no number in the range '{text}'");
@@ -167,15 +203,27 @@ impl FromStr for RangePolicy {
             };
             Ok((number(lo)?, number(hi)?))
         };
-        let policy = match text {
-            "series" => Self::Series,
-            "step" => Self::Step,
-            "symmetric" => Self::Symmetric,
-            "log" => Self::Log,
-            _ => match text.strip_prefix("log:") {
-                Some(pair) => manual(pair).map(|(lo, hi)| Self::LogManual(lo, hi))?,
-                None => manual(text).map(|(lo, hi)| Self::Manual(lo, hi))?,
-            },
+        let percentiles = |pair: &str| {
+            let (from, to) = two(pair)?;
+            let is_usable = 0.0 <= from && from < to && to <= 100.0;
+            if is_usable {
+                Ok((from, to))
+            } else {
+                Err(bad("percentiles are two numbers from 0 to 100, the lower one first"))
+            }
+        };
+        let policy = match (text, text.split_once(':')) {
+            ("series", _) => Self::Series,
+            ("step", _) => Self::Step,
+            ("symmetric", _) => Self::Symmetric,
+            ("percentile", _) => Self::Percentile(Self::PERCENTILES.0, Self::PERCENTILES.1),
+            ("log", _) => Self::Log,
+            (_, Some(("log", pair))) => two(pair).map(|(lo, hi)| Self::LogManual(lo, hi))?,
+            (_, Some(("percentile", pair))) => percentiles(pair).map(|(from, to)| Self::Percentile(from, to))?,
+            (_, Some(("symmetric", pair))) => {
+                percentiles(pair).map(|(from, to)| Self::SymmetricPercentile(from, to))?
+            }
+            _ => two(text).map(|(lo, hi)| Self::Manual(lo, hi))?,
         };
         if let Self::Manual(lo, hi) | Self::LogManual(lo, hi) = policy {
             MappedRange::new(lo, hi, matches!(policy, Self::LogManual(..)))?;
@@ -192,6 +240,9 @@ impl fmt::Display for RangePolicy {
             Self::Step => f.write_str("step"),
             Self::Manual(lo, hi) => write!(f, "{lo:?},{hi:?}"),
             Self::Symmetric => f.write_str("symmetric"),
+            Self::Percentile(from, to) if (*from, *to) == Self::PERCENTILES => f.write_str("percentile"),
+            Self::Percentile(from, to) => write!(f, "percentile:{from:?},{to:?}"),
+            Self::SymmetricPercentile(from, to) => write!(f, "symmetric:{from:?},{to:?}"),
             Self::Log => f.write_str("log"),
             Self::LogManual(lo, hi) => write!(f, "log:{lo:?},{hi:?}"),
         }
@@ -230,6 +281,9 @@ mod tests {
             RangePolicy::Step,
             RangePolicy::Manual(-3e38, 1e-45),
             RangePolicy::Symmetric,
+            RangePolicy::Percentile(1.0, 99.0),
+            RangePolicy::Percentile(0.0, 99.5),
+            RangePolicy::SymmetricPercentile(1.0, 99.0),
             RangePolicy::Log,
             RangePolicy::LogManual(1e-40, 1e-39),
         ] {
@@ -239,14 +293,43 @@ mod tests {
 
     #[test]
     fn bad_text_is_named() {
-        for (text, named) in [("auto", "'auto'"), ("1,x", "'x'"), ("log:a,2", "'a'"), ("", "''"), ("log:5", "'log:5'")]
-        {
+        for (text, named) in [
+            ("auto", "'auto'"),
+            ("1,x", "'x'"),
+            ("log:a,2", "'a'"),
+            ("", "''"),
+            ("log:5", "'log:5'"),
+            ("percentile:5,1", "'percentile:5,1'"),
+            ("percentile:-1,5", "lower one first"),
+            ("symmetric:1,101", "0 to 100"),
+            ("percentile:a,2", "'a'"),
+            ("decade:1,2", "'decade:1'"),
+        ] {
             let error = text.parse::<RangePolicy>().unwrap_err().to_string();
             assert!(error.contains(named), "{text}: {error}");
         }
         for text in ["2,1", "1,1", "nan,1", "0,inf", "log:0,1", "log:-1,1", "-1.7e308,1.7e308"] {
             assert!(matches!(text.parse::<RangePolicy>(), Err(TransferError::BadRange { .. })), "{text}");
         }
+    }
+
+    #[test]
+    fn percentiles_become_scalars_and_all_of_the_series_where_they_are_one() {
+        let even = Distribution::new((0..=1000).map(|i| (i as f32 - 300.0, 1.0)));
+        let settled = |policy: &str, values: &Distribution| policy.parse::<RangePolicy>().unwrap().settled(values);
+        assert_eq!(settled("percentile", &even), RangePolicy::Manual(-290.0, 690.0));
+        assert_eq!(settled("percentile:10,50", &even), RangePolicy::Manual(-200.0, 200.0));
+        assert_eq!(settled("symmetric:1,99", &even), RangePolicy::Manual(-690.0, 690.0));
+        assert_eq!(settled("step", &even), RangePolicy::Step);
+        // All but a thousandth of the volume has one value; or there is no value.
+        let same = Distribution::new([(0.0, 999.0), (5.0, 1.0)]);
+        for values in [same, Distribution::default()] {
+            assert_eq!(settled("percentile", &values), RangePolicy::Series);
+            assert_eq!(settled("symmetric:1,99", &values), RangePolicy::Symmetric);
+        }
+        let unsettled = RangePolicy::Percentile(1.0, 99.0);
+        assert!(unsettled.has_percentiles() && !RangePolicy::Series.has_percentiles());
+        assert!(unsettled.resolve(SERIES, STEP).unwrap_err().to_string().contains("LO,HI"));
     }
 
     #[test]

@@ -6,6 +6,8 @@ use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOption
 use crate::field::FieldSelector;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::store::Store;
+use crate::task::Cancel;
+use crate::transfer::FirstLook;
 use crossbeam::channel::{Receiver, Sender, unbounded};
 use std::fs::OpenOptions;
 use std::io::ErrorKind;
@@ -17,8 +19,8 @@ use std::sync::Arc;
 pub(super) enum Done {
     /// An image is there.
     Screenshot(FileResult<PathBuf>),
-    /// A field is open.
-    Series(FileResult<Arc<Series>>),
+    /// A field is open, and how the one before it and this one are shown at first.
+    Series(FileResult<(Arc<Series>, Box<[FirstLook; 2]>)>),
     /// It was not done, through a fault of this program or for want of a thread.
     Failed(String),
 }
@@ -44,7 +46,14 @@ impl Jobs {
     /// Opens another field of the series' store.
     pub(super) fn open(&self, store: &Arc<Store>, series: &Arc<Series>, field: FieldSelector) {
         let (store, series) = (store.clone(), series.clone());
-        self.run(move || Done::Series(series.reopened(&store, Some(&field)).map(Arc::new)));
+        self.run(move || {
+            let opened = || {
+                let other = Arc::new(series.reopened(&store, Some(&field))?);
+                let looks = [&series, &other].map(|series| series.first_look(None, &Cancel::new()));
+                Ok((other, Box::new(looks)))
+            };
+            Done::Series(opened())
+        });
     }
 
     /// Writes an image into a folder.

@@ -6,16 +6,16 @@ use crate::node_table::{Node, NodeTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::project::{Moment, Project};
-use crate::store::StoredField;
+use crate::task::Cancel;
 use crate::transfer::{
-    Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction, TransferSource,
-    build_node_table,
+    FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
+    TransferSource, build_node_table,
 };
 use crate::visibility::Skip;
 use std::sync::Arc;
 
-/// The transfer function of those who do not choose one.
-pub const DEFAULT_TF: &str = "viridis";
+/// The transfer function of those who do not choose one: that of [`FirstLook`].
+pub const DEFAULT_TF: &str = "auto";
 
 /// All that frames of a field have in common.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,10 +47,10 @@ pub struct Look {
 /// The scalars that a transfer function covers at a moment of a field ([`FrameTime::scalar_ranges`]).
 ///
 /// # Errors
-/// As [`RangePolicy::resolve`].
-pub fn mapped_range(field: &StoredField, policy: &RangePolicy, time: FrameTime) -> Result<MappedRange, TransferError> {
-    let (series, step) = time.scalar_ranges(field);
-    policy.resolve(series, step)
+/// As [`RangePolicy::resolve`], and if percentiles are asked for and a step cannot be read.
+pub fn mapped_range(series: &Series, policy: &RangePolicy, time: FrameTime) -> Result<MappedRange, TransferError> {
+    let (all, step) = time.scalar_ranges(series.field());
+    series.settled(policy)?.resolve(all, step)
 }
 
 impl Look {
@@ -65,6 +65,20 @@ impl Look {
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
         Ok(Self { camera, tf, range, opacity_kind, lengths, mode, faces, backend, optics, skip, followed })
+    }
+
+    /// The same with colours, opacities and range that suit the values of the series.
+    ///
+    /// # Errors
+    /// If the mesh has no extent that a camera can frame.
+    pub fn first_for(series: &Series, cancel: &Cancel) -> Result<Self, CameraError> {
+        let FirstLook { tf, range, .. } = series.first_look(None, cancel);
+        Ok(Self { range, ..Self::default_for(series, tf)? })
+    }
+
+    /// Whether colours, opacities and range are those.
+    pub(super) fn is_first(&self, first: &FirstLook) -> bool {
+        (self.range, &self.tf) == (first.range, &first.tf)
     }
 
     /// What the table over a range is made from.
@@ -142,7 +156,7 @@ impl Requests {
         let made = said.and_then(|said| {
             let colors = match &said.table {
                 Some(table) => (table.clone(), said.formula.clone()),
-                None => self.colors(look, series.field(), time).map_err(|error| error.to_string())?,
+                None => self.colors(look, series, time).map_err(|error| error.to_string())?,
             };
             Ok((said, colors))
         });
@@ -160,8 +174,8 @@ impl Requests {
         Some(FrameRequest { mode, faces, optics, backend, for_window, skip, grid: said.grid, formula, ..request })
     }
 
-    fn colors(&mut self, look: &Look, field: &StoredField, time: FrameTime) -> Result<Colors, TransferError> {
-        let range = mapped_range(field, &look.range, time)?;
+    fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {
+        let range = mapped_range(series, &look.range, time)?;
         let is_for = |of: &Look| of.tf == look.tf && of.opacity_kind == look.opacity_kind && of.lengths == look.lengths;
         if !self.tables_of.as_ref().is_some_and(is_for) {
             self.tables.clear();

@@ -272,6 +272,8 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
     shared.stage(format!("reading the mesh of {name}"), STEPS_SHARE[1]);
     let blocks = Arc::new(BlockCache::new(options.block_bytes));
     let series = Series::open_with(&store, options.field.as_ref(), blocks)?;
+    // What the window asks for first must not let it wait. Steps that cannot be read are named when they are shown.
+    let _ = series.distribution(cancel);
     cancelled(cancel)?;
     let path = match paths {
         [path] => path,

@@ -309,14 +309,14 @@ impl Session {
     /// The scalars that the colours of what is on the screen (or else will be) cover; `None` if there are none.
     pub fn shown_range(&self) -> Option<MappedRange> {
         let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
-        mapped_range(self.series().field(), &self.look.range, time).ok()
+        mapped_range(self.series(), &self.look.range, time).ok()
     }
 
     /// The scalars that a legend covers, and their colours by positions 0..=1.
     pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
         // Members of ensembles have ranges of their own.
         let table = self.shown.as_ref().filter(|_| self.shows_ensembles()).map(|shown| &shown.request.table);
-        let series = || mapped_range(self.series().field(), &RangePolicy::Series, 0.into()).ok();
+        let series = || mapped_range(self.series(), &RangePolicy::Series, 0.into()).ok();
         let range = if table.is_some() { series() } else { self.shown_range() }?;
         let colors = move |position| match table {
             Some(table) => table.eval(range.scalar_at(position)).rgb,

@@ -5,6 +5,7 @@ mod accuracy;
 mod cli;
 mod common;
 mod exr;
+mod first_look;
 mod floors;
 mod fuzz;
 mod gate;

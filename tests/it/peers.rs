@@ -186,10 +186,10 @@ mod ranges_that_widen {
         let bounds = pipeline.mesh().positions.world_bounds();
         let camera = Camera::default_for(bounds).unwrap();
         let tf = TransferFunction::parse("turbo@0:0,0.3:0.02,0.4:0.6,0.5:0.05,1:0.4").unwrap();
-        let (field, policy) = (pipeline.field().clone(), *policy);
+        let (series, policy) = (pipeline.series().clone(), *policy);
         let unit = 0.05 * (bounds.1 - bounds.0).length();
         move |time| {
-            let range = mapped_range(&field, &policy, time).unwrap();
+            let range = mapped_range(&series, &policy, time).unwrap();
             let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
             FrameRequest { mode, optics, ..FrameRequest::new(time, camera, Arc::new(table), (32, 24)) }
         }

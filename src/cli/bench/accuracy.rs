@@ -129,14 +129,14 @@ fn truth_of(all: &[Opened], at: usize) -> usize {
 /// The scenes of a series, seen by the judge.
 fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::Result<Judged> {
     let scene = &mut opened.scene;
-    let (look, field, steps) = (&scene.look, scene.pipeline.field(), scene.pipeline.times().len());
+    let (look, series, steps) = (&scene.look, scene.pipeline.series(), scene.pipeline.times().len());
     let is_given = args.scene.tf != DEFAULT_TF;
     let table = |name: &str, step: usize| -> anyhow::Result<_> {
         // A path in it may be no Unicode.
         let text = if is_given { args.scene.tf.as_os_str() } else { OsStr::new(name) };
         let tf = TransferFunction::parse(text).with_context(|| format!("--tf '{}'", text.display()))?;
-        let range =
-            mapped_range(field, &look.range, step.into()).map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
+        let range = mapped_range(series, &look.range, step.into())
+            .map_err(|e| anyhow::anyhow!("field {}: {e}", series.field().name))?;
         let look = Look { tf, ..look.clone() };
         Ok((Arc::new(look.table(&range)?), Arc::new(look.source(&range))))
     };

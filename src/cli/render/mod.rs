@@ -19,9 +19,11 @@ use crate::image::{ExrColor, PngDepth};
 use crate::import;
 use crate::pipeline::RenderMode;
 use crate::project::Project;
+use crate::short::Short;
 use crate::stats::FrameStats;
 use crate::store::is_store;
 use crate::task::Progress;
+use crate::transfer::RangePolicy;
 use anyhow::{Context, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use job::Job;
@@ -249,6 +251,9 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     terminal.end();
     let checksums = checked?;
     terminal.detail(&format!("camera: {}", scene.look.camera));
+    if project.is_none() {
+        say_look(args, &scene, terminal)?;
+    }
     let annotator = annotator(args, output, &scene);
     let (sink, fingerprints) = match ffmpeg {
         Some(ffmpeg) => {
@@ -275,6 +280,21 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     trace.map(Trace::end).transpose()?;
     terminal.say(&summary(output, &records));
     Ok(Outcome::Done)
+}
+
+/// Says what was chosen for the user, aloud if colours do not cover all values.
+fn say_look(args: &Args, scene: &Scene, terminal: &Terminal) -> anyhow::Result<()> {
+    let range = scene.look.range;
+    terminal.detail(&format!("--tf {} --range {range}", scene.transfer_function()));
+    if args.scene.range.is_none()
+        && let RangePolicy::Manual(lo, hi) = scene.pipeline.series().settled(&range)?
+    {
+        let all = if matches!(range, RangePolicy::Percentile(..)) { "series" } else { "symmetric" };
+        // Percentiles are values as they are stored.
+        let (lo, hi) = (Short(lo as f32), Short(hi as f32));
+        terminal.say(&format!("colours cover the 1st to 99th percentile, {lo} to {hi}; all values with --range {all}"));
+    }
+    Ok(())
 }
 
 /// What is drawn over the frames.
@@ -305,7 +325,7 @@ fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
     let name = dataset_name(&args.store);
     let field = scene.pipeline.field();
     let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
-    let (tf, range) = (scene.transfer_function(), &args.scene.range);
+    let (tf, range) = (scene.transfer_function(), scene.look.range);
     let size = args.image.size;
     let comment = match project {
         Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, dataset_name(project)),

@@ -132,7 +132,12 @@ impl Session {
                 Done::Series(series) => {
                     self.opens_field = false;
                     match series {
-                        Ok(series) => {
+                        Ok((series, looks)) => {
+                            let [before, first] = *looks;
+                            // Whoever has chosen colours keeps them.
+                            if self.look.is_first(&before) {
+                                (self.look.tf, self.look.range) = (first.tf, first.range);
+                            }
                             self.player.set_series(series);
                             // A picture of another field would pass for one of this.
                             self.shown = None;

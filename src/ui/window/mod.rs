@@ -26,14 +26,13 @@ use super::following::Follower;
 use super::notice::{self, Notice, NoticeKind};
 use super::opening::{Opened, Opening, OpeningEnd, OpeningOptions};
 use super::settings::SettingsFile;
-use super::{Action, DEFAULT_TF, Look, Session, SessionOptions, SettingsKeeper};
-use crate::camera::CameraError;
+use super::{Action, Look, Session, SessionOptions, SettingsKeeper};
 use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
 use crate::playback::{Clock, Command, Loop, Player};
 use crate::project::Project;
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
-use crate::transfer::TransferFunction;
+use crate::task::Cancel;
 use blit::Backdrop;
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
@@ -139,9 +138,7 @@ pub struct PlayerWindow {
 
 /// A series as it looks when nobody has said anything.
 fn plain(series: &Series) -> Result<Dressed, String> {
-    let tf = TransferFunction::parse(DEFAULT_TF).map_err(|error| error.to_string())?;
-    let look = Look::default_for(series, tf).map_err(|error: CameraError| error.to_string())?;
-    Ok(look.into())
+    Ok(Look::first_for(series, &Cancel::new()).map_err(|error| error.to_string())?.into())
 }
 
 impl PlayerWindow {

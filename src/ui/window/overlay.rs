@@ -90,7 +90,8 @@ pub(super) struct Overlays {
 
 impl Default for Overlays {
     fn default() -> Self {
-        Self { axes: true, bounding_box: false, legend: true }
+        // Of what is mostly transparent nothing else says where it ends.
+        Self { axes: true, bounding_box: true, legend: true }
     }
 }
 

@@ -31,6 +31,8 @@ enum RangeKind {
     Step,
     Fixed,
     Symmetric,
+    Percentile,
+    SymmetricPercentile,
     Log,
     FixedLog,
 }
@@ -141,6 +143,8 @@ fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions:
         RangePolicy::Step => RangeKind::Step,
         RangePolicy::Manual(..) => RangeKind::Fixed,
         RangePolicy::Symmetric => RangeKind::Symmetric,
+        RangePolicy::Percentile(..) => RangeKind::Percentile,
+        RangePolicy::SymmetricPercentile(..) => RangeKind::SymmetricPercentile,
         RangePolicy::Log => RangeKind::Log,
         RangePolicy::LogManual(..) => RangeKind::FixedLog,
     };
@@ -149,6 +153,8 @@ fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions:
         (RangeKind::Step, "range of each step"),
         (RangeKind::Fixed, "fixed range"),
         (RangeKind::Symmetric, "symmetric about 0"),
+        (RangeKind::Percentile, "1st to 99th percentile"),
+        (RangeKind::SymmetricPercentile, "percentiles, symmetric"),
     ];
     // A logarithm needs positive values.
     if session.series().field().range.is_some_and(|[_, hi]| hi > 0.0) {
@@ -158,15 +164,28 @@ fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions:
         kinds.push((RangeKind::FixedLog, "fixed, logarithmic"));
     }
     let (lo, hi) = (range.lo(), range.hi());
+    let percentiles = match policy {
+        RangePolicy::Percentile(from, to) | RangePolicy::SymmetricPercentile(from, to) => (from, to),
+        _ => RangePolicy::PERCENTILES,
+    };
     if choice(ui, "Range of the colours", &mut kind, &kinds) {
         actions.push(Action::Range(match kind {
             RangeKind::Series => RangePolicy::Series,
             RangeKind::Step => RangePolicy::Step,
             RangeKind::Fixed => RangePolicy::Manual(lo, hi),
             RangeKind::Symmetric => RangePolicy::Symmetric,
+            RangeKind::Percentile => RangePolicy::Percentile(percentiles.0, percentiles.1),
+            RangeKind::SymmetricPercentile => RangePolicy::SymmetricPercentile(percentiles.0, percentiles.1),
             RangeKind::Log => RangePolicy::Log,
             RangeKind::FixedLog => RangePolicy::LogManual(lo, hi),
         }));
+    }
+    if policy.has_percentiles() {
+        let all = if kind == RangeKind::Percentile { RangePolicy::Series } else { RangePolicy::Symmetric };
+        let hint = "A few values lie beyond the colours and have those of the ends";
+        if ui.button("All values").on_hover_text(hint).clicked() {
+            actions.push(Action::Range(all));
+        }
     }
     let (mut from, mut to) = (lo, hi);
     ui.horizontal(|ui| {

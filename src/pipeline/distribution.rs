@@ -1,0 +1,137 @@
+//! Which part of a series' volume has which values, from some of its steps.
+
+use super::series::Series;
+use crate::error::FileResult;
+use crate::mesh::Mesh;
+use crate::moments::Distribution;
+use crate::task::Cancel;
+use crate::transfer::{FirstLook, Lengths, RangePolicy};
+use std::sync::{Arc, PoisonError};
+
+/// Steps that are looked at, evenly over the series, the first and the last among them.
+const STEPS: usize = 5;
+
+/// Vertices of a step that are looked at: in so many, a part of one in a hundred is known to a twentieth of it.
+const VERTICES: usize = 1 << 16;
+
+impl Series {
+    /// Which part of the volume has which values, over five steps of the series and 65,536 vertices of each at most, the same ones
+    /// whenever it is asked for. A vertex has a quarter of each of its cells. `None` if `cancel` was raised.
+    ///
+    /// # Errors
+    /// If none of these steps can be decoded.
+    pub fn distribution(&self, cancel: &Cancel) -> FileResult<Option<Arc<Distribution>>> {
+        let mut known = self.quantities.distribution.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.is_none() {
+            let volumes = vertex_volumes(&self.mesh);
+            let chosen: Vec<usize> = evenly(volumes.len(), VERTICES).collect();
+            let (mut values, mut samples) = (vec![0.0; volumes.len()], Vec::new());
+            let mut problem = None;
+            for step in evenly(self.times.len(), STEPS) {
+                match self.decode_step(step, &mut values, cancel) {
+                    Ok(true) => samples.extend(chosen.iter().map(|&vertex| (values[vertex], volumes[vertex]))),
+                    Ok(false) => return Ok(None),
+                    Err(error) => problem = Some(error),
+                }
+            }
+            // A step that cannot be read is the problem of those who want to see it.
+            if let Some(error) = problem.filter(|_| samples.is_empty()) {
+                return Err(error);
+            }
+            *known = Some(Arc::new(Distribution::new(samples)));
+        }
+        Ok(known.clone())
+    }
+
+    /// How the series is shown before anybody has said anything, or has said no more than a range. Mean chords are those of the box of the
+    /// mesh, 4 V / S of a convex body (Cauchy), of which the mesh fills a part. Steps that cannot be read are named when they are shown.
+    pub fn first_look(&self, range: Option<RangePolicy>, cancel: &Cancel) -> FirstLook {
+        let values = self.distribution(cancel).ok().flatten().unwrap_or_default();
+        let ends = self.field.range.map_or((f64::NAN, f64::NAN), |[lo, hi]| (f64::from(lo), f64::from(hi)));
+        let (lo, hi) = self.mesh.positions.world_bounds();
+        // In local units, so that no product overflows.
+        let side = (hi - lo) / self.mesh.positions.scale;
+        let surface = 2.0 * (side.x * side.y + side.y * side.z + side.z * side.x);
+        let chord = 4.0 * self.mesh.total_volume() / surface / Lengths::of_diagonal(side.length()).unit_distance;
+        FirstLook::new(ends, &values, chord, range)
+    }
+
+    /// A range policy with scalars in place of percentiles ([`RangePolicy::settled`]); any other one as it is.
+    ///
+    /// # Errors
+    /// As [`Self::distribution`].
+    pub fn settled(&self, policy: &RangePolicy) -> FileResult<RangePolicy> {
+        if !policy.has_percentiles() {
+            return Ok(*policy);
+        }
+        let values = self.distribution(&Cancel::new())?;
+        Ok(policy.settled(&values.unwrap_or_default()))
+    }
+}
+
+/// So many of the numbers below `count` at most, with both ends.
+fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
+    let chosen = count.min(most);
+    (0..chosen).map(move |i| if chosen < 2 { 0 } else { i * (count - 1) / (chosen - 1) })
+}
+
+/// A quarter of the volume of each cell around a vertex, in local units.
+fn vertex_volumes(mesh: &Mesh) -> Vec<f64> {
+    let mut volumes = vec![0.0; mesh.positions.local.len()];
+    for (cell, tet) in mesh.topology.tets.iter().enumerate() {
+        let volume = 0.25 * mesh.cell_volume(cell as u32);
+        tet.iter().for_each(|&vertex| volumes[vertex as usize] += volume);
+    }
+    volumes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::test_series::{jet, logged};
+
+    #[test]
+    fn it_is_that_of_all_values_of_a_short_series_of_few_vertices() {
+        let series = jet();
+        let volumes = vertex_volumes(series.mesh());
+        let total: f64 = volumes.iter().sum();
+        assert!((total / series.mesh().total_volume() - 1.0).abs() < 1e-12);
+        let mut samples = Vec::new();
+        for step in 0..series.times().len() {
+            let mut values = vec![0.0; volumes.len()];
+            assert!(series.decode_step(step, &mut values, &Cancel::new()).unwrap());
+            samples.extend(values.into_iter().zip(volumes.iter().copied()));
+        }
+        assert_eq!(*series.distribution(&Cancel::new()).unwrap().unwrap(), Distribution::new(samples));
+    }
+
+    #[test]
+    fn of_a_long_series_a_few_steps_are_decoded_once() {
+        let (series, log) = logged(1000);
+        let first = series.distribution(&Cancel::new()).unwrap().unwrap();
+        assert_eq!(log.decoded(), [0, 249, 499, 749, 999]);
+        let again = series.apart(0).distribution(&Cancel::new()).unwrap().unwrap();
+        assert!(Arc::ptr_eq(&first, &again));
+        assert_eq!(log.decoded().len(), 5);
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_an_error_and_cancelling_ends_it() {
+        let (series, log) = logged(9);
+        let cancelled = Cancel::new();
+        cancelled.cancel();
+        assert!(series.distribution(&cancelled).unwrap().is_none());
+        log.fail_at(4);
+        assert!(!series.distribution(&Cancel::new()).unwrap().unwrap().is_empty(), "there are other steps");
+        let (series, log) = logged(1);
+        log.fail_at(0);
+        assert!(series.distribution(&Cancel::new()).unwrap_err().to_string().contains("damaged"));
+    }
+
+    #[test]
+    fn numbers_are_spread_with_both_ends() {
+        assert_eq!(evenly(9, 5).collect::<Vec<_>>(), [0, 2, 4, 6, 8]);
+        assert_eq!(evenly(3, 5).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!([evenly(1, 5).count(), evenly(0, 5).count()], [1, 0]);
+    }
+}
