@@ -2,7 +2,7 @@
 
 use super::canvas::{Ink, RectPx, fill};
 use super::text::{self, CAPITAL_HEIGHT_EM};
-use super::ticks::{Ticks, power_of_ten, ticks};
+use super::ticks::{Ticks, ticks};
 use super::{Label, Sizes};
 use crate::image::RgbaImage;
 use crate::transfer::{ColorMap, MappedRange};
@@ -37,7 +37,7 @@ impl Legend {
             return None;
         }
         let title = text::shorten(title, size_px, width_max).unwrap_or_default();
-        let factor = factor_text(&found);
+        let factor = found.factor();
         let width =
             [&title, &factor].map(|line| text::width_px(line, size_px)).iter().fold(column_width, |a, b| a.max(*b));
         let left = (sizes.width_px - sizes.margin_px - width).floor();
@@ -106,9 +106,4 @@ impl Legend {
         }
         self.labels.iter().for_each(|label| label.draw(image, ink, sizes));
     }
-}
-
-/// The line that says what all numbers are to be multiplied by; empty if it is one.
-fn factor_text(found: &Ticks) -> String {
-    if found.factor_exponent == 0 { String::new() } else { format!("× {}", power_of_ten(found.factor_exponent)) }
 }

@@ -13,7 +13,7 @@
 mod canvas;
 mod legend;
 mod text;
-mod ticks;
+pub(crate) mod ticks;
 mod time;
 
 use crate::image::RgbaImage;

@@ -9,20 +9,27 @@ use crate::transfer::MappedRange;
 
 /// A labelled place.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tick {
+pub(crate) struct Tick {
     /// Within the range.
-    pub(super) scalar: f64,
+    pub(crate) scalar: f64,
     /// As shown, to be multiplied by the factor of [`Ticks`].
-    pub(super) label: String,
+    pub(crate) label: String,
 }
 
 /// The ticks of a range.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ticks {
+pub(crate) struct Ticks {
     /// Strictly increasing.
-    pub(super) ticks: Vec<Tick>,
+    pub(crate) ticks: Vec<Tick>,
     /// Exponent of the power of ten that all labels are to be multiplied by: 0, or a multiple of three.
     pub(super) factor_exponent: i32,
+}
+
+impl Ticks {
+    /// What all numbers are to be multiplied by, in words; empty if it is one.
+    pub(crate) fn factor(&self) -> String {
+        if self.factor_exponent == 0 { String::new() } else { format!("× {}", power_of_ten(self.factor_exponent)) }
+    }
 }
 
 /// Fewest and most ticks.
@@ -42,7 +49,7 @@ const PLAIN_EXPONENTS: std::ops::RangeInclusive<i32> = -2..=4;
 ///
 /// Log-spaced ranges get powers of ten (every second, third... of them if they are many), those with fewer than three of
 /// them 1, 2 and 5 times powers of ten, and those with fewer than three of these the ticks of a linear range.
-pub(super) fn ticks(range: &MappedRange) -> Ticks {
+pub(crate) fn ticks(range: &MappedRange) -> Ticks {
     let powers = if range.is_log() { log_ticks(range) } else { None };
     powers.or_else(|| linear_ticks(range)).unwrap_or_else(|| {
         let end = |scalar: f64| Tick { scalar, label: format!("{scalar:e}").replace('-', "−") };

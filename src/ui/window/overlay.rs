@@ -2,15 +2,17 @@
 
 use super::screen::Painted;
 use super::{axes, widgets};
+use crate::export::annotate::ticks::ticks;
 use crate::pipeline::FrameTime;
 use crate::store::StoredField;
 use crate::transfer::MappedRange;
 use crate::ui::{Session, shortfall};
 use eframe::egui;
-use egui::{Align2, Color32, FontId, Mesh, Pos2, Rect, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
 
 const MARGIN: f32 = 12.0;
 const TEXT: f32 = 14.0;
+const LINE: f32 = 1.3 * TEXT;
 /// Width of the colour bar, and its height as a share of the picture's.
 const BAR: (f32, f32) = (16.0, 0.5);
 /// A legend needs so much room; in smaller pictures there is none.
@@ -109,7 +111,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     let field = session.series().field();
     let inner = rect.shrink(MARGIN);
     write(inner.left_top(), Align2::LEFT_TOP, &shortened(&title(field), NAME.0));
-    write(inner.left_top() + vec2(0.0, 1.3 * TEXT), Align2::LEFT_TOP, &quality(field));
+    write(inner.left_top() + vec2(0.0, LINE), Align2::LEFT_TOP, &quality(field));
     let camera = &session.camera();
     if overlays.bounding_box {
         axes::bounding_box(&painter, rect, camera, session.series().mesh().positions.world_bounds(), ink);
@@ -128,7 +130,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
         None => write(rect.center(), Align2::CENTER_CENTER, "no picture of this step"),
     }
     if let Some(shortfall) = shortfall(&session.state()) {
-        write(inner.left_bottom() - vec2(0.0, 1.3 * TEXT), Align2::LEFT_BOTTOM, &shortfall);
+        write(inner.left_bottom() - vec2(0.0, LINE), Align2::LEFT_BOTTOM, &shortfall);
     }
     let has_room = rect.width() >= LEGEND_ROOM.0 && rect.height() >= LEGEND_ROOM.1;
     if let Some((range, color)) = session.legend().filter(|_| overlays.legend && has_room) {
@@ -136,12 +138,35 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
         let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
         painter.add(vertical_strip(bar, color));
         painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
-        for (position, text) in ticks(&range) {
-            let y = bar.bottom() - position * bar.height();
-            painter.hline(bar.left() - 4.0..=bar.left(), y, Stroke::new(1.0, ink));
-            write(pos2(bar.left() - 7.0, y), Align2::RIGHT_CENTER, &text);
+        legend(&painter, ink, bar, &range, &shortened(&title(field), NAME.1), &write);
+    }
+}
+
+/// What the colours of a bar mean: numbers beside it, and above it what they are of and what they are to be multiplied by.
+fn legend(
+    painter: &Painter,
+    ink: Color32,
+    bar: Rect,
+    range: &MappedRange,
+    title: &str,
+    write: &dyn Fn(Pos2, Align2, &str),
+) {
+    let found = ticks(range);
+    let mut free_below = f32::INFINITY;
+    for tick in &found.ticks {
+        let y = bar.bottom() - range.position_of(tick.scalar).clamp(0.0, 1.0) as f32 * bar.height();
+        painter.hline(bar.left() - 4.0..=bar.left(), y, Stroke::new(1.0, ink));
+        // Unless it would touch the one below it.
+        if y < free_below {
+            write(pos2(bar.left() - 7.0, y), Align2::RIGHT_CENTER, &tick.label);
+            free_below = y - LINE;
         }
-        write(pos2(bar.right(), bar.top() - 8.0), Align2::RIGHT_BOTTOM, &shortened(&title(field), NAME.1));
+    }
+    let factor = found.factor();
+    let mut y = bar.top() - 8.0;
+    for line in [factor.as_str(), title].into_iter().filter(|line| !line.is_empty()) {
+        write(pos2(bar.right(), y), Align2::RIGHT_BOTTOM, line);
+        y -= LINE;
     }
 }
 
@@ -159,11 +184,6 @@ pub(super) fn cross(ui: &Ui, rect: Rect, at: Pos2, background: [f32; 3]) {
 fn inks([r, g, b]: [f32; 3]) -> (Color32, Color32) {
     let is_dark = 0.299 * r + 0.587 * g + 0.114 * b < 0.5;
     if is_dark { (Color32::WHITE, Color32::BLACK) } else { (Color32::BLACK, Color32::WHITE) }
-}
-
-/// Places 0..=1 from below and what is written there.
-fn ticks(range: &MappedRange) -> Vec<(f32, String)> {
-    (0..=4_u8).map(|i| f32::from(i) / 4.0).map(|p| (p, number(range.scalar_at(f64::from(p))))).collect()
 }
 
 /// A strip of colours from below.
