@@ -445,8 +445,8 @@ impl PlayerWindow {
             timeline::show(ui, session, &mut self.shows_side, &mut self.preview, &mut actions);
         });
         if self.shows_side {
-            let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).resizable(true);
-            side.show(ui, |ui| {
+            let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).min_size(side::WIDTH);
+            side.resizable(true).show(ui, |ui| {
                 let recent = &self.keeper.settings().recent;
                 *wish = side::open(ui, &mut self.path_box, recent).or(wish.take());
                 self.side.show(ui, session, &mut self.overlays, &mut actions);

@@ -37,10 +37,11 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     };
     let p = picked.position;
     ui.horizontal(|ui| {
-        ui.label(format!("({}, {}, {})\ncell {}", number(p.x), number(p.y), number(p.z), picked.source_cell));
         if icon(ui, "×", "Forget the point", true).clicked() {
             actions.push(Action::ForgetPick);
         }
+        let text = format!("({}, {}, {})\ncell {}", number(p.x), number(p.y), number(p.z), picked.source_cell);
+        ui.add(egui::Label::new(text).wrap());
     });
     if let Some(text) = at_present(session, &picked) {
         ui.strong(text);

@@ -3,7 +3,7 @@
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
-use super::widgets::{choice, color, number};
+use super::widgets::{choice, color, number, within_width};
 use super::{point, project, statistics};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
@@ -15,7 +15,7 @@ use eframe::egui;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 
-/// Width of the panel in points, unless it is dragged.
+/// Width of the panel in points, unless it is dragged to be wider.
 pub(super) const WIDTH: f32 = 250.0;
 
 /// What the panel itself remembers.
@@ -40,24 +40,29 @@ enum RangeKind {
 impl Side {
     /// Shows the panel.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
+        // The bar has a place of its own: what lies under it cannot be dragged.
+        let scroll = &mut ui.spacing_mut().scroll;
+        scroll.floating_allocated_width = scroll.bar_width + scroll.bar_inner_margin;
         egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
-            let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| {
-                CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
-            };
-            section(ui, "Field", &mut |ui| field(ui, session, actions));
-            if let Some(project) = session.project() {
-                section(ui, "Project", &mut |ui| project::show(ui, session, project, actions));
-            }
-            section(ui, "Colours", &mut |ui| colors(ui, session, actions));
-            section(ui, "Opacity", &mut |ui| {
-                if let Some(range) = session.shown_range() {
-                    self.editor.show(ui, session, &range, actions);
+            within_width(ui, |ui| {
+                let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| {
+                    CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
+                };
+                section(ui, "Field", &mut |ui| field(ui, session, actions));
+                if let Some(project) = session.project() {
+                    section(ui, "Project", &mut |ui| project::show(ui, session, project, actions));
                 }
-            });
-            section(ui, "Point", &mut |ui| point::show(ui, session, actions));
-            section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
-            section(ui, "Picture", &mut |ui| picture(ui, session, actions));
-            section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
+                section(ui, "Colours", &mut |ui| colors(ui, session, actions));
+                section(ui, "Opacity", &mut |ui| {
+                    if let Some(range) = session.shown_range() {
+                        self.editor.show(ui, session, &range, actions);
+                    }
+                });
+                section(ui, "Point", &mut |ui| point::show(ui, session, actions));
+                section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
+                section(ui, "Picture", &mut |ui| picture(ui, session, actions));
+                section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
+            })
         });
     }
 }

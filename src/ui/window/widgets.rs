@@ -106,6 +106,17 @@ pub(super) fn symbol(ui: &mut Ui, symbol: Symbol, name: &str, is_on: bool) -> Re
     response.on_hover_text(name)
 }
 
+/// Lays out parts in the width that there is; what is wider is cut off. A panel grows with what is in it otherwise, and the picture
+/// beside it gets another size.
+pub(super) fn within_width(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
+    let room = ui.available_rect_before_wrap();
+    let mut part = ui.new_child(egui::UiBuilder::new().max_rect(room));
+    let seen = egui::Rect::from_x_y_ranges(room.x_range(), ui.clip_rect().y_range());
+    part.shrink_clip_rect(seen);
+    show(&mut part);
+    ui.advance_cursor_after_rect(part.min_rect().with_max_x(room.right()).with_min_x(room.left()));
+}
+
 /// A plot that stays where it is, whatever the mouse does.
 pub(super) fn still_plot<'a>(id: &str) -> egui_plot::Plot<'a> {
     egui_plot::Plot::new(id)
