@@ -5,22 +5,37 @@ use crate::playback::Mode;
 use crate::ui::{HISTORY_FRAMES, Session};
 use eframe::egui;
 use egui::{Role, WidgetInfo};
-use egui_plot::{Legend, Line};
+use egui_plot::Line;
 
 /// A table of them, and how they were lately.
 pub(super) fn show(ui: &mut egui::Ui, session: &Session) {
     plot(ui, session);
-    egui::Grid::new("statistics").num_columns(2).spacing([16.0, 2.0]).show(ui, |ui| {
-        for (name, value) in lines(session) {
-            ui.label(name);
-            ui.label(egui::RichText::new(value).monospace());
-            ui.end_row();
-        }
-    });
+    ui.spacing_mut().item_spacing.y = 2.0;
+    for (name, value) in lines(session) {
+        ui.horizontal_top(|ui| {
+            let left = egui::Layout::left_to_right(egui::Align::Min);
+            ui.allocate_ui_with_layout(egui::vec2(NAMES, 0.0), left, |ui| {
+                ui.set_min_width(NAMES);
+                ui.label(name);
+            });
+            // Long numbers go on in the next line: the panel keeps its width.
+            ui.add(egui::Label::new(egui::RichText::new(value).monospace()).wrap());
+        });
+    }
 }
+
+/// Width of the names in points.
+const NAMES: f32 = 108.0;
 
 /// Height of the plot in points.
 const PLOT: f32 = 90.0;
+
+/// The stages of a frame, and the colours of their curves.
+const STAGES: [(&str, egui::Color32); 3] = [
+    ("decode", egui::Color32::from_rgb(235, 95, 85)),
+    ("order", egui::Color32::from_rgb(80, 185, 95)),
+    ("render", egui::Color32::from_rgb(90, 150, 255)),
+];
 
 /// Milliseconds of the stages of the last frames, oldest on the left.
 fn plot(ui: &mut egui::Ui, session: &Session) {
@@ -30,15 +45,20 @@ fn plot(ui: &mut egui::Ui, session: &Session) {
         .include_x(HISTORY_FRAMES as f64)
         .include_x(0.0)
         .show_axes([false, true])
-        .y_axis_formatter(|mark, _| format!("{} ms", super::overlay::number(mark.value)))
-        .legend(Legend::default());
+        .y_axis_formatter(|mark, _| format!("{} ms", super::overlay::number(mark.value)));
+    // Beside the curves, not over them.
+    ui.horizontal(|ui| {
+        for (stage, color) in STAGES {
+            ui.colored_label(color, stage);
+        }
+    });
     let frames = session.history().frames();
     let first = HISTORY_FRAMES - frames.len();
     let costs: Vec<(f64, [f64; 3])> = frames.zip(first..).map(|(cost, i)| (i as f64, cost.ms)).collect();
     let shown = plot.show(ui, |plot| {
-        for (stage, name) in ["decode", "order", "render"].into_iter().enumerate() {
+        for (stage, (name, color)) in STAGES.into_iter().enumerate() {
             let points: Vec<[f64; 2]> = costs.iter().map(|(i, ms)| [*i, ms[stage]]).collect();
-            plot.line(Line::new(name, points));
+            plot.line(Line::new(name, points).color(color));
         }
     });
     shown.response.widget_info(|| {
@@ -58,8 +78,9 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         lines.push(("render", ms(stats.ms_render)));
         lines.push(("image", format!("{width} x {height}")));
         if stats.faces_total > 0 {
-            let share = 100.0 * shown.request.faces.lod;
+            let share = 100.0 * stats.faces_drawn as f64 / stats.faces_total as f64;
             lines.push(("faces", format!("{} of {} ({share:.1} %)", stats.faces_drawn, stats.faces_total)));
+            lines.push(("level of detail", format!("{:.1} %", 100.0 * shown.request.faces.lod)));
         }
         let place = if stats.on_gpu { "GPU" } else { "CPU" };
         lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
