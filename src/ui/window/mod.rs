@@ -181,6 +181,7 @@ impl PlayerWindow {
                 window.open_files(paths, dress);
             }
             Start::Play(opened) => {
+                window.options.opening.field = None;
                 let dress = window.first_dress(std::slice::from_ref(&opened.path));
                 window.play(*opened, &dress);
             }
@@ -239,7 +240,10 @@ impl PlayerWindow {
 
     /// Opens files in the background; what is played goes on meanwhile.
     fn open_files(&mut self, paths: Vec<PathBuf>, dress: Dress) {
-        let opening = Opening::start(paths, self.options.opening.clone(), Arc::new(self.waker.wake()));
+        let options = self.options.opening.clone();
+        // Other files need not have the field that the first one was asked for.
+        self.options.opening.field = None;
+        let opening = Opening::start(paths, options, Arc::new(self.waker.wake()));
         self.opening = Some((opening, dress));
     }
 
