@@ -4,9 +4,9 @@ use crate::ui::Action;
 use crate::ui::keys::{self, Key};
 use eframe::egui;
 
-/// What the keys do that were pressed since, unless a widget listens to them.
+/// What the keys do that were pressed since, unless a widget or a menu listens to them.
 pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
-    if ctx.egui_wants_keyboard_input() {
+    if ctx.egui_wants_keyboard_input() || egui::Popup::is_any_open(ctx) {
         return Vec::new();
     }
     let mut actions = Vec::new();

@@ -31,6 +31,10 @@ impl PathBox {
             let response = ui.add(edit.desired_width(320.0));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Path to open"));
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            // What is typed is meant for it, from the first letter on.
+            if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
+                response.request_focus();
+            }
             is_entered |= ui.button("Open").clicked();
         });
         // Quotes are what a file manager's "copy path" leaves around it.
