@@ -63,10 +63,14 @@ fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) 
     }
 }
 
+/// Room above and below the help, at least.
+const HELP_MARGIN: f32 = 8.0;
+
 /// Keys and mouse, from the tables that they work by.
 pub(super) fn help(ctx: &egui::Context, session: &Session, actions: &mut Vec<Action>) {
     let mut is_open = session.help_is_open();
     let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false).resizable(false);
+    let window = window.vscroll(true).max_height(ctx.content_rect().height() - 2.0 * HELP_MARGIN);
     window.anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO).show(ctx, |ui| {
         egui::Grid::new("keys").num_columns(2).spacing([24.0, 4.0]).show(ui, |ui| {
             let mouse = keys::MOUSE.iter().map(|&(what, does)| (what.to_owned(), does));
