@@ -53,9 +53,6 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
     let slider = Slider::new(&mut step, 0..=last.max(1)).show_value(false).step_by(1.0);
     let response = ui.add_enabled(last > 0, slider);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Step slider"));
-    if step != at {
-        actions.push(Action::Play(Command::SeekStep(step)));
-    }
     // The handle's way is shorter than the slider by its size, as egui draws it.
     let inset = response.rect.height() / 2.5;
     let way = response.rect.x_range().shrink(inset);
@@ -69,10 +66,16 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
         let share = ((at.x - way.min) / way.span().max(1.0)).clamp(0.0, 1.0);
         (f64::from(share) * last as f64).round() as usize
     };
-    if let Some(at) = values.interact_pointer_pos().filter(|_| values.clicked() || values.dragged())
-        && step_at(at) != state.frame.map_or(usize::MAX, |frame| frame.step())
-    {
-        actions.push(Action::Play(Command::SeekStep(step_at(at))));
+    // A slider only knows drags, and there is none if the button is released before the next pass.
+    let click = ui.interact(response.rect, response.id.with("click"), egui::Sense::CLICK);
+    let is_short = click.clicked() && last > 0 && !response.drag_stopped();
+    let is_held = values.is_pointer_button_down_on() || values.clicked();
+    let on_slider = click.interact_pointer_pos().filter(|_| is_short);
+    if let Some(at) = on_slider.or(values.interact_pointer_pos().filter(|_| is_held)) {
+        step = step_at(at);
+    }
+    if step != at || (is_held && state.frame.is_none()) {
+        actions.push(Action::Play(Command::SeekStep(step)));
     }
     let under = response.hover_pos().or(values.hover_pos()).filter(|_| last > 0).map(step_at);
     preview.show(session, under, &response.union(values));
