@@ -149,7 +149,8 @@ fn unsupported(path: &Path) -> FileError {
         "" => "a file or folder without an extension is not read".to_owned(),
         extension => format!("files of kind .{extension} are not read"),
     };
-    FileError::unsupported(path, "", problem).remedy(format!("what is read: {SUPPORTED}"))
+    FileError::unsupported(path, "", problem)
+        .remedy(format!("convert it, for example with ParaView or meshio, to what is read: {SUPPORTED}"))
 }
 
 /// Order of names in which runs of digits compare as numbers; equal ones by their bytes, so that it is total.

@@ -14,6 +14,7 @@ use super::{CodecChoice, FieldUnits, StepRange, check_cancel, same_mesh, select_
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::{Component, FieldSelector, SeriesSource, TimeAxis};
+use crate::short::Short;
 use crate::store::{ResumedField, Store, StoreLock, StoreWriter, StoredField};
 use crate::task::{Cancel, Progress};
 use serde::Serialize;
@@ -351,10 +352,12 @@ impl fmt::Display for AppendPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { steps_before, times_before: [first, last], .. } = self;
         writeln!(f, "{} -> {}", self.source, self.output.display())?;
-        write!(f, "the store has {steps_before} steps, time {first} to {last}; ")?;
+        write!(f, "the store has {steps_before} steps, time {} to {}; ", Short(first), Short(last))?;
         match self.times_added {
-            None => write!(f, "nothing new: the source ends at {}", self.source_last)?,
-            Some([first, last]) => write!(f, "new: {} steps, time {first} to {last}", self.steps_added)?,
+            None => write!(f, "nothing new: the source ends at {}", Short(self.source_last))?,
+            Some([first, last]) => {
+                write!(f, "new: {} steps, time {} to {}", self.steps_added, Short(first), Short(last))?;
+            }
         }
         match self.steps_coded_again {
             0 => Ok(()),
@@ -369,7 +372,7 @@ impl fmt::Display for AppendReport {
         for AppendedField { name, range, nonfinite, quality } in &self.fields {
             write!(f, "field {name}: ")?;
             match range {
-                Some([lo, hi]) => write!(f, "{lo} to {hi}")?,
+                Some([lo, hi]) => write!(f, "{} to {}", Short(lo), Short(hi))?,
                 None => write!(f, "no finite value")?,
             }
             if let Some(quality) = quality {

@@ -9,6 +9,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource};
 use crate::mesh::Mesh;
 use crate::moments::{Moments, StepSummary};
+use crate::short::Short;
 use crate::slowdown::{Slow, waste};
 use crate::store::FieldWriter;
 use std::time::{Duration, Instant};
@@ -152,7 +153,9 @@ fn check_again(
     if bits(now) == bits(before) {
         return Ok(());
     }
-    let text = |range: Option<[f32; 2]>| range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{lo} to {hi}"));
+    let text = |range: Option<[f32; 2]>| {
+        range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{} to {}", Short(lo), Short(hi)))
+    };
     let problem = format!("has other values than when it was imported: {} instead of {}", text(now), text(before));
     Err(FileError::invalid(source.describe(), format!("field '{field}', step {at} of the store"), problem)
         .remedy("import the series again"))

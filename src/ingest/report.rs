@@ -4,6 +4,7 @@ use super::compression::CompressionReport;
 use crate::error::{FileError, FileErrorKind};
 use crate::field::Association;
 use crate::mesh::{MeshError, RepairReport};
+use crate::short::Short;
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -116,11 +117,11 @@ impl fmt::Display for IngestReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} -> {}", self.source, self.output.display())?;
         writeln!(f, "mesh: {}", self.repair)?;
-        writeln!(f, "steps: {}, time {} to {}", self.steps, self.times[0], self.times[1])?;
+        writeln!(f, "steps: {}, time {} to {}", self.steps, Short(self.times[0]), Short(self.times[1]))?;
         for field in &self.fields {
             write!(f, "field {}: ", field.name)?;
             match field.range {
-                Some([lo, hi]) => write!(f, "{lo} to {hi}")?,
+                Some([lo, hi]) => write!(f, "{} to {}", Short(lo), Short(hi))?,
                 None => write!(f, "no finite value")?,
             }
             if field.association == Association::Cell {

@@ -4,6 +4,7 @@ use super::Store;
 use super::field::StoredField;
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
+use crate::short::Short;
 use serde::Serialize;
 use std::fmt;
 
@@ -93,11 +94,12 @@ impl fmt::Display for StoreInfo {
         if let Some([lo, hi]) = self.mesh.bounds {
             writeln!(f, "bounds   {lo:?} to {hi:?}")?;
         }
-        writeln!(f, "time     {} steps, {} to {}", self.time.steps, self.time.first, self.time.last)?;
+        let [first, last] = [self.time.first, self.time.last].map(Short);
+        writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
         for field in &self.fields {
             write!(f, "field    {} ({})", field.name, field.codec)?;
             match field.range {
-                Some([lo, hi]) => write!(f, ", {lo} to {hi}")?,
+                Some([lo, hi]) => write!(f, ", {} to {}", Short(lo), Short(hi))?,
                 None => write!(f, ", no finite value")?,
             }
             if let Some(units) = &field.units {
