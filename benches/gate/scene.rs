@@ -59,7 +59,8 @@ impl Jet {
         let table = build_node_table(
             &TransferFunction::parse(tf)?,
             &range,
-            OpacityKind::Alpha,
+            // Linear between points, so that a table has no more nodes than it must: what is guarded is not its length.
+            OpacityKind::Extinction,
             &Lengths::of_unit_distance(self.unit_distance()),
         )?;
         Ok(Arc::new(table))

@@ -45,7 +45,8 @@ impl Scene {
         let table = build_node_table(
             &TransferFunction::parse(tf)?,
             &range,
-            OpacityKind::Alpha,
+            // Linear between points, so that a table has no more nodes than it must: what is guarded is not its length.
+            OpacityKind::Extinction,
             &Lengths::of_unit_distance(unit_distance),
         )?;
         let (table, camera) = (Arc::new(table), Camera::default_for(bounds)?);

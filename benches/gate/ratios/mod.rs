@@ -44,7 +44,7 @@ const RATIOS: [Ratio; 9] = [
     Ratio {
         name: "lanes",
         what: "ray caster, lanes / portable",
-        here: 0.34,
+        here: 0.51,
         of_vectors: true,
         threads: false,
         measure: renderers::lanes,
