@@ -1,5 +1,6 @@
 //! Tests of `transfer` across modules.
 
+use tetreel::moments::Distribution;
 use tetreel::node_table::Node;
 use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table, read_color_maps};
 
@@ -47,11 +48,12 @@ fn files_in_the_documentation_can_be_read() {
 fn the_table_of_ranges_in_the_documentation_is_true() {
     let section = PAGE.split("## Range").nth(1).and_then(|s| s.split("## ").next()).unwrap();
     let rows: Vec<&str> = section.lines().filter(|l| l.starts_with("| `")).collect();
-    assert_eq!(rows.len(), 6);
+    assert_eq!(rows.len(), 8);
+    let values = Distribution::new([(-2.0, 1.0), (0.5, 1.0), (5.0, 1.0)]);
     for row in rows {
         let text = row.split('`').nth(1).unwrap();
         let policy: RangePolicy = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
-        policy.resolve((-2.0, 5.0), (0.0, 1.0)).unwrap();
+        policy.settled(&values).resolve((-2.0, 5.0), (0.0, 1.0)).unwrap();
     }
 }
 
