@@ -50,6 +50,7 @@ mod linux {
         picture: Rect,
         play: Pos2,
         slider: Rect,
+        bounding_box: Pos2,
         color_map: Pos2,
         inferno: Pos2,
         dismiss: Pos2,
@@ -61,14 +62,15 @@ mod linux {
         desk.settle();
         let (picture, play, slider) =
             (desk.place("Picture of"), desk.place_of("Play").center(), desk.place("Step slider"));
-        let color_map = desk.place("Colour map").center();
+        let (color_map, bounding_box) = (desk.place("Colour map").center(), desk.place("box").center());
         desk.press(egui::Key::S);
         desk.until("the file is there", |session| !session.notices().is_empty());
         desk.settle();
         let dismiss = desk.place_of("Dismiss message 1").center();
         desk.click("Colour map");
         desk.settle();
-        Some(Places { picture, play, slider, color_map, inferno: desk.place("inferno").center(), dismiss })
+        let inferno = desk.place("inferno").center();
+        Some(Places { picture, play, slider, bounding_box, color_map, inferno, dismiss })
     }
 
     /// What the window showed last, and what it has shown.
@@ -225,11 +227,18 @@ mod linux {
         until("and seen", seen, |_| user.look(0, 0, 1280, 700).unwrap() != before);
 
         let camera = seen.lock().unwrap().camera;
-        let middle = places.picture.center();
-        user.point(middle.x, middle.y).unwrap();
+        let center = places.picture.center();
+        user.point(center.x, center.y).unwrap();
         user.button(4, true).unwrap();
         user.button(4, false).unwrap();
         until("the wheel zooms", seen, |seen| seen.camera != camera);
+
+        // The box of the mesh is not saved.
+        until("the closer picture is there", seen, |seen| seen.is_painted);
+        pause(500);
+        let with_box = look_at(&user, middle(places.picture));
+        user.click(places.bounding_box.x, places.bounding_box.y).unwrap();
+        until("the box is hidden", seen, |_| look_at(&user, middle(places.picture)) != with_box);
 
         pause(500);
         user.key(Keysym::S).unwrap();

@@ -222,8 +222,10 @@ fn a_gpu_that_is_lost_leaves_the_pictures_to_another_device() {
     assert!(shown.frame.texture.is_none() && !shown.frame.color.pixels.is_empty(), "it came through the CPU");
 }
 
-/// The middle of the picture has these colours, each up to `tolerance`.
+/// The middle of the picture has these colours, each up to `tolerance`, once the box of the mesh is hidden.
 fn assert_shows(desk: &mut Desk, expected: &[[u8; 4]], tolerance: u8) {
+    desk.click("box");
+    desk.settle();
     let (width, height) = desk.session().shown().unwrap().request.size_px;
     let rect = desk.place("Picture of");
     assert_eq!((rect.width().round() as usize, rect.height().round() as usize), (width, height));
