@@ -33,18 +33,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     jet.read(&jet.fields()[0], Component::Index(0), 8, &mut values)?;
     let scalars: Vec<f32> = mesh.vertex_source.iter().map(|&v| values[v as usize]).collect();
     let bounds = mesh.positions.world_bounds();
-    let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
+    let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
     let (mesh, scalars) = (Arc::new(mesh), Arc::new(scalars));
     println!("{:?}, {} threads; jet, 100k cells, 256x256", Machine::detect(), rayon::current_num_threads());
     println!("table    nodes  scalars lengths      MB  build ms  frame ms (exact)      rmse       max");
     for (name, text) in TRANSFER_FUNCTIONS {
         let tf = TransferFunction::parse(text)?;
-        let table = build_node_table(
-            &tf,
-            &MappedRange::new(0.0, 1.2, false)?,
-            OpacityKind::Alpha,
-            &Lengths::of_unit_distance(unit_distance),
-        )?;
+        let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
         let nodes = table.nodes().len();
         let job = RenderJob {
             active: Arc::new(CellSet::all(mesh.topology.tets.len())),
@@ -104,7 +99,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Milliseconds to build a table anew, and to change it after an edit of one node.
 fn rebuild(table: &NodeTable, scale: f64) -> Result<(), Box<dyn std::error::Error>> {
     let (range, resolution) = (Table3d::range_of(table), Table3dResolution::default());
-    let build = |last: Option<(&NodeTable, &Table3d)>, table: &NodeTable| {
+    let build = |last: Option<&Table3d>, table: &NodeTable| {
         let started = Instant::now();
         let built = Table3d::changed(last, table, range, 0.1, scale, resolution, &Cancel::new());
         (started.elapsed().as_secs_f64() * 1e3, built)
@@ -115,7 +110,7 @@ fn rebuild(table: &NodeTable, scale: f64) -> Result<(), Box<dyn std::error::Erro
         let at = (nodes.len() * tenths / 10).clamp(1, nodes.len().saturating_sub(2));
         nodes[at] = Node { tau: 0.5 * nodes[at].tau + 0.1, ..nodes[at] };
         let edited = NodeTable::new(nodes)?;
-        let ((whole, new), (part, changed)) = (build(None, &edited), build(Some((table, &old)), &edited));
+        let ((whole, new), (part, changed)) = (build(None, &edited), build(Some(&old), &edited));
         assert!(new.entries() == changed.entries());
         let share = changed.entries_built() as f64 / new.entries_built() as f64;
         println!("  node {at}: whole {whole:.1} ms, changed {part:.1} ms, {:.0} % of the entries", 100.0 * share);

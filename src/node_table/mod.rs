@@ -2,9 +2,11 @@
 //! the scalar.
 
 mod grid;
+mod thinned;
 
 pub use grid::{GridAxis, GridTable, GridTableError};
 use serde::{Deserialize, Serialize};
+pub use thinned::THINNED_TOLERANCE;
 
 /// One node of a [`NodeTable`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -118,7 +120,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Tables with steps, flat pieces, clear pieces and ramps, over ranges near and far.
-    fn tables() -> impl Strategy<Value = NodeTable> {
+    pub(super) fn tables() -> impl Strategy<Value = NodeTable> {
         let value = prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64];
         // A gap of 0 makes a step.
         let node = (prop_oneof![Just(0.0), 1e-6..1.0_f64, Just(1e3)], prop::array::uniform4(value));
@@ -137,7 +139,7 @@ mod tests {
         })
     }
 
-    fn values(node: &Node) -> [f64; 4] {
+    pub(super) fn values(node: &Node) -> [f64; 4] {
         [node.rgb[0], node.rgb[1], node.rgb[2], node.tau]
     }
 

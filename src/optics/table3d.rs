@@ -17,7 +17,8 @@
 //!    longest; between two lengths entries are linear in the length.
 //! 4. Scalars are spaced evenly over the range of the nodes. Beyond it the function is constant: segments are cut there, and
 //!    what lies outside needs no table.
-//! 5. Segments longer than the longest length of the table are composited in equal parts.
+//! 5. Entries are integrals over a table with fewer nodes ([`NodeTable::thinned`]) than the exact integration has.
+//! 6. Segments longer than the longest length of the table are composited in equal parts.
 //!
 //! **What it cannot do.** A segment that is short in scalars (a fine mesh) sees the diagonal s0 = s1, where the table is the
 //! transfer function sampled at its resolution: tents and steps narrower than two samples are smeared over them, and light
@@ -63,6 +64,8 @@ const MEAN_MIN: f32 = 1e-37;
 pub struct Table3d {
     /// For what a table cannot say: where a segment begins to be visible.
     exact: ExactTable,
+    /// What the entries are made from.
+    thinned: NodeTable,
     /// (m r, m g, m b, m); length varies fastest, then s0, then s1.
     entries: Vec<Vec4>,
     entries_built: usize,
@@ -125,10 +128,10 @@ impl Table3d {
         Self::changed(None, table, range, length_max, world_per_length, resolution, &Cancel::new())
     }
 
-    /// The same, but of no use if `cancel` is raised; and of `last`, a table and what it was made from with the same
-    /// `world_per_length`, those entries are taken that meet nothing of what has changed, if the axes are the same.
+    /// The same, but of no use if `cancel` is raised; and of `last`, made with the same `world_per_length`, those entries are
+    /// taken that meet nothing of what has changed, if the axes are the same.
     pub fn changed(
-        last: Option<(&NodeTable, &Self)>,
+        last: Option<&Self>,
         table: &NodeTable,
         range: (f64, f64),
         length_max: f64,
@@ -141,19 +144,19 @@ impl Table3d {
         let length_max = if length_max.is_finite() { length_max.max(f64::MIN_POSITIVE) } else { 1.0 };
         // Extinction per unit of length from here on.
         let scaled = |n: &Node| Node { tau: (n.tau * world_per_length).min(TAU_MAX), ..*n };
-        let nodes: Vec<Node> = table.nodes().iter().map(scaled).collect();
+        let thinned = table.thinned(length_max * world_per_length);
+        let nodes: Vec<Node> = thinned.nodes().iter().map(scaled).collect();
         let intervals = (resolution.scalars - 1) as f64;
         let per_scalar = if hi > lo { intervals / (hi - lo) } else { 0.0 };
         let scalar = |i: usize| lo + (hi - lo) * (i as f64 / intervals);
         let length = |k: usize| length_max * (k as f64 / (resolution.lengths - 1) as f64).powi(2);
         let lengths: Vec<f64> = (0..resolution.lengths).map(length).collect();
         let scalars: Vec<f64> = (0..resolution.scalars).map(scalar).collect();
-        let last = last.filter(|(_, last)| {
-            (last.lo, last.hi, last.length_max, last.resolution) == (lo, hi, length_max, resolution)
-        });
-        let changed = last.map_or((f64::NEG_INFINITY, f64::INFINITY), |(before, _)| change(before, table));
+        let axes = (lo, hi, length_max, resolution);
+        let last = last.filter(|last| (last.lo, last.hi, last.length_max, last.resolution) == axes);
+        let changed = last.map_or((f64::NEG_INFINITY, f64::INFINITY), |last| change(&last.thinned, &thinned));
         let mut entries = match last {
-            Some((_, last)) => last.entries.clone(),
+            Some(last) => last.entries.clone(),
             None => vec![Vec4::ZERO; resolution.scalars * resolution.scalars * resolution.lengths],
         };
         let entries_built = entries
@@ -164,7 +167,7 @@ impl Table3d {
             .sum();
         let (below, above) = (Limits::at(&nodes, lo).left, Limits::at(&nodes, hi).right);
         let exact = ExactTable::new(table, world_per_length);
-        Self { exact, entries, entries_built, resolution, lo, hi, per_scalar, length_max, below, above }
+        Self { exact, thinned, entries, entries_built, resolution, lo, hi, per_scalar, length_max, below, above }
     }
 
     /// The entries (m r, m g, m b, m); length varies fastest, then s0, then s1.

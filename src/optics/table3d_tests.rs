@@ -290,7 +290,7 @@ fn edited(at: usize) -> [NodeTable; 2] {
     [nodes(&smooth), nodes(&other)]
 }
 
-fn build_from(last: Option<(&NodeTable, &Table3d)>, table: &NodeTable, length_max: f64) -> Table3d {
+fn build_from(last: Option<&Table3d>, table: &NodeTable, length_max: f64) -> Table3d {
     Table3d::changed(last, table, Table3d::range_of(table), length_max, 1.0, SMALL, &Cancel::new())
 }
 
@@ -300,7 +300,7 @@ fn a_table_is_rebuilt_where_the_transfer_function_has_changed_and_is_the_same_to
     for at in [0, 1, 7, 20, 33, 38, 39] {
         let [before, after] = edited(at);
         let (old, new) = (build(&before, 1.0), build(&after, 1.0));
-        let changed = build_from(Some((&before, &old)), &after, 1.0);
+        let changed = build_from(Some(&old), &after, 1.0);
         assert_eq!((old.entries_built(), new.entries_built()), (all, all));
         assert_eq!(changed.entries(), new.entries(), "node {at}");
         assert_eq!((changed.below, changed.above), (new.below, new.above));
@@ -337,16 +337,16 @@ fn what_a_change_is_may_be_an_added_a_removed_or_a_doubled_node() {
         ("first", with(&|nodes| nodes[0].tau = 7.0)),
         ("two", with(&|nodes| (nodes[5].tau, nodes[30].tau) = (7.0, 8.0))),
     ] {
-        let (new, changed) = (build(&other, 1.0), build_from(Some((&base, &old)), &other, 1.0));
+        let (new, changed) = (build(&other, 1.0), build_from(Some(&old), &other, 1.0));
         assert_eq!(changed.entries(), new.entries(), "{name}");
         assert!(changed.entries_built() < new.entries_built(), "{name}");
     }
     // The same once more: nothing. Other axes: all.
-    assert_eq!(build_from(Some((&base, &old)), &base.clone(), 1.0).entries_built(), 0);
-    let longer = build_from(Some((&base, &old)), &base, 1.5);
+    assert_eq!(build_from(Some(&old), &base.clone(), 1.0).entries_built(), 0);
+    let longer = build_from(Some(&old), &base, 1.5);
     assert_eq!((longer.entries_built(), longer.entries()), (old.entries_built(), build(&base, 1.5).entries()));
     let wider = with(&|nodes| nodes[39].scalar = 1.1);
-    let rebuilt = build_from(Some((&base, &old)), &wider, 1.0);
+    let rebuilt = build_from(Some(&old), &wider, 1.0);
     assert_eq!((rebuilt.entries_built(), rebuilt.entries()), (old.entries_built(), build(&wider, 1.0).entries()));
 }
 
@@ -357,6 +357,6 @@ fn a_table_that_is_cancelled_is_not_finished() {
     cancel.cancel();
     let old = build(&before, 1.0);
     let range = Table3d::range_of(&after);
-    let stopped = Table3d::changed(Some((&before, &old)), &after, range, 1.0, 1.0, SMALL, &cancel);
+    let stopped = Table3d::changed(Some(&old), &after, range, 1.0, 1.0, SMALL, &cancel);
     assert_eq!(stopped.entries_built(), 0);
 }

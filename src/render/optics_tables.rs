@@ -140,7 +140,7 @@ impl OpticsTables {
         if let Some(last) = last.filter(|last| Arc::ptr_eq(&last.of, &job.table)) {
             return last.table.clone();
         }
-        let last = last.map(|last| (&*last.of, &*last.table));
+        let last = last.map(|last| &*last.table);
         let range = Table3d::range_of(&job.table);
         let table = Table3d::changed(last, &job.table, range, longest_edge, scale, self.resolution, &job.cancel);
         let table = Arc::new(table);
