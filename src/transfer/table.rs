@@ -4,9 +4,11 @@
 //! rising or falling, or goes on at another slope. So no spike is lost, however low or narrow, and extinction is zero exactly where the curve is. In a
 //! piece between two of them the table goes, from a node on the curve, to the farthest place on the curve to which a
 //! straight line stays within the tolerance ([`tolerance`](super::tolerance)) of it everywhere; that place is the next node. Whether it
-//! does is decided without sampling: colours are compared at the points of the curve (those of a node may be off it by the tolerance,
-//! which makes lines longer by up to the square root of two); optical depths of the line against those of the curve also at the one
-//! place between two points where their difference is stationary, which has a closed form.
+//! does is decided without sampling: colours are compared at the points of the curve; optical depths of the line against those of the
+//! curve also at the one place between two points where their difference is stationary, which has a closed form.
+//!
+//! Nodes inside a piece may be off the curve by the tolerance, which makes lines longer by up to the square root of two: colours as it
+//! comes, optical depths where the curve is convex, to the side away from the lines.
 //!
 //! Opacity 1 would be infinite extinction. Where it holds over an interval the table has [`OPAQUE_DEPTH`]; where the curve
 //! only touches it, extinction ends at [`RAMP_DEPTH`].
@@ -74,8 +76,9 @@ const RAMP_DEPTH: f64 = 24.0 * std::f64::consts::LN_2;
 /// The opacity of that depth.
 const RAMP_OPACITY: f64 = 1.0 - 1.0 / (1 << 24) as f64;
 
-/// The part of the tolerance that curves have: refinement of logarithmic axes, and division by opacities.
-pub(super) const CURVE_PART: f64 = 0.25;
+/// The part of the tolerance that curves have: refinement of logarithmic axes, and division by opacities. Small, since most curves
+/// are exact.
+pub(super) const CURVE_PART: f64 = 1.0 / 16.0;
 
 /// Slopes of opacity that differ by this part of the larger one are a kink. The points of a refined logarithmic axis are none.
 const KINK: f64 = 1.0 / 64.0;
@@ -83,6 +86,12 @@ const KINK: f64 = 1.0 / 64.0;
 /// The least length of a line inside a piece, as a share of its scalar: far below the spacing of single precision, which scalars have.
 /// In a ramp to opacity 1 that is some million scalars of double precision wide no longer line is close enough.
 const SHORTEST: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// How far nodes lie below a convex curve, as a part of the tolerance: not all, so that rounding does not take them beyond it.
+const BELOW: f64 = 15.0 / 16.0;
+
+/// Rounding of a place on a ramp, as a part of its larger end: of the interpolation, and of its scalar as a part of the width.
+const RAMP_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Bisections that find the farthest end of a line inside a piece of the curve.
 const BISECTIONS: u32 = 44;
@@ -247,6 +256,8 @@ struct Piece {
     tolerance: Tolerance,
     /// Depth where opacity is constant: the table's is the same.
     constant_depth: Option<f64>,
+    /// Whether opacity is linear from end to end: its optical depth is convex then.
+    is_ramp: bool,
 }
 
 /// Where a line of the table starts: a place on the curve, and the vertex there, whose colour may be off it.
@@ -263,12 +274,20 @@ impl Piece {
         sides[end] = curve[end].left;
         let (first, last) = (sides[0].value, sides[end].value);
         let constant_depth = (first == last).then(|| constant_depth(first, kind));
+        let (from, to) = (curve[0].scalar, curve[end].scalar);
+        let width = to - from;
+        let rounding = RAMP_ROUNDING * (1.0 + from.abs().max(to.abs()) / width);
+        let is_on_ramp = |(point, side): (&ProfilePoint, &Side)| {
+            let value = lerp(first, last, (point.scalar - from) / width);
+            (side.value - value).abs() <= rounding * first.max(last)
+        };
+        let is_ramp = kind == OpacityKind::Alpha && curve.iter().zip(&sides).all(is_on_ramp);
         let place = |i: usize| {
             let around = sides[i.saturating_sub(1)..=(i + 1).min(end)].iter();
             let depth_around = around.map(|side| curve_depth(side.value, kind)).fold(0.0, f64::max);
             Place { scalar: curve[i].scalar, side: sides[i], depth_around }
         };
-        Self { places: (0..=end).map(place).collect(), kind, tolerance, constant_depth }
+        Self { places: (0..=end).map(place).collect(), kind, tolerance, constant_depth, is_ramp }
     }
 
     /// The vertices of this piece, both ends included.
@@ -347,8 +366,19 @@ impl Piece {
     }
 
     fn vertex(&self, place: &Place, rgb: [f64; 3]) -> Vertex {
-        let depth = self.constant_depth.unwrap_or_else(|| curve_depth(place.side.value, self.kind));
+        let depth = self.constant_depth.unwrap_or_else(|| self.depth(place));
         Vertex { scalar: place.scalar, rgb, depth }
+    }
+
+    /// Optical depth of a node: that of the curve at the ends of the piece; between them lower where lines lie above the curve.
+    fn depth(&self, place: &Place) -> f64 {
+        let depth = curve_depth(place.side.value, self.kind);
+        let ends = [0, self.places.len() - 1].map(|end| self.places[end].scalar);
+        if !self.is_ramp || ends.contains(&place.scalar) {
+            return depth;
+        }
+        let tolerance = self.tolerance.of_depth().max(self.tolerance.share_of_depth() * depth);
+        (depth - BELOW * tolerance).max(0.0)
     }
 
     /// The colour at place `b` of a line from `start` that passes the points `between` within tolerance, if there is one:

@@ -16,8 +16,15 @@ pub const DEPTH_SHARE: f64 = 2.7e-5;
 /// Largest error of a colour channel of a pixel: of the colour at a scalar, times the opacity of that scalar over the longest path.
 pub const COLOR_TOLERANCE: f64 = 1e-5;
 
-/// A place is within the one tolerance or within the other, and a path has places of both kinds: each may have half.
-const HALF: f64 = 0.5;
+/// What is seen at a place is within the one tolerance or within the other, and a path has places of both kinds: each may have a
+/// part. Of colours half,
+const COLOR_PART: f64 = 0.5;
+
+/// of depths little for the absolute one, which holds at the foot of ramps only, where a few lines follow it,
+const DEPTH_PART: f64 = 1.0 / 16.0;
+
+/// and the rest for the relative one, by which lines are long where there is something to be seen.
+const SHARE_PART: f64 = 1.0 - DEPTH_PART;
 
 /// Tolerance of the lines of a table over several axes, which are farther than this from what they lie between: of colours, and of
 /// the optical depth d of a unit distance the larger one of this and this part of d.
@@ -77,7 +84,8 @@ impl Tolerance {
     pub fn of_paths(lengths: &Lengths) -> Self {
         // A path that is shorter than a unit distance asks for no more than that does.
         let units = (lengths.longest_path / lengths.unit_distance).max(1.0);
-        Self { color: HALF * COLOR_TOLERANCE, depth: HALF * DEPTH_TOLERANCE / units, share: HALF * DEPTH_SHARE, units }
+        let (depth, share) = (DEPTH_PART * DEPTH_TOLERANCE / units, SHARE_PART * DEPTH_SHARE);
+        Self { color: COLOR_PART * COLOR_TOLERANCE, depth, share, units }
     }
 
     /// Of a line of a table over several axes.

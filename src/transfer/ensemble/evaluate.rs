@@ -224,7 +224,7 @@ impl Ensemble {
     }
 
     /// The curve over the scalar; members on other axes, too, are reduced to it ([`Reduction`](super::Reduction)). On linear
-    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 3.2e-7. Members
+    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 7.9e-8. Members
     /// on logarithmic ranges are refined, so that all together use up an eighth of the tolerance of tables at most; with XOR on
     /// levels, places at which these change may move by as much.
     ///
