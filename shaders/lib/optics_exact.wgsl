@@ -59,12 +59,13 @@ fn optics_enter(scalar: f32) {
     optics.here = optics_at(scalar);
 }
 
-// Composites a piece in the present interval, over which colour and extinction go linearly to `far`.
-fn optics_piece(far: vec4<f32>, length: f32, share: f32) {
+// Composites a piece in the present interval, over which colour and extinction go linearly to `far`; whether anything behind it can be
+// seen.
+fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
     let near = optics.here;
     optics.here = far;
     if optics.at_lo.w == 0.0 && optics.rise.w == 0.0 {
-        return;
+        return true;
     }
     if !optics.visible {
         optics.visible = true;
@@ -72,7 +73,9 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) {
     }
     // Beyond 1e9 nothing shines through; larger products would overflow. Rounding may leave a tiny negative extinction
     // where a ramp reaches zero.
-    let weights = piece_weights(clamp(near.w * length, 0.0, 1e9), clamp(far.w * length, 0.0, 1e9));
+    let near_depth = clamp(near.w * length, 0.0, 1e9);
+    let far_depth = clamp(far.w * length, 0.0, 1e9);
+    let weights = piece_weights(near_depth, far_depth);
     let transmittance = optics.transmittance;
     let of_near = transmittance * weights.x;
     let of_far = transmittance * weights.y;
@@ -80,6 +83,7 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) {
     // Not the product with what the piece lets through: of many equal pieces that is rounded alike each time.
     optics.transmittance = transmittance - (of_near + of_far);
     optics.pieces += 1u;
+    return near_depth + far_depth <= 2.0 * DEPTH_MAX;
 }
 
 // A part of a segment's scalars as a share of it. Not its length over its scalars times the part: where these are all but equal that
@@ -115,8 +119,12 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
             far = optics.at_lo + select(vec4(0.0), optics.rise, up);
             piece = share_of(crossed, span) * length;
         }
-        optics_piece(far, piece, 1.0 - rest / length);
+        let shines_through = optics_piece(far, piece, 1.0 - rest / length);
         if !goes_on {
+            break;
+        }
+        if !shines_through {
+            optics_enter(s1);
             break;
         }
         s = end;

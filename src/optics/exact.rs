@@ -5,7 +5,7 @@
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
 //! are those at the start of the next.
 
-use super::weights::{WEIGHED_AT_ONCE, weigh};
+use super::weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
@@ -180,8 +180,9 @@ impl ExactRay {
         }
     }
 
+    /// A piece of a segment; whether anything behind it can be seen.
     #[inline(always)]
-    fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) {
+    fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) -> bool {
         let near = self.here;
         self.here = interval.at(to);
         if !interval.clear {
@@ -192,7 +193,9 @@ impl ExactRay {
             if near_depth > 0.0 || far_depth > 0.0 {
                 into.take(Piece { near: near.color(), far: far.color(), near_depth, far_depth });
             }
+            return near_depth + far_depth <= 2.0 * DEPTH_MAX;
         }
+        true
     }
 
     #[inline(always)]
@@ -207,7 +210,9 @@ impl ExactRay {
             let per_scalar = if s1 > s0 { length / (s1 - s0) } else { 0.0 };
             while s1 > intervals[self.interval].hi {
                 let interval = &intervals[self.interval];
-                self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into);
+                if !self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into) {
+                    return self.leave_out_rest(intervals, s1);
+                }
                 s = interval.hi;
                 rest = (s1 - s) * per_scalar;
                 self.move_to(intervals, self.interval + 1, s);
@@ -219,13 +224,21 @@ impl ExactRay {
             let per_scalar = length / (s0 - s1);
             while s1 < intervals[self.interval].lo {
                 let interval = &intervals[self.interval];
-                self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into);
+                if !self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into) {
+                    return self.leave_out_rest(intervals, s1);
+                }
                 s = interval.lo;
                 rest = (s - s1) * per_scalar;
                 self.move_to(intervals, self.interval - 1, s);
             }
         }
         self.piece(&intervals[self.interval], s1, rest, into);
+    }
+
+    /// Goes to the end of a segment of which nothing more is seen.
+    #[cold]
+    fn leave_out_rest(&mut self, intervals: &[Interval], s1: f64) {
+        self.move_to(intervals, intervals.partition_point(|i| i.hi <= s1), s1);
     }
 
     /// Crosses a node: values may jump.
@@ -397,6 +410,36 @@ mod tests {
             _ => 4.0 + step * f64::from(i).sin(),
         };
         (0..200).map(|i| (at(i), 1e-4 + 0.03 * (0.5 + 0.5 * (1.3 * f64::from(i)).sin()))).collect()
+    }
+
+    #[test]
+    fn nothing_behind_a_deep_piece_is_looked_at_and_the_light_is_the_same() {
+        let node = |i: u32, tau: f64| Node { scalar: f64::from(i), rgb: [0.01 * f64::from(i), 0.5, 1.0], tau };
+        for (tau, of_all, expected) in [(1e12, 100, 1), (20.0, 100, 1), (5.0, 100, 100), (0.01, 100, 100)] {
+            let table = ExactTable::new(&NodeTable::new((0..=100).map(|i| node(i, tau)).collect()).unwrap(), 1.0);
+            for (from, to) in [(0.0, 100.0), (100.0, 0.0)] {
+                let (mut whole, mut in_parts) = (Accumulator::CLEAR, Accumulator::CLEAR);
+                let mut ray = ExactRay::enter(&table, from);
+                assert_eq!(ray.segment(&table, from, to, 100.0, &mut whole), expected, "{tau}");
+                // It is where it would have come to: a segment behind has the light of a ray that begins there.
+                let (mut behind, mut new) = (Accumulator::CLEAR, Accumulator::CLEAR);
+                let back = 0.3 * from + 0.7 * to;
+                ray.segment(&table, to, back, 0.1, &mut behind);
+                ExactRay::enter(&table, to).segment(&table, to, back, 0.1, &mut new);
+                assert_eq!(behind, new, "{tau}");
+                let mut ray = ExactRay::enter(&table, from);
+                let places = (1..=100).map(|i| if to > from { f64::from(i) } else { f64::from(100 - i) });
+                let pieces: u64 = places
+                    .scan(from, |s, to| Some((std::mem::replace(s, to), to)))
+                    .map(|(s, to)| ray.segment(&table, s, to, 1.0, &mut in_parts))
+                    .sum();
+                assert_eq!(pieces, of_all);
+                // What a deep piece lets through is the rounding of 1.
+                let off = whole.pixel().iter().zip(in_parts.pixel()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(off <= if expected == 1 { f32::EPSILON } else { 0.0 }, "{tau}: {off:e}");
+                assert!(whole.is_opaque() == (tau > 1.0));
+            }
+        }
     }
 
     #[test]

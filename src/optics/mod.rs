@@ -26,8 +26,8 @@ pub use scalar_map::ScalarMap;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
+pub(crate) use weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 pub use weights::{PieceWeights, homogeneous_weights, piece_weights};
-pub(crate) use weights::{WEIGHED_AT_ONCE, weigh};
 
 /// How segments are integrated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

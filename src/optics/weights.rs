@@ -31,8 +31,8 @@ use glam::Vec4;
 const SERIES_MAX: f32 = 0.25;
 /// Largest optical depth of a Gauss-Legendre sub-piece.
 const PIECE_MAX: f32 = 1.5;
-/// Beyond this optical depth exp(-x) is below f32's rounding of 1.
-const DEPTH_MAX: f32 = 18.0;
+/// Beyond this optical depth exp(-x) is below f32's rounding of 1: nothing behind such a piece is seen.
+pub(crate) const DEPTH_MAX: f32 = 18.0;
 
 /// Weights of the colours at the two ends of a piece; together its opacity, up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -21,7 +21,7 @@ use super::super::light::cut;
 use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};
 use crate::optics::exact::{ExactTable, Interval};
-use crate::optics::{OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh};
+use crate::optics::{DEPTH_MAX, OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh};
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::__m256;
 
@@ -270,7 +270,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         let within = lanes.bits(lanes.and(above, from));
         let mut visible = 0;
         if todo & !within == 0 {
-            visible = self.piece(intervals, rows, row, (todo, s, to_scalar, length), out);
+            (visible, _) = self.piece(intervals, rows, row, (todo, s, to_scalar, length), out);
         } else {
             let descends = lanes.lt(to_scalar, s);
             let rise = lanes.abs(lanes.sub(to_scalar, s));
@@ -287,7 +287,10 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
                 let end = lanes.select(crosses, node, to_scalar);
                 let part = lanes.mul(lanes.abs(lanes.sub(end, s)), per_scalar);
                 let part = lanes.select(crosses, part, length);
-                visible |= self.piece(intervals, rows, row, (todo, s, end, part), out);
+                let (seen, deep) = self.piece(intervals, rows, row, (todo, s, end, part), out);
+                visible |= seen;
+                // Nothing behind a deep piece is seen.
+                let beyond = beyond & !deep;
                 if beyond == 0 {
                     break;
                 }
@@ -366,7 +369,8 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         }
     }
 
-    /// Pieces of the lanes `todo`, from scalar to scalar, of a length: a step, if any can be seen. Returns those that can.
+    /// Pieces of the lanes `todo`, from scalar to scalar, of a length: a step, if any can be seen. Returns those that can, and those
+    /// behind which nothing can.
     #[inline(always)]
     fn piece(
         &mut self,
@@ -375,7 +379,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         row: usize,
         (todo, from, to, length): (u8, L::F, L::F, L::F),
         out: &mut Out<'_>,
-    ) -> u8 {
+    ) -> (u8, u8) {
         let lanes = self.optics.lanes;
         let mask = lanes.mask(todo);
         let near_share = intervals.share(lanes, mask, from);
@@ -386,7 +390,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         let far = lanes.greater_f32(lanes.mul_f32(intervals.value(lanes, 3, far_share), length), zero);
         let visible = lanes.less_f32(zero, near) | lanes.less_f32(zero, far);
         if visible == 0 {
-            return 0;
+            return (0, 0);
         }
         let at = self.new_step(rows, out);
         (self.steps.near_depth[at], self.steps.far_depth[at]) = (cast(near), cast(far));
@@ -395,7 +399,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             self.steps.far[at][i] = cast(intervals.value(lanes, i, far_share));
         }
         self.steps.about[at] = Step { row, visible, ..Step::default() };
-        visible
+        (visible, lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far)))
     }
 
     /// Room for another step.
