@@ -23,8 +23,12 @@ pub(super) enum ColorSpace {
 /// Refined maps stay within this of the formula, so that the table built from them keeps most of its own tolerance.
 const REFINEMENT: f64 = 1.0 / 16_384.0;
 
-/// Intervals are halved at most this often; sRGB's slope at black needs about ten.
+/// The way between two points is halved at most this often; sRGB's slope at black needs about ten.
 const MAX_HALVINGS: u32 = 14;
+
+/// A map of many points is halved less often, so that it has no more pieces than this, or than it has points: neighbours of so many
+/// are alike, or nobody can tell them apart. (ParaView samples every map at a thousand places.)
+const MOST_PIECES: usize = 1 << 18;
 
 /// White of D65.
 const WHITE: [f64; 3] = [0.9505, 1.0, 1.089];
@@ -40,9 +44,10 @@ pub(super) fn from_name(name: &str) -> Option<ColorSpace> {
     })
 }
 
-/// Points between which RGB is linear, within [`REFINEMENT`] of what `space` gives between `points`.
+/// Points between which RGB is linear, within [`REFINEMENT`] of what `space` gives between `points`, if there are not very many.
 pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<ColorPoint> {
-    let ways: Vec<Option<Vec<Place>>> = points.par_windows(2).map(|pair| way_between(space, pair)).collect();
+    let halvings = (MOST_PIECES / points.len().max(1)).checked_ilog2().unwrap_or(0).min(MAX_HALVINGS);
+    let ways: Vec<Option<Vec<Place>>> = points.par_windows(2).map(|pair| way_between(space, pair, halvings)).collect();
     let mut refined: Vec<ColorPoint> = points.first().copied().into_iter().collect();
     for (pair, way) in points.windows(2).zip(ways) {
         let at = |&(f, rgb): &Place| ColorPoint { position: pair[0].position * (1.0 - f) + pair[1].position * f, rgb };
@@ -59,14 +64,14 @@ pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<Col
 }
 
 /// The places from one point to the next between which RGB is linear, both ends included; `None` if it is linear throughout.
-fn way_between(space: ColorSpace, pair: &[ColorPoint]) -> Option<Vec<Place>> {
+fn way_between(space: ColorSpace, pair: &[ColorPoint], halvings: u32) -> Option<Vec<Place>> {
     if space == ColorSpace::Rgb || pair[0].position >= pair[1].position {
         return None;
     }
     let way = Way::new(space, pair[0].rgb, pair[1].rgb);
     let ends = [(0.0, way.at(0.0)), (1.0, way.at(1.0))];
     let mut places = vec![ends[0]];
-    halve(&way, ends, MAX_HALVINGS, &mut places);
+    halve(&way, ends, halvings, &mut places);
     places.push(ends[1]);
     Some(places)
 }
@@ -369,11 +374,26 @@ mod tests {
     }
 
     #[test]
+    fn a_map_of_very_many_unrelated_colours_has_a_bounded_number_of_pieces() {
+        let noise = |i: usize, c: usize| ((i * 3 + c) as f64 * 12.9898).sin().mul_add(43758.5453, 0.0).rem_euclid(1.0);
+        for count in [300, 5000, 100_000, 300_000] {
+            let point =
+                |i: usize| ColorPoint { position: i as f64 / (count - 1) as f64, rgb: [0, 1, 2].map(|c| noise(i, c)) };
+            let points: Vec<_> = (0..count).map(point).collect();
+            let refined = to_linear_rgb(ColorSpace::Lab, &points);
+            assert!(refined.len() <= MOST_PIECES.max(count) + 1, "{count}: {}", refined.len());
+            // The points themselves are kept.
+            let mut rest = refined.iter();
+            assert!(points.iter().all(|p| rest.any(|q| q.position == p.position && is_close(q.rgb, p.rgb))), "{count}");
+        }
+    }
+
+    #[test]
     fn no_colour_of_a_way_is_looked_up_twice() {
         let ends = [[0.1, 0.9, 0.2], [0.9, 0.0, 0.8]].map(|rgb| ColorPoint { position: 0.0, rgb });
         let pair = [ends[0], ColorPoint { position: 1.0, ..ends[1] }];
         let before = LOOKS.get();
-        let places = way_between(ColorSpace::Lab, &pair).unwrap().len() as u64;
+        let places = way_between(ColorSpace::Lab, &pair, MAX_HALVINGS).unwrap().len() as u64;
         let (pieces, looks) = (places - 1, LOOKS.get() - before);
         assert!(pieces > 8);
         // The ends, seven in a piece, and in each that was cut one to seven.
