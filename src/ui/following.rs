@@ -9,6 +9,7 @@ use crate::error::FileResult;
 use crate::field::FieldSelector;
 use crate::pipeline::Series;
 use crate::store::Store;
+use crate::task::Cancel;
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -157,6 +158,8 @@ fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     // Stores have fields by their whole name.
     let field = FieldSelector { name: series.field().name.clone(), component: None };
     let series = Arc::new(series.reopened(store, Some(&field))?);
+    // The window asks for ranges of percentiles, for which steps are decoded: here, not there. What cannot be read is named there.
+    let _ = series.distribution(&Cancel::new());
     let mut state = shared.state();
     // Otherwise a message is under way that asks for the other field.
     if state.generation == generation {
