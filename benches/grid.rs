@@ -98,14 +98,9 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
     jet.read(&jet.fields()[0], Component::Index(0), 8, &mut values)?;
     let scalars = mesh.vertex_source.iter().map(|&v| values[v as usize]).collect();
     let bounds = mesh.positions.world_bounds();
-    let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
+    let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
     let tf = TransferFunction::parse("viridis@0:0.02,1:0.2")?;
-    let table = build_node_table(
-        &tf,
-        &MappedRange::new(0.0, 1.2, false)?,
-        OpacityKind::Alpha,
-        &Lengths::of_unit_distance(unit_distance),
-    )?;
+    let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
     let view = Camera::default_for(bounds)?.view(512, 512)?;
     let depth = |face: &u32| {
         let corners = mesh.topology.faces[*face as usize].map(|v| mesh.positions.local[v as usize].as_dvec3());

@@ -22,13 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scalars = mesh.vertex_source.iter().map(|&v| values[v as usize]).collect();
     let bounds = mesh.positions.world_bounds();
     let tf = TransferFunction::parse("viridis@0:0.05,1:0.5")?;
-    let unit_distance = 0.01 * (bounds.1 - bounds.0).length();
-    let table = build_node_table(
-        &tf,
-        &MappedRange::new(0.0, 1.2, false)?,
-        OpacityKind::Alpha,
-        &Lengths::of_unit_distance(unit_distance),
-    )?;
+    let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
+    let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
     let job = RenderJob {
         active: Arc::new(CellSet::all(mesh.topology.tets.len())),
         mesh: Arc::new(mesh),
