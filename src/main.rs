@@ -1,5 +1,20 @@
 //! The `tetreel` command.
 
-fn main() -> std::process::ExitCode {
-    tetreel::cli::run(tetreel::cli::Cli::of(std::env::args_os()))
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let run = || tetreel::cli::run(tetreel::cli::Cli::of(std::env::args_os()));
+    #[cfg(feature = "gpu")]
+    if asks_wayland_in_vain() {
+        return temp_env::with_var("NODEVICE_SELECT", Some("1"), run);
+    }
+    run()
+}
+
+/// Whether Mesa's device-select layer would look for a Wayland session where there is none, and libwayland complain of that on standard
+/// error whenever GPUs are looked for. tetreel chooses its adapter itself (`--adapter`).
+#[cfg(feature = "gpu")]
+fn asks_wayland_in_vain() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !is_set("XDG_RUNTIME_DIR") && !is_set("MESA_VK_DEVICE_SELECT")
 }
