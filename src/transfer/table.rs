@@ -93,8 +93,11 @@ const BELOW: f64 = 15.0 / 16.0;
 /// Rounding of a place on a ramp, as a part of its larger end: of the interpolation, and of its scalar as a part of the width.
 const RAMP_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// Bisections that find the farthest end of a line inside a piece of the curve.
-const BISECTIONS: u32 = 44;
+/// How closely the farthest end of a line is found, as a part of its length.
+const LENGTH_PRECISION: f64 = 1.0 / 256.0;
+
+/// Bisections that find it, at most.
+const MOST_BISECTIONS: u32 = 44;
 
 /// The table of `tf` over `range`: on every path of up to `lengths.longest_path` its optical depth is within
 /// [`DEPTH_TOLERANCE`](super::DEPTH_TOLERANCE) or within [`DEPTH_SHARE`](super::DEPTH_SHARE) of that of the transfer function, and
@@ -350,7 +353,11 @@ impl Piece {
         let at = |f: f64| between(lerp(from.scalar, to.scalar, f), f);
         let line_to = |f: f64| self.line_end(start, &self.places[next..into], &at(f), false);
         let (mut good, mut bad) = (0.0, 1.0);
-        for _ in 0..BISECTIONS {
+        let offset = (from.scalar - start.place.scalar) / (to.scalar - from.scalar);
+        for _ in 0..MOST_BISECTIONS {
+            if bad - good <= (offset + good) * LENGTH_PRECISION {
+                break;
+            }
             let middle = 0.5 * (good + bad);
             if line_to(middle).is_some() { good = middle } else { bad = middle }
         }
