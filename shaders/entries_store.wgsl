@@ -27,7 +27,7 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
     if item >= params.face_count {
         let at = params.face_count + 2u * (item - params.face_count);
         word = items[at];
-        kind = EYE_CELL | items[at + 1u] << SIDES_SHIFT;
+        kind = EYE_CELL | (items[at + 1u] << SIDES_SHIFT);
     }
     for (var y = tiles.z; y <= tiles.w; y++) {
         for (var x = tiles.x; x <= tiles.y; x++) {
@@ -39,7 +39,7 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
                 let high = vec2(min(box.y - corner.x, TILE_PX - 1u), min(box.w - corner.y, TILE_PX - 1u));
                 let at = pairs_at + PAIR_WORDS * place;
                 atomicStore(&bins[at], word);
-                atomicStore(&bins[at + 1u], kind | low.x | high.x << 4u | low.y << 8u | high.y << 12u);
+                atomicStore(&bins[at + 1u], kind | low.x | (high.x << 4u) | (low.y << 8u) | (high.y << 12u));
             }
         }
     }

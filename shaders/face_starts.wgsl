@@ -19,7 +19,7 @@ fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
             continue;
         }
         let in_front = !reaches_eye(a, b, c) || is_before_eye(found, bits, face);
-        if ((bits >> (12u + face) & 1u) != 0u) != found.turned {
+        if (((bits >> (12u + face)) & 1u) != 0u) != found.turned {
             entry = found;
             entered_in_front = in_front;
         } else {

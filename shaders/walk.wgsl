@@ -91,13 +91,13 @@ fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
         let ids = face_vertices(cell, opposite);
         let entered = crossing(ray, ids);
         if entered.hit {
-            start = Start(entered.at.x, cell << 2u | opposite);
+            start = Start(entered.at.x, (cell << 2u) | opposite);
             enters_open = is_open(cell, opposite);
-            enters_in_front = select(is_in_front(entered, ids), (sides >> opposite & 1u) != 0u, enters_open);
+            enters_in_front = select(is_in_front(entered, ids), ((sides >> opposite) & 1u) != 0u, enters_open);
         } else {
             let left = crossing(ray, ids.xzy);
             if left.hit {
-                let inside = (sides >> (4u + opposite) & 1u) != 0u;
+                let inside = ((sides >> (4u + opposite)) & 1u) != 0u;
                 leaves_in_front = select(is_in_front(left, ids.xzy), inside, is_open(cell, opposite));
             }
         }
@@ -128,8 +128,8 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_f
     var found = 0u;
     for (var i = first; i < end; i++) {
         let bounds = bins[pairs_at + PAIR_WORDS * i + 1u];
-        let inside = local.x >= (bounds & 15u) && local.x <= (bounds >> 4u & 15u)
-            && local.y >= (bounds >> 8u & 15u) && local.y <= (bounds >> 12u & 15u);
+        let inside = local.x >= (bounds & 15u) && local.x <= ((bounds >> 4u) & 15u)
+            && local.y >= ((bounds >> 8u) & 15u) && local.y <= ((bounds >> 12u) & 15u);
         if inside {
             let item = bins[pairs_at + PAIR_WORDS * i];
             var start = Start(real(0.0), NONE);
@@ -151,7 +151,7 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_f
 }
 
 fn is_active(cell: u32) -> bool {
-    return (params.flags & ALL_ACTIVE) != 0u || (active_cells[cell >> 5u] >> (cell & 31u) & 1u) == 1u;
+    return (params.flags & ALL_ACTIVE) != 0u || ((active_cells[cell >> 5u] >> (cell & 31u)) & 1u) == 1u;
 }
 
 // A ray on its way: the face through which it enters the present cell. What it has gathered is in `light`.
@@ -259,8 +259,8 @@ fn step_cell() -> bool {
 // Pixel of a thread in its tile: neighbouring threads work on squares of pixels.
 fn pixel_in_tile(thread: u32) -> vec2<u32> {
     return vec2(
-        (thread & 1u) | (thread >> 1u & 2u) | (thread >> 2u & 4u) | (thread >> 3u & 8u),
-        (thread >> 1u & 1u) | (thread >> 2u & 2u) | (thread >> 3u & 4u) | (thread >> 4u & 8u),
+        (thread & 1u) | ((thread >> 1u) & 2u) | ((thread >> 2u) & 4u) | ((thread >> 3u) & 8u),
+        ((thread >> 1u) & 1u) | ((thread >> 2u) & 2u) | ((thread >> 3u) & 4u) | ((thread >> 4u) & 8u),
     );
 }
 

@@ -97,11 +97,11 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
 // side of the face's plane on which the eye is: an eye in the boundary sees what is in front of it. Of others it does not
 // matter how, as long as all cells agree.
 fn is_before_eye(found: FaceHit, bits: u32, face: u32) -> bool {
-    if (bits >> (8u + face) & 1u) == 0u {
+    if ((bits >> (8u + face)) & 1u) == 0u {
         return found.in_front;
     }
-    let enters = ((bits >> (12u + face) & 1u) != 0u) != found.turned;
-    return (bits >> select(4u + face, face, enters) & 1u) != 0u;
+    let enters = (((bits >> (12u + face)) & 1u) != 0u) != found.turned;
+    return ((bits >> select(4u + face, face, enters)) & 1u) != 0u;
 }
 
 // Whether a face that reaches the eye is hit in front of it.
@@ -110,7 +110,7 @@ fn is_seen(found: FaceHit, face: Face) -> bool {
         if any(face.cells == vec2(eye_word(i, 0u))) {
             let bits = eye_word(i, 1u);
             for (var corner = 0u; corner < 4u; corner++) {
-                let is_open = (bits >> (8u + corner) & 1u) != 0u;
+                let is_open = ((bits >> (8u + corner)) & 1u) != 0u;
                 if is_open && all(face.ids != vec3(eye_word(i, 2u + corner))) {
                     return is_before_eye(found, bits, corner);
                 }

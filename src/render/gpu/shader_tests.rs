@@ -66,6 +66,98 @@ fn every_shader_keeps_within_the_default_limits_of_webgpu() {
     }
 }
 
+/// Binary operators that WGSL's grammar does not let stand side by side without parentheses.
+#[derive(Clone, Copy, PartialEq)]
+enum Operator {
+    Shift,
+    And,
+    Or,
+    Xor,
+    Arithmetic,
+    Relation,
+}
+
+impl Operator {
+    fn of(word: &str) -> Option<Self> {
+        Some(match word {
+            "<<" | ">>" => Self::Shift,
+            "&" => Self::And,
+            "|" => Self::Or,
+            "^" => Self::Xor,
+            "+" | "-" | "*" | "/" | "%" => Self::Arithmetic,
+            "==" | "!=" | "<" | "<=" | ">" | ">=" => Self::Relation,
+            _ => return None,
+        })
+    }
+
+    /// Whether one may be an operand of the other: of relations, shifts and sums may. (Two shifts may not, either.)
+    fn goes_with(self, other: Self) -> bool {
+        let is_operand = |of: Self, a: Self| of == Self::Relation && matches!(a, Self::Shift | Self::Arithmetic);
+        self == other && self != Self::Shift || is_operand(self, other) || is_operand(other, self)
+    }
+}
+
+/// The first line in which operators are mixed as naga takes them and browsers do not ("WebGPU Shading Language", 8.19). Binary
+/// operators are those with spaces around them.
+fn mixed_operators(source: &str) -> Option<&str> {
+    // For each open parenthesis the operators of the expression in it.
+    let mut open: Vec<Vec<Operator>> = vec![Vec::new()];
+    for line in source.lines() {
+        let code = line.split("//").next().unwrap_or_default();
+        let spaced: String =
+            code.chars().map(|c| if "()[]{},;".contains(c) { format!(" {c} ") } else { c.to_string() }).collect();
+        for word in spaced.split_whitespace() {
+            match word {
+                "(" | "[" => open.push(Vec::new()),
+                ")" | "]" => drop(open.pop()),
+                "," | ";" | "{" | "}" | "&&" | "||" => open.last_mut()?.clear(),
+                _ if word.ends_with('=') && Operator::of(word).is_none() => open.last_mut()?.clear(),
+                _ => {
+                    if let Some(operator) = Operator::of(word) {
+                        let others = open.last_mut()?;
+                        if others.iter().any(|&other| !operator.goes_with(other)) {
+                            return Some(line);
+                        }
+                        others.push(operator);
+                    }
+                }
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn operators_are_mixed_as_browsers_take_it() {
+    for stage in stages() {
+        for split in SPLITS {
+            assert_eq!(mixed_operators(&stage.source(split)), None, "{stage:?}");
+        }
+    }
+    assert_eq!(mixed_operators(include_str!("../../../shaders/picture.wgsl")), None);
+    for refused in [
+        "let a = b >> 4u & 15u;",
+        "let a = b | c << 4u;",
+        "let a = b\n    | c & d;",
+        "if a & 1u == 0u {",
+        "let a = b << c << d;",
+        "let a = f(b + c, d + e >> 1u);",
+        "let a = b << c + 1u;",
+    ] {
+        assert!(mixed_operators(refused).is_some(), "{refused}");
+    }
+    for taken in [
+        "let a = (b >> 4u) & 15u;",
+        "let a = b | (c << 4u) | d;",
+        "if (a & 1u) == 0u && b < c + 1u {",
+        "a |= b << 4u;",
+        "let a: array<vec4<u32>, 4> = f(&b, -c); // b >> 4u & 15u",
+        "let a = x[b >> 5u] + 1u;",
+    ] {
+        assert_eq!(mixed_operators(taken), None);
+    }
+}
+
 /// Name, offset and size of the members of a struct.
 fn members(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
     let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
