@@ -35,7 +35,7 @@ fn arrays(folder: &Path, path: &str) -> Vec<String> {
 fn zarrs_reads_every_array() {
     let dir = tempfile::tempdir().unwrap();
     let store = imported(dir.path());
-    let storage = Arc::new(zarrs::filesystem::FilesystemStore::new(store.path()).unwrap());
+    let storage = Arc::new(zarrs_filesystem::FilesystemStore::new(store.path()).unwrap());
     let paths = arrays(store.path(), "");
     // Mesh 8 (the grid has cells to turn), time 2, ten fields with ranges, checksums, moments, two arrays for the level of detail and
     // four histograms, eight of them with values.
