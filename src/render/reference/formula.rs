@@ -132,6 +132,12 @@ impl Walk<'_, '_> {
             self.piece(middle, end, halvings - 1);
             return;
         }
+        let depth: f64 = rates.iter().zip(WEIGHTS).map(|(rates, weight)| weight * rates[0]).sum::<f64>() * width;
+        if halvings == 0 && depth > PIECE_DEPTH {
+            // No cubic follows what touches opacity 1: what has been passed might be negative.
+            self.constant(begin, end, f64::INFINITY);
+            return;
+        }
         let mut total = 0.0;
         for (i, rates_here) in rates.iter().enumerate() {
             let passed: f64 = CUMULATIVE[i].iter().zip(&rates).map(|(weight, rates)| weight * rates[0]).sum();
