@@ -137,6 +137,19 @@ fn long_paths_through_little_opacity_are_as_the_formula_has_them() {
 }
 
 #[test]
+fn the_judge_is_finite_where_a_ramp_touches_opacity_1() {
+    let (mesh, scalars) = field(6);
+    let camera = camera(DVec3::new(4.0, 3.0, 3.5), Projection::Perspective { view_angle: 40.0 });
+    let lengths = Lengths::of_diagonal(diagonal(&mesh));
+    for spread in [1.0, 1e-3, 1e-6] {
+        let scalars = scalars.iter().map(|s| 0.5 + spread * (s - 0.5)).collect();
+        let source = function("turbo@0:0.9,0.5:1,1:0.99", unit_range(), OpacityKind::Alpha, lengths);
+        let image = reference(&job_of(&mesh, scalars, &camera, (33, 31), source));
+        assert!(image.pixels.iter().flatten().all(|c| (0.0..=1.0 + 1e-6).contains(c)), "{spread}");
+    }
+}
+
+#[test]
 fn a_table_for_one_unit_distance_alone_is_noticed() {
     // As it was: within its tolerance of a path of one unit distance.
     let (mesh, scalars) = field(6);
