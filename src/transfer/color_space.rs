@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn a_map_of_very_many_unrelated_colours_has_a_bounded_number_of_pieces() {
-        let noise = |i: usize, c: usize| ((i * 3 + c) as f64 * 12.9898).sin().mul_add(43758.5453, 0.0).rem_euclid(1.0);
+        let noise = |i: usize, c: usize| (((i * 3 + c) as f64 * 12.9898).sin() * 43758.5453).rem_euclid(1.0);
         for count in [300, 5000, 100_000, 300_000] {
             let point =
                 |i: usize| ColorPoint { position: i as f64 / (count - 1) as f64, rgb: [0, 1, 2].map(|c| noise(i, c)) };

@@ -45,6 +45,7 @@ fn errors(
         let highest = if kind == OpacityKind::Alpha && highest >= RAMP_DEPTH { f64::INFINITY } else { highest };
         let least = (0..3).map(|i| (node.rgb[i] - rgb[i]).abs()).fold(0.0, f64::max) - slack[0];
         let c = least.max(0.0) * (depth_of(value) * units).min(1.0) / (0.5 * COLOR_TOLERANCE);
+        // The parts of the two tolerances: a path has places that use the one and places that use the other, and the parts add up to 1.
         let tolerance = (DEPTH_TOLERANCE / 16.0 / units).max(DEPTH_SHARE * 15.0 / 16.0 * lowest);
         let d = (lowest - found).max(found - highest).max(0.0) / tolerance;
         (colour.max(c), depth.max(d))

@@ -16,14 +16,16 @@ pub const DEPTH_SHARE: f64 = 2.7e-5;
 /// Largest error of a colour channel of a pixel: of the colour at a scalar, times the opacity of that scalar over the longest path.
 pub const COLOR_TOLERANCE: f64 = 1e-5;
 
-/// What is seen at a place is within the one tolerance or within the other, and a path has places of both kinds: each may have a
-/// part. Of colours half,
+/// The part of [`COLOR_TOLERANCE`] that a place may use. A path has places that keep the absolute tolerance and places that keep the
+/// relative one, so the errors of both kinds add up.
 const COLOR_PART: f64 = 0.5;
 
-/// of depths little for the absolute one, which holds at the foot of ramps only, where a few lines follow it,
+/// The part of [`DEPTH_TOLERANCE`] that a place may use. It is small because the absolute tolerance holds only at the foot of ramps,
+/// where few lines follow it.
 const DEPTH_PART: f64 = 1.0 / 16.0;
 
-/// and the rest for the relative one, by which lines are long where there is something to be seen.
+/// The part of [`DEPTH_SHARE`] that a place may use. It is what the absolute tolerance leaves, because this one decides how long lines
+/// are where there is something to be seen.
 const SHARE_PART: f64 = 1.0 - DEPTH_PART;
 
 /// Tolerance of the lines of a table over several axes, which are farther than this from what they lie between: of colours, and of

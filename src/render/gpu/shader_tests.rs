@@ -97,24 +97,25 @@ impl Operator {
     }
 }
 
-/// The first line in which operators are mixed as naga takes them and browsers do not ("WebGPU Shading Language", 8.19). Binary
-/// operators are those with spaces around them.
+/// The first line in which operators are mixed as naga takes them and browsers do not ("WebGPU Shading Language", operator precedence
+/// and associativity). Binary operators are those with spaces around them.
 fn mixed_operators(source: &str) -> Option<&str> {
     // For each open parenthesis the operators of the expression in it.
     let mut open: Vec<Vec<Operator>> = vec![Vec::new()];
     for line in source.lines() {
         let code = line.split("//").next().unwrap_or_default();
+        let innermost = "a parenthesis is closed that was not opened";
         let spaced: String =
             code.chars().map(|c| if "()[]{},;".contains(c) { format!(" {c} ") } else { c.to_string() }).collect();
         for word in spaced.split_whitespace() {
             match word {
                 "(" | "[" => open.push(Vec::new()),
                 ")" | "]" => drop(open.pop()),
-                "," | ";" | "{" | "}" | "&&" | "||" => open.last_mut()?.clear(),
-                _ if word.ends_with('=') && Operator::of(word).is_none() => open.last_mut()?.clear(),
+                "," | ";" | "{" | "}" | "&&" | "||" => open.last_mut().expect(innermost).clear(),
+                _ if word.ends_with('=') && Operator::of(word).is_none() => open.last_mut().expect(innermost).clear(),
                 _ => {
                     if let Some(operator) = Operator::of(word) {
-                        let others = open.last_mut()?;
+                        let others = open.last_mut().expect(innermost);
                         if others.iter().any(|&other| !operator.goes_with(other)) {
                             return Some(line);
                         }

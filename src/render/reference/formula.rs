@@ -60,6 +60,11 @@ pub(super) fn add_segment(sum: &mut Sum, formula: &Formula, segment: &Segment, l
     }
 }
 
+/// Optical depth of a piece that is `width` world units long.
+fn depth(rates: &[Rates; 4], width: f64) -> f64 {
+    rates.iter().zip(WEIGHTS).map(|(rates, weight)| weight * rates[0]).sum::<f64>() * width
+}
+
 /// Shares of the way from `near` to `far` at which there is a knot, in order, and 1.
 fn cuts(knots: &[f64], near: f64, far: f64) -> Vec<f64> {
     let (lo, hi) = (near.min(far), near.max(far));
@@ -132,8 +137,7 @@ impl Walk<'_, '_> {
             self.piece(middle, end, halvings - 1);
             return;
         }
-        let depth: f64 = rates.iter().zip(WEIGHTS).map(|(rates, weight)| weight * rates[0]).sum::<f64>() * width;
-        if halvings == 0 && depth > PIECE_DEPTH {
+        if halvings == 0 && depth(&rates, width) > PIECE_DEPTH {
             // No cubic follows what touches opacity 1: what has been passed might be negative.
             self.constant(begin, end, f64::INFINITY);
             return;
@@ -160,12 +164,11 @@ impl Walk<'_, '_> {
     fn is_smooth(&self, begin: f64, end: f64, rates: &[Rates; 4]) -> bool {
         let width = (end - begin) * self.length;
         let middle = self.rates(0.5 * (begin + end));
-        let depth: f64 = rates.iter().zip(WEIGHTS).map(|(rates, weight)| weight * rates[0]).sum::<f64>() * width;
         let is_exact = |channel: usize| {
             let of = |weights: &[f64; 4]| -> f64 { weights.iter().zip(rates).map(|(w, r)| w * r[channel]).sum() };
             let off = (of(&MIDDLE) - middle[channel]).abs().max(of(&CUBIC).abs());
             off * width <= PIECE_TOLERANCE + f64::EPSILON * 16.0 * middle[channel].abs() * width
         };
-        depth <= PIECE_DEPTH && (0..4).all(is_exact)
+        depth(rates, width) <= PIECE_DEPTH && (0..4).all(is_exact)
     }
 }
