@@ -163,7 +163,7 @@ fn begin_path(slot: u32) {
     light.behind = real(depth.x) + real(depth.y);
     light.last = real2(real(0.0), real(scalar_at(slot)));
     light.placed = false;
-    grid_begin(value_at(slot));
+    medium_begin(value_at(slot));
 }
 
 // Depths may be that far off for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
@@ -199,7 +199,7 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
         }
         let to = real2(relative(depth_at(first + next)), real(scalar_at(first + next)));
         if to.x > light.last.x {
-            grid_pass(cell, value_at(first + next));
+            medium_pass(cell, value_at(first + next));
             _ = composite(to);
             light.last = to;
         }
@@ -255,7 +255,7 @@ fn advance_all(first: u32, count: u32) {
         if cell == NONE {
             begin_path(slot);
         } else {
-            grid_pass(cell, value_at(slot));
+            medium_pass(cell, value_at(slot));
             _ = composite(to);
             light.last = to;
         }

@@ -186,7 +186,7 @@ fn begin_path(depth: real, face: u32) {
     path.edges = start.edges;
     light.last = start.at;
     light.placed = false;
-    grid_begin(value_at_hit(path.edges, path.ids));
+    medium_begin(value_at_hit(path.edges, path.ids));
 }
 
 // Walks through one cell; false at the end of the path or of the ray.
@@ -239,7 +239,7 @@ fn step_cell() -> bool {
     let neighbour = cell_neighbour(path.cell, exit);
     let here = hit(path.edges, path.p, path.q, path.r);
     if here.x > light.last.x {
-        grid_pass(path.cell, value_at_hit(path.edges, path.ids));
+        medium_pass(path.cell, value_at_hit(path.edges, path.ids));
         let is_behind = composite(here);
         path.out_of_order += u32(!is_behind && light.composited);
         light.last = here;

@@ -28,14 +28,14 @@ fn load_stored(slot: u32) -> Stored {
     if slot < part {
         let at = FRAGMENT_PAIRS * slot;
         var stored = Stored(fragments_0[at], fragments_0[at + 1u], fragments_0[at + 2u], vec2(0u));
-        if FRAGMENT_PAIRS == GRID_PAIRS {
+        if FRAGMENT_PAIRS == JOINT_PAIRS {
             stored.value = fragments_0[at + 3u];
         }
         return stored;
     }
     let at = FRAGMENT_PAIRS * (slot - part);
     var stored = Stored(fragments_1[at], fragments_1[at + 1u], fragments_1[at + 2u], vec2(0u));
-    if FRAGMENT_PAIRS == GRID_PAIRS {
+    if FRAGMENT_PAIRS == JOINT_PAIRS {
         stored.value = fragments_1[at + 3u];
     }
     return stored;
@@ -48,7 +48,7 @@ fn store(slot: u32, stored: Stored) {
         fragments_0[at] = stored.depth;
         fragments_0[at + 1u] = stored.scalar_rank;
         fragments_0[at + 2u] = stored.cells;
-        if FRAGMENT_PAIRS == GRID_PAIRS {
+        if FRAGMENT_PAIRS == JOINT_PAIRS {
             fragments_0[at + 3u] = stored.value;
         }
     } else {
@@ -56,7 +56,7 @@ fn store(slot: u32, stored: Stored) {
         fragments_1[at] = stored.depth;
         fragments_1[at + 1u] = stored.scalar_rank;
         fragments_1[at + 2u] = stored.cells;
-        if FRAGMENT_PAIRS == GRID_PAIRS {
+        if FRAGMENT_PAIRS == JOINT_PAIRS {
             fragments_1[at + 3u] = stored.value;
         }
     }
@@ -68,7 +68,7 @@ fn depth_at(slot: u32) -> vec2<f32> {
 
 // The quantity of vertices at a fragment, in a grid.
 fn value_at(slot: u32) -> f32 {
-    if FRAGMENT_PAIRS == GRID_PAIRS {
+    if FRAGMENT_PAIRS == JOINT_PAIRS {
         return bitcast<f32>(pair(slot, 3u).x);
     }
     return 0.0;

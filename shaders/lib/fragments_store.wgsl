@@ -15,7 +15,7 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
         fragments_0[at] = bitcast<vec2<u32>>(found.depth);
         fragments_0[at + 1u] = vec2(bitcast<u32>(found.scalar), rank);
         fragments_0[at + 2u] = cells;
-        if FRAGMENT_PAIRS == GRID_PAIRS {
+        if FRAGMENT_PAIRS == JOINT_PAIRS {
             fragments_0[at + 3u] = vec2(bitcast<u32>(found.value), 0u);
         }
     } else {
@@ -23,7 +23,7 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
         fragments_1[at] = bitcast<vec2<u32>>(found.depth);
         fragments_1[at + 1u] = vec2(bitcast<u32>(found.scalar), rank);
         fragments_1[at + 2u] = cells;
-        if FRAGMENT_PAIRS == GRID_PAIRS {
+        if FRAGMENT_PAIRS == JOINT_PAIRS {
             fragments_1[at + 3u] = vec2(bitcast<u32>(found.value), 0u);
         }
     }

@@ -40,7 +40,7 @@ fn composite(to: real2) -> bool {
         }
         let share = (light.front - from_.x) / (to.x - from_.x);
         from_ = real2(light.front, from_.y + share * (to.y - from_.y));
-        grid_cut(f32(share));
+        medium_cut(f32(share));
     }
     if to.x <= from_.x {
         // The scalar may be another one.

@@ -1,10 +1,10 @@
-//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`GridTable`] if it is of more than
+//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`JointTable`] if it is of more than
 //! the scalar.
 
-mod grid;
+mod joint;
 mod thinned;
 
-pub use grid::{GridAxis, GridTable, GridTableError};
+pub use joint::{JointAxis, JointTable, JointTableError};
 use serde::{Deserialize, Serialize};
 pub use thinned::THINNED_TOLERANCE;
 

@@ -10,10 +10,10 @@
 //! [`NodeTable`](crate::node_table::NodeTable) colour and extinction are linear in the scalar: a segment that is split at
 //! the nodes has pieces on which everything is linear in t. [`exact`] integrates those, [`partial`] takes what lies between two
 //! scalars from sums over the nodes, [`table3d`] looks segments up in a table of three dimensions. A renderer is written once over [`Integrator`].
-//! [`grid`] does what [`exact`] does for a transfer function of more than the scalar.
+//! [`joint`] does what [`exact`] does for a transfer function of more than the scalar.
 
 pub mod exact;
-pub mod grid;
+pub mod joint;
 pub mod partial;
 pub mod quadrature;
 mod scalar_map;

@@ -43,7 +43,7 @@ struct Beyond {
     mode: RenderMode,
     faces: usize,
     /// Values of its table of more than the scalar.
-    grid_values: usize,
+    joint_values: usize,
     error: RenderError,
 }
 
@@ -51,11 +51,11 @@ impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
         let is_same = self.view == job.view && self.mode == mode && self.faces == faces_of(job);
-        Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.grid_values == grid_values_of(job)
+        Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
 }
 
-fn grid_values_of(job: &RenderJob) -> usize {
+fn joint_values_of(job: &RenderJob) -> usize {
     job.grid.as_ref().map_or(0, |scene| scene.table.values().len())
 }
 
@@ -214,9 +214,9 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    let (faces, grid_values) = (faces_of(&job), grid_values_of(&job));
+                    let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
                     let (mesh, view) = (job.mesh, job.view);
-                    self.beyond = Some(Beyond { mesh, view, mode, faces, grid_values, error: error.clone() });
+                    self.beyond = Some(Beyond { mesh, view, mode, faces, joint_values, error: error.clone() });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)
@@ -225,7 +225,7 @@ impl Gpu {
                 | RenderError::NoFormula(_)
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
-                | RenderError::GridValueCount { .. }
+                | RenderError::JointValueCount { .. }
                 | RenderError::BadK(_) => return Err(error),
             }
         }

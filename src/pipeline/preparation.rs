@@ -118,7 +118,7 @@ impl Order {
         let grid = match &request.grid {
             None => None,
             Some(table) => {
-                let scene = series.grid_scene(table, &scalars, &mut self.gradients, cancel)?;
+                let scene = series.joint_scene(table, &scalars, &mut self.gradients, cancel)?;
                 Some(scene.ok_or(PipelineError::Cancelled)?)
             }
         };

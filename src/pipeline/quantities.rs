@@ -1,12 +1,12 @@
-//! What transfer functions of more than the scalar look at beside it ([`GridTable`](crate::node_table::GridTable)).
+//! What transfer functions of more than the scalar look at beside it ([`JointTable`](crate::node_table::JointTable)).
 
 use super::series::Series;
 use crate::error::FileResult;
 use crate::histograms::Histogram;
 use crate::mesh::Mesh;
 use crate::moments::{CovDenominator, Distribution};
-use crate::node_table::GridTable;
-use crate::render::GridScene;
+use crate::node_table::JointTable;
+use crate::render::JointScene;
 use crate::task::Cancel;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -76,13 +76,13 @@ impl Series {
     ///
     /// # Errors
     /// As [`Self::coefficients_of_variation`].
-    pub(super) fn grid_scene(
+    pub(super) fn joint_scene(
         &self,
-        table: &Arc<GridTable>,
+        table: &Arc<JointTable>,
         scalars: &Arc<Vec<f32>>,
         gradients: &mut Gradients,
         cancel: &Cancel,
-    ) -> FileResult<Option<GridScene>> {
+    ) -> FileResult<Option<JointScene>> {
         let vertex_values = if table.rows().len() > 1 {
             let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
             Some(cov)
@@ -90,7 +90,7 @@ impl Series {
             None
         };
         let cell_values = (table.layers().len() > 1).then(|| gradients.of(&self.mesh, scalars));
-        Ok(Some(GridScene { table: table.clone(), vertex_values, cell_values }))
+        Ok(Some(JointScene { table: table.clone(), vertex_values, cell_values }))
     }
 }
 

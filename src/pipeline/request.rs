@@ -3,7 +3,7 @@
 use super::{Backend, FrameTime, Sampling};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
-use crate::node_table::{GridTable, NodeTable};
+use crate::node_table::{JointTable, NodeTable};
 use crate::optics::OpticsKind;
 use crate::render::{KBuffer, RenderError};
 use crate::transfer::TransferSource;
@@ -84,9 +84,9 @@ pub struct FrameRequest {
     #[serde(serialize_with = "serialize_table")]
     pub table: Arc<NodeTable>,
     /// The transfer function, if it is also over coefficients of variation (rows) or magnitudes of gradients (layers); `table` is then
-    /// its [projection](GridTable::projection), and segments are integrated exactly, whatever the optics.
-    #[serde(serialize_with = "serialize_grid")]
-    pub grid: Option<Arc<GridTable>>,
+    /// its [projection](JointTable::projection), and segments are integrated exactly, whatever the optics.
+    #[serde(serialize_with = "serialize_joint")]
+    pub grid: Option<Arc<JointTable>>,
     /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
     #[serde(serialize_with = "serialize_source")]
     pub formula: Option<Arc<TransferSource>>,
@@ -133,7 +133,7 @@ impl FrameRequest {
 
     /// The frame with a transfer function of more than the scalar.
     #[must_use]
-    pub fn with_grid(self, grid: Arc<GridTable>) -> Self {
+    pub fn with_joint_table(self, grid: Arc<JointTable>) -> Self {
         Self { table: Arc::new(grid.projection()), grid: Some(grid), ..self }
     }
 
@@ -167,7 +167,7 @@ fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Resu
 }
 
 /// Likewise.
-fn serialize_grid<S: Serializer>(grid: &Option<Arc<GridTable>>, serializer: S) -> Result<S::Ok, S::Error> {
+fn serialize_joint<S: Serializer>(grid: &Option<Arc<JointTable>>, serializer: S) -> Result<S::Ok, S::Error> {
     grid.as_deref().serialize(serializer)
 }
 

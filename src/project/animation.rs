@@ -4,14 +4,14 @@ use super::{Project, ProjectError};
 use crate::camera::Camera;
 use crate::histograms::{Histogram, Kind};
 use crate::moments::Distribution;
-use crate::node_table::{GridTable, NodeTable};
+use crate::node_table::{JointTable, NodeTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{FrameTime, Series};
 use crate::task::Cancel;
 use crate::timeline::At;
 use crate::transfer::{
     BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, Member, OpacityKind, RangePolicy, Space,
-    TransferContent, TransferError, TransferSource, grid_table,
+    TransferContent, TransferError, TransferSource, joint_table,
 };
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub struct Moment {
     /// Colours and extinctions over the scalar.
     pub table: Option<Arc<NodeTable>>,
     /// The same over other quantities, too, if a member keeps its axes; `table` is then its projection.
-    pub grid: Option<Arc<GridTable>>,
+    pub grid: Option<Arc<JointTable>>,
     /// What the table was made from, unless members are of more than the scalar.
     pub formula: Option<Arc<TransferSource>>,
     /// Where from.
@@ -47,7 +47,7 @@ pub struct Animation {
 #[derive(Clone)]
 struct Tables {
     table: Arc<NodeTable>,
-    grid: Option<Arc<GridTable>>,
+    grid: Option<Arc<JointTable>>,
     formula: Option<Arc<TransferSource>>,
 }
 
@@ -173,7 +173,7 @@ impl Animation {
             return Ok(Tables { table: Arc::new(table), grid: None, formula });
         }
         let ensembles: Vec<&Ensemble> = shown.ensembles().collect();
-        let grid = grid_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
+        let grid = joint_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
         Ok(Tables { table: Arc::new(grid.projection()), grid: Some(Arc::new(grid)), formula: None })
     }
 

@@ -6,7 +6,7 @@
 
 pub mod cpu;
 pub mod gpu;
-mod grid;
+mod joint;
 mod optics_tables;
 pub mod probe;
 pub mod reference;
@@ -21,7 +21,7 @@ use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, DrawnFaces, Skip};
-pub use grid::GridScene;
+pub use joint::JointScene;
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
 use serde::Serialize;
 use std::sync::Arc;
@@ -50,9 +50,9 @@ pub struct RenderJob {
     /// Transfer function.
     pub table: Arc<NodeTable>,
     /// The transfer function, if it is of more than the scalar; `table` is then its
-    /// [projection](crate::node_table::GridTable::projection), for whatever leaves out where nothing is to be seen. Segments are
+    /// [projection](crate::node_table::JointTable::projection), for whatever leaves out where nothing is to be seen. Segments are
     /// integrated exactly then, whatever the optics.
-    pub grid: Option<GridScene>,
+    pub grid: Option<JointScene>,
     /// What the table was made from, for the reference alone; without it that integrates the table.
     pub formula: Option<Arc<TransferSource>>,
     /// How segments are integrated; the reference does it in its own way.
@@ -118,7 +118,7 @@ pub enum RenderError {
     },
     /// Quantities beside the scalar and mesh do not belong together.
     #[error("{given} values beside the scalar for a mesh of {expected} {of}")]
-    GridValueCount {
+    JointValueCount {
         /// Values given.
         given: usize,
         /// Vertices or cells.
@@ -189,7 +189,7 @@ impl RenderJob {
     }
 
     /// The job with the optics that it is rendered with: exact ones for a grid.
-    fn with_optics_of_grid(mut self) -> Self {
+    fn with_optics_of_joint_table(mut self) -> Self {
         if self.grid.is_some() {
             self.optics = OpticsKind::Exact;
         }

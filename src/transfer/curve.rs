@@ -98,10 +98,10 @@ impl Curve {
         node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_paths(lengths))
     }
 
-    /// As a line of a table over several axes: within [`GRID_TOLERANCE`](super::tolerance::GRID_TOLERANCE).
+    /// As a line of a table over several axes: within [`JOINT_TOLERANCE`](super::tolerance::JOINT_TOLERANCE).
     pub(super) fn line_of_grid(&self, lengths: &Lengths) -> Result<NodeTable, TransferError> {
         lengths.check()?;
-        node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_grid())
+        node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_joint())
     }
 }
 

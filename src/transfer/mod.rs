@@ -29,7 +29,7 @@ pub use blend::{Blend, ColorWeighting};
 pub use color_map::{ColorMap, ColorPoint};
 pub use curve::Curve;
 pub use ensemble::{
-    Context, Counts2d, Ensemble, Evaluator, Function, Line, Member, Reduction, Sample, Space, grid_table,
+    Context, Counts2d, Ensemble, Evaluator, Function, Line, Member, Reduction, Sample, Space, joint_table,
 };
 pub use first_look::FirstLook;
 pub use formula::{BlendedEnsembles, Formula, TransferContent, TransferSource};
@@ -38,11 +38,11 @@ pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};
 pub use range::{MappedRange, RangePolicy};
 pub use range_map::RangeMap;
 pub use table::{OpacityKind, build_node_table};
-pub use tolerance::{COLOR_TOLERANCE, DEPTH_SHARE, DEPTH_TOLERANCE, GRID_TOLERANCE, Lengths};
+pub use tolerance::{COLOR_TOLERANCE, DEPTH_SHARE, DEPTH_TOLERANCE, JOINT_TOLERANCE, Lengths};
 pub use widget::{Part, Polyline, PolylinePoint, Rectangle, Triangle, Widget};
 
 use crate::error::FileError;
-use crate::node_table::{GridTableError, NodeTableError};
+use crate::node_table::{JointTableError, NodeTableError};
 use crate::short::Short;
 
 /// Why a transfer function, a range or a table cannot be had.
@@ -161,7 +161,7 @@ pub enum TransferError {
     Table(#[from] NodeTableError),
     /// Values do not make a table over several axes.
     #[error(transparent)]
-    Grid(#[from] GridTableError),
+    Joint(#[from] JointTableError),
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ const SHARE_PART: f64 = 1.0 - DEPTH_PART;
 
 /// Tolerance of the lines of a table over several axes, which are farther than this from what they lie between: of colours, and of
 /// the optical depth d of a unit distance the larger one of this and this part of d.
-pub const GRID_TOLERANCE: f64 = 1.0 / 4096.0;
+pub const JOINT_TOLERANCE: f64 = 1.0 / 4096.0;
 
 /// The lengths that a table is made for, in world units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,8 +91,8 @@ impl Tolerance {
     }
 
     /// Of a line of a table over several axes.
-    pub fn of_grid() -> Self {
-        Self { color: GRID_TOLERANCE, depth: GRID_TOLERANCE, share: GRID_TOLERANCE, units: f64::INFINITY }
+    pub fn of_joint() -> Self {
+        Self { color: JOINT_TOLERANCE, depth: JOINT_TOLERANCE, share: JOINT_TOLERANCE, units: f64::INFINITY }
     }
 
     /// A part of it.

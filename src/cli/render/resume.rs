@@ -9,7 +9,7 @@ use super::plan::{Plan, PlannedFrame};
 use crate::cli::Interrupted;
 use crate::export::still::{FrameAttributes, read_fingerprint};
 use crate::mesh::Mesh;
-use crate::node_table::GridTable;
+use crate::node_table::JointTable;
 use crate::pipeline::{FrameRequest, Series};
 use crate::task::Cancel;
 use sha2::{Digest, Sha256};
@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub(super) struct Fingerprints {
     common: Sha256,
     /// The last transfer function of more than the scalar, and its content.
-    grid: RefCell<Option<(Arc<GridTable>, u32)>>,
+    grid: RefCell<Option<(Arc<JointTable>, u32)>>,
     /// Steps, ascending, and the checksums of their scalars.
     steps: Vec<(usize, u32)>,
 }
@@ -72,7 +72,7 @@ impl Fingerprints {
         Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    fn content(&self, grid: &Arc<GridTable>) -> u32 {
+    fn content(&self, grid: &Arc<JointTable>) -> u32 {
         let mut last = self.grid.borrow_mut();
         if let Some((of, content)) = &*last
             && Arc::ptr_eq(of, grid)
@@ -126,9 +126,9 @@ mod tests {
         let table = |rows: &[f64], last: f32| {
             let mut values = vec![[0.5; 4]; 2 * rows.len()];
             values[2 * rows.len() - 1] = [0.5, 0.5, 0.5, last];
-            Arc::new(GridTable::new(vec![0.0, 1.0], rows.to_vec(), vec![0.0], values).unwrap())
+            Arc::new(JointTable::new(vec![0.0, 1.0], rows.to_vec(), vec![0.0], values).unwrap())
         };
-        let of = |grid: &Arc<GridTable>, series: &Series| {
+        let of = |grid: &Arc<JointTable>, series: &Series| {
             let table = Arc::new(table(&[0.0], 0.5).projection());
             let request = FrameRequest::new(1, camera, table, (8, 8));
             let request = FrameRequest { grid: Some(grid.clone()), ..request };

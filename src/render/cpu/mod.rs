@@ -1,7 +1,7 @@
 //! Renderers on the CPU.
 
-mod grid;
 pub mod havs;
+mod joint;
 mod raster;
 mod ray;
 pub mod raycast;

@@ -1,7 +1,7 @@
 //! Where segments become visible.
 
 use crate::optics::Integrator;
-use crate::optics::grid::GridSegment;
+use crate::optics::joint::JointSegment;
 
 /// Depth where a segment from one (depth, scalar) place to another becomes visible; infinite if it does not.
 #[cold]
@@ -12,6 +12,6 @@ pub(super) fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64
 }
 
 /// The same for a segment between two depths, from a share of it on.
-pub(super) fn first_visible_in_grid(segment: &GridSegment, (from, to): (f64, f64), share: f64) -> f64 {
+pub(super) fn first_visible_in_joint_table(segment: &JointSegment, (from, to): (f64, f64), share: f64) -> f64 {
     segment.first_visible(share, 1.0).map_or(f64::INFINITY, |share| from + share * (to - from))
 }

@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::decode::BlockDecoder;
-use super::grid::VertexValues;
+use super::joint::VertexValues;
 use super::layout::VIEW_VERTEX_BYTES;
 use crate::mesh::Mesh;
 use crate::render::{RenderError, RenderJob};

@@ -62,7 +62,7 @@ pub const EYE_WORDS: usize = 6;
 pub const FRAGMENT_BYTES: u64 = 24;
 
 /// Bytes of a fragment in a grid: the quantity of vertices, too, and nothing.
-pub const GRID_FRAGMENT_BYTES: u64 = 32;
+pub const JOINT_FRAGMENT_BYTES: u64 = 32;
 
 /// Words of a piece of a large face: its place in the list, a tile.
 pub const PIECE_WORDS: u64 = 2;
@@ -236,10 +236,10 @@ impl Params {
     }
 }
 
-/// Where the parts of a grid are in the buffer of the table, in vectors of four (`shaders/lib/optics_grid.wgsl`).
+/// Where the parts of a grid are in the buffer of the table, in vectors of four (`shaders/lib/optics_joint.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct GridParams {
+pub struct JointParams {
     /// Intervals of the scalar.
     pub scalar_intervals: u32,
     /// How many they are.

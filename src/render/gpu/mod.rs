@@ -20,9 +20,9 @@ mod eye;
 #[cfg(feature = "gpu")]
 mod frame_texture;
 #[cfg(feature = "gpu")]
-mod grid;
-#[cfg(feature = "gpu")]
 pub mod havs;
+#[cfg(feature = "gpu")]
+mod joint;
 #[cfg(feature = "gpu")]
 mod pipelines;
 #[cfg(feature = "gpu")]

@@ -1,6 +1,6 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
-use super::layout::{self, FaceParams, GridParams, Lists, Params, VqStep};
+use super::layout::{self, FaceParams, JointParams, Lists, Params, VqStep};
 use super::shaders::{FragmentKind, Gathering, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
@@ -271,10 +271,10 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
         assert_eq!(value(resolve, name), rust, "{name}");
     }
     let sort = |kind| value(Stage::FaceSort(kind), "FRAGMENT_PAIRS");
-    let grid_pairs = layout::GRID_FRAGMENT_BYTES as f64 / 8.0;
-    assert_eq!(sort(FragmentKind::Grid), grid_pairs);
-    assert_eq!(value(Stage::FaceSort(FragmentKind::Plain), "GRID_PAIRS"), grid_pairs);
-    assert_ne!(sort(FragmentKind::Plain), grid_pairs);
+    let joint_pairs = layout::JOINT_FRAGMENT_BYTES as f64 / 8.0;
+    assert_eq!(sort(FragmentKind::Joint), joint_pairs);
+    assert_eq!(value(Stage::FaceSort(FragmentKind::Plain), "JOINT_PAIRS"), joint_pairs);
+    assert_ne!(sort(FragmentKind::Plain), joint_pairs);
     for (name, rust) in [
         ("TILE_PX", layout::TILE_PX as f64),
         ("PAIR_WORDS", layout::PAIR_WORDS as f64),
@@ -316,7 +316,7 @@ fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
 #[test]
 fn the_parameters_of_a_grid_have_the_same_layout() {
     macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(GridParams, $field))),*] };
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(JointParams, $field))),*] };
     }
     let rust = rust_offsets!(
         scalar_intervals,
@@ -330,14 +330,14 @@ fn the_parameters_of_a_grid_have_the_same_layout() {
         cell_count,
     );
     for stage in
-        [Stage::Walk(Gathering::Grid, Precision::Single), Stage::FaceResolve(Gathering::Grid, Precision::Single)]
+        [Stage::Walk(Gathering::Joint, Precision::Single), Stage::FaceResolve(Gathering::Joint, Precision::Single)]
     {
-        assert_eq!(members(&module(stage), "GridParams"), (rust.clone(), size_of::<GridParams>()), "{stage:?}");
+        assert_eq!(members(&module(stage), "JointParams"), (rust.clone(), size_of::<JointParams>()), "{stage:?}");
     }
 }
 
 #[test]
-fn transfer_functions_of_the_scalar_do_nothing_for_a_grid() {
+fn transfer_functions_of_the_scalar_do_nothing_for_a_joint_table() {
     // What they call is empty, and what fragments have is what they had.
     let is_empty = |stage: Stage, function: &str| {
         let module = module(stage);
@@ -345,13 +345,13 @@ fn transfer_functions_of_the_scalar_do_nothing_for_a_grid() {
         found.body.iter().all(|statement| matches!(statement, naga::Statement::Return { .. }))
     };
     for optics in OpticsKind::ALL {
-        for function in ["grid_begin", "grid_pass", "grid_cut"] {
+        for function in ["medium_begin", "medium_pass", "medium_cut"] {
             assert!(
                 is_empty(Stage::Walk(Gathering::Scalar(optics), Precision::Single), function),
                 "{optics}, {function}"
             );
         }
     }
-    assert!(!is_empty(Stage::Walk(Gathering::Grid, Precision::Single), "grid_pass"));
+    assert!(!is_empty(Stage::Walk(Gathering::Joint, Precision::Single), "medium_pass"));
     assert_eq!(FragmentKind::Plain.bytes(), layout::FRAGMENT_BYTES);
 }

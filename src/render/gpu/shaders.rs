@@ -1,6 +1,6 @@
 //! The shaders, composed from their parts. The only place that knows which parts a stage is made of.
 
-use super::layout::{FRAGMENT_BYTES, GRID_FRAGMENT_BYTES};
+use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use std::fmt;
@@ -30,20 +30,20 @@ pub enum FragmentKind {
     /// Depth, scalar, cells.
     Plain,
     /// The quantity of vertices, too, for a transfer function of more than the scalar.
-    Grid,
+    Joint,
 }
 
 impl FragmentKind {
     /// What fragments of a job have.
     pub fn of(job: &RenderJob) -> Self {
-        if job.grid.is_some() { Self::Grid } else { Self::Plain }
+        if job.grid.is_some() { Self::Joint } else { Self::Plain }
     }
 
     /// Bytes of a fragment.
     pub fn bytes(self) -> u64 {
         match self {
             Self::Plain => FRAGMENT_BYTES,
-            Self::Grid => GRID_FRAGMENT_BYTES,
+            Self::Joint => JOINT_FRAGMENT_BYTES,
         }
     }
 }
@@ -54,7 +54,7 @@ pub enum Gathering {
     /// A transfer function of the scalar, with these optics.
     Scalar(OpticsKind),
     /// One of more than the scalar, exactly.
-    Grid,
+    Joint,
 }
 
 impl Gathering {
@@ -63,19 +63,19 @@ impl Gathering {
         Self::Scalar(OpticsKind::Exact),
         Self::Scalar(OpticsKind::Table3d),
         Self::Scalar(OpticsKind::Partial),
-        Self::Grid,
+        Self::Joint,
     ];
 
     /// How those of a job are.
     pub fn of(job: &RenderJob) -> Self {
-        if job.grid.is_some() { Self::Grid } else { Self::Scalar(job.optics) }
+        if job.grid.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
     }
 
     /// What fragments have that are integrated so.
     fn fragments(self) -> FragmentKind {
         match self {
             Self::Scalar(_) => FragmentKind::Plain,
-            Self::Grid => FragmentKind::Grid,
+            Self::Joint => FragmentKind::Joint,
         }
     }
 }
@@ -122,10 +122,10 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::Present,
         Stage::FaceScan,
         Stage::FaceSort(FragmentKind::Plain),
-        Stage::FaceSort(FragmentKind::Grid),
+        Stage::FaceSort(FragmentKind::Joint),
     ];
     let with = |precision: Precision| {
-        let passes = [Pass::Count, Pass::Store(FragmentKind::Plain), Pass::Store(FragmentKind::Grid)];
+        let passes = [Pass::Count, Pass::Store(FragmentKind::Plain), Pass::Store(FragmentKind::Joint)];
         let finding = passes.into_iter().flat_map(move |pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
@@ -251,8 +251,8 @@ mod lib {
     pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
     pub(super) const PARTIAL: &str = include_str!("../../../shaders/lib/optics_partial.wgsl");
     pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
-    pub(super) const GRID: &str = include_str!("../../../shaders/lib/optics_grid.wgsl");
-    pub(super) const NO_GRID: &str = include_str!("../../../shaders/lib/no_grid.wgsl");
+    pub(super) const GRID: &str = include_str!("../../../shaders/lib/optics_joint.wgsl");
+    pub(super) const NO_GRID: &str = include_str!("../../../shaders/lib/no_joint.wgsl");
     pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
     pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");
     pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
@@ -272,7 +272,7 @@ fn gathering(how: Gathering, precision: Precision, parameters: u32) -> String {
         Gathering::Scalar(OpticsKind::Table3d) => {
             [lib::TABLE3D, &bound("table3d: Table3dParams"), lib::NO_GRID].concat()
         }
-        Gathering::Grid => [lib::WEIGHTS, lib::GRID, &bound("grid: GridParams")].concat(),
+        Gathering::Joint => [lib::WEIGHTS, lib::GRID, &bound("grid: JointParams")].concat(),
     };
     [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
 }
@@ -289,7 +289,7 @@ fn numbers(precision: Precision) -> &'static str {
 fn vertex_values(kind: FragmentKind) -> &'static str {
     match kind {
         FragmentKind::Plain => lib::NO_VERTEX_VALUES,
-        FragmentKind::Grid => lib::VERTEX_VALUES,
+        FragmentKind::Joint => lib::VERTEX_VALUES,
     }
 }
 

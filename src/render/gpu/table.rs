@@ -2,17 +2,17 @@
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::grid::Grid;
-use super::layout::{GridParams, Params};
+use super::joint::JointBuffers;
+use super::layout::{JointParams, Params};
 use crate::optics::ScalarMap;
 use crate::optics::table3d::Table3dParams;
 use crate::render::{OpticsTable, OpticsTables, RenderError, RenderJob};
 
 /// Bytes of the largest parameters.
-const PARAMETER_BYTES: u64 = if size_of::<Table3dParams>() > size_of::<GridParams>() {
+const PARAMETER_BYTES: u64 = if size_of::<Table3dParams>() > size_of::<JointParams>() {
     size_of::<Table3dParams>() as u64
 } else {
-    size_of::<GridParams>() as u64
+    size_of::<JointParams>() as u64
 };
 
 /// The transfer function.
@@ -25,7 +25,7 @@ pub(super) struct Table {
     /// What the pre-integrated table or a grid needs beside its entries.
     pub(super) parameters: GrowingBuffer,
     interval_count: u32,
-    grid: Grid,
+    grid: JointBuffers,
 }
 
 impl Table {
@@ -36,7 +36,7 @@ impl Table {
             buffer: GrowingBuffer::storage("table"),
             parameters: GrowingBuffer::uniform("parameters of the table"),
             interval_count: 0,
-            grid: Grid::default(),
+            grid: JointBuffers::default(),
         }
     }
 

@@ -1,8 +1,8 @@
 //! Integration of a chain of segments by the definition.
 
 use super::clip::Segment;
-use super::{formula, grid};
-use crate::node_table::{GridTable, Node, NodeTable};
+use super::{formula, joint};
+use crate::node_table::{JointTable, Node, NodeTable};
 use crate::render::RenderJob;
 use crate::transfer::Formula;
 
@@ -25,12 +25,12 @@ pub(in crate::render) const END_DEPTH: f64 = 40.0;
 #[derive(Clone, Copy)]
 pub(in crate::render) enum Transfer<'a> {
     Scalar(&'a NodeTable),
-    Grid(&'a GridTable),
+    Joint(&'a JointTable),
 }
 
 impl<'a> Transfer<'a> {
     pub(in crate::render) fn of(job: &'a RenderJob) -> Self {
-        job.grid.as_ref().map_or(Self::Scalar(&job.table), |grid| Self::Grid(&grid.table))
+        job.grid.as_ref().map_or(Self::Scalar(&job.table), |grid| Self::Joint(&grid.table))
     }
 
     /// The segment, cut so that all is linear on each piece: colour and extinction at both ends of each, as seen from inside
@@ -38,7 +38,7 @@ impl<'a> Transfer<'a> {
     pub(in crate::render) fn pieces(self, segment: &Segment) -> Vec<(Node, Node, f64)> {
         match self {
             Self::Scalar(table) => pieces(table, segment.scalar_near, segment.scalar_far),
-            Self::Grid(table) => grid::pieces(table, segment),
+            Self::Joint(table) => joint::pieces(table, segment),
         }
     }
 }

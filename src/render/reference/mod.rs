@@ -17,8 +17,8 @@
 
 pub(super) mod clip;
 mod formula;
-mod grid;
 pub(super) mod integrate;
+mod joint;
 
 use super::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::camera::View;

@@ -1,12 +1,12 @@
 //! [`Ensemble`]: several transfer functions, blended one after the other (dissertation 7.3).
 
 mod evaluate;
-mod grid;
+mod joint;
 mod places;
 mod reduce;
 
 pub use evaluate::{Context, Evaluator, Line, Sample};
-pub use grid::grid_table;
+pub use joint::joint_table;
 pub use reduce::{Counts2d, Reduction};
 
 use super::TransferError;

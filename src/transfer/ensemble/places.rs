@@ -8,7 +8,7 @@ use crate::transfer::TransferError;
 use crate::transfer::color_map::{ColorMap, mix};
 use crate::transfer::function::TransferFunction;
 use crate::transfer::table::OpacityKind;
-use crate::transfer::tolerance::GRID_TOLERANCE;
+use crate::transfer::tolerance::JOINT_TOLERANCE;
 use crate::transfer::widget::{GAP, line_of};
 
 /// Places of an axis along which a member changes gradually: as many as a histogram has bins there, so that both meet at the
@@ -107,7 +107,7 @@ impl Member {
         };
         let inside = knots.iter().filter(|at| ends[0] < **at && **at < ends[1]).map(|&at| (at, off(at)));
         let Some((farthest, error)) = inside.max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
-        if error > GRID_TOLERANCE {
+        if error > JOINT_TOLERANCE {
             places.push(self.place_of(farthest));
             self.add_bends(colors, knots, [ends[0], farthest], places);
             self.add_bends(colors, knots, [farthest, ends[1]], places);

@@ -75,7 +75,7 @@ fn edges_next_to_each_other_or_to_a_place_are_not_lost() {
         (vec![rectangle([0.2, 0.5 - 0.7 * GAP]), rectangle([0.5, 0.6])], vec![0.2, 0.5, 0.6]),
     ] {
         let one = kept(Space::ScalarCov, Function::Widgets(widgets));
-        check(&one, &edges, GRID_TOLERANCE);
+        check(&one, &edges, JOINT_TOLERANCE);
         let context = context(&Unit);
         assert_eq!(one.grid(&context).unwrap().eval(0.3, 0.0, 0.0).tau, 0.0, "{one:?}");
     }
@@ -87,13 +87,13 @@ fn points_of_colour_maps_are_places_only_where_these_bend_or_step() {
         let one = over_cov(text);
         let count = rows(&one).len();
         // Opacity 0.4 is linear, extinction is not: 0.3^2 / 64^2 / 8 / 0.6 at most, far below the tolerance of colours.
-        let off = check(&one, &[], 2.0 * GRID_TOLERANCE);
+        let off = check(&one, &[], 2.0 * JOINT_TOLERANCE);
         eprintln!("{text}: {count} rows, off by {off:.1e}");
         assert!((65..=most).contains(&count), "{text}: {count}");
     }
     for map in ["turbo", "vik", "batlow", "cividis", "plasma", "cool-to-warm"] {
         let one = over_cov(&format!("{map}@0:0.1,1:0.4"));
-        eprintln!("{map}: {} rows, off by {:.1e}", rows(&one).len(), check(&one, &[], 2.0 * GRID_TOLERANCE));
+        eprintln!("{map}: {} rows, off by {:.1e}", rows(&one).len(), check(&one, &[], 2.0 * JOINT_TOLERANCE));
     }
 }
 
@@ -104,7 +104,7 @@ fn points_of_opacity_are_places_and_steps_are_two() {
     let covs = rows(&one);
     let near = |at: f64| covs.iter().filter(|cov| (**cov - at).abs() <= 2.0 * GAP).count();
     assert_eq!([0.505, 0.507, 0.509, 0.7].map(near), [1, 1, 1, 2]);
-    check(&one, &[0.7], GRID_TOLERANCE + 0.2_f64.powi(2));
+    check(&one, &[0.7], JOINT_TOLERANCE + 0.2_f64.powi(2));
     let point = |position: f64, opacity: f64| PolylinePoint { position, rgb: [0.4; 3], opacity };
     let points = vec![point(0.1, 0.2), point(0.407, 0.5), point(0.8, 0.1)];
     let line = kept(Space::Cov, Function::Widgets(vec![Widget::Polyline(Polyline { points })]));

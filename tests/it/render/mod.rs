@@ -5,11 +5,11 @@ mod depth;
 mod formula;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod grid;
-#[cfg(feature = "gpu")]
-mod grid_gpu;
-mod grid_orders;
 pub mod havs;
+mod joint;
+#[cfg(feature = "gpu")]
+mod joint_gpu;
+mod joint_orders;
 mod partial;
 mod raycast;
 mod table3d;

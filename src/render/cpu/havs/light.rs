@@ -1,8 +1,8 @@
 //! Compositing the fragments of a ray.
 
-use super::super::grid::GridRay;
+use super::super::joint::JointRay;
 use super::super::tiles::TilePixel;
-use super::super::visible::{first_visible, first_visible_in_grid};
+use super::super::visible::{first_visible, first_visible_in_joint_table};
 use super::fragment::Fragment;
 use crate::mesh::NONE;
 use crate::optics::{Accumulator, Integrator};
@@ -11,7 +11,7 @@ use crate::optics::{Accumulator, Integrator};
 pub(super) struct RayOptics<'a, I> {
     pub(super) table: &'a I,
     /// The transfer function in place of `table`, if it is of more than the scalar.
-    pub(super) grid: Option<GridRay<'a>>,
+    pub(super) grid: Option<JointRay<'a>>,
     pub(super) length_per_depth: f64,
     /// Depths closer than that may be in the wrong order.
     pub(super) tie: f64,
@@ -197,7 +197,7 @@ impl<P: Copy> RayLight<P> {
     /// As [`Self::composite`]. The gap is one segment in the cell behind its nearer end; if some faces are not drawn, it may be longer
     /// than that: the cell's quantity then holds on to its end.
     #[inline(never)]
-    fn composite_in_grid<I>(&mut self, ray: &GridRay<'_>, optics: &RayOptics<'_, I>, to: &Fragment) {
+    fn composite_in_grid<I>(&mut self, ray: &JointRay<'_>, optics: &RayOptics<'_, I>, to: &Fragment) {
         let (depth, scalar) = self.last;
         if to.depth <= depth || to.depth <= self.front || self.light.is_opaque() {
             return;
@@ -212,7 +212,7 @@ impl<P: Copy> RayLight<P> {
             return;
         }
         if self.visible_from == f64::INFINITY {
-            self.visible_from = first_visible_in_grid(&segment, (depth, to.depth), share);
+            self.visible_from = first_visible_in_joint_table(&segment, (depth, to.depth), share);
         }
         self.segments += pieces;
         self.front = to.depth;

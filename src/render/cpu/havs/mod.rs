@@ -146,7 +146,7 @@ pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces
 impl Renderer for Havs {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
-        let job = job.with_optics_of_grid();
+        let job = job.with_optics_of_joint_table();
         let drawn = checked_faces(&job)?;
         let started = Instant::now();
         let view = job.local_view();

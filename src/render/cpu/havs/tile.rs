@@ -1,6 +1,6 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
-use super::super::grid::GridRay;
+use super::super::joint::JointRay;
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
@@ -16,7 +16,7 @@ use super::resolve::resolve_again;
 use crate::camera::View;
 use crate::mesh::{NONE, Topology};
 use crate::optics::Integrator;
-use crate::render::{GridScene, KBuffer};
+use crate::render::{JointScene, KBuffer};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use pulp::NullaryFnOnce;
@@ -29,7 +29,7 @@ pub(super) struct Scene<'a, I> {
     pub(super) view: &'a View,
     pub(super) table: &'a I,
     /// The transfer function in place of `table`, if it is of more than the scalar, and the world length of a local one.
-    pub(super) grid: Option<(&'a GridScene, f64)>,
+    pub(super) grid: Option<(&'a JointScene, f64)>,
     /// Active cells that may contain the eye.
     pub(super) eye_cells: &'a [u32],
     pub(super) k_buffer: KBuffer,
@@ -55,7 +55,7 @@ impl<I: Integrator> Scene<'_, I> {
     pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, I> {
         let (tie, early_termination) = (self.tie, self.early_termination);
         let (topology, vertices, ray) = (self.topology, self.vertices, *ray);
-        let grid = self.grid.map(|(grid, scale)| GridRay { grid, topology, vertices, ray, scale });
+        let grid = self.grid.map(|(grid, scale)| JointRay { grid, topology, vertices, ray, scale });
         RayOptics { table: self.table, grid, length_per_depth: ray.length_per_depth, tie, early_termination }
     }
 

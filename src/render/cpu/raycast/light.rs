@@ -4,8 +4,8 @@
 //! place in the table is the same whether the ray has come to it through clear cells or begins there.
 
 use super::super::tiles::TilePixel;
-use super::super::visible::{first_visible, first_visible_in_grid};
-use crate::optics::grid::GridSegment;
+use super::super::visible::{first_visible, first_visible_in_joint_table};
+use crate::optics::joint::JointSegment;
 use crate::optics::{Accumulator, Integrator};
 use crate::stats::FrameStats;
 
@@ -71,7 +71,7 @@ impl<P: Copy> RayLight<P> {
     }
 
     /// As [`Self::go_on`], along a segment between two depths through a cell; its length is in the unit of extinctions.
-    pub(super) fn go_on_in_grid(&mut self, segment: &GridSegment, length_per_depth: f64, from: f64, to: f64) {
+    pub(super) fn go_on_in_grid(&mut self, segment: &JointSegment, length_per_depth: f64, from: f64, to: f64) {
         // In place of scalars, shares of the segment.
         let Some((front, share)) = self.behind_front((from, 0.0), (to, 1.0)) else { return };
         let length = (to - front) * length_per_depth;
@@ -80,7 +80,7 @@ impl<P: Copy> RayLight<P> {
             return;
         }
         if self.visible_from == f64::INFINITY {
-            self.visible_from = first_visible_in_grid(segment, (from, to), share);
+            self.visible_from = first_visible_in_joint_table(segment, (from, to), share);
         }
         self.segments += pieces;
         (self.front, self.composited) = (to, true);

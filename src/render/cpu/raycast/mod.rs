@@ -26,7 +26,7 @@
 //! or eight rays of a thread in turn, without vectors, to hide the latency of the loads; vertices and neighbours of a cell
 //! side by side.
 //!
-//! A job with a [`GridScene`](super::super::GridScene) is walked ray by ray: its segments need the quantity of their vertices at both ends, which the walk
+//! A job with a [`JointScene`](super::super::JointScene) is walked ray by ray: its segments need the quantity of their vertices at both ends, which the walk
 //! finds from the face, and the cell.
 //!
 //! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
@@ -151,7 +151,7 @@ impl Raycast {
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
-        let job = job.with_optics_of_grid();
+        let job = job.with_optics_of_joint_table();
         let started = Instant::now();
         let view = job.local_view();
         self.frame.clear(view.width_px, view.height_px);

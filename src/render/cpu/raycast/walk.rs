@@ -1,6 +1,6 @@
 //! From an entry through the active cells to the exit.
 
-use super::super::super::GridScene;
+use super::super::super::JointScene;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use super::super::tiles::{PixelRect, TilePixel};
 #[cfg(target_arch = "x86_64")]
@@ -24,7 +24,7 @@ pub(super) struct Scene<'a, I> {
     pub(super) view: &'a View,
     pub(super) table: &'a I,
     /// The transfer function in place of `table`, if it is of more than the scalar.
-    pub(super) grid: Option<&'a GridScene>,
+    pub(super) grid: Option<&'a JointScene>,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) scalars: &'a [f32],
     pub(super) entries: Entries<'a>,
@@ -243,7 +243,7 @@ impl<I: Integrator> Walk<'_, I> {
     /// Composites the segment of the cell up to the place `here` on the face that the ray has come to; `scale` is the world length
     /// of a local one.
     #[inline(never)]
-    fn go_on_in_grid(&mut self, grid: &GridScene, scale: f64, here: (f64, f64)) {
+    fn go_on_in_grid(&mut self, grid: &JointScene, scale: f64, here: (f64, f64)) {
         let value = grid.on_face(self.ids, self.edges);
         let segment = grid.segment(self.cell, [self.last.1, here.1], [self.last_value, value]);
         self.light.go_on_in_grid(&segment, self.ray.length_per_depth * scale, self.last.0, here.0);

@@ -386,7 +386,7 @@ impl Havs {
 impl Renderer for Havs {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
-        let job = job.with_optics_of_grid();
+        let job = job.with_optics_of_joint_table();
         let drawn = checked_faces(&job)?;
         self.context.check()?;
         self.active_job = None;

@@ -281,7 +281,7 @@ impl Raycast {
 impl Renderer for Raycast {
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
         job.check()?;
-        let job = job.with_optics_of_grid();
+        let job = job.with_optics_of_joint_table();
         self.context.check()?;
         self.active_job = None;
         self.drain()?;

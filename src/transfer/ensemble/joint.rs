@@ -1,11 +1,11 @@
 //! Ensembles on more than the scalar, as true tables (dissertation 7.3): members that keep their axes.
 //!
 //! At one gradient magnitude and one coefficient of variation an ensemble is a curve over the scalar, exactly, and that of all
-//! blending rules ([`Ensemble::curve_on`]). A [`GridTable`] has these curves at [`places`] of both axes.
+//! blending rules ([`Ensemble::curve_on`]). A [`JointTable`] has these curves at [`places`] of both axes.
 
 use super::places::{Second, places};
 use super::{Context, Ensemble, Line};
-use crate::node_table::{GridTable, Node, NodeTable};
+use crate::node_table::{JointTable, Node, NodeTable};
 use crate::transfer::TransferError;
 use crate::transfer::curve::Curve;
 use rayon::prelude::*;
@@ -27,8 +27,8 @@ impl Ensemble {
     ///
     /// # Errors
     /// As [`Self::curve`].
-    pub fn grid(&self, context: &Context) -> Result<GridTable, TransferError> {
-        grid_table(&[self], context, |line| self.curve_on(context, line))
+    pub fn grid(&self, context: &Context) -> Result<JointTable, TransferError> {
+        joint_table(&[self], context, |line| self.curve_on(context, line))
     }
 }
 
@@ -37,11 +37,11 @@ impl Ensemble {
 ///
 /// # Errors
 /// Those of `curve_on`, and if a histogram is missing, the unit distance of the context is of no use, or there are too many places.
-pub fn grid_table(
+pub fn joint_table(
     ensembles: &[&Ensemble],
     context: &Context,
     curve_on: impl Fn(&Line) -> Result<Curve, TransferError> + Sync,
-) -> Result<GridTable, TransferError> {
+) -> Result<JointTable, TransferError> {
     let (gradients, layers) = places(ensembles, Second::Gradient, context)?;
     let (covs, rows) = places(ensembles, Second::Cov, context)?;
     let most = MOST_VALUES / LEAST_SCALARS;
@@ -55,7 +55,7 @@ pub fn grid_table(
     let scalars = Columns::of(&tables, MOST_VALUES / tables.len());
     let values = tables.iter().flat_map(|table| scalars.0.iter().flat_map(|column| column.values(table))).collect();
     let axis = scalars.0.iter().flat_map(Column::scalars).collect();
-    Ok(GridTable::new(axis, rows, layers, values)?)
+    Ok(JointTable::new(axis, rows, layers, values)?)
 }
 
 /// One scalar of a grid, or both sides of a step.
@@ -165,5 +165,5 @@ fn differ([left, right]: [Node; 2]) -> bool {
 }
 
 #[cfg(test)]
-#[path = "grid_tests.rs"]
+#[path = "joint_tests.rs"]
 mod tests;

@@ -1,15 +1,15 @@
-//! [`GridScene`]: what a job has beside its scalars if its transfer function is of more than them.
+//! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them.
 
 use super::RenderError;
 use crate::mesh::Mesh;
-use crate::node_table::GridTable;
+use crate::node_table::JointTable;
 use std::sync::Arc;
 
 /// A transfer function of the scalar and of up to two quantities beside it, with these quantities. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct GridScene {
+pub struct JointScene {
     /// The transfer function.
-    pub table: Arc<GridTable>,
+    pub table: Arc<JointTable>,
     /// One value per vertex of the mesh, in the unit of the table's rows, linear in a cell. A vertex with NaN has the lowest row, and
     /// so have all if there are none.
     pub vertex_values: Option<Arc<Vec<f32>>>,
@@ -18,12 +18,12 @@ pub struct GridScene {
     pub cell_values: Option<Arc<Vec<f32>>>,
 }
 
-impl GridScene {
+impl JointScene {
     /// Checks that the quantities are those of a mesh.
     pub(super) fn check(&self, mesh: &Mesh) -> Result<(), RenderError> {
         let check = |values: &Option<Arc<Vec<f32>>>, of: &'static str, expected: usize| match values {
             Some(values) if values.len() != expected => {
-                Err(RenderError::GridValueCount { given: values.len(), of, expected })
+                Err(RenderError::JointValueCount { given: values.len(), of, expected })
             }
             _ => Ok(()),
         };

@@ -1,12 +1,12 @@
 // The exact integrator for a transfer function of more than the scalar: segments are split at scalar nodes, rows, and diagonals
-// of rectangles. CPU twin: optics/grid.rs.
+// of rectangles. CPU twin: optics/joint.rs.
 //
 // Where a ray is in a rectangle is kept as shares of its two sides, not as scalars: a rectangle that is crossed from side to
 // side is as wide as it is, however narrow, and what ends at a line has there exactly the line's values.
 
 // Places in `table`, in vectors. Intervals: (lo, hi, width, first column or row); the first and the last of an axis reach
 // beyond all and have no width: there the axis does not matter.
-struct GridParams {
+struct JointParams {
     scalar_intervals: u32,
     scalar_count: u32,
     row_intervals: u32,
@@ -52,12 +52,12 @@ fn optics_clear() {
 }
 
 // The ray is at a place with this quantity of vertices, after a gap.
-fn grid_begin(value: f32) {
+fn medium_begin(value: f32) {
     values = vec2(value);
 }
 
 // The ray passes through a cell to a place with this quantity of vertices.
-fn grid_pass(cell: u32, value: f32) {
+fn medium_pass(cell: u32, value: f32) {
     values = vec2(values.y, value);
     layers = vec2(grid.values);
     layer_share = 0.0;
@@ -71,7 +71,7 @@ fn grid_pass(cell: u32, value: f32) {
 }
 
 // Of the segment only what lies behind a share of it is left.
-fn grid_cut(share: f32) {
+fn medium_cut(share: f32) {
     values.x += share * (values.y - values.x);
 }
 
@@ -165,7 +165,7 @@ fn corner(x: u32, y: u32) -> vec4<f32> {
 }
 
 // Composites a piece that runs through one triangle.
-fn grid_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, share: f32) {
+fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, share: f32) {
     if length <= 0.0 {
         return;
     }
@@ -237,7 +237,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
             leaves_y = false;
             goes_on = true;
         }
-        grid_piece(near, far, is_below, share * length, 1.0 - rest);
+        joint_piece(near, far, is_below, share * length, 1.0 - rest);
         if !goes_on {
             break;
         }

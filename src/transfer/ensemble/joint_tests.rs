@@ -5,7 +5,7 @@ use crate::transfer::ensemble::{Function, Member, Reduction, Space};
 use crate::transfer::table::OpacityKind;
 use crate::transfer::widget::{GAP, Widget};
 use crate::transfer::{
-    Blend, ColorWeighting, GRID_TOLERANCE, Lengths, Polyline, PolylinePoint, Rectangle, Sample, TransferFunction,
+    Blend, ColorWeighting, JOINT_TOLERANCE, Lengths, Polyline, PolylinePoint, Rectangle, Sample, TransferFunction,
     Triangle,
 };
 use proptest::prelude::*;
@@ -62,7 +62,7 @@ fn samples(count: usize) -> impl Iterator<Item = Sample> {
 
 /// Errors of a table at samples that are `far`: the greatest and the mean one of opacity, and the greatest of colours where opacity
 /// is above a hundredth.
-fn errors(table: &GridTable, judge: &Ensemble, far: impl Fn(&Sample) -> bool) -> [f64; 3] {
+fn errors(table: &JointTable, judge: &Ensemble, far: impl Fn(&Sample) -> bool) -> [f64; 3] {
     let context = context();
     let judge = judge.evaluator(&context).unwrap();
     let (mut count, mut max, mut sum, mut color) = (0, 0.0_f64, 0.0, 0.0_f64);
@@ -111,7 +111,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// Between their edges rectangles do not change along the second axis: lines are taken where they do, so that only the tables of
-    /// these lines ([`GRID_TOLERANCE`]) and single precision (2^-22 with a square root's worth of operations) are off. A wrong one, of
+    /// these lines ([`JOINT_TOLERANCE`]) and single precision (2^-22 with a square root's worth of operations) are off. A wrong one, of
     /// the same ensemble without its last widget, is.
     #[test]
     fn rectangles_are_as_exact_as_on_the_scalar(
@@ -124,7 +124,7 @@ proptest! {
         let table = all.grid(&context()).unwrap();
         let edges = edges_of(&all);
         let [max, _, color] = errors(&table, &all, is_far(&edges));
-        prop_assert!(max <= GRID_TOLERANCE + 1e-6 && color <= GRID_TOLERANCE + 1e-6, "{max:e}, {color:e}");
+        prop_assert!(max <= JOINT_TOLERANCE + 1e-6 && color <= JOINT_TOLERANCE + 1e-6, "{max:e}, {color:e}");
         let mut other = all.clone();
         other.members.push(kept(Space::ScalarCov, vec![rectangle([0.0, 1.0], [0.2, 0.6], [0.3, 0.5])]));
         let [max, ..] = errors(&table, &other, is_far(&edges));
@@ -144,7 +144,8 @@ fn what_changes_gradually_is_followed_in_sixty_four_steps() {
     // there is a step, up to 0.6 of opacity is elsewhere in a strip of half that width, 0.006 of all samples at two sides (measured:
     // 0.5; 1.8e-3). With fall-off it is steepest near the base, where a whole rise lies between two lines (9.8e-2; 1.4e-4).
     // The polyline is linear, but opacity is not extinction: (0.5 / 0.3 / 64)^2 / 8 / 0.5 beside the tolerance (1.6e-4; 3.0e-5).
-    for (member, [max, mean]) in [(boundary, [0.2, 3e-4]), (flat, [0.61, 4e-3]), (along, [GRID_TOLERANCE + 2e-4, 6e-5])]
+    for (member, [max, mean]) in
+        [(boundary, [0.2, 3e-4]), (flat, [0.61, 4e-3]), (along, [JOINT_TOLERANCE + 2e-4, 6e-5])]
     {
         let one = ensemble(vec![member]);
         let table = one.grid(&context()).unwrap();
@@ -195,14 +196,14 @@ fn of_two_ensembles_on_different_spaces_there_is_one_table() {
             let [a, b] = [&gradient, &cov].map(|e| e.curve_on(&context, line).unwrap());
             Curve::mix(&a, &b, f, ColorWeighting::Plain)
         };
-        grid_table(&[&gradient, &cov], &context, mix).unwrap()
+        joint_table(&[&gradient, &cov], &context, mix).unwrap()
     };
     for (f, whole) in [(0.0, &gradient), (1.0, &cov)] {
         let [max, _, color] = errors(&between(f), whole, is_far(&edges_of(whole)));
-        assert!(max <= GRID_TOLERANCE + 1e-6 && color <= GRID_TOLERANCE + 1e-6, "{max:e}, {color:e}");
+        assert!(max <= JOINT_TOLERANCE + 1e-6 && color <= JOINT_TOLERANCE + 1e-6, "{max:e}, {color:e}");
     }
     let at = |scalar: f64, gradient: f64, cov: f64| 1.0 - (-between(0.25).eval(scalar, cov, gradient).tau).exp();
-    let near = |a: f64, b: f64| assert!((a - b).abs() <= GRID_TOLERANCE, "{a} is not {b}");
+    let near = |a: f64, b: f64| assert!((a - b).abs() <= JOINT_TOLERANCE, "{a} is not {b}");
     near(at(0.4, 0.6, 0.2), 0.75 * 0.3 + 0.25 * 0.5);
     near(at(0.4, 0.1, 0.2), 0.25 * 0.5);
     near(at(0.65, 0.6, 0.2), 0.75 * 0.3);

@@ -1,4 +1,4 @@
-//! The exact integrator for a [`GridTable`]: a segment is split where it crosses a line of the grid (a scalar node, a row, the
+//! The exact integrator for a [`JointTable`]: a segment is split where it crosses a line of the grid (a scalar node, a row, the
 //! diagonal of a rectangle), and each piece is integrated by [`piece_weights`].
 //!
 //! Places on a segment are shares of it, 0 at its near and 1 at its far end. Which rectangle a piece lies in is counted from line
@@ -6,13 +6,13 @@
 //! values of the line, so that what is clear on one side shows nothing.
 
 use super::{Accumulator, ScalarMap, piece_weights};
-use crate::node_table::GridTable;
+use crate::node_table::JointTable;
 use glam::Vec4;
 
-/// The part of a ray in a cell, as a line through a [`GridTable`].
+/// The part of a ray in a cell, as a line through a [`JointTable`].
 #[derive(Clone, Copy, Debug)]
-pub struct GridSegment<'a> {
-    table: &'a GridTable,
+pub struct JointSegment<'a> {
+    table: &'a JointTable,
     /// At the near and at the far end.
     scalars: [f64; 2],
     vertex_values: [f64; 2],
@@ -27,9 +27,9 @@ struct Piece {
     values: [Vec4; 2],
 }
 
-impl<'a> GridSegment<'a> {
+impl<'a> JointSegment<'a> {
     /// The line between two (scalar, quantity of vertices) places, all finite, in a cell with this quantity.
-    pub fn new(table: &'a GridTable, scalars: [f64; 2], vertex_values: [f64; 2], cell_value: f64) -> Self {
+    pub fn new(table: &'a JointTable, scalars: [f64; 2], vertex_values: [f64; 2], cell_value: f64) -> Self {
         let (layers, share) = table.layer_at(cell_value);
         Self { table, scalars, vertex_values, layers, layer_share: share as f32 }
     }
@@ -139,8 +139,8 @@ fn in_triangle([lower, beside, upper]: [Vec4; 3], [x, y]: [f64; 2], is_below: bo
     lower * of_lower + beside * of_beside + upper * of_upper
 }
 
-/// A table as `shaders/lib/optics_grid.wgsl` reads it.
-pub struct PackedGrid {
+/// A table as `shaders/lib/optics_joint.wgsl` reads it.
+pub struct PackedJoint {
     /// Intervals of the scalar, then of the rows: (lo, hi, width, first place), of which the first and the last reach beyond all and
     /// have no width. Then the values in the order of the table, extinctions per unit of a ray's length.
     pub words: Vec<[f32; 4]>,
@@ -151,13 +151,13 @@ pub struct PackedGrid {
 }
 
 /// Vectors of a packed table at most.
-pub fn packed_len(table: &GridTable) -> usize {
+pub fn packed_len(table: &JointTable) -> usize {
     let (scalars, rows, layers) = (table.scalars().len(), table.rows().len(), table.layers().len());
     scalars + 1 + rows + 1 + scalars * rows * layers
 }
 
 /// The table over scalars and rows seen through these maps; `world_per_length` is the world length of a unit of a ray's length.
-pub fn packed(table: &GridTable, scalars: ScalarMap, rows: ScalarMap, world_per_length: f64) -> PackedGrid {
+pub fn packed(table: &JointTable, scalars: ScalarMap, rows: ScalarMap, world_per_length: f64) -> PackedJoint {
     let mut words = Vec::with_capacity(packed_len(table));
     words.extend(intervals(table.scalars(), scalars));
     let scalar_intervals = words.len() as u32;
@@ -166,7 +166,7 @@ pub fn packed(table: &GridTable, scalars: ScalarMap, rows: ScalarMap, world_per_
     // The largest extinction that stays finite when it is averaged.
     let tau = |tau: f32| (f64::from(tau) * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;
     words.extend(table.values().iter().map(|&[r, g, b, t]| [r, g, b, tau(t)]));
-    PackedGrid { words, scalar_intervals, row_intervals }
+    PackedJoint { words, scalar_intervals, row_intervals }
 }
 
 /// The intervals between the places of an axis, none at steps. Widths are those before rounding, as in
@@ -260,5 +260,5 @@ impl<'a> Way<'a> {
 }
 
 #[cfg(test)]
-#[path = "grid_tests.rs"]
+#[path = "joint_tests.rs"]
 mod tests;

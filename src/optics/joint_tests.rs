@@ -1,4 +1,4 @@
-//! Segments through a [`GridTable`] against thin slices, closed forms and the integrator for the scalar alone.
+//! Segments through a [`JointTable`] against thin slices, closed forms and the integrator for the scalar alone.
 
 use super::super::exact::ExactTable;
 use super::super::{Accumulator, Integrator};
@@ -6,14 +6,14 @@ use super::*;
 use crate::node_table::{Node, NodeTable};
 use proptest::prelude::*;
 
-fn table(scalars: &[f64], rows: &[f64], layers: &[f64], value: impl Fn(usize, usize, usize) -> [f32; 4]) -> GridTable {
+fn table(scalars: &[f64], rows: &[f64], layers: &[f64], value: impl Fn(usize, usize, usize) -> [f32; 4]) -> JointTable {
     let mut values = Vec::new();
     for k in 0..layers.len() {
         for j in 0..rows.len() {
             values.extend((0..scalars.len()).map(|i| value(i, j, k)));
         }
     }
-    GridTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
+    JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
 }
 
 /// Another value at each place, a part of them clear.
@@ -22,14 +22,14 @@ fn mixed(i: usize, j: usize, k: usize) -> [f32; 4] {
     [of(2), of(3), of(5), 3.0 * (of(7) - 0.3).max(0.0)]
 }
 
-fn through(segment: &GridSegment, length: f64) -> ([f32; 4], u64) {
+fn through(segment: &JointSegment, length: f64) -> ([f32; 4], u64) {
     let mut out = Accumulator::CLEAR;
     let pieces = segment.composite(0.0, 1.0, length, &mut out);
     (out.pixel(), pieces)
 }
 
 /// Colour and opacity of many slices, each with the values in its middle.
-fn in_slices(table: &GridTable, scalars: [f64; 2], values: [f64; 2], cell: f64, length: f64, slices: u32) -> [f64; 4] {
+fn in_slices(table: &JointTable, scalars: [f64; 2], values: [f64; 2], cell: f64, length: f64, slices: u32) -> [f64; 4] {
     let (mut rgba, mut transmittance) = ([0.0; 4], 1.0);
     for i in 0..slices {
         let u = (f64::from(i) + 0.5) / f64::from(slices);
@@ -63,7 +63,7 @@ proptest! {
     fn a_segment_is_the_sum_of_its_slices(ends in prop::array::uniform4(-1.2..1.2_f64), cell in -1.0..1.0_f64, length in 0.01..4.0_f64) {
         let table = table(&AXIS, &AXIS, &LAYERS, mixed);
         let (scalars, values) = ([ends[0], ends[1]], [ends[2], ends[3]]);
-        let segment = GridSegment::new(&table, scalars, values, cell);
+        let segment = JointSegment::new(&table, scalars, values, cell);
         let expected = in_slices(&table, scalars, values, cell, length, 20_000);
         let off = worst(through(&segment, length).0, expected);
         prop_assert!(off < OF_SLICES, "{off:e}");
@@ -72,7 +72,7 @@ proptest! {
     #[test]
     fn parts_of_a_segment_add_up_to_it(ends in prop::array::uniform4(-1.2..1.2_f64), cut in 0.05..0.95_f64) {
         let table = table(&AXIS, &AXIS, &LAYERS, mixed);
-        let segment = GridSegment::new(&table, [ends[0], ends[1]], [ends[2], ends[3]], 0.4);
+        let segment = JointSegment::new(&table, [ends[0], ends[1]], [ends[2], ends[3]], 0.4);
         let mut parts = Accumulator::CLEAR;
         segment.composite(0.0, cut, 2.0 * cut, &mut parts);
         segment.composite(cut, 1.0, 2.0 * (1.0 - cut), &mut parts);
@@ -92,7 +92,7 @@ proptest! {
         let exact = ExactTable::new(&NodeTable::new((0..5).map(node).collect()).unwrap(), 1.0);
         let mut expected = Accumulator::CLEAR;
         exact.segment(&mut exact.enter(s0), s0, s1, 1.7, &mut expected);
-        let segment = GridSegment::new(&grid, [s0, s1], [value, -value], f64::NAN);
+        let segment = JointSegment::new(&grid, [s0, s1], [value, -value], f64::NAN);
         // The same pieces, rounded in another order.
         prop_assert!(worst(through(&segment, 1.7).0, expected.pixel().map(f64::from)) < 1e-6);
         let share = segment.first_visible(0.0, 1.0).unwrap_or(1.0);
@@ -104,7 +104,7 @@ proptest! {
 fn the_comparison_with_slices_notices_a_shift_along_each_axis() {
     let table = table(&AXIS, &AXIS, &LAYERS, mixed);
     let (scalars, values, cell) = ([-0.5, 0.7], [0.6, -0.2], 0.4);
-    let here = through(&GridSegment::new(&table, scalars, values, cell), 1.5).0;
+    let here = through(&JointSegment::new(&table, scalars, values, cell), 1.5).0;
     let slices = |scalars, values, cell| worst(here, in_slices(&table, scalars, values, cell, 1.5, 20_000));
     assert!(slices(scalars, values, cell) < OF_SLICES);
     assert!(slices(scalars.map(|s| s + 1e-4), values, cell) > OF_SLICES);
@@ -113,25 +113,25 @@ fn the_comparison_with_slices_notices_a_shift_along_each_axis() {
 }
 
 /// Extinction at one corner of a square, at scalar 1 and row 0.
-fn corner() -> GridTable {
+fn corner() -> JointTable {
     table(&[0.0, 1.0], &[0.0, 1.0], &[0.0], |i, j, _| [1.0, 1.0, 1.0, if (i, j) == (1, 0) { 2.0 } else { 0.0 }])
 }
 
 /// The opacity of a segment of length 1.
-fn alpha(table: &GridTable, scalars: [f64; 2], values: [f64; 2]) -> f64 {
-    f64::from(through(&GridSegment::new(table, scalars, values, 0.0), 1.0).0[3])
+fn alpha(table: &JointTable, scalars: [f64; 2], values: [f64; 2]) -> f64 {
+    f64::from(through(&JointSegment::new(table, scalars, values, 0.0), 1.0).0[3])
 }
 
 #[test]
 fn along_the_diagonal_and_above_it_a_corner_below_shows_nothing() {
     let table = corner();
     for (scalars, values) in [([0.0, 1.0], [0.0, 1.0]), ([1.0, 0.0], [1.0, 0.0]), ([0.2, 0.7], [0.3, 0.9])] {
-        let segment = GridSegment::new(&table, scalars, values, 0.0);
+        let segment = JointSegment::new(&table, scalars, values, 0.0);
         assert_eq!(through(&segment, 1.0), ([0.0; 4], 0), "{scalars:?} {values:?}");
         assert_eq!(segment.first_visible(0.0, 1.0), None);
     }
     // Below it extinction is twice the scalar less the row: from 0 to 1.2 on the second half.
-    let segment = GridSegment::new(&table, [0.2, 0.8], [0.5, 0.2], 0.0);
+    let segment = JointSegment::new(&table, [0.2, 0.8], [0.5, 0.2], 0.0);
     let crosses = 0.3 / 0.9;
     assert!((segment.first_visible(0.0, 1.0).unwrap() - crosses).abs() < 1e-15);
     let expected = -(-(1.0 - crosses) * 1.2 / 2.0_f64).exp_m1();
@@ -166,7 +166,7 @@ fn a_step_has_its_upper_side_at_itself_and_the_side_that_a_segment_comes_from() 
     let table = table(&[0.0, 0.5, 0.5, 1.0], &[0.0], &[0.0, 1.0, 1.0, 2.0], |i, _, k| {
         [1.0, 1.0, 1.0, if i < 2 { 1.0 } else { 3.0 } * if k < 2 { 1.0 } else { 0.5 }]
     });
-    let of = |scalars, cell| through(&GridSegment::new(&table, scalars, [0.0; 2], cell), 1.0).0[3];
+    let of = |scalars, cell| through(&JointSegment::new(&table, scalars, [0.0; 2], cell), 1.0).0[3];
     let is = |alpha: f32, depth: f64| (f64::from(alpha) + (-depth).exp_m1()).abs() < 2e-7;
     assert!(is(of([0.5, 0.5], 0.0), 3.0) && is(of([0.5, 0.9], 0.0), 3.0) && is(of([0.5, 0.1], 0.0), 1.0));
     assert!(is(of([0.9, 0.5], 0.0), 3.0) && is(of([0.1, 0.5], 0.0), 1.0) && is(of([0.0, 1.0], 0.0), 2.0));
@@ -201,11 +201,11 @@ fn tiny_and_huge_axes_have_the_values_of_others() {
 fn the_largest_extinctions_and_the_longest_segments_are_opaque_and_finite() {
     let table = table(&[0.0, 1.0], &[0.0, 1.0], &[0.0], |i, _, _| [0.25, 0.5, 1.0, f32::MAX * i as f32]);
     for length in [1e-30, 1.0, 1e30, f64::from(f32::MAX)] {
-        let (rgba, _) = through(&GridSegment::new(&table, [0.5, 1.0], [0.2, 0.7], 0.0), length);
+        let (rgba, _) = through(&JointSegment::new(&table, [0.5, 1.0], [0.2, 0.7], 0.0), length);
         assert!(rgba.iter().all(|c| c.is_finite()) && (rgba[3] - 1.0).abs() < 1e-6, "{length:e}: {rgba:?}");
         assert!((rgba[0] - 0.25).abs() < 1e-6 && (rgba[2] - 1.0).abs() < 1e-6, "{length:e}: {rgba:?}");
     }
     // The shortest, and those of no length at all.
-    let (rgba, _) = through(&GridSegment::new(&corner(), [0.5, 1.0], [0.0, 0.0], 0.0), 1e-300);
+    let (rgba, _) = through(&JointSegment::new(&corner(), [0.5, 1.0], [0.0, 0.0], 0.0), 1e-300);
     assert_eq!(rgba[3], 0.0);
 }

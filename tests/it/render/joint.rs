@@ -4,37 +4,47 @@ use super::havs::{havs, with_all_faces, with_some_faces};
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
 use proptest::prelude::*;
-use tetreel::node_table::{GridAxis, GridTable, GridTableError};
+use tetreel::node_table::{JointAxis, JointTable, JointTableError};
 use tetreel::optics::OpticsKind;
-use tetreel::render::{GridScene, RenderError};
+use tetreel::render::{JointScene, RenderError};
 use tetreel::visibility::{CellSet, Skip};
 
 pub const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 30.0 };
 pub const PARALLEL: Projection = Projection::Parallel { scale: 1.27 };
 
 /// The job with a table in place of its own.
-pub fn with_grid(job: &RenderJob, table: GridTable, vertex: Option<Vec<f32>>, cell: Option<Vec<f32>>) -> RenderJob {
+pub fn with_joint_table(
+    job: &RenderJob,
+    table: JointTable,
+    vertex: Option<Vec<f32>>,
+    cell: Option<Vec<f32>>,
+) -> RenderJob {
     let projection = Arc::new(table.projection());
     let scene =
-        GridScene { table: Arc::new(table), vertex_values: vertex.map(Arc::new), cell_values: cell.map(Arc::new) };
+        JointScene { table: Arc::new(table), vertex_values: vertex.map(Arc::new), cell_values: cell.map(Arc::new) };
     RenderJob { table: projection, grid: Some(scene), ..job.clone() }
 }
 
 /// A table of these axes with `value` at each (scalar, row, layer).
-pub fn table_of(scalars: &[f64], rows: &[f64], layers: &[f64], value: impl Fn(f64, f64, f64) -> [f32; 4]) -> GridTable {
+pub fn table_of(
+    scalars: &[f64],
+    rows: &[f64],
+    layers: &[f64],
+    value: impl Fn(f64, f64, f64) -> [f32; 4],
+) -> JointTable {
     let along = |layer: f64| rows.iter().flat_map(move |&row| scalars.iter().map(move |&s| (s, row, layer)));
     let values = layers.iter().flat_map(|&layer| along(layer)).map(|(s, row, layer)| value(s, row, layer)).collect();
-    GridTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
+    JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
 }
 
 /// A table with other values at every place, a third of them clear.
-pub fn noisy(scalars: &[f64], rows: &[f64], layers: &[f64], seed: u64) -> GridTable {
+pub fn noisy(scalars: &[f64], rows: &[f64], layers: &[f64], seed: u64) -> JointTable {
     let value = |i: u64| {
         let of = |k: u64| (0.5 + 0.5 * noise(seed, 4 * i + k)) as f32;
         [of(0), of(1), of(2), 3.0 * (of(3) - 0.3).max(0.0)]
     };
     let count = (scalars.len() * rows.len() * layers.len()) as u64;
-    GridTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), (0..count).map(value).collect()).unwrap()
+    JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), (0..count).map(value).collect()).unwrap()
 }
 
 /// Scalar nodes with a step, over the range of [`wave`] and not all of it.
@@ -63,9 +73,9 @@ pub fn jobs(n: usize, projection: Projection) -> Vec<(&'static str, RenderJob)> 
     let base = scene(n, projection);
     let (vertex, cell) = (vertex_values(&base), cell_values(&base));
     vec![
-        ("per cell", with_grid(&base, noisy(&SCALARS, &[0.0], &LAYERS, 1), None, Some(cell.clone()))),
-        ("per vertex", with_grid(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None)),
-        ("both", with_grid(&base, noisy(&SCALARS, &ROWS, &LAYERS, 3), Some(vertex), Some(cell))),
+        ("per cell", with_joint_table(&base, noisy(&SCALARS, &[0.0], &LAYERS, 1), None, Some(cell.clone()))),
+        ("per vertex", with_joint_table(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None)),
+        ("both", with_joint_table(&base, noisy(&SCALARS, &ROWS, &LAYERS, 3), Some(vertex), Some(cell))),
     ]
 }
 
@@ -101,7 +111,7 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
                 from_eye(a).total_cmp(&from_eye(b))
             });
             values[nearest.unwrap()] += 0.3;
-            others.push(GridScene { vertex_values: Some(Arc::new(values)), ..grid.clone() });
+            others.push(JointScene { vertex_values: Some(Arc::new(values)), ..grid.clone() });
         }
         if let Some(values) = &grid.cell_values {
             let mut values = (**values).clone();
@@ -112,7 +122,7 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
             });
             let nearest = nearest.unwrap();
             values[nearest] = if values[nearest] > 0.0 { -0.5 } else { 0.5 };
-            others.push(GridScene { cell_values: Some(Arc::new(values)), ..grid });
+            others.push(JointScene { cell_values: Some(Arc::new(values)), ..grid });
         }
         for grid in others {
             let other = RenderJob { grid: Some(grid), ..job.clone() };
@@ -125,14 +135,14 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
 }
 
 #[test]
-fn a_grid_of_one_row_and_one_layer_gives_the_image_of_its_node_table() {
+fn a_joint_table_of_one_row_and_one_layer_gives_the_image_of_its_node_table() {
     let base = scene(6, PERSPECTIVE);
     let nodes = base.table.nodes();
     let value = |n: &Node| [n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, n.tau as f32];
     let scalars = nodes.iter().map(|n| n.scalar).collect();
-    let table = GridTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
+    let table = JointTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
     // Whatever the quantities and the optics are.
-    let other = with_grid(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
+    let other = with_joint_table(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
     let other = RenderJob { optics: OpticsKind::Table3d, ..other };
     let faces = |job| havs(&with_all_faces(job));
     let pairs = [
@@ -160,13 +170,13 @@ fn table_with_half(job: &RenderJob) -> NodeTable {
 }
 
 /// The box seen along z by parallel rays, its scalar rising from 0 to 1 on the way, and a quantity of vertices that depends on x.
-fn slab(table: GridTable, value: impl Fn(DVec3) -> f64) -> RenderJob {
+fn slab(table: JointTable, value: impl Fn(DVec3) -> f64) -> RenderJob {
     let mesh = Arc::new(build(grid(4, 0.16, 3, |_| true)));
     let along = sample(&mesh, |p| 0.5 - 0.5 * p.z);
     let base =
         job(&mesh, along, &camera(DVec3::new(0.0, 0.0, 5.0), Projection::Parallel { scale: 0.93 }), (17, 17), dense());
     let values = sample(&mesh, value);
-    with_grid(&base, table, Some(values), None)
+    with_joint_table(&base, table, Some(values), None)
 }
 
 /// Largest difference in opacity of the reference and the fast paths from that of an optical depth that depends on x.
@@ -214,7 +224,7 @@ fn a_quantity_of_cells_is_the_same_in_all_of_a_cell() {
     let values = |s: f64, _: f64, layer: f64| [0.2, 0.6, 0.9, if layer < 0.5 { 0.0 } else { (1.5 + s) as f32 }];
     let is_seen = |value: f32| if value > 0.0 { 1.0 } else { 0.0 };
     let table = table_of(&[-1.5, 1.5], &[0.0], &[0.0, 1.0], values);
-    let job = with_grid(&base, table, None, Some(cells.iter().map(|&v| is_seen(v)).collect()));
+    let job = with_joint_table(&base, table, None, Some(cells.iter().map(|&v| is_seen(v)).collect()));
     let mut active = CellSet::none(cells.len());
     (0..).zip(&cells).for_each(|(cell, &value)| active.set(cell, base.active.contains(cell) && value > 0.0));
     let ramp = super::table(&[(-1.5, [0.2, 0.6, 0.9], 0.0), (1.5, [0.2, 0.6, 0.9], 3.0)]);
@@ -223,7 +233,8 @@ fn a_quantity_of_cells_is_the_same_in_all_of_a_cell() {
     assert_within("ray caster", &raycast(&job), &raycast(&alone));
     assert_all_agree("cells", &job);
     // A layer half way between is half of both.
-    let half = with_grid(&job, job.grid.clone().unwrap().table.as_ref().clone(), None, Some(vec![0.5; cells.len()]));
+    let half =
+        with_joint_table(&job, job.grid.clone().unwrap().table.as_ref().clone(), None, Some(vec![0.5; cells.len()]));
     let thin = super::table(&[(-1.5, [0.1, 0.3, 0.45], 0.0), (1.5, [0.1, 0.3, 0.45], 1.5)]);
     let alpha = |image: RgbaImage| RgbaImage { pixels: image.pixels.iter().map(|p| [p[3]; 4]).collect(), ..image };
     let thin = RenderJob { table: Arc::new(thin), grid: None, ..job };
@@ -243,7 +254,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
         let table = noisy(&s, &r, &l, 5);
         let expected = table.eval(f64::from(scalar), f64::from(vertex), f64::from(cell));
         let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
-        let job = with_grid(&constant, table, Some(vec![vertex; vertices]), Some(vec![cell; cells]));
+        let job = with_joint_table(&constant, table, Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = RenderJob { table: Arc::new(flat), grid: None, ..job.clone() };
         assert_within("reference", &reference(&job), &reference(&flat));
@@ -257,10 +268,13 @@ fn values_that_are_no_numbers_have_the_lowest_row_and_layer_and_infinite_ones_th
     let base = scene(4, PERSPECTIVE);
     let (vertices, cells) = (base.scalars.len(), base.mesh.topology.tets.len());
     let table = noisy(&SCALARS, &ROWS, &LAYERS, 6);
-    let with =
-        |vertex: f32, cell: f32| with_grid(&base, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
+    let with = |vertex: f32, cell: f32| {
+        with_joint_table(&base, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]))
+    };
     let lowest = raycast(&with(-0.5, -0.7));
-    for job in [with(f32::NAN, f32::NAN), with_grid(&base, table.clone(), None, None), with(f32::NEG_INFINITY, -1e38)] {
+    for job in
+        [with(f32::NAN, f32::NAN), with_joint_table(&base, table.clone(), None, None), with(f32::NEG_INFINITY, -1e38)]
+    {
         assert_within("lowest", &raycast(&job), &lowest);
         assert_all_agree("lowest", &job);
     }
@@ -273,7 +287,7 @@ fn values_that_are_no_numbers_have_the_lowest_row_and_layer_and_infinite_ones_th
         vertex[i] = [f32::NAN, f32::INFINITY, f32::MAX, -1e30][i / 3 % 4];
     }
     cell.iter_mut().step_by(3).for_each(|value| *value = f32::NAN);
-    assert_all_agree("some", &with_grid(&base, table, Some(vertex), Some(cell)));
+    assert_all_agree("some", &with_joint_table(&base, table, Some(vertex), Some(cell)));
 }
 
 #[test]
@@ -281,17 +295,17 @@ fn tables_of_one_node_and_narrow_and_opaque_ones_are_drawn() {
     let base = scene(4, PARALLEL);
     let (vertex, cell) = (Some(vertex_values(&base)), Some(cell_values(&base)));
     let one = table_of(&[0.1], &[0.3], &[0.2], |_, _, _| [0.4, 0.5, 0.6, 0.7]);
-    assert_all_agree("one node", &with_grid(&base, one, vertex.clone(), cell.clone()));
+    assert_all_agree("one node", &with_joint_table(&base, one, vertex.clone(), cell.clone()));
     let rows_only = noisy(&[0.1], &ROWS, &[0.2], 8);
-    assert_all_agree("rows only", &with_grid(&base, rows_only, vertex.clone(), None));
+    assert_all_agree("rows only", &with_joint_table(&base, rows_only, vertex.clone(), None));
     let layers_only = noisy(&[0.1], &[0.0], &LAYERS, 9);
-    assert_all_agree("layers only", &with_grid(&base, layers_only, None, cell.clone()));
+    assert_all_agree("layers only", &with_joint_table(&base, layers_only, None, cell.clone()));
     let fine: Vec<f64> = (0..60).map(|i| -1.5 + 0.05 * f64::from(i)).collect();
-    assert_all_agree("fine", &with_grid(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
+    assert_all_agree("fine", &with_joint_table(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
     // A spike in the middle of nothing, opaque within.
     let spike = |s: f64, row: f64, _: f64| [0.9, 0.3, 0.1, if s == 0.1 && row == 0.2 { 300.0 } else { 0.0 }];
     let near = |at: f64| [at - 0.1, at, at + 0.1];
-    assert_all_agree("spike", &with_grid(&base, table_of(&near(0.1), &near(0.2), &[0.0], spike), vertex, None));
+    assert_all_agree("spike", &with_joint_table(&base, table_of(&near(0.1), &near(0.2), &[0.0], spike), vertex, None));
 }
 
 #[test]
@@ -306,9 +320,9 @@ fn what_is_left_out_changes_no_bit() {
         let value =
             |i: usize, r: usize, l: usize| if table.scalars()[i] < 0.0 { [0.0; 4] } else { table.value(i, r, l) };
         let values = places.flat_map(|(l, r)| (0..columns).map(move |i| value(i, r, l))).collect();
-        let cut = GridTable::new(scalars, table.rows().to_vec(), table.layers().to_vec(), values).unwrap();
+        let cut = JointTable::new(scalars, table.rows().to_vec(), table.layers().to_vec(), values).unwrap();
         let [vertex, cell] = [&grid.vertex_values, &grid.cell_values].map(|v| v.as_ref().map(|v| (**v).clone()));
-        let all = RenderJob { skip: Skip::NONE, ..with_grid(&job, cut, vertex, cell) };
+        let all = RenderJob { skip: Skip::NONE, ..with_joint_table(&job, cut, vertex, cell) };
         let mut visible = CellSet::none(all.active.universe());
         for cell in 0..all.active.universe() as u32 {
             let scalars = all.mesh.topology.tets[cell as usize].map(|v| f64::from(all.scalars[v as usize]));
@@ -353,7 +367,7 @@ fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
     let eye = camera(DVec3::new(0.6, 0.7, 0.5), PERSPECTIVE).view(48, 48).unwrap();
     for view in [base.view, eye] {
         let base = RenderJob { view, ..base.clone() };
-        let job = with_grid(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None);
+        let job = with_joint_table(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None);
         let judge = reference(&job);
         for share in [0.0, 0.3, 1.0] {
             let image = havs(&with_some_faces(&job, share, 1)).color;
@@ -366,31 +380,32 @@ fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
 fn quantities_of_another_mesh_are_refused() {
     let base = scene(3, PERSPECTIVE);
     let table = noisy(&SCALARS, &ROWS, &LAYERS, 6);
-    let vertices = with_grid(&base, table.clone(), Some(vec![0.0; 3]), None);
-    let cells = with_grid(&base, table, None, Some(vec![0.0; 4]));
+    let vertices = with_joint_table(&base, table.clone(), Some(vec![0.0; 3]), None);
+    let cells = with_joint_table(&base, table, None, Some(vec![0.0; 4]));
     for (job, given) in [(vertices, 3), (cells, 4)] {
         let error = Raycast::new().begin(job.clone()).unwrap_err();
-        assert!(matches!(error, RenderError::GridValueCount { given: g, .. } if g == given), "{error}");
+        assert!(matches!(error, RenderError::JointValueCount { given: g, .. } if g == given), "{error}");
         assert!(Reference::new().begin(job).is_err());
     }
 }
 
 #[test]
 fn axes_and_values_at_fault_are_named() {
-    let new = |s: &[f64], r: &[f64], l: &[f64], v: Vec<[f32; 4]>| GridTable::new(s.to_vec(), r.to_vec(), l.to_vec(), v);
+    let new =
+        |s: &[f64], r: &[f64], l: &[f64], v: Vec<[f32; 4]>| JointTable::new(s.to_vec(), r.to_vec(), l.to_vec(), v);
     let ok = vec![[0.5f32; 4]; 2];
-    assert_eq!(new(&[], &[0.0], &[0.0], vec![]), Err(GridTableError::Empty(GridAxis::Scalar)));
-    assert_eq!(new(&[0.0], &[0.0, 0.0], &[0.0], ok.clone()), Err(GridTableError::NotSorted(GridAxis::Row, 1)));
-    assert_eq!(new(&[1.0, 0.0], &[0.0], &[0.0], ok.clone()), Err(GridTableError::NotSorted(GridAxis::Scalar, 1)));
+    assert_eq!(new(&[], &[0.0], &[0.0], vec![]), Err(JointTableError::Empty(JointAxis::Scalar)));
+    assert_eq!(new(&[0.0], &[0.0, 0.0], &[0.0], ok.clone()), Err(JointTableError::NotSorted(JointAxis::Row, 1)));
+    assert_eq!(new(&[1.0, 0.0], &[0.0], &[0.0], ok.clone()), Err(JointTableError::NotSorted(JointAxis::Scalar, 1)));
     assert!(new(&[0.0, 0.0], &[0.0], &[0.0], ok.clone()).is_ok() && new(&[0.0], &[0.0], &[1.0; 2], ok.clone()).is_ok());
-    assert_eq!(new(&[0.0], &[0.0], &[1.0; 3], vec![[0.5; 4]; 3]), Err(GridTableError::NotSorted(GridAxis::Layer, 2)));
-    assert_eq!(new(&[f64::NAN], &[0.0], &[0.0], ok.clone()), Err(GridTableError::NotFinite(GridAxis::Scalar)));
-    assert_eq!(new(&[-1e308, 1e308], &[0.0], &[0.0], ok), Err(GridTableError::NotFinite(GridAxis::Scalar)));
-    let count = GridTableError::ValueCount { given: 1, expected: 2 };
+    assert_eq!(new(&[0.0], &[0.0], &[1.0; 3], vec![[0.5; 4]; 3]), Err(JointTableError::NotSorted(JointAxis::Layer, 2)));
+    assert_eq!(new(&[f64::NAN], &[0.0], &[0.0], ok.clone()), Err(JointTableError::NotFinite(JointAxis::Scalar)));
+    assert_eq!(new(&[-1e308, 1e308], &[0.0], &[0.0], ok), Err(JointTableError::NotFinite(JointAxis::Scalar)));
+    let count = JointTableError::ValueCount { given: 1, expected: 2 };
     assert_eq!(new(&[0.0, 1.0], &[0.0], &[0.0], vec![[0.5; 4]]), Err(count));
     for bad in [[0.5, 0.5, 1.5, 0.0], [0.5, 0.5, 0.5, -1.0], [0.5, 0.5, 0.5, f32::INFINITY], [f32::NAN, 0.0, 0.0, 0.0]]
     {
-        assert_eq!(new(&[0.0], &[0.0], &[0.0], vec![bad]), Err(GridTableError::BadValue(0)));
+        assert_eq!(new(&[0.0], &[0.0], &[0.0], vec![bad]), Err(JointTableError::BadValue(0)));
     }
 }
 

@@ -1,18 +1,18 @@
 //! Transfer functions of more than the scalar on the GPU, against the reference and the CPU.
 
 use super::gpu::{context, own_context, render as walked};
-use super::grid::*;
 use super::havs::gpu::render as drawn;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
+use super::joint::*;
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
-use tetreel::node_table::GridTable;
+use tetreel::node_table::JointTable;
 use tetreel::optics::OpticsKind;
 use tetreel::render::gpu::context::{ContextOptions, Tier};
 use tetreel::render::gpu::havs::Havs as GpuHavs;
-use tetreel::render::gpu::layout::GRID_FRAGMENT_BYTES;
+use tetreel::render::gpu::layout::JOINT_FRAGMENT_BYTES;
 use tetreel::render::gpu::raycast::Raycast as GpuRaycast;
-use tetreel::render::{Frame, GridScene, RenderError};
+use tetreel::render::{Frame, JointScene, RenderError};
 use tetreel::visibility::Skip;
 
 /// Frames of the ray caster and of the renderer of faces.
@@ -71,8 +71,8 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
                 Arc::new(values)
             })
         };
-        let vertices = GridScene { vertex_values: changed(&grid.vertex_values, vertex, 0.3), ..grid.clone() };
-        let cells = GridScene { cell_values: changed(&grid.cell_values, cell, 0.6), ..grid.clone() };
+        let vertices = JointScene { vertex_values: changed(&grid.vertex_values, vertex, 0.3), ..grid.clone() };
+        let cells = JointScene { cell_values: changed(&grid.cell_values, cell, 0.6), ..grid.clone() };
         for (what, other, differs) in
             [("a vertex", vertices, grid.vertex_values.is_some()), ("a cell", cells, grid.cell_values.is_some())]
         {
@@ -125,7 +125,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
         let camera = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
         let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), table.projection());
         let values = Some(Arc::new(vec![1.0; cells]));
-        let scene = GridScene { table: table.clone(), vertex_values: None, cell_values: values };
+        let scene = JointScene { table: table.clone(), vertex_values: None, cell_values: values };
         RenderJob { grid: Some(scene), ..plain }
     });
     // The sixth is where the table of five cells left off.
@@ -145,8 +145,8 @@ fn one_row_and_one_layer_give_the_image_of_the_node_table() {
     let nodes = base.table.nodes();
     let value = |n: &Node| [n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, n.tau as f32];
     let scalars = nodes.iter().map(|n| n.scalar).collect();
-    let table = GridTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
-    let other = with_grid(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
+    let table = JointTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
+    let other = with_joint_table(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
     for ((path, grid), (_, plain)) in both(&other).into_iter().zip(both(&base)) {
         let (rmse, max) = difference(&grid.color, &plain.color);
         eprintln!("{path}: rmse {rmse:.1e}, max {max:.1e}");
@@ -163,21 +163,21 @@ fn narrow_flat_and_opaque_tables_agree() {
     let base = scene(4, PARALLEL);
     let (vertex, cell) = (Some(vertex_values(&base)), Some(cell_values(&base)));
     let one = table_of(&[0.1], &[0.3], &[0.2], |_, _, _| [0.4, 0.5, 0.6, 0.7]);
-    assert_both_agree("one node", &with_grid(&base, one, vertex.clone(), cell.clone()));
-    assert_both_agree("rows only", &with_grid(&base, noisy(&[0.1], &ROWS, &[0.2], 8), vertex.clone(), None));
-    assert_both_agree("layers only", &with_grid(&base, noisy(&[0.1], &[0.0], &LAYERS, 9), None, cell.clone()));
-    assert_both_agree("nothing given", &with_grid(&base, noisy(&SCALARS, &ROWS, &LAYERS, 12), None, None));
+    assert_both_agree("one node", &with_joint_table(&base, one, vertex.clone(), cell.clone()));
+    assert_both_agree("rows only", &with_joint_table(&base, noisy(&[0.1], &ROWS, &[0.2], 8), vertex.clone(), None));
+    assert_both_agree("layers only", &with_joint_table(&base, noisy(&[0.1], &[0.0], &LAYERS, 9), None, cell.clone()));
+    assert_both_agree("nothing given", &with_joint_table(&base, noisy(&SCALARS, &ROWS, &LAYERS, 12), None, None));
     let fine: Vec<f64> = (0..60).map(|i| -1.5 + 0.05 * f64::from(i)).collect();
-    assert_both_agree("fine", &with_grid(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
+    assert_both_agree("fine", &with_joint_table(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
     let spike = |s: f64, row: f64, _: f64| [0.9, 0.3, 0.1, if s == 0.1 && row == 0.2 { 300.0 } else { 0.0 }];
     let near = |at: f64| [at - 0.1, at, at + 0.1];
     assert_both_agree(
         "spike",
-        &with_grid(&base, table_of(&near(0.1), &near(0.2), &[0.0], spike), vertex.clone(), None),
+        &with_joint_table(&base, table_of(&near(0.1), &near(0.2), &[0.0], spike), vertex.clone(), None),
     );
     // Rows a millionth of the range apart: as good as a step.
     let rows = [-0.5, 0.2, 0.2 + 1e-6, 0.8];
-    assert_both_agree("nearly a step", &with_grid(&base, noisy(&SCALARS, &rows, &LAYERS, 11), vertex, cell));
+    assert_both_agree("nearly a step", &with_joint_table(&base, noisy(&SCALARS, &rows, &LAYERS, 11), vertex, cell));
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn quantities_that_are_no_numbers_or_huge_or_tiny_agree() {
     for i in (0..cell.len()).step_by(3) {
         cell[i] = [f32::NAN, f32::INFINITY, f32::MIN, 1e-40][i / 3 % 4];
     }
-    assert_both_agree("some", &with_grid(&base, table, Some(vertex), Some(cell)));
+    assert_both_agree("some", &with_joint_table(&base, table, Some(vertex), Some(cell)));
     // All quantities and axes times the same: denormal, small, far beyond f32 in the table.
     for unit in [1e-40, 1e-30, 1e30] {
         let axis = |axis: &[f64]| axis.iter().map(|&x| f64::from((x * unit) as f32)).collect::<Vec<_>>();
@@ -203,12 +203,12 @@ fn quantities_that_are_no_numbers_or_huge_or_tiny_agree() {
         let table = noisy(&axis(&SCALARS), &axis(&ROWS), &axis(&LAYERS), 6);
         let scalars = Arc::new(scaled((*base.scalars).clone()));
         let base = RenderJob { scalars, ..base.clone() };
-        let job = with_grid(&base, table, Some(scaled(vertex_values(&base))), Some(scaled(cell_values(&base))));
+        let job = with_joint_table(&base, table, Some(scaled(vertex_values(&base))), Some(scaled(cell_values(&base))));
         assert_both_agree(&format!("unit {unit:e}"), &job);
     }
     let table = noisy(&SCALARS, &[1e300, 2e300], &[-1e300, 1e300], 6);
     let (vertex, cell) = (Some(vertex_values(&base)), Some(cell_values(&base)));
-    assert_both_agree("beyond f32", &with_grid(&base, table, vertex, cell));
+    assert_both_agree("beyond f32", &with_joint_table(&base, table, vertex, cell));
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn constant_fields_on_the_places_of_the_axes_have_their_right_sides() {
         let (scalar, vertex, cell) = (scalar as f32, vertex as f32, cell as f32);
         let expected = table.eval(f64::from(scalar), f64::from(vertex), f64::from(cell));
         let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
-        let job = with_grid(&constant, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
+        let job = with_joint_table(&constant, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = reference(&RenderJob { table: Arc::new(flat), grid: None, ..job.clone() });
         for (path, frame) in both(&job) {
@@ -277,7 +277,7 @@ fn bands_and_pixels_of_many_fragments_change_no_bit() {
     let (_, job) = jobs(6, PERSPECTIVE).pop().unwrap();
     let job = with_all_faces(&job);
     let whole = drawn(&job).unwrap();
-    let mut banded = GpuHavs::with_fragment_bytes(context, 4_000 * GRID_FRAGMENT_BYTES);
+    let mut banded = GpuHavs::with_fragment_bytes(context, 4_000 * JOINT_FRAGMENT_BYTES);
     let frame = banded.render(job).unwrap().clone();
     assert!(banded.band_count() > 3, "{} bands", banded.band_count());
     assert!(frame.color == whole.color && frame.depth == whole.depth);
@@ -299,11 +299,11 @@ fn it_keeps_within_the_default_limits_of_webgpu_and_says_where_it_does_not_fit()
     let small = own_context(&ContextOptions { binding_bytes: Some(64 << 10), ..web }).unwrap();
     let job = scene(5, PERSPECTIVE);
     let axis: Vec<f64> = (0..80).map(|i| -1.0 + 0.025 * f64::from(i)).collect();
-    let large = with_grid(&job, noisy(&axis, &axis, &[0.0], 4), Some(vertex_values(&job)), None);
+    let large = with_joint_table(&job, noisy(&axis, &axis, &[0.0], 4), Some(vertex_values(&job)), None);
     let mut renderer = GpuRaycast::new(small);
     let error = renderer.begin(large).unwrap_err();
     assert!(matches!(error, RenderError::BeyondGpu { .. }) && error.to_string().contains("table"), "{error}");
-    let fits = with_grid(&job, noisy(&SCALARS, &ROWS, &[0.0], 4), Some(vertex_values(&job)), None);
+    let fits = with_joint_table(&job, noisy(&SCALARS, &ROWS, &[0.0], 4), Some(vertex_values(&job)), None);
     let judge = reference(&fits);
     assert_within("after that", &renderer.render(fits).unwrap().color, &judge);
 }

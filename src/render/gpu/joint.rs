@@ -6,11 +6,11 @@
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::GridParams;
-use crate::node_table::GridTable;
+use super::layout::JointParams;
+use crate::node_table::JointTable;
 use crate::optics::ScalarMap;
-use crate::optics::grid::{packed, packed_len};
-use crate::render::{GridScene, RenderError, RenderJob};
+use crate::optics::joint::{packed, packed_len};
+use crate::render::{JointScene, RenderError, RenderJob};
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
 
@@ -19,20 +19,20 @@ const CELLS_PER_VECTOR: usize = 2;
 
 /// What has been sent.
 #[derive(Default)]
-pub(super) struct Grid {
+pub(super) struct JointBuffers {
     cells: Option<CellsSent>,
     table: Option<TableSent>,
-    params: GridParams,
+    params: JointParams,
 }
 
 /// Layers depend on the table.
 struct CellsSent {
     of: Weak<Vec<f32>>,
-    table: Arc<GridTable>,
+    table: Arc<JointTable>,
 }
 
 struct TableSent {
-    table: Arc<GridTable>,
+    table: Arc<JointTable>,
     map: ScalarMap,
     /// World length of a local one.
     scale: f64,
@@ -49,14 +49,14 @@ impl TableSent {
     }
 }
 
-impl Grid {
+impl JointBuffers {
     /// Brings the table of a job to `buffer` and where its parts are to `parameters`, as far as they are not there. Returns whether
     /// the buffer was made, and the bytes sent.
     pub(super) fn update(
         &mut self,
         context: &Context,
         job: &RenderJob,
-        scene: &GridScene,
+        scene: &JointScene,
         map: ScalarMap,
         [buffer, parameters]: [&mut GrowingBuffer; 2],
     ) -> Result<(bool, u64), RenderError> {
@@ -79,7 +79,7 @@ impl Grid {
             let packed = packed(&scene.table, map, rows, wanted.scale);
             sent += buffer.write(context, 16 * first as u64, bytemuck::cast_slice(&packed.words))?;
             let (first, scalars) = (first as u32, packed.scalar_intervals);
-            self.params = GridParams {
+            self.params = JointParams {
                 scalar_intervals: first,
                 scalar_count: scalars,
                 row_intervals: first + scalars,
@@ -101,7 +101,7 @@ impl Grid {
         &mut self,
         context: &Context,
         cells: Option<&Arc<Vec<f32>>>,
-        table: &Arc<GridTable>,
+        table: &Arc<JointTable>,
         buffer: &GrowingBuffer,
     ) -> Result<u64, RenderError> {
         let Some(cells) = cells else {
@@ -131,7 +131,7 @@ impl Grid {
 }
 
 /// The map that the quantity of vertices is seen through.
-fn rows_map(table: &GridTable) -> ScalarMap {
+fn rows_map(table: &JointTable) -> ScalarMap {
     let rows = table.rows();
     ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
 }
@@ -147,14 +147,14 @@ pub(super) struct VertexValues {
 
 impl VertexValues {
     /// Whether these are a job's.
-    pub(super) fn is_of(&self, scene: &GridScene) -> bool {
+    pub(super) fn is_of(&self, scene: &JointScene) -> bool {
         let sent = self.of.as_ref().map(Weak::as_ptr);
         let key = (rows_map(&scene.table), scene.table.rows()[0]);
         sent == scene.vertex_values.as_ref().map(Arc::as_ptr) && (self.map, self.lowest) == key
     }
 
     /// Those of a job, and the numbers to be sent.
-    pub(super) fn of(scene: &GridScene, vertices: usize) -> (Self, Vec<f32>) {
+    pub(super) fn of(scene: &JointScene, vertices: usize) -> (Self, Vec<f32>) {
         let map = rows_map(&scene.table);
         // They must stay finite: as scalars, see `view_transform.wgsl`.
         let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;

@@ -1,11 +1,11 @@
-//! Pieces of a segment through a [`GridTable`].
+//! Pieces of a segment through a [`JointTable`].
 
 use super::clip::Segment;
-use crate::node_table::{GridTable, Node};
+use crate::node_table::{JointTable, Node};
 
 /// The segment, cut where the scalar meets a node, where the quantity of vertices meets a row, and where both together meet the
 /// diagonal of a rectangle: values at both ends of each piece, as seen from inside of it, and its share of the length.
-pub(super) fn pieces(table: &GridTable, segment: &Segment) -> Vec<(Node, Node, f64)> {
+pub(super) fn pieces(table: &JointTable, segment: &Segment) -> Vec<(Node, Node, f64)> {
     let scalar = |u: f64| segment.scalar_near + u * (segment.scalar_far - segment.scalar_near);
     let value = |u: f64| segment.value_near + u * (segment.value_far - segment.value_near);
     let meets = |axis: &[f64], near: f64, far: f64| -> Vec<f64> {

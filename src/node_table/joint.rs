@@ -1,4 +1,4 @@
-//! [`GridTable`]: a transfer function of the scalar and of up to two quantities beside it.
+//! [`JointTable`]: a transfer function of the scalar and of up to two quantities beside it.
 
 use super::{Node, NodeTable};
 use serde::Serialize;
@@ -16,16 +16,16 @@ use serde::Serialize;
 /// layers at one place. Rows have no steps: a ramp between two that are near to each other is one as good as any. Beyond the ends of
 /// an axis values hold on; on an axis with one place the quantity does not matter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GridTable {
+pub struct JointTable {
     scalars: Vec<f64>,
     rows: Vec<f64>,
     layers: Vec<f64>,
     values: Vec<[f32; 4]>,
 }
 
-/// An axis of a [`GridTable`].
+/// An axis of a [`JointTable`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GridAxis {
+pub enum JointAxis {
     /// The scalar.
     Scalar,
     /// The quantity of vertices.
@@ -36,16 +36,16 @@ pub enum GridAxis {
 
 /// Why axes and values do not make a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum GridTableError {
+pub enum JointTableError {
     /// Each axis has at least one place.
     #[error("a transfer function over a grid has no place on its {0:?} axis")]
-    Empty(GridAxis),
+    Empty(JointAxis),
     /// Places are sorted; two at one place make a step, on the axis of rows none are.
     #[error("place {1} of the {0:?} axis is not behind the one before it, or the third at one place")]
-    NotSorted(GridAxis, usize),
+    NotSorted(JointAxis, usize),
     /// Places are finite, and so is the distance of any two.
     #[error("the {0:?} axis is not finite")]
-    NotFinite(GridAxis),
+    NotFinite(JointAxis),
     /// One value for each scalar, row and layer.
     #[error("{given} values for a grid of {expected}")]
     ValueCount {
@@ -69,7 +69,7 @@ fn place_on(axis: &[f64], at: f64) -> ([usize; 2], f64) {
     }
 }
 
-impl GridTable {
+impl JointTable {
     /// A table of `values` (red, green, blue: display-referred, not premultiplied, 0..=1; extinction per world unit of length),
     /// the one of scalar i, row j and layer k at `(k * rows.len() + j) * scalars.len() + i`.
     ///
@@ -80,19 +80,19 @@ impl GridTable {
         rows: Vec<f64>,
         layers: Vec<f64>,
         values: Vec<[f32; 4]>,
-    ) -> Result<Self, GridTableError> {
-        check_axis(GridAxis::Scalar, &scalars, 2)?;
-        check_axis(GridAxis::Row, &rows, 1)?;
-        check_axis(GridAxis::Layer, &layers, 2)?;
+    ) -> Result<Self, JointTableError> {
+        check_axis(JointAxis::Scalar, &scalars, 2)?;
+        check_axis(JointAxis::Row, &rows, 1)?;
+        check_axis(JointAxis::Layer, &layers, 2)?;
         let expected = scalars.len().saturating_mul(rows.len()).saturating_mul(layers.len());
         if values.len() != expected {
-            return Err(GridTableError::ValueCount { given: values.len(), expected });
+            return Err(JointTableError::ValueCount { given: values.len(), expected });
         }
         let is_good = |[r, g, b, tau]: &[f32; 4]| {
             [r, g, b].iter().all(|c| (0.0..=1.0).contains(*c)) && tau.is_finite() && *tau >= 0.0
         };
         match values.iter().position(|value| !is_good(value)) {
-            Some(bad) => Err(GridTableError::BadValue(bad)),
+            Some(bad) => Err(JointTableError::BadValue(bad)),
             None => Ok(Self { scalars, rows, layers, values }),
         }
     }
@@ -165,14 +165,14 @@ impl GridTable {
 }
 
 /// At most `most` places may be equal.
-fn check_axis(axis: GridAxis, places: &[f64], most: usize) -> Result<(), GridTableError> {
-    let (Some(first), Some(last)) = (places.first(), places.last()) else { return Err(GridTableError::Empty(axis)) };
+fn check_axis(axis: JointAxis, places: &[f64], most: usize) -> Result<(), JointTableError> {
+    let (Some(first), Some(last)) = (places.first(), places.last()) else { return Err(JointTableError::Empty(axis)) };
     if !places.iter().all(|place| place.is_finite()) || !(last - first).is_finite() {
-        return Err(GridTableError::NotFinite(axis));
+        return Err(JointTableError::NotFinite(axis));
     }
     let is_wrong = |i: usize| places[i] < places[i - 1] || i >= most && places[i] == places[i - most];
     match (1..places.len()).find(|&i| is_wrong(i)) {
-        Some(i) => Err(GridTableError::NotSorted(axis, i)),
+        Some(i) => Err(JointTableError::NotSorted(axis, i)),
         None => Ok(()),
     }
 }
@@ -182,14 +182,14 @@ mod tests {
     use super::*;
 
     /// Extinction is the number of the place: 1 for each scalar node, 10 for each row, 100 for each layer.
-    fn numbered(scalars: &[f64], rows: &[f64], layers: &[f64]) -> GridTable {
+    fn numbered(scalars: &[f64], rows: &[f64], layers: &[f64]) -> JointTable {
         let mut values = Vec::new();
         for layer in 0..layers.len() {
             for row in 0..rows.len() {
                 values.extend((0..scalars.len()).map(|i| [0.5, 0.5, 0.5, (i + 10 * row + 100 * layer) as f32]));
             }
         }
-        GridTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
+        JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
     }
 
     #[test]
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!((tau(0.0, 0.0, 0.25), tau(1.5, 4.0, 1.0)), (25.0, 111.5));
         // With a corner below the diagonal alone there is one.
         let value = |i: usize| [1.0, 0.0, 0.0, if i == 1 { 8.0 } else { 0.0 }];
-        let corner = GridTable::new(vec![0.0, 1.0], vec![0.0, 1.0], vec![0.0], (0..4).map(value).collect()).unwrap();
+        let corner = JointTable::new(vec![0.0, 1.0], vec![0.0, 1.0], vec![0.0], (0..4).map(value).collect()).unwrap();
         let tau = |s: f64, row: f64| corner.eval(s, row, 0.0).tau;
         assert_eq!((tau(0.75, 0.25), tau(0.5, 0.5), tau(0.25, 0.75), tau(1.0, 0.5)), (4.0, 0.0, 0.0, 4.0));
     }

@@ -1,5 +1,5 @@
 //! Transfer functions of more than the scalar against that of the scalar alone, interleaved, on every renderer:
-//! `cargo bench --bench grid`.
+//! `cargo bench --bench joint`.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -7,9 +7,9 @@ use tetreel::bench::{Machine, paired};
 use tetreel::camera::Camera;
 use tetreel::field::{Component, SeriesSource};
 use tetreel::mesh::Mesh;
-use tetreel::node_table::{GridTable, NodeTable};
+use tetreel::node_table::{JointTable, NodeTable};
 use tetreel::render::cpu::{havs::Havs, raycast::Raycast};
-use tetreel::render::{GridScene, RenderJob, Renderer};
+use tetreel::render::{JointScene, RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{CellSet, DrawnFaces};
@@ -29,10 +29,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("jet, {CELLS} cells, 512x512, {PAIRS} pairs, {} threads", rayon::current_num_threads());
     for (name, renderer) in &mut renderers {
         for (what, rows, layers) in [("1 x 1", 1, 1), ("8 rows", 8, 1), ("8 layers", 1, 8), ("8 x 8", 8, 8)] {
-            let grid = with_grid(&plain, rows, layers)?;
+            let grid = with_joint_table(&plain, rows, layers)?;
             let images = [&plain, &grid].map(|job| renderer.render(job.clone()).map(|frame| frame.color.clone()));
-            let [of_plain, of_grid] = images;
-            assert!(of_plain? != of_grid?, "{name}, {what}: a table with other values gives the same image");
+            let [of_plain, of_joint] = images;
+            assert!(of_plain? != of_joint?, "{name}, {what}: a table with other values gives the same image");
             let shared = std::cell::RefCell::new(&mut *renderer);
             // The jobs have been rendered: they cannot fail any more.
             let draw = |job: &RenderJob| drop(shared.borrow_mut().render(job.clone()));
@@ -67,7 +67,7 @@ fn add_gpu(_: &mut Vec<(&'static str, Box<dyn Renderer>)>) {}
 
 /// The job with its table spread over rows (a coordinate of the vertices) and layers (by lot); extinctions from half of theirs to
 /// one and a half.
-fn with_grid(job: &RenderJob, rows: usize, layers: usize) -> Result<RenderJob, Box<dyn Error>> {
+fn with_joint_table(job: &RenderJob, rows: usize, layers: usize) -> Result<RenderJob, Box<dyn Error>> {
     let nodes = job.table.nodes();
     let axis = |count: usize| (0..count).map(|i| (i as f64 + 0.5) / count as f64).collect::<Vec<_>>();
     let (row_places, layer_places) = (axis(rows), axis(layers));
@@ -78,12 +78,12 @@ fn with_grid(job: &RenderJob, rows: usize, layers: usize) -> Result<RenderJob, B
             values.extend(nodes.iter().map(|n| [n.rgb[0], n.rgb[1], n.rgb[2], n.tau * factor].map(|x| x as f32)));
         }
     }
-    let table = GridTable::new(nodes.iter().map(|n| n.scalar).collect(), row_places, layer_places, values)?;
+    let table = JointTable::new(nodes.iter().map(|n| n.scalar).collect(), row_places, layer_places, values)?;
     let vertex_values = job.mesh.positions.local.iter().map(|p| 0.5 + 0.5 * p.y).collect();
     let lot = |cell: usize| (cell.wrapping_mul(2_654_435_761) >> 8 & 0xffff) as f32 / 65_536.0;
     let cell_values = (0..job.mesh.topology.tets.len()).map(lot).collect();
     let projection: NodeTable = table.projection();
-    let scene = GridScene {
+    let scene = JointScene {
         table: Arc::new(table),
         vertex_values: Some(Arc::new(vertex_values)),
         cell_values: Some(Arc::new(cell_values)),

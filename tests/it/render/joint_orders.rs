@@ -1,7 +1,7 @@
 //! Transfer functions of more than the scalar: orders of fragments, eyes within the mesh, threads.
 
-use super::grid::*;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
+use super::joint::*;
 use super::*;
 use crate::meshes::noise;
 

@@ -1,12 +1,12 @@
 //! Transfer functions of more than the scalar, in the renderers of this module: what they ask for beside depth and scalar.
 
-use super::super::GridScene;
+use super::super::JointScene;
 use super::ray::{Ray, ViewVertex, hit, hit_weights, signed_edge};
 use super::raycast::entries::face_of;
 use crate::mesh::Topology;
-use crate::optics::grid::GridSegment;
+use crate::optics::joint::JointSegment;
 
-impl GridScene {
+impl JointScene {
     /// The quantity of vertices where a ray hits a triangle with these edge functions: with the weights of the scalar, relative to
     /// one corner's and kept within the corners', as it.
     pub(super) fn on_face(&self, ids: [u32; 3], edges: [f64; 3]) -> f64 {
@@ -16,15 +16,15 @@ impl GridScene {
     }
 
     /// The segment of a ray through a cell, from scalar and quantity of vertices at both ends.
-    pub(super) fn segment(&self, cell: u32, scalars: [f64; 2], vertex_values: [f64; 2]) -> GridSegment<'_> {
-        GridSegment::new(&self.table, scalars, vertex_values, self.cell_value(cell))
+    pub(super) fn segment(&self, cell: u32, scalars: [f64; 2], vertex_values: [f64; 2]) -> JointSegment<'_> {
+        JointSegment::new(&self.table, scalars, vertex_values, self.cell_value(cell))
     }
 }
 
 /// A ray that asks cells for the quantity of their vertices: of a fragment nobody knows the face.
 #[derive(Clone, Copy)]
-pub(super) struct GridRay<'a> {
-    pub(super) grid: &'a GridScene,
+pub(super) struct JointRay<'a> {
+    pub(super) grid: &'a JointScene,
     pub(super) topology: &'a Topology,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) ray: Ray,
@@ -35,7 +35,7 @@ pub(super) struct GridRay<'a> {
 /// Depth, and the quantity of vertices there.
 type Place = (f64, f64);
 
-impl GridRay<'_> {
+impl JointRay<'_> {
     /// The quantity of vertices at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves
     /// `last`. Depths that differ by less than `tie` are one.
     pub(super) fn along(&self, first: u32, depth: f64, tie: f64, last: u32) -> [f64; 2] {
