@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{:?}", Machine::detect());
     println!("jet, 1M cells, 512x512, medians of {FRAMES} frames, {} threads", rayon::current_num_threads());
     let all = with_faces(&base, 1.0);
-    let same = Havs::portable().render(all.clone())?.color == Havs::new().render(all.clone())?.color;
+    let same = Havs::portable().render(all.clone())?.planes.color == Havs::new().render(all.clone())?.planes.color;
     assert!(same, "the two versions draw different images");
     let mut full = 0.0;
     for share in [1.0, 0.5, 0.25, 0.1, 0.0] {

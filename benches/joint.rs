@@ -30,7 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, renderer) in &mut renderers {
         for (what, rows, layers) in [("1 x 1", 1, 1), ("8 rows", 8, 1), ("8 layers", 1, 8), ("8 x 8", 8, 8)] {
             let grid = with_joint_table(&plain, rows, layers)?;
-            let images = [&plain, &grid].map(|job| renderer.render(job.clone()).map(|frame| frame.color.clone()));
+            let images =
+                [&plain, &grid].map(|job| renderer.render(job.clone()).map(|frame| frame.planes.color.clone()));
             let [of_plain, of_joint] = images;
             assert!(of_plain? != of_joint?, "{name}, {what}: a table with other values gives the same image");
             let shared = std::cell::RefCell::new(&mut *renderer);

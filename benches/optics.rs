@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut renderer = Raycast::new();
         renderer.render(partial.clone())?;
         let frame = renderer.render(partial)?;
-        let error = compare(&frame.color, &judge.color, [0.0; 3])?;
+        let error = compare(&frame.planes.color, &judge.planes.color, [0.0; 3])?;
         let (ms, of_exact) = (frame.stats.ms_frame, judge.stats.ms_frame);
         println!("{name:8} {nodes:5}  partial {ms:41.1} {of_exact:7.1}  {:8.1e}  {:8.1e}", error.rmse, error.max);
         rebuild(&job.table, mesh.positions.scale)?;
@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut renderer = Raycast::with_table3d_resolution(resolution);
             renderer.render(job.clone())?;
             let frame = renderer.render(job)?;
-            let error = compare(&frame.color, &judge.color, [0.0; 3])?;
+            let error = compare(&frame.planes.color, &judge.planes.color, [0.0; 3])?;
             println!(
                 "{name:8} {nodes:5}  {scalars:7} {lengths:7}  {:6.1}  {build_ms:8.0}  {:8.1} {:7.1}  {:8.1e}  {:8.1e}",
                 resolution.bytes() as f64 / 1e6,

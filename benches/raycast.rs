@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         stats: Default::default(),
     };
     let (mut portable, mut newest) = (Raycast::portable(), Raycast::new());
-    let same = portable.render(job.clone())?.color == newest.render(job.clone())?.color;
+    let same = portable.render(job.clone())?.planes.color == newest.render(job.clone())?.planes.color;
     assert!(same, "the two versions draw different images");
     // The job has been rendered: it cannot fail any more.
     let draw = |renderer: &mut Raycast| drop(renderer.render(job.clone()));

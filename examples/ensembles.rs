@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for ensemble in ensembles {
         let curve = ensemble.curve(&context)?;
         let table = Arc::new(curve.node_table(&Lengths::of_unit_distance(unit_distance))?);
-        images.push(pipeline.render(&FrameRequest::new(step, camera, table, SIZE))?.color.clone());
+        images.push(pipeline.render(&FrameRequest::new(step, camera, table, SIZE))?.planes.color.clone());
         panels.push(panel(&curve, (min, max)));
     }
     let out = args().nth(1).unwrap_or_else(|| "ensembles.png".to_owned());

@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let request = FrameRequest::new(step, camera, table, (640, 480));
     let out = args().nth(1).unwrap_or_else(|| "render_one.png".to_owned());
     let frame = pipeline.render(&request)?;
-    write_png(Path::new(&out), &frame.color, None, PngDepth::Eight)?;
+    write_png(Path::new(&out), &frame.planes.color, None, PngDepth::Eight)?;
     println!("{out}: step {step}, {:.1} ms", frame.stats.ms_frame);
     Ok(())
 }

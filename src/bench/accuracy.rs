@@ -60,7 +60,7 @@ pub fn judge(
     for scene in &scenes {
         let request = FrameRequest { mode: RenderMode::Reference, skip: ALONE, ..scene.request.clone() };
         let frame = pipeline.render_unless(&request, cancel)?;
-        images.push(frame.color.clone());
+        images.push(frame.planes.color.clone());
         stats.push(frame.stats.clone());
         progress.advance(1);
     }
@@ -154,10 +154,10 @@ fn run_path(
             None => pipeline.render_unless(&request, cancel)?,
         };
         let started = Instant::now();
-        let image = (request.size_px != full).then(|| enlarged(&frame.color, full.0, full.1));
+        let image = (request.size_px != full).then(|| enlarged(&frame.planes.color, full.0, full.1));
         let ms_enlarge = if image.is_some() { started.elapsed().as_secs_f64() * 1e3 } else { 0.0 };
         if index == 0 {
-            error = Some(RunError::between(truth, image.as_ref().unwrap_or(&frame.color), bench.judge));
+            error = Some(RunError::between(truth, image.as_ref().unwrap_or(&frame.planes.color), bench.judge));
         }
         if index > 0 || is_once {
             measured.push(FrameStats { ms_frame: frame.stats.ms_frame + ms_enlarge, ..frame.stats.clone() });

@@ -64,10 +64,10 @@ pub fn run_frames(
         }
         measured.push(frame.stats.clone());
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
-            let fast = frame.color.clone();
+            let fast = frame.planes.color.clone();
             let judge = pipeline.render_unless(&FrameRequest { mode: RenderMode::Reference, ..request }, cancel)?;
             let judged_by = if judge.stats.by_formula { JUDGE_REFERENCE } else { JUDGE_TABLE };
-            let error = RunError::between(&judge.color, &fast, judged_by);
+            let error = RunError::between(&judge.planes.color, &fast, judged_by);
             worst = Some(match worst {
                 Some(w) if w.rmse >= error.rmse => RunError { max: w.max.max(error.max), ..w },
                 Some(w) => RunError { max: w.max.max(error.max), ..error },

@@ -139,7 +139,7 @@ impl FrameWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::RgbaImage;
+    use crate::image::{Planes, RgbaImage};
 
     #[test]
     fn patterns_place_the_number_of_the_frame() {
@@ -177,7 +177,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let blocked = dir.path().join("file");
         std::fs::write(&blocked, "in the way").unwrap();
-        let frame = || OutputFrame { color: RgbaImage::new(2, 2), ..Default::default() };
+        let frame = || OutputFrame {
+            planes: Planes { color: RgbaImage::new(2, 2), ..Planes::default() },
+            ..Default::default()
+        };
         let mut writer = FrameWriter::new(StillOptions::default());
         writer.send(frame(), dir.path().join("a.png")).unwrap();
         let _ = writer.send(frame(), blocked.join("b.png"));

@@ -2,8 +2,7 @@
 
 use crate::error::{FileError, FileResult};
 use crate::image::{
-    DepthImage, ExrAttributes, ExrColor, ExrValue, PngDepth, RgbaImage, read_exr, read_png_text, write_exr,
-    write_png_with_texts,
+    ExrAttributes, ExrColor, ExrValue, Planes, PngDepth, read_exr, read_png_text, write_exr, write_png_with_texts,
 };
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy};
 use serde::{Deserialize, Serialize};
@@ -14,11 +13,8 @@ use std::str::FromStr;
 /// A frame on its way to a file: its planes, and what they show.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OutputFrame {
-    /// Raw accumulators.
-    pub color: RgbaImage,
-    /// Distances, as [`Frame::depth`](crate::render::Frame::depth) has them. Of the same size as `color`, or without pixels
-    /// where there is none.
-    pub depth: DepthImage,
+    /// Colours; depths of the same size, or without pixels where there are none.
+    pub planes: Planes,
     /// What the planes show.
     pub attributes: FrameAttributes,
 }
@@ -182,11 +178,11 @@ pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> 
                 texts.push((PNG_SOFTWARE, frame.attributes.software.as_str()));
                 texts.push((PNG_FINGERPRINT, fingerprint));
             }
-            write_png_with_texts(path, &frame.color, options.background.color(), options.png_depth, &texts)
+            write_png_with_texts(path, &frame.planes.color, options.background.color(), options.png_depth, &texts)
         }
         Some(StillFormat::Exr) => {
-            let depth = Some(&frame.depth).filter(|depth| !depth.pixels.is_empty());
-            write_exr(path, &frame.color, depth, options.exr_color, &frame.attributes.to_exr())
+            let depth = Some(&frame.planes.depth).filter(|depth| !depth.pixels.is_empty());
+            write_exr(path, &frame.planes.color, depth, options.exr_color, &frame.attributes.to_exr())
         }
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
     }
@@ -221,6 +217,7 @@ const REMEDY: &str = "end the name with .png or .exr";
 mod tests {
     use super::*;
     use crate::image::read_exr;
+    use crate::image::{DepthImage, RgbaImage};
 
     #[test]
     fn backgrounds_are_named_or_hexadecimal() {
@@ -242,7 +239,7 @@ mod tests {
             extras: BTreeMap::from([("lod".to_owned(), "0.5".to_owned())]),
             ..Default::default()
         };
-        OutputFrame { color, depth, attributes }
+        OutputFrame { planes: Planes { color, depth }, attributes }
     }
 
     #[test]
@@ -252,7 +249,7 @@ mod tests {
         let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
         write_still(&path, &frame(), &options).unwrap();
         let back = read_exr(&path).unwrap();
-        assert_eq!((back.color, back.depth), (frame().color, Some(frame().depth)));
+        assert_eq!((back.color, back.depth), (frame().planes.color, Some(frame().planes.depth)));
         let text = |text: &str| Some(ExrValue::Text(text.to_owned()));
         let get = |name: &str| back.attributes.get(name).cloned();
         assert_eq!(get("tetreel.time"), Some(ExrValue::Number(0.1)));
@@ -261,7 +258,9 @@ mod tests {
         assert_eq!((get("tetreel.units"), get("tetreel.field")), (text("K"), None));
         assert_eq!((get("tetreel.extra.lod"), get("tetreel.opacityKind")), (text("0.5"), text("alpha")));
         assert_eq!(get("software"), text(FrameAttributes::SOFTWARE));
-        write_still(&path, &OutputFrame { depth: DepthImage::default(), ..frame() }, &options).unwrap();
+        let mut without_depth = frame();
+        without_depth.planes.depth = DepthImage::default();
+        write_still(&path, &without_depth, &options).unwrap();
         assert_eq!(read_exr(&path).unwrap().depth, None);
     }
 

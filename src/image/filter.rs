@@ -1,16 +1,7 @@
 //! Separable filters on one plane of numbers.
 
+use super::Plane;
 use rayon::prelude::*;
-
-/// One number a pixel, row by row.
-pub(super) struct Plane {
-    /// Pixels per row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `width * height` numbers.
-    pub values: Vec<f64>,
-}
 
 /// Weights of a filter along one axis at offsets `-radius..=radius`.
 pub(super) struct Kernel(Vec<f64>);
@@ -43,28 +34,28 @@ impl Kernel {
     }
 }
 
-impl Plane {
+impl Plane<f64> {
     /// The plane filtered by one kernel along rows and another along columns; beyond its edges the plane holds on.
-    pub(super) fn convolved(&self, along_rows: &Kernel, along_columns: &Kernel) -> Plane {
+    pub(super) fn convolved(&self, along_rows: &Kernel, along_columns: &Kernel) -> Self {
         let (width, height) = (self.width, self.height);
         let clamped = |i: usize, k: usize, radius: usize, size: usize| (i + k).saturating_sub(radius).min(size - 1);
-        let mut rows = vec![0.0; self.values.len()];
-        rows.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(out, row)| {
+        let mut rows = vec![0.0; self.pixels.len()];
+        rows.par_chunks_mut(width).zip(self.pixels.par_chunks(width)).for_each(|(out, row)| {
             let radius = along_rows.radius();
             for (i, value) in out.iter_mut().enumerate() {
                 let weighted = |(k, w): (usize, &f64)| w * row[clamped(i, k, radius, width)];
                 *value = along_rows.0.iter().enumerate().map(weighted).sum();
             }
         });
-        let mut values = vec![0.0; self.values.len()];
-        values.par_chunks_mut(width).enumerate().for_each(|(j, out)| {
+        let mut pixels = vec![0.0; self.pixels.len()];
+        pixels.par_chunks_mut(width).enumerate().for_each(|(j, out)| {
             let radius = along_columns.radius();
             for (k, w) in along_columns.0.iter().enumerate() {
                 let start = clamped(j, k, radius, height) * width;
                 out.iter_mut().zip(&rows[start..start + width]).for_each(|(value, v)| *value += w * v);
             }
         });
-        Plane { width, height, values }
+        Self { width, height, pixels }
     }
 }
 
@@ -75,8 +66,8 @@ mod tests {
     #[test]
     fn convolution_equals_the_double_sum() {
         let (width, height) = (5, 4);
-        let values: Vec<f64> = (0..20).map(|i| f64::from(i * i % 7)).collect();
-        let plane = Plane { width, height, values };
+        let pixels: Vec<f64> = (0..20).map(|i| f64::from(i * i % 7)).collect();
+        let plane = Plane { width, height, pixels };
         let (rows, columns) = (Kernel::sample(2, |x| 1.0 + x), Kernel::sample(1, |y| 2.0 - y * y));
         let fast = plane.convolved(&rows, &columns);
         for j in 0..4_i32 {
@@ -86,10 +77,10 @@ mod tests {
                     for di in -2..=2 {
                         let (x, y) = ((i + di).clamp(0, 4), (j + dj).clamp(0, 3));
                         let weight = (1.0 + f64::from(di)) * (2.0 - f64::from(dj * dj));
-                        sum += weight * plane.values[(y * 5 + x) as usize];
+                        sum += weight * plane.pixels[(y * 5 + x) as usize];
                     }
                 }
-                assert_eq!(fast.values[(j * 5 + i) as usize], sum, "small whole numbers are exact");
+                assert_eq!(fast.pixels[(j * 5 + i) as usize], sum, "small whole numbers are exact");
             }
         }
     }

@@ -8,7 +8,8 @@
 //! 2. Features (4.2): edges and points of the luminance by derivatives of a Gaussian of the eye's resolution.
 //! 3. Difference per pixel: colour ^ (1 - feature). The result is the mean over all pixels.
 
-use super::filter::{Kernel, Plane};
+use super::Plane;
+use super::filter::Kernel;
 use super::srgb::linear_from_srgb;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -45,10 +46,10 @@ type Pixel = [f64; 3];
 
 /// Mean FLIP of two images of equal size: display-referred sRGB in 0..=1, `width * height` pixels, at least one.
 pub(super) fn mean_flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, height: usize) -> f64 {
-    let ycxcz = |pixels: &[[f32; 3]]| -> [Plane; 3] {
+    let ycxcz = |pixels: &[[f32; 3]]| -> [Plane<f64>; 3] {
         let pixels: Vec<Pixel> =
             pixels.par_iter().map(|&p| ycxcz_from_linear(p.map(|c| linear_from_srgb(f64::from(c))))).collect();
-        std::array::from_fn(|c| Plane { width, height, values: pixels.iter().map(|p| p[c]).collect() })
+        std::array::from_fn(|c| Plane { width, height, pixels: pixels.iter().map(|p| p[c]).collect() })
     };
     let (reference, test) = (ycxcz(reference), ycxcz(test));
     let (seen_reference, seen_test) = (as_seen(&reference), as_seen(&test));
@@ -76,7 +77,7 @@ fn remap(difference: f64, largest: f64) -> f64 {
 }
 
 /// Hunt-adjusted L*a*b* after the contrast sensitivity filter (4.1.1, 4.1.2).
-fn as_seen(ycxcz: &[Plane; 3]) -> Vec<Pixel> {
+fn as_seen(ycxcz: &[Plane<f64>; 3]) -> Vec<Pixel> {
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as usize;
     let [y, cx, cz] = std::array::from_fn(|c| {
         // A Gaussian in two dimensions is one along rows times one along columns; its share is its sum over both.
@@ -88,10 +89,10 @@ fn as_seen(ycxcz: &[Plane; 3]) -> Vec<Pixel> {
             })
             .collect();
         let all: f64 = parts.iter().map(|(weight, _)| weight).sum();
-        let mut filtered = vec![0.0; ycxcz[c].values.len()];
+        let mut filtered = vec![0.0; ycxcz[c].pixels.len()];
         for (weight, kernel) in &parts {
             let part = ycxcz[c].convolved(kernel, kernel);
-            filtered.iter_mut().zip(&part.values).for_each(|(sum, v)| *sum += weight / all * v);
+            filtered.iter_mut().zip(&part.pixels).for_each(|(sum, v)| *sum += weight / all * v);
         }
         filtered
     });
@@ -100,17 +101,17 @@ fn as_seen(ycxcz: &[Plane; 3]) -> Vec<Pixel> {
 }
 
 /// Strength of edges and of points at each pixel (4.2).
-fn features(y: &Plane) -> Vec<[f64; 2]> {
+fn features(y: &Plane<f64>) -> Vec<[f64; 2]> {
     let deviation = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     let radius = (3.0 * deviation).ceil() as usize;
     let gaussian = |x: f64| (-x * x / (2.0 * deviation * deviation)).exp();
     let smooth = Kernel::sample(radius, gaussian).normalised();
     let edge = Kernel::sample(radius, |x| -x * gaussian(x)).signs_normalised();
     let point = Kernel::sample(radius, |x| (x * x / (deviation * deviation) - 1.0) * gaussian(x)).signs_normalised();
-    let luminance = Plane { values: y.values.iter().map(|v| (v + 16.0) / 116.0).collect(), ..*y };
+    let luminance = Plane { pixels: y.pixels.iter().map(|v| (v + 16.0) / 116.0).collect(), ..*y };
     let strength = |kernel: &Kernel| -> Vec<f64> {
         let (across, down) = (luminance.convolved(kernel, &smooth), luminance.convolved(&smooth, kernel));
-        across.values.iter().zip(&down.values).map(|(x, y)| x.hypot(*y)).collect()
+        across.pixels.iter().zip(&down.pixels).map(|(x, y)| x.hypot(*y)).collect()
     };
     strength(&edge).into_iter().zip(strength(&point)).map(|(e, p)| [e, p]).collect()
 }

@@ -1,8 +1,8 @@
 //! How different two images are.
 
-use super::filter::{Kernel, Plane};
+use super::filter::Kernel;
 use super::flip::mean_flip;
-use super::{DepthImage, RgbaImage};
+use super::{DepthImage, Plane, RgbaImage};
 use serde::{Deserialize, Serialize};
 
 /// Differences between two images of equal size.
@@ -121,9 +121,9 @@ pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, Met
 }
 
 /// Luma of display-referred RGB (Rec. 601), as the SSIM paper's programs take it.
-fn luminance(pixels: &[[f32; 3]], image: &RgbaImage) -> Plane {
+fn luminance(pixels: &[[f32; 3]], image: &RgbaImage) -> Plane<f64> {
     let luma = |&[r, g, b]: &[f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
-    Plane { width: image.width, height: image.height, values: pixels.iter().map(luma).collect() }
+    Plane { width: image.width, height: image.height, pixels: pixels.iter().map(luma).collect() }
 }
 
 /// Half the width of SSIM's window.
@@ -134,7 +134,7 @@ const WINDOW_DEVIATION: f64 = 1.5;
 /// Mean structural similarity: Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli, "Image Quality Assessment: From Error
 /// Visibility to Structural Similarity", IEEE TIP 13(4), 2004; 11 x 11 Gaussian window, K1 = 0.01, K2 = 0.03, peak 1, over
 /// the pixels whose window lies inside the image. A side shorter than the window has a window that fits it.
-fn mean_ssim(a: &Plane, b: &Plane) -> f64 {
+fn mean_ssim(a: &Plane<f64>, b: &Plane<f64>) -> f64 {
     const C1: f64 = 0.01 * 0.01;
     const C2: f64 = 0.03 * 0.03;
     let radius = |size: usize| WINDOW_RADIUS.min((size - 1) / 2);
@@ -143,8 +143,8 @@ fn mean_ssim(a: &Plane, b: &Plane) -> f64 {
         |radius| Kernel::sample(radius, |x| (-x * x / (2.0 * WINDOW_DEVIATION * WINDOW_DEVIATION)).exp()).normalised();
     let (window_x, window_y) = (window(radius_x), window(radius_y));
     let mean_of = |value: &dyn Fn(f64, f64) -> f64| {
-        let values = a.values.iter().zip(&b.values).map(|(&x, &y)| value(x, y)).collect();
-        Plane { width: a.width, height: a.height, values }.convolved(&window_x, &window_y).values
+        let pixels = a.pixels.iter().zip(&b.pixels).map(|(&x, &y)| value(x, y)).collect();
+        Plane { width: a.width, height: a.height, pixels }.convolved(&window_x, &window_y).pixels
     };
     let (mean_a, mean_b) = (mean_of(&|x, _| x), mean_of(&|_, y| y));
     let (aa, bb, ab) = (mean_of(&|x, _| x * x), mean_of(&|_, y| y * y), mean_of(&|x, y| x * y));

@@ -6,12 +6,14 @@ mod exr;
 mod filter;
 mod flip;
 mod metrics;
+mod planes;
 mod png;
 mod sheet;
 mod srgb;
 
 pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
 pub use metrics::{DepthMetrics, ImageMetrics, MetricsError, compare, compare_depth};
+pub use planes::{Plane, PlaneSamples, Planes};
 pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
 pub use sheet::{amplified_difference, contact_sheet};
 
@@ -38,26 +40,10 @@ pub fn read_image(path: &Path) -> FileResult<(RgbaImage, Option<DepthImage>)> {
 }
 
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RgbaImage {
-    /// Pixels per row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `width * height` pixels, top row first: red, green, blue (premultiplied), opacity.
-    pub pixels: Vec<[f32; 4]>,
-}
+pub type RgbaImage = Plane<[f32; 4]>;
 
 /// A plane of distances, world units; infinite where there is nothing.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct DepthImage {
-    /// Pixels per row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `width * height` distances, top row first.
-    pub pixels: Vec<f32>,
-}
+pub type DepthImage = Plane<f32>;
 
 impl RgbaImage {
     /// A fully transparent image.

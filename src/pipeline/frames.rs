@@ -63,7 +63,8 @@ impl FramePool {
 
 /// Bytes of the planes of a frame.
 fn bytes_of(frame: &Frame) -> u64 {
-    (size_of_val(&*frame.color.pixels) + size_of_val(&*frame.depth.pixels)) as u64 + bytes_on_gpu(frame)
+    let bytes: usize = frame.planes.list().iter().map(|plane| size_of_val(plane.samples)).sum();
+    bytes as u64 + bytes_on_gpu(frame)
 }
 
 #[cfg(feature = "gpu")]
@@ -159,15 +160,15 @@ mod tests {
     fn memory_of_a_frame_comes_back_with_its_last_holder() {
         let pool = FramePool::default();
         let mut frame = Frame::default();
-        frame.color.pixels = vec![[1.0; 4]; 100];
-        let place = frame.color.pixels.as_ptr();
+        frame.planes.color.pixels = vec![[1.0; 4]; 100];
+        let place = frame.planes.color.pixels.as_ptr();
         let first = pool.share(frame);
         let second = first.clone();
         drop(first);
-        assert!(pool.spare().color.pixels.is_empty());
-        assert_eq!(second.color.pixels.len(), 100);
+        assert!(pool.spare().planes.color.pixels.is_empty());
+        assert_eq!(second.planes.color.pixels.len(), 100);
         drop(second);
-        assert_eq!(pool.spare().color.pixels.as_ptr(), place);
+        assert_eq!(pool.spare().planes.color.pixels.as_ptr(), place);
         for _ in 0..2 * SPARES_MAX {
             drop(pool.share(Frame::default()));
         }
@@ -180,7 +181,7 @@ mod tests {
         let (series, _) = test_series::logged(5);
         let frame = || {
             let mut frame = Frame::default();
-            (frame.color.pixels, frame.depth.pixels) = (vec![[0.0; 4]; 100], vec![0.0; 100]);
+            (frame.planes.color.pixels, frame.planes.depth.pixels) = (vec![[0.0; 4]; 100], vec![0.0; 100]);
             frame
         };
         let mut cache = FrameCache::new(3 * 100 * 20);

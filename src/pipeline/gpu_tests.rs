@@ -66,7 +66,7 @@ fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu
     for _ in 0..2 {
         let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto);
         let frame = drawn.unwrap().unwrap();
-        assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.1));
+        assert!(!frame.stats.on_gpu && frame.planes.color.pixels.iter().any(|p| p[3] > 0.1));
         assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));
     }
     assert!(renderers.gpu.context().is_none());

@@ -4,6 +4,7 @@ use super::super::test_series::{jet, logged};
 use super::*;
 use crate::camera::Camera;
 use crate::error::FileError;
+use crate::image::PlaneSamples;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::{FrameTime, RenderMode};
 use crate::render::Frame;
@@ -38,14 +39,16 @@ fn requests(series: &Series) -> Vec<FrameRequest> {
     requests
 }
 
-/// The pixels of a frame, as bits.
-fn bits(frame: &Frame) -> (usize, Vec<[u32; 4]>, Vec<u32>) {
-    let colors = frame.color.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
-    (frame.color.width, colors, frame.depth.pixels.iter().map(|d| d.to_bits()).collect())
+/// Of each plane its name, size and bits.
+type PlaneBits = Vec<(&'static str, (usize, usize), Vec<u32>)>;
+
+fn bits(frame: &Frame) -> PlaneBits {
+    let of = |plane: &PlaneSamples<'_>| plane.samples.iter().map(|v| v.to_bits()).collect();
+    frame.planes.list().iter().map(|plane| (plane.name, plane.size_px, of(plane))).collect()
 }
 
 /// Each request rendered by a pipeline of its own.
-fn rendered_alone(series: &Arc<Series>, requests: &[FrameRequest]) -> Vec<(usize, Vec<[u32; 4]>, Vec<u32>)> {
+fn rendered_alone(series: &Arc<Series>, requests: &[FrameRequest]) -> Vec<PlaneBits> {
     requests.iter().map(|request| bits(Pipeline::new(series.clone()).render(request).unwrap())).collect()
 }
 
@@ -107,7 +110,7 @@ proptest! {
         acts in acts(), threads in 1usize..=4, keeps in any::<bool>(),
     ) {
         static ALONE: std::sync::OnceLock<Alone> = std::sync::OnceLock::new();
-        type Alone = (Arc<Series>, Vec<FrameRequest>, Vec<(usize, Vec<[u32; 4]>, Vec<u32>)>);
+        type Alone = (Arc<Series>, Vec<FrameRequest>, Vec<PlaneBits>);
         let (series, requests, alone) = ALONE.get_or_init(|| {
             let series = jet();
             let requests = requests(&series);
@@ -337,7 +340,7 @@ fn memory_of_frames_and_steps_goes_round() {
         pipelined.push(step(&series, s)).unwrap();
         if s >= 3 {
             let frame = pipelined.wait(LONG).unwrap().frame.unwrap();
-            *places.entry(frame.color.pixels.as_ptr().addr()).or_insert(0) += 1;
+            *places.entry(frame.planes.color.pixels.as_ptr().addr()).or_insert(0) += 1;
         }
     }
     // One that is rendered to, one delivered, one that waits for its place there, one taken.

@@ -13,7 +13,7 @@ pub mod reference;
 
 use crate::camera::View;
 use crate::codec::vq::VqBlock;
-use crate::image::{DepthImage, RgbaImage};
+pub use crate::image::Planes;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
@@ -212,15 +212,11 @@ impl RenderJob {
     }
 }
 
-/// The planes of a rendered image, and what it cost.
+/// A rendered image, and what it cost.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// Raw accumulators.
-    pub color: RgbaImage,
-    /// Where each ray first meets something visible: the near end of the first piece of it with extinction. World units
-    /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
-    /// infinite where there is nothing.
-    pub depth: DepthImage,
+    /// What is known of each pixel.
+    pub planes: Planes,
     /// The frame of a job for a window, on that window's GPU: the planes above are empty then.
     #[cfg(feature = "gpu")]
     pub texture: Option<gpu::FrameTexture>,
@@ -235,14 +231,7 @@ impl Frame {
         {
             self.texture = None;
         }
-        let color = &mut self.color;
-        (color.width, color.height) = (width_px, height_px);
-        color.pixels.clear();
-        color.pixels.resize(width_px * height_px, [0.0; 4]);
-        let depth = &mut self.depth;
-        (depth.width, depth.height) = (width_px, height_px);
-        depth.pixels.clear();
-        depth.pixels.resize(width_px * height_px, f32::INFINITY);
+        self.planes.clear(width_px, height_px);
     }
 }
 

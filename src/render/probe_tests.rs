@@ -100,7 +100,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
     let (mut seen, mut caught, mut empty) = (0, 0, 0);
     for seed in 0..200 {
         let job = random_job(&mut Random(seed));
-        let judge = Reference::new().render(job.clone()).unwrap().color.clone();
+        let judge = Reference::new().render(job.clone()).unwrap().planes.color.clone();
         let thinner = job.table.nodes().iter().map(|n| Node { tau: n.tau * (1.0 - 1e-4), ..*n }).collect();
         let thinner = RenderJob { table: Arc::new(NodeTable::new(thinner).unwrap()), ..job.clone() };
         for (i, pixel) in judge.pixels.iter().enumerate() {

@@ -4,6 +4,7 @@ use super::look::Look;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
+use crate::image::Planes;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::store::Store;
 use crate::task::Cancel;
@@ -116,8 +117,7 @@ impl Screenshot {
     fn write(&self, folder: &Path) -> FileResult<PathBuf> {
         let path = claim(folder, &stem(&self.attributes.field, self.attributes.step))?;
         let frame = OutputFrame {
-            color: self.frame.color.clone(),
-            depth: Default::default(),
+            planes: Planes { color: self.frame.planes.color.clone(), ..Planes::default() },
             attributes: self.attributes.clone(),
         };
         let options = StillOptions { background: Background::Color(self.background), ..Default::default() };

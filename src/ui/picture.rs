@@ -28,7 +28,7 @@ pub struct Picture {
 impl Picture {
     /// Of a frame.
     pub fn of(frame: &SharedFrame, background: [f32; 3]) -> Self {
-        let color = &frame.color;
+        let color = &frame.planes.color;
         Self { size: [color.width, color.height], pixels: over_background(&color.pixels, background) }
     }
 }

@@ -373,7 +373,7 @@ fn an_ensemble_that_cannot_be_had_is_said_and_shows_nothing() {
         let mut desk = open(&series, &project);
         let notices = desk.session.notices().to_vec();
         assert!(notices[0].text.contains(problem), "{notices:?}");
-        assert!(desk.shown().frame.color.pixels.iter().all(|p| p[3] == 0.0));
+        assert!(desk.shown().frame.planes.color.pixels.iter().all(|p| p[3] == 0.0));
         go_to(&mut desk, 1);
         assert_eq!(desk.shown().request.time, FrameTime::from(1), "it goes on");
         press(&mut desk, '1');
@@ -395,7 +395,7 @@ fn small_pictures_of_other_moments_have_the_table_and_the_camera_of_theirs() {
         let request = FrameRequest::new(step, camera.unwrap(), table.unwrap(), size);
         let (mode, backend, optics) = (RenderMode::Raycast, Backend::Cpu, optics.unwrap());
         let request = FrameRequest { mode, backend, optics, ..request };
-        let frame = Pipeline::new(series.clone()).render(&request).unwrap().color.clone();
+        let frame = Pipeline::new(series.clone()).render(&request).unwrap().planes.color.clone();
         assert_eq!(picture.pixels, over_background(&frame.pixels, [0.0; 3]), "step {step}");
         seen.push(picture);
     }

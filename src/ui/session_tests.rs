@@ -175,11 +175,11 @@ fn every_change_of_the_look_is_drawn() {
         Action::ResetView,
         Action::ImageScale(0.5),
     ] {
-        let before = desk.shown().frame.color.clone();
+        let before = desk.shown().frame.planes.color.clone();
         desk.act(action.clone());
         desk.later(1000);
         assert!(desk.settle() > 0, "{action:?}");
-        assert!(desk.shown().frame.color != before, "{action:?}");
+        assert!(desk.shown().frame.planes.color != before, "{action:?}");
     }
     assert_eq!((desk.session.look().tf.color_map(), desk.session.notices()), (&gray, &[][..]));
     assert_eq!(desk.shown().request.size_px, (20, 10));
@@ -338,7 +338,7 @@ fn a_range_without_meaning_is_an_error_and_shows_nothing() {
     desk.act(Action::Range(RangePolicy::Manual(2.0, 1.0)));
     desk.settle();
     assert!(desk.session.notices()[0].text.contains("2..1"), "{:?}", desk.session.notices());
-    assert!(desk.shown().frame.color.pixels.iter().all(|p| p[3] == 0.0));
+    assert!(desk.shown().frame.planes.color.pixels.iter().all(|p| p[3] == 0.0));
     desk.act(Action::Play(Command::Speed(-1.0)));
     assert!(desk.session.notices()[1].text.contains("speed"));
 }
@@ -351,7 +351,7 @@ fn another_field_is_opened_aside_and_played_at_the_same_step() {
     desk.settle();
     desk.act(Action::Play(Command::SeekStep(2)));
     desk.settle();
-    let before = desk.shown().frame.color.clone();
+    let before = desk.shown().frame.planes.color.clone();
     desk.act(Action::Field(other.parse().unwrap()));
     assert!(desk.session.opens_field());
     while desk.session.opens_field() {
@@ -360,7 +360,7 @@ fn another_field_is_opened_aside_and_played_at_the_same_step() {
     }
     desk.settle();
     assert_eq!((&desk.session.series().field().name, desk.step()), (other, 2));
-    assert!(desk.shown().frame.color != before);
+    assert!(desk.shown().frame.planes.color != before);
     desk.act(Action::Field("nothing".parse().unwrap()));
     while desk.session.opens_field() {
         std::thread::yield_now();
@@ -396,7 +396,7 @@ fn screenshots_are_the_picture_in_full_and_never_overwrite() {
     assert_eq!(found, expected);
     let image = crate::image::read_png(&dir.path().join(&names[0])).unwrap();
     assert_eq!((image.width, image.height), (40, 20));
-    let behind = desk.shown().frame.color.over([0.25, 0.5, 0.75]);
+    let behind = desk.shown().frame.planes.color.over([0.25, 0.5, 0.75]);
     for (saved, shown) in image.pixels.iter().zip(&behind) {
         // Half a unit of 8 bits.
         assert!(saved.iter().zip(shown).all(|(a, b)| (a - b).abs() <= 0.5001 / 255.0), "{saved:?} {shown:?}");

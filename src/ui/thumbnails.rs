@@ -176,7 +176,7 @@ fn render(last: &mut Option<(Arc<Series>, Pipeline)>, job: &Job, cancel: &Cancel
     let of_series = last.take().filter(|(series, _)| Arc::ptr_eq(series, &job.series));
     let new = || (job.series.clone(), Pipeline::new(job.series.apart(BLOCK_BYTES)));
     let (_, pipeline) = last.insert(of_series.unwrap_or_else(new));
-    let color = &pipeline.render_unless(&job.request, cancel)?.color;
+    let color = &pipeline.render_unless(&job.request, cancel)?.planes.color;
     Ok(Picture { size: [color.width, color.height], pixels: over_background(&color.pixels, job.background) })
 }
 
@@ -214,7 +214,7 @@ mod tests {
             thumbnails.want(&series, &request, BACKGROUND);
             let picture = made(&thumbnails, &request);
             let small = FrameRequest { size_px: (32, 16), backend: Backend::Cpu, ..request };
-            let color = &Pipeline::new(series.clone()).render(&small).unwrap().color.clone();
+            let color = &Pipeline::new(series.clone()).render(&small).unwrap().planes.color.clone();
             assert_eq!(picture.size, [32, 16]);
             assert_eq!(picture.pixels, over_background(&color.pixels, BACKGROUND), "{time:?}");
             seen.push(picture);

@@ -4,7 +4,7 @@ use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Output};
 use tetreel::export::still::{FrameAttributes, OutputFrame, StillOptions, write_still};
-use tetreel::image::{DepthImage, ExrColor, RgbaImage, read_exr};
+use tetreel::image::{DepthImage, ExrColor, Planes, RgbaImage, read_exr};
 
 const WIDTH: usize = 37;
 const HEIGHT: usize = 21;
@@ -26,17 +26,17 @@ fn frame() -> OutputFrame {
         extras: [("a long name of an extra attribute".to_owned(), "x".to_owned())].into(),
         ..Default::default()
     };
-    OutputFrame {
+    let planes = Planes {
         color: RgbaImage { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(pixel).collect() },
         depth: DepthImage { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(depth).collect() },
-        attributes,
-    }
+    };
+    OutputFrame { planes, attributes }
 }
 
 /// Runs the script over `a.exr` in `dir`.
 fn python_reads(python: &str, dir: &Path, frame: &OutputFrame, color: &str) -> Output {
-    let channel = |c: usize| frame.color.pixels.iter().map(move |p| p[c]);
-    let planes = [3, 2, 1, 0].into_iter().flat_map(channel).chain(frame.depth.pixels.iter().copied());
+    let channel = |c: usize| frame.planes.color.pixels.iter().map(move |p| p[c]);
+    let planes = [3, 2, 1, 0].into_iter().flat_map(channel).chain(frame.planes.depth.pixels.iter().copied());
     let bytes: Vec<u8> = planes.flat_map(f32::to_le_bytes).collect();
     std::fs::write(dir.join("planes.f32"), bytes).unwrap();
     let a = &frame.attributes;
@@ -81,11 +81,11 @@ fn python_reads_the_floats_that_were_written_and_what_they_show() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), "ok 5 channels 9 attributes");
     // The last bit of one sample makes the script fail.
-    frame.depth.pixels[5] = f32::from_bits(frame.depth.pixels[5].to_bits() ^ 1);
+    frame.planes.depth.pixels[5] = f32::from_bits(frame.planes.depth.pixels[5].to_bits() ^ 1);
     assert!(!python_reads(&python, dir.path(), &frame, "raw").status.success());
 
     // Linear light: the bits that our own reader finds are those of the library, checked by it with straight 1.
-    frame.color.pixels.iter_mut().for_each(|p| *p = [p[3], 0.0, p[3], p[3]]);
+    frame.planes.color.pixels.iter_mut().for_each(|p| *p = [p[3], 0.0, p[3], p[3]]);
     write_still(&path, &frame, &options(ExrColor::Linear)).unwrap();
     let output = python_reads(&python, dir.path(), &frame, "linear");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -26,7 +26,7 @@ struct Picture {
 fn image(pipeline: &mut Pipeline, step: usize, camera: Camera, table: NodeTable) -> RgbaImage {
     let request = FrameRequest::new(step, camera, Arc::new(table), (160, 120));
     let request = FrameRequest { backend: Backend::Cpu, mode: RenderMode::Raycast, ..request };
-    pipeline.render_unless(&request, &Cancel::new()).unwrap().color.clone()
+    pipeline.render_unless(&request, &Cancel::new()).unwrap().planes.color.clone()
 }
 
 /// The first picture of a step of a field, as `render` and the window make it.

@@ -23,7 +23,7 @@ const TRANSFER_FUNCTIONS: [&str; 4] = [
 ];
 
 fn mean_square(a: &RenderJob, whole: &[[f32; 4]]) -> f64 {
-    let drawn = havs(a).color.pixels;
+    let drawn = havs(a).planes.color.pixels;
     let channels = drawn.iter().flatten().zip(whole.iter().flatten());
     channels.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / (4 * whole.len()) as f64
 }
@@ -59,7 +59,7 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
             let request = FrameRequest::new(step, camera, table.clone(), (64, 64));
             // Rankings are compared on the faces of all cells.
             let job = pipeline.prepare(&FrameRequest { skip: Skip::NONE, ..request }).unwrap();
-            let whole = havs(&with_faces(&job, |_| true)).color.pixels;
+            let whole = havs(&with_faces(&job, |_| true)).planes.color.pixels;
             for (i, &level) in LEVELS.iter().enumerate() {
                 let of = |ranking: &[u32]| mean_square(&at_level(&job, ranking, level), &whole);
                 random[i] += lots.iter().map(|lot| of(lot)).sum::<f64>() / lots.len() as f64;

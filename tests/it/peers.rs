@@ -32,7 +32,7 @@ const EXACT: f64 = 1e-7;
 /// Every renderer that there is on the CPU.
 fn all(job: &RenderJob) -> [(&'static str, RgbaImage); 3] {
     let faces = havs(&with_buffer(&with_all_faces(job), 6, true));
-    [("raycast", raycast(job)), ("reference", reference(job)), ("havs", faces.color)]
+    [("raycast", raycast(job)), ("reference", reference(job)), ("havs", faces.planes.color)]
 }
 
 mod narrow_opacities {
@@ -196,7 +196,7 @@ mod ranges_that_widen {
     }
 
     fn bits(frame: &Frame) -> Vec<[u32; 4]> {
-        frame.color.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+        frame.planes.color.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
     }
 
     /// All frames of a player that goes through the series.

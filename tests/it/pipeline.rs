@@ -52,7 +52,7 @@ const LONG: Duration = Duration::from_secs(60);
 
 /// Pixels as bits.
 fn bits(frame: &tetreel::render::Frame) -> Vec<[u32; 4]> {
-    frame.color.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+    frame.planes.color.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
 #[test]
@@ -165,11 +165,7 @@ mod gpu {
                 let frame = pipeline.render(&FrameRequest { time: step.into(), ..request.clone() }).unwrap();
                 assert!(frame.stats.on_gpu);
                 restarts.push(frame.stats.gpu_restarts);
-                let output = OutputFrame {
-                    color: frame.color.clone(),
-                    depth: frame.depth.clone(),
-                    attributes: Default::default(),
-                };
+                let output = OutputFrame { planes: frame.planes.clone(), attributes: Default::default() };
                 write_still(&temp.path().join(format!("{name}_{step}.exr")), &output, &options).unwrap();
                 if lost_after == Some(step) {
                     pipeline.gpu().unwrap().lose();
@@ -204,7 +200,7 @@ mod gpu {
         pipeline.choose_gpu(ContextOptions { binding_bytes: Some(1024), ..named });
         for _ in 0..2 {
             let frame = pipeline.render(&request).unwrap();
-            assert!(!frame.stats.on_gpu && frame.color.pixels.iter().any(|p| p[3] > 0.0));
+            assert!(!frame.stats.on_gpu && frame.planes.color.pixels.iter().any(|p| p[3] > 0.0));
             assert!(matches!(pipeline.gpu_problem(), Some(RenderError::BeyondGpu { .. })));
         }
         let refused = pipeline.render(&FrameRequest { backend: Backend::Gpu, ..request.clone() });
@@ -227,8 +223,8 @@ mod gpu {
         for _ in 0..2 {
             let faces = frame(RenderMode::Havs, Backend::Gpu);
             assert!(faces.stats.on_gpu && faces.stats.fragments > 0 && faces.stats.steps == 0);
-            crate::render::assert_within("faces and cells", &faces.color, &cells.color);
-            assert_eq!(frame(RenderMode::Raycast, Backend::Gpu).color, cells.color);
+            crate::render::assert_within("faces and cells", &faces.planes.color, &cells.planes.color);
+            assert_eq!(frame(RenderMode::Raycast, Backend::Gpu).planes.color, cells.planes.color);
             assert!(!frame(RenderMode::Havs, Backend::Cpu).stats.on_gpu);
         }
     }

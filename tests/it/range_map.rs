@@ -41,7 +41,7 @@ fn drawn(pipeline: &mut Pipeline, map: RangeMap) -> RgbaImage {
     let ensemble = Ensemble { name: "shells".into(), members: vec![member], ..Default::default() };
     let table = Arc::new(ensemble.curve(&context).unwrap().node_table(&Lengths::of_unit_distance(unit)).unwrap());
     let camera = Camera::default_for((lo, hi)).unwrap();
-    pipeline.render(&FrameRequest::new(0, camera, table, (160, 160))).unwrap().color.clone()
+    pipeline.render(&FrameRequest::new(0, camera, table, (160, 160))).unwrap().planes.color.clone()
 }
 
 /// Of the pixels that show the mesh, the share with an opacity above a fifth; of these, the share that is bluer than red and the
@@ -88,6 +88,7 @@ fn shells_of_weak_potential_in_the_torso_are_seen_with_a_range_map_only() {
         pipeline
             .render(&FrameRequest::new(0, Camera::default_for((lo, hi)).unwrap(), table, (160, 160)))
             .unwrap()
+            .planes
             .color
             .clone()
     };

@@ -77,7 +77,7 @@ pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
     assert_within(&format!("{name}: CPU against reference"), &fast, &judge);
     #[cfg(feature = "gpu")]
     if let Some(frame) = crate::render::gpu::render(job) {
-        assert_within(&format!("{name}: GPU against CPU"), &frame.color, &fast);
+        assert_within(&format!("{name}: GPU against CPU"), &frame.planes.color, &fast);
         assert_eq!(frame.stats.broken_paths, 0, "{name}");
     }
     judge.pixels.iter().fold(0.0, |most, p| most.max(p[3]))
@@ -87,10 +87,10 @@ pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
 #[cfg(feature = "gpu")]
 pub fn assert_faces_agree(name: &str, job: &RenderJob) {
     let Some(frame) = havs::gpu::render(&havs::with_all_faces(job)) else { return };
-    assert_within(&format!("{name}: faces on the GPU"), &frame.color, &raycast(job));
+    assert_within(&format!("{name}: faces on the GPU"), &frame.planes.color, &raycast(job));
     assert_eq!((frame.stats.broken_paths, frame.stats.out_of_order), (0, 0), "{name}");
     let some = havs::with_some_faces(job, SOME_FACES, 1);
-    let (gpu, cpu) = (havs::gpu::render(&some).map(|frame| frame.color), havs::havs(&some).color);
+    let (gpu, cpu) = (havs::gpu::render(&some).map(|frame| frame.planes.color), havs::havs(&some).planes.color);
     assert_within(&format!("{name}: some faces on the GPU"), &gpu.unwrap_or_default(), &cpu);
 }
 

@@ -48,8 +48,8 @@ fn sample(dir: &Path, (file, field, steps): (&str, &str, &str)) -> (tempfile::Te
 
 /// Planes of a frame that are equal to the last bit.
 fn bits(frame: &Frame) -> (Vec<[u32; 4]>, Vec<u32>) {
-    let color = frame.color.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
-    (color, frame.depth.pixels.iter().map(|d| d.to_bits()).collect())
+    let color = frame.planes.color.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
+    (color, frame.planes.depth.pixels.iter().map(|d| d.to_bits()).collect())
 }
 
 fn with(request: &FrameRequest, mode: RenderMode, skip: Skip) -> FrameRequest {
@@ -86,17 +86,23 @@ fn real_series_are_drawn_alike_with_and_without_skipping() {
                     let name = format!("{of:?}, {tf}, step {step}, {optics}");
                     let off = pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().clone();
                     let on = pipeline.render(&with(&request, RenderMode::Raycast, Skip::ALL)).unwrap().clone();
-                    assert!(bits(&on) == bits(&off), "{name}: {:?}", difference(&on.color, &off.color));
+                    assert!(bits(&on) == bits(&off), "{name}: {:?}", difference(&on.planes.color, &off.planes.color));
                     skipped += off.stats.cells_active - on.stats.cells_active;
-                    drawn = off.color.pixels.iter().fold(drawn, |most, p| most.max(p[3]));
+                    drawn = off.planes.color.pixels.iter().fold(drawn, |most, p| most.max(p[3]));
                     if optics == OpticsKind::Exact {
-                        let off = pipeline.render(&with(&request, RenderMode::Havs, Skip::NONE)).unwrap().color.clone();
-                        let on = pipeline.render(&with(&request, RenderMode::Havs, Skip::ALL)).unwrap().color.clone();
+                        let off = pipeline
+                            .render(&with(&request, RenderMode::Havs, Skip::NONE))
+                            .unwrap()
+                            .planes
+                            .color
+                            .clone();
+                        let on =
+                            pipeline.render(&with(&request, RenderMode::Havs, Skip::ALL)).unwrap().planes.color.clone();
                         let (rmse, _) = difference(&on, &off);
                         assert!(rmse <= RMSE_MAX, "{name}: faces {rmse:.2e}");
                         if step == 0 {
                             let thicker = with(&thicker(&request), RenderMode::Havs, Skip::ALL);
-                            let (rmse, _) = difference(&pipeline.render(&thicker).unwrap().color, &off);
+                            let (rmse, _) = difference(&pipeline.render(&thicker).unwrap().planes.color, &off);
                             noticed += usize::from(rmse > RMSE_MAX);
                         }
                         differ += usize::from(leaving_out_a_visible_cell_is_noticed(&mut pipeline, &request));
@@ -140,11 +146,11 @@ fn real_series_are_drawn_alike_on_the_gpu_with_and_without_skipping() {
                 [("raycast", gpu::render as fn(&RenderJob) -> Option<Frame>), ("havs", havs::gpu::render)]
             {
                 let (off, on) = (draw(&off).unwrap(), draw(&on).unwrap());
-                let (rmse, max) = difference(&on.color, &off.color);
+                let (rmse, max) = difference(&on.planes.color, &off.planes.color);
                 assert!(rmse <= RMSE_MAX, "{of:?}, {tf}, {name}: {rmse:.2e}, {max:.2e}");
                 // The densest of the transfer functions, in which all cells are seen.
                 if at == 0 {
-                    let (rmse, _) = difference(&draw(&thicker).unwrap().color, &off.color);
+                    let (rmse, _) = difference(&draw(&thicker).unwrap().planes.color, &off.planes.color);
                     assert!(rmse > RMSE_MAX, "{of:?}, {name}: a thousandth more extinction makes {rmse:.2e}");
                 }
             }
@@ -192,14 +198,14 @@ fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
         for (i, request) in journey(&plain).iter().enumerate() {
             for mode in [RenderMode::Raycast, RenderMode::Havs] {
                 let off = plain.render(&with(request, mode, Skip::NONE)).unwrap().clone();
-                seen = off.color.pixels.iter().fold(seen, |most, p| most.max(p[3]));
+                seen = off.planes.color.pixels.iter().fold(seen, |most, p| most.max(p[3]));
                 if mode == RenderMode::Havs {
                     let thicker = plain.render(&with(&thicker(request), mode, Skip::NONE)).unwrap();
-                    noticed += usize::from(difference(&thicker.color, &off.color).0 > RMSE_MAX);
+                    noticed += usize::from(difference(&thicker.planes.color, &off.planes.color).0 > RMSE_MAX);
                 }
                 for (skip, pipeline) in &mut others {
                     let on = pipeline.render(&with(request, mode, *skip)).unwrap();
-                    let (rmse, max) = difference(&on.color, &off.color);
+                    let (rmse, max) = difference(&on.planes.color, &off.planes.color);
                     let is_same = if mode == RenderMode::Raycast { bits(on) == bits(&off) } else { rmse <= RMSE_MAX };
                     assert!(is_same, "{name} {i}, {mode:?}, {skip}: {rmse:.2e}, {max:.2e}");
                 }
@@ -263,7 +269,7 @@ fn a_spike_narrower_than_a_bin_of_any_table_is_drawn() {
         let request = FrameRequest::new(3, camera, table, (64, 64));
         let off = pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().clone();
         let on = pipeline.render(&with(&request, RenderMode::Raycast, Skip::ALL)).unwrap().clone();
-        let hit = off.color.pixels.iter().filter(|p| p[3] > 0.05).count();
+        let hit = off.planes.color.pixels.iter().filter(|p| p[3] > 0.05).count();
         assert!(hit > 100 && bits(&on) == bits(&off), "{share}: {hit} pixels");
         assert!(on.stats.cells_active < on.stats.cells_total / 4, "{} cells", on.stats.cells_active);
     }
@@ -274,7 +280,7 @@ fn drawn(job: &RenderJob, selection: FaceSelection, active: Arc<CellSet>) -> Rgb
     let (selection, cancel) = (Arc::new(selection), Cancel::new());
     let faces = DepthOrder::new().order(&job.mesh, job.view.forward, &selection, &cancel).unwrap();
     let job = RenderJob { faces: Some(faces), active, finite: None, ..job.clone() };
-    Havs::new().render(job).unwrap().color.clone()
+    Havs::new().render(job).unwrap().planes.color.clone()
 }
 
 /// Faces at which a set of cells ends, and faces between two of its cells.
@@ -303,7 +309,8 @@ fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
                 let topology = &job.mesh.topology;
                 let ranking = pipeline.series().ranking(step, Sampling::default(), &Cancel::new()).unwrap().unwrap();
                 let (few, many) = (count_faces(topology, &job.active), count_faces(topology, &finite));
-                let whole = pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().color.clone();
+                let whole =
+                    pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().planes.color.clone();
                 for lod in [0.05, 0.25, 0.6] {
                     // As many as this level draws of all cells; with skipping fewer, if the active cells have fewer.
                     let count = (many.0 + (lod * many.1 as f64) as usize).max(few.0);

@@ -104,7 +104,7 @@ impl Job<'_> {
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = output_of(frame, pending.attributes);
                 if let (Some(annotator), Some((map, range))) = (&self.annotator, pending.scale) {
-                    annotator.draw(&mut output.color, record.time, &ColorScale { map: &map, range });
+                    annotator.draw(&mut output.planes.color, record.time, &ColorScale { map: &map, range });
                 }
                 sink.send(output, &pending.file, terminal)?;
             }
@@ -205,5 +205,5 @@ fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<Fram
 
 /// What is written of a rendered frame, to an image as to a movie.
 fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
-    OutputFrame { color: frame.color.clone(), depth: frame.depth.clone(), attributes }
+    OutputFrame { planes: frame.planes.clone(), attributes }
 }

@@ -104,7 +104,7 @@ impl Sink {
     pub(super) fn send(&mut self, frame: OutputFrame, file: &Path, terminal: &Terminal) -> anyhow::Result<()> {
         match self {
             Self::Images(writer) => Ok(writer.send(frame, file.to_owned())?),
-            Self::Movie(writer) => writer.send(frame.color, &terminal.cancel).map_err(interrupted),
+            Self::Movie(writer) => writer.send(frame.planes.color, &terminal.cancel).map_err(interrupted),
         }
     }
 

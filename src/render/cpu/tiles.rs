@@ -167,12 +167,12 @@ pub(super) fn copy_tiles(
     done: Range<usize>,
     depth_scale: f64,
 ) {
-    let (grid, width) = (order.grid, frame.color.width);
+    let (grid, width) = (order.grid, frame.planes.color.width);
     if done.is_empty() {
         return;
     }
-    let color = frame.color.pixels.par_chunks_mut(width * TILE_PX);
-    let depth = frame.depth.pixels.par_chunks_mut(width * TILE_PX);
+    let color = frame.planes.color.pixels.par_chunks_mut(width * TILE_PX);
+    let depth = frame.planes.depth.pixels.par_chunks_mut(width * TILE_PX);
     color.zip(depth).zip(order.places.par_chunks(grid.columns)).enumerate().for_each(
         |(y, ((color, depth), places))| {
             for (x, &place) in places.iter().enumerate().filter(|(_, place)| done.contains(&(**place as usize))) {
@@ -285,7 +285,7 @@ mod tests {
         let mut frame = Frame::default();
         frame.clear(40, 30);
         copy_tiles(&mut frame, &order, &pixels, 2..4, 0.5);
-        for (at, (color, depth)) in frame.color.pixels.iter().zip(&frame.depth.pixels).enumerate() {
+        for (at, (color, depth)) in frame.planes.color.pixels.iter().zip(&frame.planes.depth.pixels).enumerate() {
             let (x, y) = (at % 40, at / 40);
             let (tile, rect) = (x / 16 + y / 16 * 3, GRID.rect(x / 16 + y / 16 * 3));
             let place = order.places[tile] as usize;

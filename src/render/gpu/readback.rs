@@ -275,10 +275,10 @@ impl SliceData<'_> {
             let columns = self.target.columns_of(&self.tiles, row / TILE_PX);
             let at = row * width;
             let from = (color_row_bytes(width) * row as u64) as usize + 16 * columns.start;
-            let colors = &mut frame.color.pixels[at + columns.start..at + columns.end];
+            let colors = &mut frame.planes.color.pixels[at + columns.start..at + columns.end];
             bytemuck::cast_slice_mut::<_, u8>(colors).copy_from_slice(&self.bytes[from..from + 16 * columns.len()]);
             let from = (self.places.depth + depth_row_bytes(width) * row as u64) as usize + 4 * columns.start;
-            let depths = &mut frame.depth.pixels[at + columns.start..at + columns.end];
+            let depths = &mut frame.planes.depth.pixels[at + columns.start..at + columns.end];
             bytemuck::cast_slice_mut::<_, u8>(depths).copy_from_slice(&self.bytes[from..from + 4 * columns.len()]);
             for depth in depths {
                 *depth = if *depth >= FAR { f32::INFINITY } else { world_depth(*depth) };

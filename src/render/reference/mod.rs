@@ -102,18 +102,18 @@ impl Renderer for Reference {
         let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
         let cancel = active.job.cancel.clone();
         let slice_started = Instant::now();
-        let width = self.frame.color.width;
-        let bands = self.frame.color.height.div_ceil(BAND_ROWS);
+        let width = self.frame.planes.color.width;
+        let bands = self.frame.planes.color.height.div_ceil(BAND_ROWS);
         let batch = 2 * rayon::current_num_threads();
         while active.next_band < bands && !cancel.is_cancelled() {
             let range = active.next_band..(active.next_band + batch).min(bands);
             active.next_band = range.end;
             let rows_at = range.start * BAND_ROWS;
-            let rows_end = (range.end * BAND_ROWS).min(self.frame.color.height);
+            let rows_end = (range.end * BAND_ROWS).min(self.frame.planes.color.height);
             let (pixels_at, band) = (rows_at * width..rows_end * width, (BAND_ROWS * width).max(1));
-            let steps: u64 = self.frame.color.pixels[pixels_at.clone()]
+            let steps: u64 = self.frame.planes.color.pixels[pixels_at.clone()]
                 .par_chunks_mut(band)
-                .zip(self.frame.depth.pixels[pixels_at].par_chunks_mut(band))
+                .zip(self.frame.planes.depth.pixels[pixels_at].par_chunks_mut(band))
                 .enumerate()
                 .map(|(i, (pixels, depths))| render_band(active, (range.start + i) * BAND_ROWS, pixels, depths))
                 .sum();

@@ -19,7 +19,7 @@ impl Session {
         self.player.pipelined().leave_a_core(is_busy);
         let Some(size) = self.size_px(now) else { return (false, None) };
         // An image that is to be saved must be here.
-        let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.color.pixels.is_empty());
+        let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
         let (series, held_ms) = (self.series().clone(), self.held_ms(&state, now));
         let Self { player, requests, detail, look, asked, .. } = self;
@@ -109,7 +109,7 @@ impl Session {
         let lod = shown.request.faces.lod.max(wanted.faces.lod);
         let faces = FaceDetail { lod, ..wanted.faces };
         let wanted = FrameRequest { faces, for_window: shown.request.for_window, ..wanted };
-        let is_here = !shown.frame.color.pixels.is_empty();
+        let is_here = !shown.frame.planes.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));
         if is_due && shown.request.same_view(&wanted) {
             self.wants_screenshot = false;

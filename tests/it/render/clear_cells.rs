@@ -114,10 +114,9 @@ fn renderers() -> [Raycast; 2] {
     [Raycast::portable(), Raycast::new()]
 }
 
-/// Colour and depth as bits.
+/// All planes as bits.
 fn bits(frame: &Frame) -> Vec<u32> {
-    let color = frame.color.pixels.iter().flatten();
-    color.chain(&frame.depth.pixels).map(|v| v.to_bits()).collect()
+    frame.planes.list().iter().flat_map(|plane| plane.samples).map(|v| v.to_bits()).collect()
 }
 
 /// What it cost: the same for all renderers that walk.
@@ -199,7 +198,7 @@ proptest! {
     fn faces_of_clear_cells_may_be_left_out(scene in scenes()) {
         let all = scene.job();
         let some = without_clear_cells(&all, 0.0);
-        let [all, some] = [&all, &some].map(|job| havs::havs(&havs::with_all_faces(job)).color);
+        let [all, some] = [&all, &some].map(|job| havs::havs(&havs::with_all_faces(job)).planes.color);
         let (rmse, max) = difference(&some, &all);
         prop_assert!(rmse <= RMSE_MAX, "{scene:?}: {rmse:.2e}, {max:.2e}");
     }
@@ -217,7 +216,7 @@ proptest! {
         let faces = [&all, &some].map(|job| havs::gpu::render(&havs::with_all_faces(job)));
         for (name, [all, some]) in [("raycast", frames), ("havs", faces)] {
             if let (Some(all), Some(some)) = (all, some) {
-                let (rmse, max) = difference(&some.color, &all.color);
+                let (rmse, max) = difference(&some.planes.color, &all.planes.color);
                 prop_assert!(rmse <= RMSE_MAX, "{name}, {scene:?}: {rmse:.2e}, {max:.2e}");
             }
         }
@@ -254,6 +253,6 @@ fn clear_cells_are_what_is_left_out_and_another_one_would_be_seen() {
         assert!(image_of_all == image(&mut renderer, &some));
         assert!(image_of_all != image(&mut renderer, &fewer), "a cell that can be seen was left out");
     }
-    let [all, some, fewer] = [&all, &some, &fewer].map(|job| havs::havs(&havs::with_all_faces(job)).color);
+    let [all, some, fewer] = [&all, &some, &fewer].map(|job| havs::havs(&havs::with_all_faces(job)).planes.color);
     assert!(difference(&some, &all).0 <= RMSE_MAX && difference(&fewer, &all).0 > RMSE_MAX);
 }

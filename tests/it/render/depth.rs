@@ -15,7 +15,7 @@ const ALPHA_MIN: f32 = 25.0 * 1e-5;
 fn both(job: &RenderJob) -> [(&'static str, RgbaImage, DepthImage); 2] {
     let fast = Raycast::new().render(job.clone()).unwrap().clone();
     let judge = Reference::new().render(job.clone()).unwrap().clone();
-    [("raycast", fast.color, fast.depth), ("reference", judge.color, judge.depth)]
+    [("raycast", fast.planes.color, fast.planes.depth), ("reference", judge.planes.color, judge.planes.depth)]
 }
 
 /// Both renderers show this depth in every pixel, in `unit`s of the world. Positions and scalars of vertices are rounded

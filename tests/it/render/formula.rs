@@ -77,9 +77,9 @@ impl Worst {
         if kept.is_empty() {
             return;
         }
-        let paths = [("rays", raycast(job)), ("faces", havs(&with_all_faces(job)).color)];
+        let paths = [("rays", raycast(job)), ("faces", havs(&with_all_faces(job)).planes.color)];
         #[cfg(feature = "gpu")]
-        let on_gpu = gpu::render(job).map(|frame| ("rays on the GPU", frame.color));
+        let on_gpu = gpu::render(job).map(|frame| ("rays on the GPU", frame.planes.color));
         #[cfg(not(feature = "gpu"))]
         let on_gpu = None;
         for (path, image) in paths.into_iter().chain(on_gpu) {

@@ -82,7 +82,7 @@ pub fn jobs(n: usize, projection: Projection) -> Vec<(&'static str, RenderJob)> 
 fn assert_all_agree(name: &str, job: &RenderJob) {
     let judge = reference(job);
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
-    for (path, image) in [("ray caster", raycast(job)), ("faces", havs(&with_all_faces(job)).color)] {
+    for (path, image) in [("ray caster", raycast(job)), ("faces", havs(&with_all_faces(job)).planes.color)] {
         let (rmse, max) = difference(&image, &judge);
         eprintln!("{name}, {path}: rmse {rmse:.1e}, max {max:.1e}");
         assert_within(&format!("{name}, {path}"), &image, &judge);
@@ -126,7 +126,7 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
         }
         for grid in others {
             let other = RenderJob { grid: Some(grid), ..job.clone() };
-            for image in [raycast(&other), havs(&with_all_faces(&other)).color, reference(&other)] {
+            for image in [raycast(&other), havs(&with_all_faces(&other)).planes.color, reference(&other)] {
                 let (rmse, max) = difference(&image, &judge);
                 assert!(rmse > 1e-5 && max > 1e-3, "{name}: rmse {rmse:.1e}, max {max:.1e}");
             }
@@ -147,8 +147,12 @@ fn a_joint_table_of_one_row_and_one_layer_gives_the_image_of_its_node_table() {
     let faces = |job| havs(&with_all_faces(job));
     let pairs = [
         ("ray caster", raycast(&other), raycast(&base)),
-        ("faces", faces(&other).color, faces(&base).color),
-        ("some faces", havs(&with_some_faces(&other, 0.3, 1)).color, havs(&with_some_faces(&base, 0.3, 1)).color),
+        ("faces", faces(&other).planes.color, faces(&base).planes.color),
+        (
+            "some faces",
+            havs(&with_some_faces(&other, 0.3, 1)).planes.color,
+            havs(&with_some_faces(&base, 0.3, 1)).planes.color,
+        ),
         ("reference", reference(&other), reference(&base)),
     ];
     for (name, image, expected) in pairs {
@@ -157,7 +161,7 @@ fn a_joint_table_of_one_row_and_one_layer_gives_the_image_of_its_node_table() {
         // Values are f32 there and f64 here, and summed in another order: some roundings of 1.
         assert!(rmse < 1e-6 && max < 1e-5, "{name}: rmse {rmse:.1e}, max {max:.1e}");
     }
-    let depth = |job: &RenderJob| Raycast::new().render(job.clone()).unwrap().depth.clone();
+    let depth = |job: &RenderJob| Raycast::new().render(job.clone()).unwrap().planes.depth.clone();
     let differ = depth(&other).pixels.iter().zip(&depth(&base).pixels).filter(|(a, b)| a != b).count();
     assert_eq!(differ, 0, "depths");
     assert!(
@@ -182,7 +186,7 @@ fn slab(table: JointTable, value: impl Fn(DVec3) -> f64) -> RenderJob {
 /// Largest difference in opacity of the reference and the fast paths from that of an optical depth that depends on x.
 fn off_by(job: &RenderJob, depth: impl Fn(f64) -> f64) -> f64 {
     let mut worst: f64 = 0.0;
-    for image in [reference(job), raycast(job), havs(&with_all_faces(job)).color] {
+    for image in [reference(job), raycast(job), havs(&with_all_faces(job)).planes.color] {
         for (at, pixel) in image.pixels.iter().enumerate() {
             let (x, _) = job.view.ray(at % 17, at / 17);
             let side = job.view.right.x;
@@ -259,7 +263,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
         let flat = RenderJob { table: Arc::new(flat), grid: None, ..job.clone() };
         assert_within("reference", &reference(&job), &reference(&flat));
         assert_within("ray caster", &raycast(&job), &reference(&flat));
-        assert_within("faces", &havs(&with_all_faces(&job)).color, &reference(&flat));
+        assert_within("faces", &havs(&with_all_faces(&job)).planes.color, &reference(&flat));
     }
 }
 
@@ -333,14 +337,14 @@ fn what_is_left_out_changes_no_bit() {
         let less = RenderJob { active: Arc::new(visible), ..all.clone() };
         let frame = |job: &RenderJob| Raycast::new().render(job.clone()).unwrap().clone();
         let (a, b) = (frame(&all), frame(&less));
-        assert!(a.color == b.color && a.depth == b.depth, "{name}");
+        assert!(a.planes == b.planes, "{name}");
         let chosen = RenderJob { finite: Some(all.active.clone()), skip: Skip::ALL, ..less.clone() };
-        assert_within(name, &raycast(&chosen), &a.color);
-        assert_within(name, &havs(&with_all_faces(&less)).color, &a.color);
+        assert_within(name, &raycast(&chosen), &a.planes.color);
+        assert_within(name, &havs(&with_all_faces(&less)).planes.color, &a.planes.color);
         // One visible cell less is noticed.
         let mut fewer = (*less.active).clone();
         (0..fewer.universe() as u32).filter(|&c| less.active.contains(c)).take(9).for_each(|c| fewer.set(c, false));
-        assert!(frame(&RenderJob { active: Arc::new(fewer), ..less }).color != a.color, "{name}");
+        assert!(frame(&RenderJob { active: Arc::new(fewer), ..less }).planes.color != a.planes.color, "{name}");
     }
 }
 
@@ -350,10 +354,17 @@ fn depths_are_those_of_the_reference() {
         let judge = Reference::new().render(job.clone()).unwrap().clone();
         for frame in [Raycast::new().render(job.clone()).unwrap().clone(), havs(&with_all_faces(&job))] {
             let close = |a: f32, b: f32| a == b || (a - b).abs() < 1e-5 * b.abs();
-            let differ = frame.depth.pixels.iter().zip(&judge.depth.pixels).filter(|(a, b)| !close(**a, **b)).count();
+            let differ = frame
+                .planes
+                .depth
+                .pixels
+                .iter()
+                .zip(&judge.planes.depth.pixels)
+                .filter(|(a, b)| !close(**a, **b))
+                .count();
             assert_eq!(differ, 0, "{name}");
         }
-        assert!(judge.depth.pixels.iter().filter(|d| d.is_finite()).count() > 100, "{name}");
+        assert!(judge.planes.depth.pixels.iter().filter(|d| d.is_finite()).count() > 100, "{name}");
     }
 }
 
@@ -370,7 +381,7 @@ fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
         let job = with_joint_table(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None);
         let judge = reference(&job);
         for share in [0.0, 0.3, 1.0] {
-            let image = havs(&with_some_faces(&job, share, 1)).color;
+            let image = havs(&with_some_faces(&job, share, 1)).planes.color;
             assert_within(&format!("{share}"), &image, &judge);
         }
     }

@@ -24,9 +24,9 @@ fn assert_both_agree(name: &str, job: &RenderJob) {
     let judge = reference(job);
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
     for (path, frame) in both(job) {
-        let (rmse, max) = difference(&frame.color, &judge);
+        let (rmse, max) = difference(&frame.planes.color, &judge);
         eprintln!("{name}, {path}: rmse {rmse:.1e}, max {max:.1e}");
-        assert_within(&format!("{name}, {path}"), &frame.color, &judge);
+        assert_within(&format!("{name}, {path}"), &frame.planes.color, &judge);
         assert_eq!((frame.stats.broken_paths, frame.stats.out_of_order), (0, 0), "{name}, {path}");
     }
 }
@@ -41,7 +41,7 @@ fn both_renderers_agree_with_the_reference_in_two_and_three_dimensions() {
             assert_both_agree(&format!("{name}, {from}"), &job);
             let judge = reference(&job);
             for (path, frame) in both(&stretched(&job)) {
-                assert_noticed(&format!("{name}, {from}, {path}"), &frame.color, &judge);
+                assert_noticed(&format!("{name}, {from}, {path}"), &frame.planes.color, &judge);
             }
         }
     }
@@ -84,9 +84,12 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
         }
         // And back again, through a job without a grid.
         let plain = RenderJob { grid: None, optics: OpticsKind::Table3d, ..job.clone() };
-        assert!(both(&plain).iter().zip(&before).all(|((_, plain), (_, grid))| plain.color != grid.color), "{name}");
+        assert!(
+            both(&plain).iter().zip(&before).all(|((_, plain), (_, grid))| plain.planes.color != grid.planes.color),
+            "{name}"
+        );
         for ((path, now), (_, before)) in both(&job).iter().zip(&before) {
-            assert!(now.color == before.color && now.depth == before.depth, "{name}, {path}");
+            assert!(now.planes == before.planes, "{name}, {path}");
         }
     }
 }
@@ -102,7 +105,14 @@ fn images_depths_and_counts_are_those_of_the_cpu() {
             // Depths are f32 in the mesh's units, of an extent of 2 at a distance of 4.4: right to 2^-24 of that, but where extinction
             // begins within rounding of a face. Measured: 1e-6 of them.
             let close = |a: f32, b: f32| a == b || (a - b).abs() < 1e-5 * b.abs();
-            let differ = frame.depth.pixels.iter().zip(&cpu.depth.pixels).filter(|(a, b)| !close(**a, **b)).count();
+            let differ = frame
+                .planes
+                .depth
+                .pixels
+                .iter()
+                .zip(&cpu.planes.depth.pixels)
+                .filter(|(a, b)| !close(**a, **b))
+                .count();
             assert!(differ <= 2, "{name}, {path}: {differ} depths");
             // Pieces whose length is rounded to nothing here are counted there.
             let (here, there) = (frame.stats.segments as f64, cpu.stats.segments as f64);
@@ -148,7 +158,7 @@ fn one_row_and_one_layer_give_the_image_of_the_node_table() {
     let table = JointTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
     let other = with_joint_table(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
     for ((path, grid), (_, plain)) in both(&other).into_iter().zip(both(&base)) {
-        let (rmse, max) = difference(&grid.color, &plain.color);
+        let (rmse, max) = difference(&grid.planes.color, &plain.planes.color);
         eprintln!("{path}: rmse {rmse:.1e}, max {max:.1e}");
         // The same pieces, lengths rounded in another way: a share of the segment instead of one of its scalars.
         assert!(rmse < 1e-6 && max < 2e-5, "{path}: rmse {rmse:.1e}, max {max:.1e}");
@@ -228,7 +238,7 @@ fn constant_fields_on_the_places_of_the_axes_have_their_right_sides() {
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = reference(&RenderJob { table: Arc::new(flat), grid: None, ..job.clone() });
         for (path, frame) in both(&job) {
-            assert_within(path, &frame.color, &flat);
+            assert_within(path, &frame.planes.color, &flat);
         }
     }
 }
@@ -246,7 +256,7 @@ fn eyes_within_the_mesh_see_what_the_reference_sees() {
             let job = RenderJob { view: eye.view(40, 32).unwrap(), ..job };
             let judge = reference(&job);
             for (path, frame) in both(&job) {
-                assert_within(&format!("{name}, {seed}, {path}"), &frame.color, &judge);
+                assert_within(&format!("{name}, {seed}, {path}"), &frame.planes.color, &judge);
             }
         }
     }
@@ -264,10 +274,10 @@ fn some_faces_and_small_buffers_make_the_image_of_the_cpu() {
             ("some faces, k of 4", with_buffer(&with_some_faces(&job, 0.4, 2), 4, false)),
         ] {
             let (gpu, cpu) = (drawn(&job).unwrap(), havs(&job));
-            assert_within(&format!("{name}, {what}"), &gpu.color, &cpu.color);
+            assert_within(&format!("{name}, {what}"), &gpu.planes.color, &cpu.planes.color);
         }
         let all = havs(&with_all_faces(&job));
-        assert_noticed(name, &drawn(&with_some_faces(&job, 0.4, 1)).unwrap().color, &all.color);
+        assert_noticed(name, &drawn(&with_some_faces(&job, 0.4, 1)).unwrap().planes.color, &all.planes.color);
     }
 }
 
@@ -280,7 +290,7 @@ fn bands_and_pixels_of_many_fragments_change_no_bit() {
     let mut banded = GpuHavs::with_fragment_bytes(context, 4_000 * JOINT_FRAGMENT_BYTES);
     let frame = banded.render(job).unwrap().clone();
     assert!(banded.band_count() > 3, "{} bands", banded.band_count());
-    assert!(frame.color == whole.color && frame.depth == whole.depth);
+    assert!(frame.planes == whole.planes);
 }
 
 #[test]
@@ -292,7 +302,7 @@ fn it_keeps_within_the_default_limits_of_webgpu_and_says_where_it_does_not_fit()
         let walk = GpuRaycast::new(context.clone()).render(job.clone()).unwrap().clone();
         let faces = GpuHavs::new(context.clone()).render(with_all_faces(&job)).unwrap().clone();
         for (path, frame) in [("walk", walk), ("faces", faces)] {
-            assert_within(&format!("{name}, {path}"), &frame.color, &judge);
+            assert_within(&format!("{name}, {path}"), &frame.planes.color, &judge);
         }
     }
     // Records and vertices of this mesh fit three bindings and one of this size, the table with all its values does not.
@@ -305,7 +315,7 @@ fn it_keeps_within_the_default_limits_of_webgpu_and_says_where_it_does_not_fit()
     assert!(matches!(error, RenderError::BeyondGpu { .. }) && error.to_string().contains("table"), "{error}");
     let fits = with_joint_table(&job, noisy(&SCALARS, &ROWS, &[0.0], 4), Some(vertex_values(&job)), None);
     let judge = reference(&fits);
-    assert_within("after that", &renderer.render(fits).unwrap().color, &judge);
+    assert_within("after that", &renderer.render(fits).unwrap().planes.color, &judge);
 }
 
 #[test]
@@ -325,5 +335,5 @@ fn a_steady_frame_makes_and_sends_nothing_anew() {
     let other = RenderJob { table: Arc::new(grid.table.projection()), grid: Some(grid), ..job };
     let sent = renderer.render(other.clone()).unwrap().stats.bytes_uploaded;
     assert!(sent > 0 && sent < 16 * 400, "{sent} of {first} bytes");
-    assert_within("another table", &renderer.render(other.clone()).unwrap().color, &reference(&other));
+    assert_within("another table", &renderer.render(other.clone()).unwrap().planes.color, &reference(&other));
 }

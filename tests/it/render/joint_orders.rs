@@ -18,7 +18,7 @@ fn eyes_within_the_mesh_see_what_the_reference_sees() {
             seen += usize::from(judge.pixels.iter().any(|p| p[3] > 0.1));
             let faces = havs(&with_all_faces(&job));
             assert_within(&format!("{name}, {seed}, ray caster"), &raycast(&job), &judge);
-            assert_within(&format!("{name}, {seed}, faces"), &faces.color, &judge);
+            assert_within(&format!("{name}, {seed}, faces"), &faces.planes.color, &judge);
             assert_eq!((faces.stats.out_of_order, faces.stats.broken_paths), (0, 0), "{name}, {seed}");
             // A pixel further to the side is another one.
             if judge.pixels.iter().all(|p| p[3] > 0.1) {
@@ -46,13 +46,13 @@ fn whatever_the_buffer_of_fragments_holds_back_exact_order_is_exact() {
             for (order, job) in [("front to back", with_all_faces(&job)), ("back to front", back_to_front(&job))] {
                 let image = havs(&with_buffer(&job, k, true));
                 again += image.stats.pixels_resolved_again;
-                assert_within(&format!("{name}, {order}, k {k}"), &image.color, &judge);
+                assert_within(&format!("{name}, {order}, k {k}"), &image.planes.color, &judge);
             }
         }
         // Where it may, a small buffer makes mistakes.
         let wrong = havs(&with_buffer(&back_to_front(&job), 2, false));
         mistakes += wrong.stats.out_of_order;
-        assert_noticed(name, &wrong.color, &judge);
+        assert_noticed(name, &wrong.planes.color, &judge);
     }
     assert!(mistakes > 100 && again > 100, "{mistakes} fragments too late, {again} pixels drawn again");
 }
@@ -65,7 +65,7 @@ fn an_image_does_not_depend_on_how_many_threads_there_are() {
             pool.install(|| {
                 let some = havs(&with_some_faces(&job, 0.5, 3));
                 let frame = Raycast::new().render(job.clone()).unwrap().clone();
-                [some, havs(&with_all_faces(&job)), frame].map(|frame| (frame.color, frame.depth))
+                [some, havs(&with_all_faces(&job)), frame].map(|frame| (frame.planes.color, frame.planes.depth))
             })
         };
         let one = with_threads(1);
@@ -78,7 +78,7 @@ fn an_image_does_not_depend_on_how_many_threads_there_are() {
 #[test]
 fn the_walk_without_vectors_is_the_one_that_all_processors_take() {
     for (name, job) in jobs(5, PERSPECTIVE) {
-        let portable = Raycast::portable().render(job.clone()).unwrap().color.clone();
+        let portable = Raycast::portable().render(job.clone()).unwrap().planes.color.clone();
         assert_same(name, &portable, &raycast(&job));
     }
 }

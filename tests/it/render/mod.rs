@@ -76,11 +76,11 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
 }
 
 pub fn raycast(job: &RenderJob) -> RgbaImage {
-    Raycast::new().render(job.clone()).unwrap().color.clone()
+    Raycast::new().render(job.clone()).unwrap().planes.color.clone()
 }
 
 pub fn reference(job: &RenderJob) -> RgbaImage {
-    Reference::new().render(job.clone()).unwrap().color.clone()
+    Reference::new().render(job.clone()).unwrap().planes.color.clone()
 }
 
 /// Root mean square and maximum of the difference over four channels and all pixels.
@@ -104,7 +104,7 @@ pub fn assert_agrees(name: &str, job: &RenderJob) {
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
     #[cfg(feature = "gpu")]
     if let Some(frame) = gpu::render(job) {
-        assert_within(&format!("{name}: GPU against CPU"), &frame.color, &fast);
+        assert_within(&format!("{name}: GPU against CPU"), &frame.planes.color, &fast);
         assert_eq!(frame.stats.broken_paths, 0, "{name}");
     }
 }

@@ -48,7 +48,7 @@ fn every_transfer_function_gives_the_picture_of_the_reference() {
 fn both_compilations_of_the_walk_draw_the_same_picture() {
     let job = scene(&[(-1.0, [0.2, 0.2, 1.0], 0.1), (0.1, [0.9, 0.2, 1.0], 3.0), (1.0, [1.0, 0.2, 0.1], 2.0)]);
     let image = raycast(&job);
-    assert_eq!(image, Raycast::portable().render(job.clone()).unwrap().color);
+    assert_eq!(image, Raycast::portable().render(job.clone()).unwrap().planes.color);
     let exact = RenderJob { optics: OpticsKind::Exact, ..job.clone() };
     assert!(image != raycast(&exact), "another integrator");
 }
@@ -58,8 +58,8 @@ fn depth_is_that_of_the_transfer_function() {
     let job = scene(&[(-1.5, [1.0; 3], 0.0), (0.3, [1.0; 3], 0.0), (0.7, [1.0; 3], 4.0), (0.8, [0.1; 3], 0.0)]);
     let partial = Raycast::new().render(job.clone()).unwrap().clone();
     let exact = Raycast::new().render(RenderJob { optics: OpticsKind::Exact, ..job }).unwrap().clone();
-    assert_eq!(partial.depth, exact.depth);
-    assert!(partial.depth.pixels.iter().filter(|d| d.is_finite()).count() > 100);
+    assert_eq!(partial.planes.depth, exact.planes.depth);
+    assert!(partial.planes.depth.pixels.iter().filter(|d| d.is_finite()).count() > 100);
 }
 
 /// Tables that are hard for f32, with the scalars that belong to them.
@@ -101,7 +101,7 @@ fn the_gpu_draws_the_image_of_the_cpu() {
     for (name, job) in jobs {
         let Some(frame) = gpu::render(&job) else { return };
         let cpu = Raycast::new().render(job.clone()).unwrap().clone();
-        assert_within(name, &frame.color, &cpu.color);
+        assert_within(name, &frame.planes.color, &cpu.planes.color);
         assert!(frame.stats.on_gpu, "{name}");
         // Half the extinction and the green of one node are noticed.
         let mut nodes = job.table.nodes().to_vec();
@@ -111,8 +111,12 @@ fn the_gpu_draws_the_image_of_the_cpu() {
         nodes[thickest].rgb[1] *= 0.5;
         let other = RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), ..job.clone() };
         let off = gpu::render(&other).unwrap();
-        assert!(difference(&off.color, &cpu.color).1 > 1e-3, "{name}");
+        assert!(difference(&off.planes.color, &cpu.planes.color).1 > 1e-3, "{name}");
         let faces = with_all_faces(&job);
-        assert_within(&format!("{name}, faces"), &super::havs::gpu::render(&faces).unwrap().color, &cpu.color);
+        assert_within(
+            &format!("{name}, faces"),
+            &super::havs::gpu::render(&faces).unwrap().planes.color,
+            &cpu.planes.color,
+        );
     }
 }

@@ -94,8 +94,8 @@ fn slices_do_not_change_the_image() {
     let image = loop {
         slices += 1;
         match sliced.advance(Duration::ZERO).unwrap() {
-            Advance::Partial(frame) => assert_eq!(frame.color.pixels.len(), 70 * 50),
-            Advance::Done(frame) => break frame.color.clone(),
+            Advance::Partial(frame) => assert_eq!(frame.planes.color.pixels.len(), 70 * 50),
+            Advance::Done(frame) => break frame.planes.color.clone(),
         }
     };
     assert!(slices > 1, "the job fits a slice: nothing tested");
@@ -112,14 +112,14 @@ fn neither_the_order_of_the_tiles_nor_slices_of_it_change_the_image() {
     // From the middle, by cost, row by row, and again by cost.
     for job in [&job, &job, &row_by_row, &job] {
         let frame = renderer.render(job.clone()).unwrap();
-        assert_same("tiles in another order", &frame.color, &expected.color);
-        assert_eq!(frame.depth, expected.depth);
+        assert_same("tiles in another order", &frame.planes.color, &expected.planes.color);
+        assert_eq!(frame.planes.depth, expected.planes.depth);
     }
     renderer.begin(job).unwrap();
     let mut seen = 0;
     while let Advance::Partial(frame) = renderer.advance(Duration::ZERO).unwrap() {
         // What is there is final, and there is more of it every time.
-        let pixels = || frame.color.pixels.iter().zip(&expected.color.pixels);
+        let pixels = || frame.planes.color.pixels.iter().zip(&expected.planes.color.pixels);
         assert!(pixels().all(|(now, whole)| now == whole || *now == [0.0; 4]));
         let now = pixels().filter(|(now, whole)| now == whole).count();
         assert!(now >= seen);
@@ -158,12 +158,12 @@ fn what_lies_outside_of_the_view_is_left_out_and_changes_nothing() {
         let inside = RenderJob { skip: Skip::ALL, ..all.clone() };
         let (all, inside) =
             (Raycast::new().render(all).unwrap().clone(), Raycast::new().render(inside).unwrap().clone());
-        assert_eq!((&all.color, &all.depth), (&inside.color, &inside.depth), "seed {seed}");
+        assert_eq!((&all.planes.color, &all.planes.depth), (&inside.planes.color, &inside.planes.depth), "seed {seed}");
         assert_eq!((all.stats.entries, all.stats.steps), (inside.stats.entries, inside.stats.steps), "seed {seed}");
         assert_eq!((all.stats.clusters_outside, all.stats.vertices_not_transformed), (0, 0));
         outside += inside.stats.clusters_outside;
         untouched += inside.stats.vertices_not_transformed;
-        seen += u32::from(all.color.pixels.iter().any(|p| p[3] > 0.0));
+        seen += u32::from(all.planes.color.pixels.iter().any(|p| p[3] > 0.0));
     }
     assert!(outside > 200 && untouched > 50_000, "{outside} clusters, {untouched} vertices");
     assert!(seen > 20, "{seen} images with something to compare");
@@ -178,11 +178,11 @@ fn entry_faces_are_kept_while_mesh_and_cells_are_the_same() {
     let mut other = job.clone();
     other.active = Arc::new((*job.active).clone());
     let mut renderer = Raycast::new();
-    let expected = Raycast::new().render(job.clone()).unwrap().color.clone();
+    let expected = Raycast::new().render(job.clone()).unwrap().planes.color.clone();
     for (job, kept) in [(&job, 0), (&job, 1), (&always, 0), (&job, 1), (&other, 0), (&other, 1)] {
         let frame = renderer.render(job.clone()).unwrap();
         assert_eq!(frame.stats.entry_lists_kept, kept);
-        assert_same("entry lists", &frame.color, &expected);
+        assert_same("entry lists", &frame.planes.color, &expected);
     }
 }
 
@@ -192,7 +192,7 @@ fn the_version_for_newer_processors_draws_the_same_bits() {
     for camera in cameras() {
         for table in [dense(), tents()] {
             let job = job(&mesh, sample(&mesh, wave), &camera, (50, 50), table);
-            assert_same("portable", &raycast(&job), &Raycast::portable().render(job).unwrap().color);
+            assert_same("portable", &raycast(&job), &Raycast::portable().render(job).unwrap().planes.color);
         }
     }
 }
@@ -207,7 +207,7 @@ fn opaque_rays_stop_early_and_change_nothing_visible() {
     let full = renderer.render(RenderJob { skip: Skip { opaque: false, ..Skip::ALL }, ..job }).unwrap().clone();
     assert!(early.stats.rays_stopped_early > 1000 && full.stats.rays_stopped_early == 0);
     assert!(early.stats.steps < full.stats.steps / 2, "{} of {}", early.stats.steps, full.stats.steps);
-    assert_eq!((early.color, early.depth), (full.color, full.depth));
+    assert_eq!((early.planes.color, early.planes.depth), (full.planes.color, full.planes.depth));
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn renderers_on_the_cpu_wait_for_their_turn_and_draw_the_same() {
     let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (48, 40), dense());
     let renderers: [fn() -> Box<dyn Renderer>; 2] = [|| Box::new(Raycast::new()), || Box::new(Reference::default())];
     for new in renderers {
-        let alone = new().render(job.clone()).unwrap().color.clone();
+        let alone = new().render(job.clone()).unwrap().planes.color.clone();
         let limit = tetreel::task::ThreadLimit::none();
         limit.set(Some(1));
         let limited = RenderJob { thread_limit: limit.clone(), ..job.clone() };
@@ -224,7 +224,7 @@ fn renderers_on_the_cpu_wait_for_their_turn_and_draw_the_same() {
         let turn = limit.turn();
         let (tell, told) = std::sync::mpsc::channel();
         let rendering = std::thread::spawn(move || {
-            let color = new().render(limited).unwrap().color.clone();
+            let color = new().render(limited).unwrap().planes.color.clone();
             tell.send(()).unwrap();
             color
         });
@@ -247,7 +247,7 @@ fn an_empty_view_and_a_transparent_table_cost_no_steps() {
         assert!(reference(&job).pixels.iter().flatten().all(|&v| v == 0.0));
         let frame = renderer.render(job).unwrap();
         assert_eq!(frame.stats.steps, 0);
-        assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0));
+        assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0));
     }
 }
 
@@ -312,7 +312,7 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
             renderer.render(first.clone()).unwrap();
             let again = renderer.render(second.clone()).unwrap();
             let fresh = Raycast::new().render(second.clone()).unwrap().clone();
-            assert_eq!((&again.color, again.stats.entry_faces), (&fresh.color, fresh.stats.entry_faces));
+            assert_eq!((&again.planes.color, again.stats.entry_faces), (&fresh.planes.color, fresh.stats.entry_faces));
         }
     }
 }

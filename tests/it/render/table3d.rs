@@ -27,7 +27,7 @@ fn a_smooth_function_is_close_to_the_reference_and_a_tent_between_entries_is_not
     assert!(rmse < 1e-4 && max < 1e-3, "rmse {rmse:.1e}, max {max:.1e}");
     #[cfg(feature = "gpu")]
     if let Some(frame) = gpu::render(&smooth) {
-        assert_within("GPU against CPU", &frame.color, &raycast(&smooth));
+        assert_within("GPU against CPU", &frame.planes.color, &raycast(&smooth));
     }
     // Narrower than an interval of the table: what a table cannot do, and what the comparison must see.
     let tent = scene(&[
@@ -48,7 +48,7 @@ fn a_smooth_function_is_close_to_the_reference_and_a_tent_between_entries_is_not
 #[test]
 fn both_compilations_of_the_walk_draw_the_same_picture() {
     let job = scene(&[(-1.0, [0.2, 0.2, 1.0], 0.1), (1.0, [1.0, 0.2, 0.1], 2.0)]);
-    assert_same("portable", &raycast(&job), &Raycast::portable().render(job).unwrap().color);
+    assert_same("portable", &raycast(&job), &Raycast::portable().render(job).unwrap().planes.color);
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_renderer_changes_tables_with_jobs() {
     let exact = RenderJob { optics: OpticsKind::Exact, ..first.clone() };
     let mut renderer = Raycast::new();
     for job in [&first, &other_table, &first, &other_mesh, &exact, &first] {
-        assert_same("used before", &renderer.render(job.clone()).unwrap().color, &raycast(job));
+        assert_same("used before", &renderer.render(job.clone()).unwrap().planes.color, &raycast(job));
     }
 }
 
@@ -75,7 +75,7 @@ fn depth_is_that_of_the_transfer_function() {
     let looked_up = Raycast::new().render(job.clone()).unwrap().clone();
     let exact = Raycast::new().render(RenderJob { optics: OpticsKind::Exact, ..job }).unwrap().clone();
     let mut compared = 0;
-    for (a, b) in looked_up.depth.pixels.iter().zip(&exact.depth.pixels) {
+    for (a, b) in looked_up.planes.depth.pixels.iter().zip(&exact.planes.depth.pixels) {
         if b.is_finite() {
             assert_eq!(a, b);
             compared += 1;

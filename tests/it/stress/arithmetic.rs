@@ -41,7 +41,7 @@ fn products_over_ten_thousand_segments_keep_their_digits() {
         let alpha = -(-2.0 * tau).exp_m1();
         for path in paths() {
             let Some(frame) = (path.render)(&job) else { continue };
-            let errors = frame.color.pixels.iter().flat_map(|p| {
+            let errors = frame.planes.color.pixels.iter().flat_map(|p| {
                 let right = [0.25 * alpha, alpha, 0.0, alpha];
                 [0, 1, 2, 3].map(|c| (f64::from(p[c]) - right[c]).abs())
             });
@@ -70,7 +70,8 @@ fn opacities_of_next_to_nothing_keep_their_digits() {
         let alpha = -(-depth).exp_m1();
         for path in paths() {
             let Some(frame) = (path.render)(&job) else { continue };
-            let off = frame.color.pixels.iter().map(|p| (f64::from(p[3]) / alpha - 1.0).abs()).fold(0.0, f64::max);
+            let off =
+                frame.planes.color.pixels.iter().map(|p| (f64::from(p[3]) / alpha - 1.0).abs()).fold(0.0, f64::max);
             eprintln!("optical depth {depth:.0e} | {} | {off:.1e} of it", path.name);
             assert!(off <= TOLERANCE, "optical depth {depth:e}, {}: {off:.1e}", path.name);
         }

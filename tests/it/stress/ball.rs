@@ -132,7 +132,7 @@ fn a_sphere_of_constant_density_lies_between_its_inner_and_its_outer_sphere() {
         let outer = world().fold(0.0, |most: f64, p| most.max(p.length()));
         assert!(inner > 0.98 && outer < 1.0 + 1e-7, "{inner} to {outer}");
         for job in jobs(&mesh) {
-            let drawn = paths().into_iter().filter_map(|path| Some((path.name, (path.render)(&job)?.color)));
+            let drawn = paths().into_iter().filter_map(|path| Some((path.name, (path.render)(&job)?.planes.color)));
             for (name, image) in std::iter::once(("reference", reference(&job))).chain(drawn) {
                 let [beyond, off] = errors(&job, &image, &planes, [inner, outer]);
                 eprintln!("sphere {inner:.4}..1 | {name} | beyond {beyond:.1e} | from the polyhedron {off:.1e}");

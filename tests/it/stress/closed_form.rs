@@ -33,7 +33,7 @@ fn views(direction: DVec3) -> [Camera; 2] {
 }
 
 fn images(job: &RenderJob) -> Vec<(&'static str, RgbaImage)> {
-    let drawn = paths().into_iter().filter_map(|path| Some((path.name, (path.render)(job)?.color)));
+    let drawn = paths().into_iter().filter_map(|path| Some((path.name, (path.render)(job)?.planes.color)));
     std::iter::once(("reference", reference(job))).chain(drawn).collect()
 }
 

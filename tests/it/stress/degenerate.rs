@@ -33,8 +33,8 @@ fn no_active_cells_and_no_faces_make_a_clear_image_on_every_path() {
         job.active = Arc::new(CellSet::none(mesh.topology.tets.len()));
         for path in paths() {
             if let Some(frame) = (path.render)(&job) {
-                assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0), "{}", path.name);
-                assert!(frame.depth.pixels.iter().all(|&d| d == f32::INFINITY), "{}", path.name);
+                assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0), "{}", path.name);
+                assert!(frame.planes.depth.pixels.iter().all(|&d| d == f32::INFINITY), "{}", path.name);
             }
         }
     }

@@ -38,7 +38,7 @@ fn scalars_that_are_not_finite_are_holes() {
     let nothing = Case::new("NaN", &mesh, vec![f32::NAN; mesh.positions.local.len()], dense());
     for path in paths() {
         if let Some(frame) = (path.render)(&nothing.jobs()[0]) {
-            assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0), "{}", path.name);
+            assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0), "{}", path.name);
         }
     }
 }

@@ -157,8 +157,8 @@ impl Case {
             let frame = (path.render)(&judged.job)?;
             let name = format!("{}, {}, camera {i}", self.name, path.name);
             assert_eq!(frame.stats.broken_paths, 0, "{name}");
-            assert_plausible(&name, &frame.color);
-            let errors = judged.errors(&frame.color);
+            assert_plausible(&name, &frame.planes.color);
+            let errors = judged.errors(&frame.planes.color);
             assert!(bound.holds(errors), "{name}: rmse {:.2e}, max {:.2e} of {bound:?}", errors.0, errors.1);
             worst = (worst.0.max(errors.0), worst.1.max(errors.1));
         }

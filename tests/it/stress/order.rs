@@ -49,7 +49,7 @@ impl Sums {
         for (i, ((job, camera), judge)) in case.jobs().iter().zip(&case.cameras).zip(judges).enumerate() {
             let all = with_all_faces(job);
             let exact = havs(&with_buffer(&all, k, true));
-            let errors = difference(&exact.color, judge);
+            let errors = difference(&exact.planes.color, judge);
             assert!(BOUND.holds(errors), "{}, k {k}, camera {i}: {errors:?}", case.name);
             sums.exact = larger(sums.exact, errors);
             sums.fragments += exact.stats.fragments;
@@ -58,11 +58,11 @@ impl Sums {
             sums.out_of_order += loose.stats.out_of_order;
             let is_oblique = !on_axes().contains(camera);
             sums.oblique += if is_oblique { loose.stats.out_of_order } else { 0 };
-            sums.as_they_come = larger(sums.as_they_come, difference(&loose.color, judge));
+            sums.as_they_come = larger(sums.as_they_come, difference(&loose.planes.color, judge));
             // Nothing is reported as wrong that is not, and the image says so where nothing is.
             assert_eq!(loose.stats.pixels_resolved_again, 0);
             if exact.stats.pixels_resolved_again == 0 {
-                assert_eq!(loose.color, exact.color, "{}, k {k}, camera {i}", case.name);
+                assert_eq!(loose.planes.color, exact.planes.color, "{}, k {k}, camera {i}", case.name);
             }
         }
         sums
@@ -113,7 +113,7 @@ fn two_exchanged_faces_are_noticed_as_they_come_and_set_right_in_exact_order() {
     let all = with_all_faces(&job);
     let errors = |job: &RenderJob, exact_order| {
         let frame = havs(&with_buffer(job, 8, exact_order));
-        (judged.errors(&frame.color), frame.stats)
+        (judged.errors(&frame.planes.color), frame.stats)
     };
     assert!(BOUND.holds(errors(&all, false).0), "in order, a buffer of 8 is enough here");
     let mut noticed = 0;

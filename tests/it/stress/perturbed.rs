@@ -44,7 +44,7 @@ pub fn assert_noticed(case: &Case, judged: &[Judged]) {
     let paths = paths();
     let Judged { job, .. } = &judged[0];
     let notices = |path: &Path, job: &RenderJob| {
-        (path.render)(job).is_none_or(|frame| !case.bound_of(path).holds(judged[0].errors(&frame.color)))
+        (path.render)(job).is_none_or(|frame| !case.bound_of(path).holds(judged[0].errors(&frame.planes.color)))
     };
     let mut noticed = Vec::new();
     for (name, change) in CHANGES {
@@ -55,7 +55,7 @@ pub fn assert_noticed(case: &Case, judged: &[Judged]) {
         let mut off = Vec::new();
         for path in &paths {
             let Some(frame) = (path.render)(&other) else { continue };
-            off.push(format!("{:.0e}", judged[0].errors(&frame.color).1));
+            off.push(format!("{:.0e}", judged[0].errors(&frame.planes.color).1));
         }
         noticed.push(format!("{name} ({})", off.join(", ")));
     }

@@ -26,7 +26,11 @@ fn any_number_of_threads_draws_the_same_bits() {
     for threads in [1, 2, 7] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         for (frame, expected) in pool.install(images).iter().zip(&expected) {
-            assert_eq!((&frame.color, &frame.depth), (&expected.color, &expected.depth), "{threads} threads");
+            assert_eq!(
+                (&frame.planes.color, &frame.planes.depth),
+                (&expected.planes.color, &expected.planes.depth),
+                "{threads} threads"
+            );
         }
         assert_eq!(pool.install(judged), expected_judged, "{threads} threads");
     }
@@ -69,15 +73,15 @@ fn a_scene_in_a_mirror_has_the_mirrored_image() {
             let (Some(image), Some(other)) = ((path.render)(job), (path.render)(&mirrored(job, wave))) else {
                 continue;
             };
-            let (_, max) = difference(&image.color, &flipped(&other.color));
+            let (_, max) = difference(&image.planes.color, &flipped(&other.planes.color));
             let bound = if path.on_gpu { MIRROR_BOUND } else { MIRROR_BOUND_ON_CPU };
             assert!(max <= bound, "{}: {max:.1e}", path.name);
             worst = worst.max(max);
             // A mirror with a flaw is noticed, and so is an image that is not turned round.
             let flaw = mirrored(job, |p| wave(p) + 1e-3 * p.y);
-            let (_, max) = difference(&image.color, &flipped(&(path.render)(&flaw).unwrap().color));
+            let (_, max) = difference(&image.planes.color, &flipped(&(path.render)(&flaw).unwrap().planes.color));
             assert!(max > MIRROR_BOUND, "{}: {max:.1e} with another field", path.name);
-            let (_, max) = difference(&image.color, &other.color);
+            let (_, max) = difference(&image.planes.color, &other.planes.color);
             assert!(max > MIRROR_BOUND, "{}: {max:.1e} of the unflipped image", path.name);
         }
         eprintln!("mirror | {} | max {worst:.1e}", path.name);
@@ -113,8 +117,8 @@ fn where_tiles_and_bands_end_does_not_show() {
         for job in &jobs {
             let Some(whole) = (path.render)(job) else { continue };
             for margin in [1, 3, 5, 7, 11] {
-                let part = (path.render)(&cropped(job, margin)).unwrap().color;
-                let (_, max) = difference(&part, &crop(&whole.color, margin));
+                let part = (path.render)(&cropped(job, margin)).unwrap().planes.color;
+                let (_, max) = difference(&part, &crop(&whole.planes.color, margin));
                 assert!(max <= CROP_BOUND, "{}, margin {margin}: {max:.1e}", path.name);
                 worst = worst.max(max);
                 seen += part.pixels.iter().filter(|p| p[3] > 0.0).count();
@@ -122,7 +126,7 @@ fn where_tiles_and_bands_end_does_not_show() {
             // A hundredth of a pixel is noticed.
             let mut shifted = cropped(job, 3);
             shifted.view.half_width *= 1.0 + 0.02 / shifted.view.width_px as f64;
-            let (_, max) = difference(&(path.render)(&shifted).unwrap().color, &crop(&whole.color, 3));
+            let (_, max) = difference(&(path.render)(&shifted).unwrap().planes.color, &crop(&whole.planes.color, 3));
             assert!(max > CROP_BOUND, "{}: {max:.1e} a hundredth of a pixel off", path.name);
         }
         eprintln!("crops | {} | max {worst:.1e} | {seen} pixels", path.name);
@@ -165,7 +169,7 @@ fn pixels_at_the_borders_of_tiles_are_as_right_as_others() {
     let judged: Vec<(RenderJob, RgbaImage)> =
         case().jobs().into_iter().map(|job| (job.clone(), reference(&job))).collect();
     for path in paths() {
-        let pairs = judged.iter().filter_map(|(job, judge)| Some(((path.render)(job)?.color, judge.clone())));
+        let pairs = judged.iter().filter_map(|(job, judge)| Some(((path.render)(job)?.planes.color, judge.clone())));
         let mut pairs: Vec<_> = pairs.collect();
         if pairs.is_empty() {
             continue;

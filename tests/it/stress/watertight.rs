@@ -161,7 +161,7 @@ fn no_path_loses_a_ray() {
             let views = random_views(&volume, 64);
             let tallies = views.iter().filter_map(|view| {
                 let frame = (path.render)(&volume.job(*view))?;
-                Some(Tally::of(&volume, view, &frame.color))
+                Some(Tally::of(&volume, view, &frame.planes.color))
             });
             let tally = tallies.fold(Tally::default(), Tally::and);
             tally.report(&format!("{}, {}", volume.name, path.name));
@@ -224,7 +224,7 @@ fn rays_through_vertices_along_edges_and_in_faces_lose_no_cell_and_meet_none_twi
                     return Tally::default();
                 }
                 let frame = renderer.render(RenderJob { view, ..job.clone() }).unwrap();
-                Tally::of(&volume, &view, &frame.color)
+                Tally::of(&volume, &view, &frame.planes.color)
             };
             rays.iter().enumerate().map(tally).fold(Tally::default(), Tally::and)
         });

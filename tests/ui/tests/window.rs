@@ -107,13 +107,13 @@ fn keys_and_choices_set_the_clock() {
 #[test]
 fn another_colour_map_is_chosen_and_seen() {
     let Some(mut desk) = Desk::open() else { return };
-    let before = desk.session().shown().unwrap().frame.color.clone();
+    let before = desk.session().shown().unwrap().frame.planes.color.clone();
     desk.click("Colour map");
     desk.settle();
     desk.save("colour_maps.png");
     desk.click("inferno");
     assert_eq!(desk.session().look().tf.color_map().name(), "inferno");
-    desk.until("it is drawn", |session| session.shown().unwrap().frame.color != before);
+    desk.until("it is drawn", |session| session.shown().unwrap().frame.planes.color != before);
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn the_window_shows_the_pixels_of_the_frame_over_the_background() {
     let Some(mut desk) = Desk::open() else { return };
     desk.settle();
     let shown = desk.session().shown().unwrap().clone();
-    let expected = picture::over_background(&shown.frame.color.pixels, BACKGROUND);
+    let expected = picture::over_background(&shown.frame.planes.color.pixels, BACKGROUND);
     // The texture is 8 bits, sampled at its own pixels; a unit for rounding on the way.
     assert_shows(&mut desk, &expected, 1);
 }
@@ -184,8 +184,8 @@ fn a_frame_that_is_rendered_on_the_gpu_of_the_window_is_shown_from_there() {
     desk.until("it is rendered", |session| session.shown().is_some_and(|shown| shown.frame.stats.on_gpu));
     desk.settle();
     let shown = desk.session().shown().unwrap();
-    assert!(shown.frame.texture.is_some() && shown.frame.color.pixels.is_empty(), "nothing was read back");
-    let expected = picture::over_background(&on_cpu.frame.color.pixels, BACKGROUND);
+    assert!(shown.frame.texture.is_some() && shown.frame.planes.color.pixels.is_empty(), "nothing was read back");
+    let expected = picture::over_background(&on_cpu.frame.planes.color.pixels, BACKGROUND);
     // GPU and CPU agree to 1e-3 (docs/architecture.md), half precision to 2^-11, and both are rounded to 8 bits: less than
     // two units.
     assert_shows(&mut desk, &expected, 2);
@@ -219,7 +219,7 @@ fn a_gpu_that_is_lost_leaves_the_pictures_to_another_device() {
         session.shown().is_some_and(|shown| shown.request.time == FrameTime::from(1))
     });
     let shown = desk.session().shown().unwrap();
-    assert!(shown.frame.texture.is_none() && !shown.frame.color.pixels.is_empty(), "it came through the CPU");
+    assert!(shown.frame.texture.is_none() && !shown.frame.planes.color.pixels.is_empty(), "it came through the CPU");
 }
 
 /// The middle of the picture has these colours, each up to `tolerance`, once the box of the mesh is hidden.

@@ -266,11 +266,11 @@ fn frames_for_a_window_stay_on_its_gpu() {
     let size = |frame: &Frame| frame.texture.as_ref().map(|t| (t.texture().width(), t.texture().height()));
     for _ in 0..2 {
         let frame = renderer.render(job.clone()).unwrap();
-        assert_eq!((size(frame), frame.color.pixels.len()), (Some((43, 29)), 0));
+        assert_eq!((size(frame), frame.planes.color.pixels.len()), (Some((43, 29)), 0));
     }
     let before = context.resources_created();
     renderer.render(job.clone()).unwrap();
     assert_eq!(context.resources_created(), before);
     let elsewhere = renderer.render(RenderJob { for_window: false, ..job }).unwrap();
-    assert_eq!((size(elsewhere), elsewhere.color.pixels.len()), (None, 43 * 29));
+    assert_eq!((size(elsewhere), elsewhere.planes.color.pixels.len()), (None, 43 * 29));
 }

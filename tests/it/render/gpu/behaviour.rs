@@ -47,9 +47,13 @@ fn frame_of(context: &Arc<Context>, job: &RenderJob) -> Frame {
 }
 
 fn assert_same_bits(name: &str, a: &Frame, b: &Frame) {
-    assert!(a.color == b.color, "{name}: colours differ by {:?}", difference(&a.color, &b.color));
-    assert!(a.depth == b.depth, "{name}: depths differ");
-    assert!(a.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
+    assert!(
+        a.planes.color == b.planes.color,
+        "{name}: colours differ by {:?}",
+        difference(&a.planes.color, &b.planes.color)
+    );
+    assert!(a.planes.depth == b.planes.depth, "{name}: depths differ");
+    assert!(a.planes.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
 }
 
 #[test]
@@ -58,7 +62,7 @@ fn records_in_parts_give_the_same_image() {
     let job = scene((61, 47));
     let cells = job.mesh.topology.tets.len();
     let whole = frame_of(&context, &job);
-    assert_within("whole", &whole.color, &raycast(&job));
+    assert_within("whole", &whole.planes.color, &raycast(&job));
     for (binding_bytes, parts) in [(1 << 15, 2), (1 << 14, 3)] {
         let options = ContextOptions { binding_bytes: Some(binding_bytes), ..Default::default() };
         let context = own_context(&options).unwrap();
@@ -79,7 +83,7 @@ fn records_in_parts_give_the_same_image() {
     let mut active = (*job.active).clone();
     active.set(cells as u32 - 1, false);
     other.active = Arc::new(active);
-    assert!(frame_of(&context, &other).color != whole.color);
+    assert!(frame_of(&context, &other).planes.color != whole.planes.color);
 }
 
 #[test]
@@ -98,8 +102,8 @@ fn lists_that_are_too_short_are_made_longer_and_the_frame_is_begun_again() {
     let mut renderer = GpuRaycast::new(context);
     let first = renderer.render(job.clone()).unwrap().clone();
     assert!(first.stats.entry_retries > 0, "the lists were long enough: nothing tested");
-    assert_within("after a retry", &first.color, &raycast(&job));
-    let hit = first.color.pixels.iter().filter(|p| p[3] > 0.0).count();
+    assert_within("after a retry", &first.planes.color, &raycast(&job));
+    let hit = first.planes.color.pixels.iter().filter(|p| p[3] > 0.0).count();
     assert!(hit > 512 * 512 / 2, "{hit} pixels");
     let second = renderer.render(job).unwrap();
     assert_eq!(second.stats.entry_retries, 0, "the room stays");
@@ -129,7 +133,7 @@ fn finish(renderer: &mut GpuRaycast, whole: &Frame) -> (Frame, usize) {
         match renderer.advance(Duration::ZERO).unwrap() {
             Advance::Done(frame) => return (frame.clone(), slices),
             Advance::Partial(frame) => {
-                let pixels = frame.color.pixels.iter().zip(&whole.color.pixels);
+                let pixels = frame.planes.color.pixels.iter().zip(&whole.planes.color.pixels);
                 let wrong = pixels.filter(|(now, then)| now != then && **now != [0.0; 4]).count();
                 assert_eq!(wrong, 0, "pixels that are neither transparent nor final, after slice {slices}");
             }
@@ -180,7 +184,7 @@ fn steady_frames_make_no_resources() {
     assert!(before > 10);
     for i in 1..=10 {
         let shown = renderer.render(frame(i)).unwrap().clone();
-        assert_within(&format!("frame {i}"), &shown.color, &raycast(&frame(i)));
+        assert_within(&format!("frame {i}"), &shown.planes.color, &raycast(&frame(i)));
         assert_eq!(shown.stats.entry_retries, 0);
         assert!(shown.stats.bytes_uploaded >= 4 * base.scalars.len() as u64, "the scalars are new");
         assert!(shown.stats.bytes_uploaded < 4096 + 4 * base.scalars.len() as u64, "and the mesh is not");
@@ -217,7 +221,7 @@ fn assert_refused(renderer: &mut GpuRaycast, job: RenderJob, reason: &str, next:
         }
         other => panic!("{reason}: {:?}", other.map(|f| f.stats.clone())),
     }
-    assert_within("the next job", &renderer.render(next.clone()).unwrap().color, &raycast(next));
+    assert_within("the next job", &renderer.render(next.clone()).unwrap().planes.color, &raycast(next));
 }
 
 #[test]
@@ -235,7 +239,7 @@ fn jobs_beyond_the_gpu_are_refused_and_the_next_is_rendered() {
     // What the job itself lacks is said as on the CPU.
     let short = RenderJob { scalars: Arc::new(vec![0.0; 3]), ..next.clone() };
     assert!(matches!(renderer.render(short), Err(RenderError::ScalarCount { .. })));
-    assert_within("after all", &renderer.render(next.clone()).unwrap().color, &raycast(&next));
+    assert_within("after all", &renderer.render(next.clone()).unwrap().planes.color, &raycast(&next));
 }
 
 #[test]
@@ -251,13 +255,13 @@ fn a_mesh_or_lists_beyond_a_binding_are_refused_and_the_next_is_rendered() {
     for size in [(64, 64), (128, 128), (208, 208), (512, 512)] {
         let job = one_tet(size);
         match renderer.render(job.clone()) {
-            Ok(frame) => assert_within(&format!("{size:?}"), &frame.color, &raycast(&job)),
+            Ok(frame) => assert_within(&format!("{size:?}"), &frame.planes.color, &raycast(&job)),
             Err(RenderError::BeyondGpu { problem, .. }) => {
                 assert!(problem.contains("lists of entries") || problem.contains("counters"), "{problem}");
             }
             Err(other) => panic!("{other}"),
         }
-        assert_within("next", &renderer.render(next.clone()).unwrap().color, &raycast(&next));
+        assert_within("next", &renderer.render(next.clone()).unwrap().planes.color, &raycast(&next));
     }
 }
 
@@ -269,7 +273,7 @@ fn a_mesh_that_fits_in_part_leaves_nothing_behind() {
     let Some(context) = own_context(&options) else { return };
     let mut renderer = GpuRaycast::new(context);
     let first = one_tet((16, 16));
-    assert_within("first", &renderer.render(first.clone()).unwrap().color, &raycast(&first));
+    assert_within("first", &renderer.render(first.clone()).unwrap().planes.color, &raycast(&first));
     let mut raw = RawMesh::default();
     for i in 0..20 {
         let vertex = raw.points.len() as u32;
@@ -314,7 +318,7 @@ fn a_lost_device_is_an_error_and_a_new_one_works() {
         is_lost(renderer.begin(job.clone()));
         is_lost(context.check());
         let again = own_context(&ContextOptions::default()).unwrap();
-        assert_within("a new device", &frame_of(&again, &job).color, &raycast(&job));
+        assert_within("a new device", &frame_of(&again, &job).planes.color, &raycast(&job));
     }
 }
 
@@ -355,7 +359,7 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
         for (second, expected) in jobs.iter().zip(&fresh) {
             renderer.render(first.clone()).unwrap();
             let again = renderer.render(second.clone()).unwrap();
-            assert!(again.color == expected.color && again.depth == expected.depth);
+            assert!(again.planes == expected.planes);
             assert_eq!(
                 (again.stats.entry_faces, again.stats.steps),
                 (expected.stats.entry_faces, expected.stats.steps)

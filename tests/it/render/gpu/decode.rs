@@ -76,18 +76,21 @@ fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
             let sent = RenderJob { compressed: None, scalars: Arc::new(job.scalars.to_vec()), ..job.clone() };
             let sent = renderer.render(sent).unwrap().clone();
             assert_eq!(sent.stats.vertices_decoded_on_gpu, 0);
-            assert_within(&name, &decoded.color, &sent.color);
+            assert_within(&name, &decoded.planes.color, &sent.planes.color);
             // A driver may fuse the product and the sum of a vertex: half a unit in the last place.
-            let (_, max) = difference(&decoded.color, &sent.color);
+            let (_, max) = difference(&decoded.planes.color, &sent.planes.color);
             assert!(max < 1e-5, "{name}: {max:e}");
-            assert!(sent.color.pixels.iter().any(|p| p[3] > 0.1), "{name}: an empty image proves nothing");
+            assert!(sent.planes.color.pixels.iter().any(|p| p[3] > 0.1), "{name}: an empty image proves nothing");
 
             // The comparison notices the wrong step.
             if let Some(CompressedStep { block, step: 1 }) = job.compressed.clone() {
                 let wrong = CompressedStep { block, step: 2 };
                 let scalars = Arc::new(job.scalars.to_vec());
                 let wrong = RenderJob { compressed: Some(wrong), scalars, ..job };
-                assert!(difference(&renderer.render(wrong).unwrap().color, &sent.color).1 > 1e-3, "{name}");
+                assert!(
+                    difference(&renderer.render(wrong).unwrap().planes.color, &sent.planes.color).1 > 1e-3,
+                    "{name}"
+                );
             }
         }
     }
@@ -112,5 +115,5 @@ fn a_block_beyond_a_binding_is_sent_decoded() {
         Context::new(&ContextOptions { adapter, binding_bytes: Some(128 << 10), ..Default::default() }).unwrap();
     let sent = GpuRaycast::new(Arc::new(small)).render(job).unwrap().clone();
     assert_eq!((whole.stats.vertices_decoded_on_gpu > 0, sent.stats.vertices_decoded_on_gpu), (true, 0));
-    assert_within("sent", &sent.color, &whole.color);
+    assert_within("sent", &sent.planes.color, &whole.planes.color);
 }

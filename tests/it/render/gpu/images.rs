@@ -10,8 +10,8 @@ use tetreel::render::Advance;
 pub fn compare(name: &str, job: &RenderJob) -> Option<(Frame, Frame)> {
     let gpu = render(job)?;
     let cpu = Raycast::new().render(job.clone()).unwrap().clone();
-    assert_within(name, &gpu.color, &cpu.color);
-    assert!(cpu.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
+    assert_within(name, &gpu.planes.color, &cpu.planes.color);
+    assert!(cpu.planes.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
     assert_eq!(gpu.stats.broken_paths, 0, "{name}");
     Some((gpu, cpu))
 }
@@ -62,7 +62,7 @@ fn rays_that_enter_more_often_than_four_times_see_all_slabs() {
                 }
             }
             fewer.active = Arc::new(active);
-            let (rmse, max) = difference(&render(&fewer).unwrap().color, &cpu.color);
+            let (rmse, max) = difference(&render(&fewer).unwrap().planes.color, &cpu.planes.color);
             assert!(rmse > 1e-5 && max > 1e-3, "{name}: rmse {rmse:.1e}, max {max:.1e}");
         }
     }
@@ -151,7 +151,7 @@ fn random_views_of_meshes_with_holes_agree() {
         let job = job(&mesh, scalars, &camera, (40, 36), if seed % 3 == 0 { random_table(seed) } else { dense() });
         let Some(gpu) = render(&job) else { return };
         let cpu = raycast(&job);
-        assert_within(&format!("seed {seed}, {camera:?}"), &gpu.color, &cpu);
+        assert_within(&format!("seed {seed}, {camera:?}"), &gpu.planes.color, &cpu);
         assert_eq!(gpu.stats.broken_paths, 0);
     }
     assert!(inside > 10 && inside < 50, "{inside} eyes inside");
@@ -225,7 +225,7 @@ fn the_pre_integrated_table_gives_the_image_of_the_cpu() {
             let job = RenderJob { optics: OpticsKind::Table3d, ..exact.clone() };
             let (gpu, _) = compare(&format!("{kind} from {position}"), &job).unwrap();
             // It is not the exact integrator that has been compared.
-            assert!(gpu.color != render(&exact).unwrap().color, "{kind} from {position}");
+            assert!(gpu.planes.color != render(&exact).unwrap().planes.color, "{kind} from {position}");
         }
     }
 }
@@ -234,7 +234,7 @@ fn the_pre_integrated_table_gives_the_image_of_the_cpu() {
 /// one does, and those where both do.
 fn depth_difference(a: &Frame, b: &Frame, bound: impl Fn(f64) -> f64) -> (f64, usize, usize) {
     let (mut largest, mut lone, mut both) = (0f64, 0, 0);
-    for (&x, &y) in a.depth.pixels.iter().zip(&b.depth.pixels) {
+    for (&x, &y) in a.planes.depth.pixels.iter().zip(&b.planes.depth.pixels) {
         if x.is_finite() && y.is_finite() {
             both += 1;
             let (x, y) = (f64::from(x), f64::from(y));
@@ -300,8 +300,8 @@ fn one_renderer_draws_many_sizes() {
         while let Advance::Partial(_) = renderer.advance(Duration::ZERO).unwrap() {}
         let image = renderer.advance(Duration::ZERO).unwrap();
         let Advance::Done(frame) = image else { panic!("done is done") };
-        assert_eq!((frame.color.width, frame.color.height), size);
-        assert_within(&format!("{size:?}"), &frame.color, &raycast(&job));
+        assert_eq!((frame.planes.color.width, frame.planes.color.height), size);
+        assert_within(&format!("{size:?}"), &frame.planes.color, &raycast(&job));
     }
 }
 

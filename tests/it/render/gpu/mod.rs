@@ -54,7 +54,7 @@ pub fn assert_slivers_agree(job: &RenderJob, judge: &RgbaImage) {
         let has_f64 = context.has_f64();
         let frame = GpuRaycast::new(context).render(job.clone()).unwrap().clone();
         assert_eq!((frame.stats.in_f64, frame.stats.broken_paths), (has_f64, 0));
-        let (rmse, max) = difference(&frame.color, judge);
+        let (rmse, max) = difference(&frame.planes.color, judge);
         eprintln!("slivers 1e-5, f64 {has_f64}: rmse {rmse:.2e}, max {max:.2e}");
         if has_f64 {
             assert!(rmse <= 1e-5 && max <= 2e-3, "in f64: rmse {rmse:.2e}, max {max:.2e}");

@@ -26,14 +26,14 @@ fn slices_and_threads_do_not_change_the_image_or_the_counts() {
         let frame = loop {
             slices += 1;
             match sliced.advance(Duration::ZERO).unwrap() {
-                Advance::Partial(frame) => assert_eq!(frame.color.pixels.len(), 70 * 50),
+                Advance::Partial(frame) => assert_eq!(frame.planes.color.pixels.len(), 70 * 50),
                 Advance::Done(frame) => break frame.clone(),
             }
         };
         assert!(slices > 1, "the job fits a slice: nothing tested");
         let same = |frame: &Frame| {
-            assert_same("slices and threads", &frame.color, &whole.color);
-            assert_eq!(frame.depth, whole.depth);
+            assert_same("slices and threads", &frame.planes.color, &whole.planes.color);
+            assert_eq!(frame.planes.depth, whole.planes.depth);
             let counts = |f: &Frame| (f.stats.fragments, f.stats.out_of_order, f.stats.segments, f.stats.rays_hit);
             assert_eq!(counts(frame), counts(&whole));
         };
@@ -54,8 +54,8 @@ fn the_order_of_the_tiles_does_not_change_the_image_or_the_counts() {
     // From the middle, by cost, row by row, and again by cost.
     for job in [&job, &job, &row_by_row, &job] {
         let frame = renderer.render(job.clone()).unwrap();
-        assert_same("tiles in another order", &frame.color, &expected.color);
-        assert_eq!(frame.depth, expected.depth);
+        assert_same("tiles in another order", &frame.planes.color, &expected.planes.color);
+        assert_eq!(frame.planes.depth, expected.planes.depth);
         assert_eq!(frame.stats.fragments, expected.stats.fragments);
     }
 }
@@ -63,7 +63,7 @@ fn the_order_of_the_tiles_does_not_change_the_image_or_the_counts() {
 #[test]
 fn the_version_for_newer_processors_draws_the_same_bits() {
     let job = scene((70, 50));
-    assert_same("portable", &havs(&job).color, &Havs::portable().render(job).unwrap().color);
+    assert_same("portable", &havs(&job).planes.color, &Havs::portable().render(job).unwrap().planes.color);
 }
 
 #[test]
@@ -74,14 +74,14 @@ fn a_list_of_several_chunks_is_drawn_in_its_order() {
     let all = with_all_faces(&base);
     let mut faces = (**all.faces.as_ref().unwrap()).clone();
     assert!(faces.faces.len() > 2 * 16 * 1024);
-    assert_within("front to back", &havs(&all).color, &raycast(&base));
+    assert_within("front to back", &havs(&all).planes.color, &raycast(&base));
     faces.faces.reverse();
     let reversed = RenderJob { faces: Some(Arc::new(faces)), ..all.clone() };
     let frame = havs(&reversed);
     // From the back: every fragment but the first k is nearer than those that left.
     assert!(frame.stats.out_of_order > frame.stats.fragments / 2);
-    assert_within("back to front, resolved again", &frame.color, &raycast(&base));
-    assert!(difference(&havs(&with_buffer(&reversed, 8, false)).color, &raycast(&base)).1 > 0.1);
+    assert_within("back to front, resolved again", &frame.planes.color, &raycast(&base));
+    assert!(difference(&havs(&with_buffer(&reversed, 8, false)).planes.color, &raycast(&base)).1 > 0.1);
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn opaque_rays_stop_early_and_change_nothing_visible() {
         let (some, all) = (early.stats.fragments, full.stats.fragments);
         assert!((some as f64) < share * all as f64, "{some} of {all} fragments");
         assert!(early.stats.faces_hidden > 0 && full.stats.faces_hidden == 0);
-        assert_same("stopped early", &early.color, &full.color);
+        assert_same("stopped early", &early.planes.color, &full.planes.color);
     }
 }
 
@@ -112,7 +112,7 @@ fn beside_rays_that_meet_nothing_faces_behind_opaque_pixels_are_left_out() {
     assert!(full.stats.rays_hit < 256);
     let (some, all) = (early.stats.fragments, full.stats.fragments);
     assert!(some < all / 2, "{some} of {all} fragments");
-    assert_same("stopped early", &early.color, &full.color);
+    assert_same("stopped early", &early.planes.color, &full.planes.color);
 }
 
 #[test]
@@ -131,21 +131,21 @@ fn a_near_part_behind_in_the_list_is_not_lost_when_rays_are_opaque() {
     let mesh = Arc::new(mesh);
     let base = job(&mesh, scalars, &camera(DVec3::new(0.1, 0.2, 6.0), PERSPECTIVE), (64, 64), opaque);
     let frame = havs(&with_all_faces(&base));
-    assert_within("a large part in front", &frame.color, &raycast(&base));
+    assert_within("a large part in front", &frame.planes.color, &raycast(&base));
     assert!(frame.stats.pixels_resolved_again > 0);
 }
 
 #[test]
 fn the_face_renderer_waits_for_its_turn_and_stops_when_cancelled() {
     let job = scene((48, 40));
-    let alone = havs(&job).color;
+    let alone = havs(&job).planes.color;
     let limit = ThreadLimit::none();
     limit.set(Some(1));
     let limited = RenderJob { thread_limit: limit.clone(), ..job.clone() };
     let turn = limit.turn();
     let (tell, told) = std::sync::mpsc::channel();
     let rendering = std::thread::spawn(move || {
-        let color = havs(&limited).color;
+        let color = havs(&limited).planes.color;
         tell.send(()).unwrap();
         color
     });
@@ -170,7 +170,7 @@ fn an_empty_view_and_a_transparent_table_cost_no_fragments() {
     for job in [away, clear] {
         let frame = renderer.render(job).unwrap();
         assert_eq!(frame.stats.fragments, 0);
-        assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0));
+        assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0));
     }
     assert!(renderer.render(base).unwrap().stats.fragments > 0);
 }
@@ -203,7 +203,11 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
     for first in &jobs {
         for second in &jobs {
             renderer.render(first.clone()).unwrap();
-            assert_same("used before", &renderer.render(second.clone()).unwrap().color, &havs(second).color);
+            assert_same(
+                "used before",
+                &renderer.render(second.clone()).unwrap().planes.color,
+                &havs(second).planes.color,
+            );
         }
     }
 }
@@ -212,9 +216,9 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
 fn other_optics_have_the_same_errors_as_in_the_ray_caster() {
     for optics in [OpticsKind::Table3d, OpticsKind::Partial] {
         let job = RenderJob { optics, ..scene((64, 64)) };
-        assert_within(&optics.to_string(), &havs(&job).color, &raycast(&job));
+        assert_within(&optics.to_string(), &havs(&job).planes.color, &raycast(&job));
         let exact = RenderJob { optics: OpticsKind::Exact, ..job.clone() };
-        assert!(difference(&havs(&job).color, &havs(&exact).color).1 > 0.0, "another integrator");
+        assert!(difference(&havs(&job).planes.color, &havs(&exact).planes.color).1 > 0.0, "another integrator");
     }
 }
 
@@ -232,7 +236,7 @@ fn one_cell_that_fills_many_tiles_agrees_with_the_ray_caster() {
         let job = job(&mesh, vec![-0.9, 0.3, 0.8, 0.0], &camera, (200, 150), dense());
         let frame = havs(&with_all_faces(&job));
         assert!(frame.stats.fragments > 10_000, "{} fragments", frame.stats.fragments);
-        assert_within(&format!("eye {eye}"), &frame.color, &raycast(&job));
+        assert_within(&format!("eye {eye}"), &frame.planes.color, &raycast(&job));
     }
 }
 
@@ -247,6 +251,6 @@ fn overlapping_cells_agree_with_the_ray_caster() {
     let mesh = Arc::new(build(raw));
     let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (48, 48), dense());
     let frame = havs(&with_all_faces(&job));
-    assert_within("overlapping", &frame.color, &raycast(&job));
+    assert_within("overlapping", &frame.planes.color, &raycast(&job));
     assert!(frame.stats.pixels_resolved_again > 500);
 }

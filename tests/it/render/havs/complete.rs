@@ -34,10 +34,11 @@ fn other_depths(job: &RenderJob, frame: &Frame, judge: &Frame) -> usize {
     let touches = |pixel: usize, a: f32, b: f32| {
         let mut view = job.view;
         view.near = f64::from(a.min(b)) * (1.0 + 1e-6);
-        let behind = Raycast::new().render(RenderJob { view, ..job.clone() }).unwrap().depth.pixels[pixel];
+        let behind = Raycast::new().render(RenderJob { view, ..job.clone() }).unwrap().planes.depth.pixels[pixel];
         job.view.perspective && !differ(behind, a.max(b))
     };
-    let depths = frame.depth.pixels.iter().zip(&judge.depth.pixels).zip(&judge.color.pixels).enumerate();
+    let depths =
+        frame.planes.depth.pixels.iter().zip(&judge.planes.depth.pixels).zip(&judge.planes.color.pixels).enumerate();
     let is_other = |(i, ((a, b), rgba)): &(usize, ((&f32, &f32), &[f32; 4]))| {
         rgba[3] > ALPHA_MIN && differ(**a, **b) && !touches(*i, **a, **b)
     };
@@ -61,8 +62,8 @@ impl Worst {
         let job = with_all_faces(job);
         for k in [2, 8, 32] {
             let frame = havs(&with_buffer(&job, k, true));
-            assert_within(&format!("{name}, k {k}"), &frame.color, &judge.color);
-            let (rmse, max) = difference(&frame.color, &judge.color);
+            assert_within(&format!("{name}, k {k}"), &frame.planes.color, &judge.planes.color);
+            let (rmse, max) = difference(&frame.planes.color, &judge.planes.color);
             assert_eq!(other_depths(&job, &frame, &judge), 0, "{name}, k {k}: depths");
             (self.rmse, self.max) = (self.rmse.max(rmse), self.max.max(max));
             self.out_of_order += frame.stats.out_of_order;
@@ -271,7 +272,7 @@ fn the_comparison_notices_a_missing_face_and_a_wrong_order() {
     // Without the second look, a buffer of two is not enough.
     let frame = havs(&with_buffer(&all, 2, false));
     assert!(frame.stats.out_of_order > 0);
-    assert_noticed("a buffer of two", &frame.color, &judge);
+    assert_noticed("a buffer of two", &frame.planes.color, &judge);
     // A quarter of the inner faces is missing.
-    assert_noticed("three quarters of the faces", &havs(&with_some_faces(&base, 0.75, 1)).color, &judge);
+    assert_noticed("three quarters of the faces", &havs(&with_some_faces(&base, 0.75, 1)).planes.color, &judge);
 }

@@ -46,7 +46,7 @@ struct Worst {
 
 impl Worst {
     fn compare(&mut self, name: &str, gpu: &Frame, judge: &RgbaImage, allowed: Bound) {
-        let (rmse, max) = difference(&gpu.color, judge);
+        let (rmse, max) = difference(&gpu.planes.color, judge);
         assert!(rmse <= allowed.rmse && max <= allowed.max, "{name}: rmse {rmse:.2e}, max {max:.2e}");
         (self.rmse, self.max) = (self.rmse.max(rmse), self.max.max(max));
         self.fragments += gpu.stats.fragments;
@@ -183,7 +183,7 @@ fn levels_of_detail_agree_with_the_cpu() {
                 let job = RenderJob { optics, ..with_some_faces(base, share, 5) };
                 let (gpu, cpu) = (render(&job).unwrap(), havs(&job));
                 let name = format!("job {i}, share {share}, {optics:?}");
-                worst.compare(&name, &gpu, &cpu.color, BOUND);
+                worst.compare(&name, &gpu, &cpu.planes.color, BOUND);
                 assert_eq!(gpu.stats.out_of_order, 0, "{name}");
             }
         }
@@ -211,8 +211,8 @@ fn a_small_buffer_makes_the_mistakes_of_the_cpu() {
             for k in [2, 4, 8, 32] {
                 let job = with_buffer(&all, k, false);
                 let (gpu, cpu) = (render(&job).unwrap(), havs(&job));
-                worst.compare(&format!("job {i}, share {share}, k {k}"), &gpu, &cpu.color, BOUND);
-                mistakes += usize::from(difference(&exact.color, &cpu.color).1 > 1e-3);
+                worst.compare(&format!("job {i}, share {share}, k {k}"), &gpu, &cpu.planes.color, BOUND);
+                mistakes += usize::from(difference(&exact.planes.color, &cpu.planes.color).1 > 1e-3);
                 wrong += gpu.stats.out_of_order;
             }
         }
@@ -229,11 +229,11 @@ fn the_comparison_notices_a_missing_face_and_another_buffer() {
     }
     let (mesh, scalars, table) = complete::layered(1e-3, 1.0);
     let base = job(&mesh, scalars, &camera(DVec3::new(2.0, 1.0, 3.0), PERSPECTIVE), (65, 65), table);
-    let (rmse, max) = difference(&render(&with_some_faces(&base, 0.75, 1)).unwrap().color, &raycast(&base));
+    let (rmse, max) = difference(&render(&with_some_faces(&base, 0.75, 1)).unwrap().planes.color, &raycast(&base));
     assert!(rmse > 1e-5 && max > 1e-3, "rmse {rmse:.1e}, max {max:.1e}");
     let all = with_all_faces(&base);
-    let three = havs(&with_buffer(&all, 3, false)).color;
-    let (rmse, max) = difference(&render(&with_buffer(&all, 2, false)).unwrap().color, &three);
+    let three = havs(&with_buffer(&all, 3, false)).planes.color;
+    let (rmse, max) = difference(&render(&with_buffer(&all, 2, false)).unwrap().planes.color, &three);
     assert!(rmse > 1e-5 && max > 1e-3, "rmse {rmse:.1e}, max {max:.1e}");
 }
 
@@ -275,7 +275,7 @@ fn depths_are_those_of_the_cpu() {
         for job in [with_all_faces(&base), with_some_faces(&base, 0.3, 2)] {
             let (gpu, cpu) = (render(&job).unwrap(), havs(&job));
             let mut both = 0;
-            for (&x, &y) in gpu.depth.pixels.iter().zip(&cpu.depth.pixels) {
+            for (&x, &y) in gpu.planes.depth.pixels.iter().zip(&cpu.planes.depth.pixels) {
                 assert_eq!(x.is_finite(), y.is_finite());
                 if y.is_finite() {
                     // As in the tests of the ray caster on the GPU.
@@ -345,10 +345,10 @@ fn a_list_from_back_to_front_gives_the_same_image() {
     for job in [with_all_faces(&base), with_some_faces(&base, 0.6, 3)] {
         let (forth, back) = (render(&job).unwrap(), render(&reversed(job.clone())).unwrap());
         assert!(forth.stats.fragments > 12 * forth.stats.rays_hit, "{:?}", forth.stats);
-        worst.compare("back to front", &back, &forth.color, BOUND);
+        worst.compare("back to front", &back, &forth.planes.color, BOUND);
         let window = reversed(with_buffer(&job, 8, false));
         let (gpu, cpu) = (render(&window).unwrap(), havs(&window));
-        worst.compare("back to front through a buffer", &gpu, &cpu.color, BOUND);
+        worst.compare("back to front through a buffer", &gpu, &cpu.planes.color, BOUND);
         assert!(gpu.stats.out_of_order > gpu.stats.fragments / 4);
     }
     worst.report("back to front");

@@ -40,9 +40,13 @@ fn frame_of(context: &Arc<Context>, job: &RenderJob) -> Frame {
 }
 
 fn assert_same_bits(name: &str, a: &Frame, b: &Frame) {
-    assert!(a.color == b.color, "{name}: colours differ by {:?}", difference(&a.color, &b.color));
-    assert!(a.depth == b.depth, "{name}: depths differ");
-    assert!(a.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
+    assert!(
+        a.planes.color == b.planes.color,
+        "{name}: colours differ by {:?}",
+        difference(&a.planes.color, &b.planes.color)
+    );
+    assert!(a.planes.depth == b.planes.depth, "{name}: depths differ");
+    assert!(a.planes.color.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
 }
 
 fn counts(frame: &Frame) -> [u64; 5] {
@@ -87,7 +91,7 @@ fn a_pixel_with_more_fragments_than_there_is_memory_for_is_refused() {
     }
     // One tet has two for each pixel.
     let next = one_tet((40, 30));
-    assert_within("the next job", &renderer.render(next.clone()).unwrap().color, &raycast(&next));
+    assert_within("the next job", &renderer.render(next.clone()).unwrap().planes.color, &raycast(&next));
 }
 
 #[test]
@@ -141,7 +145,7 @@ fn pieces_that_find_no_room_are_given_room_and_the_frame_is_begun_again() {
     let mut renderer = GpuHavs::new(context);
     let first = renderer.render(job.clone()).unwrap().clone();
     assert!(first.stats.entry_retries > 0, "there was room: nothing tested");
-    assert_within("after a retry", &first.color, &raycast(&job));
+    assert_within("after a retry", &first.planes.color, &raycast(&job));
     let second = renderer.render(job).unwrap();
     assert_eq!(second.stats.entry_retries, 0, "the room stays");
     assert_same_bits("again", second, &first);
@@ -156,7 +160,7 @@ fn finish(renderer: &mut GpuHavs, whole: &Frame) -> (Frame, usize) {
         match renderer.advance(Duration::ZERO).unwrap() {
             Advance::Done(frame) => return (frame.clone(), slices),
             Advance::Partial(frame) => {
-                let pixels = frame.color.pixels.iter().zip(&whole.color.pixels);
+                let pixels = frame.planes.color.pixels.iter().zip(&whole.planes.color.pixels);
                 let wrong = pixels.filter(|(now, then)| now != then && **now != [0.0; 4]).count();
                 assert_eq!(wrong, 0, "pixels that are neither transparent nor final, after slice {slices}");
             }
@@ -208,7 +212,7 @@ fn steady_frames_make_no_resources() {
     for i in 1..=10 {
         let job = frame(i);
         let shown = renderer.render(job.clone()).unwrap().clone();
-        assert_within(&format!("frame {i}"), &shown.color, &raycast(&job));
+        assert_within(&format!("frame {i}"), &shown.planes.color, &raycast(&job));
         let new = 4 * (base.scalars.len() + job.faces.as_ref().unwrap().faces.len()) as u64;
         assert!(shown.stats.bytes_uploaded >= new, "scalars and order are new");
         assert!(shown.stats.bytes_uploaded < 4096 + new, "and the mesh is not");
@@ -251,7 +255,7 @@ fn jobs_without_faces_or_with_wrong_ones_are_refused_as_on_the_cpu() {
         Err(RenderError::BeyondGpu { problem, .. }) => assert!(problem.contains("too far"), "{problem}"),
         other => panic!("{:?}", other.map(|f| f.stats.clone())),
     }
-    assert_within("after all", &renderer.render(good.clone()).unwrap().color, &raycast(&good));
+    assert_within("after all", &renderer.render(good.clone()).unwrap().planes.color, &raycast(&good));
 }
 
 #[test]
@@ -268,8 +272,8 @@ fn an_empty_view_and_a_transparent_table_give_an_empty_image() {
         assert!(renderer.render(base.clone()).unwrap().stats.fragments > 0);
         let frame = renderer.render(empty).unwrap();
         assert_eq!(frame.stats.fragments, 0);
-        assert!(frame.color.pixels.iter().flatten().all(|&v| v == 0.0));
-        assert!(frame.depth.pixels.iter().all(|&d| d == f32::INFINITY));
+        assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0));
+        assert!(frame.planes.depth.pixels.iter().all(|&d| d == f32::INFINITY));
     }
 }
 
@@ -283,7 +287,7 @@ fn opaque_rays_stop_early_and_change_nothing_visible() {
         let early = frame_of(&context, &job);
         let full = frame_of(&context, &RenderJob { skip: Skip { opaque: false, ..Skip::ALL }, ..job });
         assert!(early.stats.rays_stopped_early > 1000 && full.stats.rays_stopped_early == 0);
-        assert_eq!(difference(&early.color, &full.color).1, 0.0);
+        assert_eq!(difference(&early.planes.color, &full.planes.color).1, 0.0);
     }
 }
 
@@ -310,7 +314,7 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
         for (second, expected) in jobs.iter().zip(&fresh) {
             renderer.render(first.clone()).unwrap();
             let again = renderer.render(second.clone()).unwrap();
-            assert!(again.color == expected.color && again.depth == expected.depth);
+            assert!(again.planes == expected.planes);
             assert_eq!(counts(again), counts(expected));
         }
     }
@@ -365,6 +369,6 @@ fn a_lost_device_is_an_error_and_a_new_one_works() {
         }
         is_lost(renderer.begin(job.clone()));
         let again = own_context(&ContextOptions::default()).unwrap();
-        assert_within("a new device", &frame_of(&again, &job).color, &raycast(&job));
+        assert_within("a new device", &frame_of(&again, &job).planes.color, &raycast(&job));
     }
 }

@@ -33,6 +33,6 @@ proptest! {
         let frame = havs(&with_buffer(&with_all_faces(&job), k, true));
         // That this can fail: `complete::the_comparison_notices_a_missing_face_and_a_wrong_order`.
         let judge = raycast(&job);
-        prop_assert!(is_within(&frame.color, &judge), "rmse and max {:?}", difference(&frame.color, &judge));
+        prop_assert!(is_within(&frame.planes.color, &judge), "rmse and max {:?}", difference(&frame.planes.color, &judge));
     }
 }

@@ -86,8 +86,8 @@ impl Row {
         let judge = raycast(job);
         let all = with_all_faces(job);
         let frame = havs(&with_buffer(&all, 8, true));
-        assert_within(name, &frame.color, &judge);
-        let (rmse, max) = difference(&frame.color, &judge);
+        assert_within(name, &frame.planes.color, &judge);
+        let (rmse, max) = difference(&frame.planes.color, &judge);
         self.frames += 1;
         (self.rmse, self.max) = (self.rmse.max(rmse), self.max.max(max));
         self.fragments += frame.stats.fragments;
@@ -129,8 +129,8 @@ fn the_comparison_of_real_series_notices_missing_faces_and_a_wrong_order() {
     for camera in cameras(steps[0].mesh.positions.world_bounds()) {
         let job = steps[0].job(&camera, TRANSFER_FUNCTIONS[0]);
         let judge = raycast(&job);
-        let missing = havs(&with_some_faces(&job, 0.9, 1)).color;
-        let disordered = havs(&with_buffer(&with_all_faces(&job), 2, false)).color;
+        let missing = havs(&with_some_faces(&job, 0.9, 1)).planes.color;
+        let disordered = havs(&with_buffer(&with_all_faces(&job), 2, false)).planes.color;
         for (image, worst) in [missing, disordered].iter().zip(&mut worst) {
             let (rmse, max) = difference(image, &judge);
             *worst = (worst.0.max(rmse), worst.1.max(max));

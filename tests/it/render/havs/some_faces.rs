@@ -47,9 +47,9 @@ fn levels_of_detail_in_exact_order_are_all_fragments_sorted() {
             let judge = oracle::image(&job, None);
             for k in [2, 8, 32] {
                 let frame = havs(&with_buffer(&job, k, true));
-                assert_within(&format!("job {i}, share {share}, k {k}"), &frame.color, &judge);
-                let (rmse, max) = difference(&frame.color, &judge);
-                assert!(frame.color.pixels.iter().any(|p| p[3] > 0.5), "an empty image proves nothing");
+                assert_within(&format!("job {i}, share {share}, k {k}"), &frame.planes.color, &judge);
+                let (rmse, max) = difference(&frame.planes.color, &judge);
+                assert!(frame.planes.color.pixels.iter().any(|p| p[3] > 0.5), "an empty image proves nothing");
                 worst = (worst.0.max(rmse), worst.1.max(max));
             }
         }
@@ -68,9 +68,9 @@ fn a_small_buffer_makes_the_mistakes_of_a_small_buffer() {
             for k in [2, 3, 8] {
                 let frame = havs(&with_buffer(&job, k, false));
                 let judge = oracle::image(&job, Some(usize::from(k)));
-                assert_within(&format!("job {i}, share {share}, k {k}"), &frame.color, &judge);
+                assert_within(&format!("job {i}, share {share}, k {k}"), &frame.planes.color, &judge);
                 assert_eq!(frame.stats.pixels_resolved_again, 0);
-                mistakes += usize::from(difference(&frame.color, &all).1 > BOUND_MAX);
+                mistakes += usize::from(difference(&frame.planes.color, &all).1 > BOUND_MAX);
             }
         }
     }
@@ -81,10 +81,10 @@ fn a_small_buffer_makes_the_mistakes_of_a_small_buffer() {
 fn the_comparison_notices_one_face_more_and_a_larger_buffer() {
     let base = &jobs()[0];
     let judge = oracle::image(&with_some_faces(base, 0.1, 5), None);
-    assert_noticed("more faces", &havs(&with_some_faces(base, 0.12, 5)).color, &judge);
+    assert_noticed("more faces", &havs(&with_some_faces(base, 0.12, 5)).planes.color, &judge);
     let other = |base: &RenderJob| {
         let all = with_all_faces(base);
-        difference(&havs(&with_buffer(&all, 8, false)).color, &oracle::image(&all, Some(2))).1
+        difference(&havs(&with_buffer(&all, 8, false)).planes.color, &oracle::image(&all, Some(2))).1
     };
     assert!(jobs().iter().any(|base| other(base) > 1e-2));
 }

@@ -138,7 +138,7 @@ fn counters_are_those_of_the_cpu() {
         let nodes = job.table.nodes().iter().map(|n| Node { tau: 100.0 * n.tau, ..*n }).collect();
         let opaque = RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), skip: Skip::ALL, ..job.clone() };
         let (frame, cpu) = (frame_of(&context, &opaque), on_cpu(&opaque));
-        let (gpu, undecided) = (&frame.stats, undecided(&cpu.color) + undecided(&frame.color));
+        let (gpu, undecided) = (&frame.stats, undecided(&cpu.planes.color) + undecided(&frame.planes.color));
         if undecided == 0 {
             assert_eq!(all_counts(gpu), all_counts(&cpu.stats), "{name}, opaque");
             decided += 1;

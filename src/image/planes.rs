@@ -1,0 +1,100 @@
+//! The planes of an image, and the one list of them.
+
+use super::{DepthImage, RgbaImage};
+
+/// One value a pixel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plane<P> {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width * height` pixels, top row first.
+    pub pixels: Vec<P>,
+}
+
+impl<P: Clone> Plane<P> {
+    /// Makes all pixels `value`, in the memory that there is.
+    fn fill(&mut self, width: usize, height: usize, value: P) {
+        (self.width, self.height) = (width, height);
+        self.pixels.clear();
+        self.pixels.resize(width * height, value);
+    }
+}
+
+/// What is known of each pixel of an image. Each plane has its own size; one that nobody has made is without pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Planes {
+    /// Raw accumulators.
+    pub color: RgbaImage,
+    /// Where each ray first meets something visible: the near end of the first piece of it with extinction. World units
+    /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
+    /// infinite where there is nothing.
+    pub depth: DepthImage,
+}
+
+/// A plane as samples, whatever its pixels are.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneSamples<'a> {
+    /// What the plane is called.
+    pub name: &'static str,
+    /// Samples of a pixel.
+    pub channels: usize,
+    /// Width and height in pixels.
+    pub size_px: (usize, usize),
+    /// Those of one pixel after the other, top row first.
+    pub samples: &'a [f32],
+}
+
+impl Planes {
+    /// All planes, for whatever treats them alike.
+    pub fn list(&self) -> [PlaneSamples<'_>; 2] {
+        fn listed<'a, P>(name: &'static str, plane: &Plane<P>, samples: &'a [f32]) -> PlaneSamples<'a> {
+            let channels = size_of::<P>() / size_of::<f32>();
+            PlaneSamples { name, channels, size_px: (plane.width, plane.height), samples }
+        }
+        let Self { color, depth } = self;
+        [listed("color", color, color.pixels.as_flattened()), listed("depth", depth, &depth.pixels)]
+    }
+
+    /// Makes all pixels those of a ray that meets nothing, in the memory that there is.
+    pub fn clear(&mut self, width: usize, height: usize) {
+        let Self { color, depth } = self;
+        color.fill(width, height, [0.0; 4]);
+        depth.fill(width, height, f32::INFINITY);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_has_all_samples_of_each_plane_in_its_own_size() {
+        let mut planes = Planes::default();
+        assert!(planes.list().iter().all(|plane| plane.samples.is_empty()));
+        planes.clear(3, 2);
+        planes.color.pixels[1] = [0.1, 0.2, 0.3, 0.4];
+        planes.depth = DepthImage { width: 1, height: 2, pixels: vec![5.0, 6.0] };
+        let [color, depth] = planes.list();
+        assert_eq!((color.name, color.channels, color.size_px), ("color", 4, (3, 2)));
+        assert_eq!(color.samples[..8], [0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.4]);
+        assert_eq!((depth.name, depth.channels, depth.size_px), ("depth", 1, (1, 2)));
+        assert_eq!(depth.samples, [5.0, 6.0]);
+        for plane in planes.list() {
+            assert_eq!(plane.samples.len(), plane.channels * plane.size_px.0 * plane.size_px.1);
+        }
+    }
+
+    #[test]
+    fn clearing_keeps_the_memory() {
+        let mut planes = Planes::default();
+        planes.clear(8, 8);
+        let place = planes.depth.pixels.as_ptr();
+        planes.depth.pixels[0] = 1.0;
+        planes.clear(4, 2);
+        assert_eq!((planes.depth.pixels.len(), planes.depth.pixels.as_ptr()), (8, place));
+        assert!(planes.depth.pixels.iter().all(|d| *d == f32::INFINITY));
+        assert_eq!((planes.color.width, planes.color.height), (4, 2));
+    }
+}
