@@ -65,8 +65,7 @@ impl Run {
         let started = Instant::now();
         let said = animation.at(step.into(), at, &Cancel::new())?;
         let table = said.table.ok_or("a project with ensembles")?;
-        let request = FrameRequest { grid: said.grid, ..FrameRequest::new(step, camera, table, SIZE) };
-        self.pipeline.render(&request)?;
+        self.pipeline.render(&FrameRequest::new(step, camera, table, SIZE))?;
         Ok(started.elapsed().as_secs_f64() * 1e3)
     }
 }
@@ -140,7 +139,7 @@ fn steady(run: &mut Run, ensemble: &Ensemble, mut animation: Animation) -> Resul
             }
         }
     }
-    println!("steady, {} members, {} nodes", ensemble.members.len(), table.nodes().len());
+    println!("steady, {} members, {} nodes", ensemble.members.len(), table.over_scalars().nodes().len());
     show_both(["transfer function", "ensemble"], ms);
     Ok(())
 }

@@ -7,7 +7,7 @@ use tetreel::bench::{Machine, paired};
 use tetreel::camera::Camera;
 use tetreel::field::{Component, SeriesSource};
 use tetreel::mesh::Mesh;
-use tetreel::node_table::{JointTable, NodeTable};
+use tetreel::node_table::JointTable;
 use tetreel::render::cpu::{havs::Havs, raycast::Raycast};
 use tetreel::render::{JointScene, RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
@@ -83,13 +83,13 @@ fn with_joint_table(job: &RenderJob, rows: usize, layers: usize) -> Result<Rende
     let vertex_values = job.mesh.positions.local.iter().map(|p| 0.5 + 0.5 * p.y).collect();
     let lot = |cell: usize| (cell.wrapping_mul(2_654_435_761) >> 8 & 0xffff) as f32 / 65_536.0;
     let cell_values = (0..job.mesh.topology.tets.len()).map(lot).collect();
-    let projection: NodeTable = table.projection();
+    let projection = table.projection().clone();
     let scene = JointScene {
         table: Arc::new(table),
         vertex_values: Some(Arc::new(vertex_values)),
         cell_values: Some(Arc::new(cell_values)),
     };
-    Ok(RenderJob { table: Arc::new(projection), grid: Some(scene), ..job.clone() })
+    Ok(RenderJob { table: projection, grid: Some(scene), ..job.clone() })
 }
 
 fn scene() -> Result<RenderJob, Box<dyn Error>> {

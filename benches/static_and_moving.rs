@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::path::Path;
+use std::sync::Arc;
 use tetreel::bench::{BenchRun, FrameBench, Machine, Motion, run_frames};
 use tetreel::camera::Camera;
 use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
@@ -30,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let request = FrameRequest {
             mode: RenderMode::Havs,
             backend: Backend::Cpu,
-            ..FrameRequest::new(0, Camera::default_for((a, b))?, table.into(), SIZE)
+            ..FrameRequest::new(0, Camera::default_for((a, b))?, Arc::new(table), SIZE)
         };
         for camera in [true, false] {
             let mut run = |time| -> Result<BenchRun, Box<dyn Error>> {

@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::codec::BlockCache;
 use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
-use crate::node_table::NodeTable;
+use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series};
 use crate::project::{Animation, Project};
@@ -371,20 +371,24 @@ impl Scene {
         let said = said.transpose()?.unwrap_or_default();
         let (table, formula) = match said.table {
             Some(table) => (self.keep(table), said.formula),
-            None => self.table(moment)?,
+            None => {
+                let (table, formula) = self.table(moment)?;
+                (table.into(), formula)
+            }
         };
         let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
         let camera = said.camera.unwrap_or(camera);
         let faces = FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces };
         let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
         let optics = said.optics.unwrap_or(optics);
-        Ok(FrameRequest { mode, faces, optics, backend, skip, grid: said.grid, formula, ..request })
+        Ok(FrameRequest { mode, faces, optics, backend, skip, formula, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.
-    fn keep(&mut self, table: Arc<NodeTable>) -> Arc<NodeTable> {
+    fn keep(&mut self, table: TransferTable) -> TransferTable {
         let range = mapped_range(self.pipeline.series(), &RangePolicy::Series, 0.into()).ok();
-        self.colors = Some(Colors { range, table: table.clone(), formula: None, of_project: true });
+        let over_scalars = table.over_scalars().clone();
+        self.colors = Some(Colors { range, table: over_scalars, formula: None, of_project: true });
         table
     }
 

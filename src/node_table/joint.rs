@@ -2,6 +2,7 @@
 
 use super::{Node, NodeTable};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// A transfer function of three quantities: the scalar; one that vertices have and that is linear in a cell, as the scalar is
 /// (*rows*); and one that a cell has, the same in all of it (*layers*).
@@ -21,6 +22,9 @@ pub struct JointTable {
     rows: Vec<f64>,
     layers: Vec<f64>,
     values: Vec<[f32; 4]>,
+    /// What follows from all of these.
+    #[serde(skip)]
+    projection: Arc<NodeTable>,
 }
 
 /// An axis of a [`JointTable`].
@@ -93,7 +97,10 @@ impl JointTable {
         };
         match values.iter().position(|value| !is_good(value)) {
             Some(bad) => Err(JointTableError::BadValue(bad)),
-            None => Ok(Self { scalars, rows, layers, values }),
+            None => {
+                let projection = Arc::new(projection(&scalars, &values));
+                Ok(Self { scalars, rows, layers, values, projection })
+            }
         }
     }
 
@@ -150,18 +157,22 @@ impl JointTable {
         Node { scalar, rgb: [r, g, b].map(|c| c.min(1.0)), tau }
     }
 
-    /// The table over the scalar alone that has at each node the value of largest extinction of all rows and layers. Extinction
-    /// is nowhere above its: where it shows nothing, neither does this.
-    pub fn projection(&self) -> NodeTable {
-        let columns = self.scalars.len();
-        let most = |i: usize| {
-            let column = self.values.iter().skip(i).step_by(columns);
-            let [r, g, b, tau] =
-                column.fold([0.0; 4], |most: [f32; 4], value| if value[3] > most[3] { *value } else { most });
-            Node { scalar: self.scalars[i], rgb: [r, g, b].map(f64::from), tau: f64::from(tau) }
-        };
-        NodeTable { nodes: (0..columns).map(most).collect() }
+    /// The table over the scalar alone that has at each node the value of largest extinction of all rows and layers, always the same
+    /// [`Arc`]. Extinction is nowhere above its: where it shows nothing, neither does this.
+    pub fn projection(&self) -> &Arc<NodeTable> {
+        &self.projection
     }
+}
+
+/// The largest extinctions at each scalar node.
+fn projection(scalars: &[f64], values: &[[f32; 4]]) -> NodeTable {
+    let most = |i: usize| {
+        let column = values.iter().skip(i).step_by(scalars.len());
+        let [r, g, b, tau] =
+            column.fold([0.0; 4], |most: [f32; 4], value| if value[3] > most[3] { *value } else { most });
+        Node { scalar: scalars[i], rgb: [r, g, b].map(f64::from), tau: f64::from(tau) }
+    };
+    NodeTable { nodes: (0..scalars.len()).map(most).collect() }
 }
 
 /// At most `most` places may be equal.

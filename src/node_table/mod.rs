@@ -1,12 +1,14 @@
 //! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`JointTable`] if it is of more than
-//! the scalar.
+//! the scalar; [`TransferTable`]: one of both.
 
 mod joint;
 mod thinned;
+mod transfer_table;
 
 pub use joint::{JointAxis, JointTable, JointTableError};
 use serde::{Deserialize, Serialize};
 pub use thinned::THINNED_TOLERANCE;
+pub use transfer_table::TransferTable;
 
 /// One node of a [`NodeTable`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -206,16 +206,17 @@ mod tests {
             |r| r.size_px.0 += 1,
             |r| r.mode = crate::pipeline::RenderMode::Reference,
             |r| {
-                let mut nodes = r.table.nodes().to_vec();
+                let mut nodes = r.table.over_scalars().nodes().to_vec();
                 nodes[1].tau = 2.0;
-                r.table = Arc::new(NodeTable::new(nodes).unwrap());
+                r.table = Arc::new(NodeTable::new(nodes).unwrap()).into();
             },
         ];
         for change in others {
             let mut cache = FrameCache::new(u64::MAX);
             assert!(cache.get(&series, &request(0)).is_none());
             cache.put(&series, &request(0), &pool.share(Frame::default()));
-            let same = FrameRequest { table: Arc::new((*request(0).table).clone()), ..request(0) };
+            let same =
+                FrameRequest { table: Arc::new((**request(0).table.over_scalars()).clone()).into(), ..request(0) };
             assert!(cache.get(&series, &same).is_some(), "an equal table elsewhere is the same");
             let mut other = request(0);
             change(&mut other);

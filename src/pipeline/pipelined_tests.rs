@@ -31,7 +31,7 @@ fn requests(series: &Series) -> Vec<FrameRequest> {
             let request = FrameRequest::new(time, camera, tables[0].clone(), (24, 17));
             requests.push(request.clone());
             requests.push(FrameRequest { camera: camera.orbit(70.0, 20.0).unwrap(), ..request.clone() });
-            requests.push(FrameRequest { table: tables[1].clone(), size_px: (33, 20), ..request });
+            requests.push(FrameRequest { table: tables[1].clone().into(), size_px: (33, 20), ..request });
         }
     }
     let judge = FrameRequest { mode: RenderMode::Reference, ..requests[0].clone() };

@@ -115,7 +115,7 @@ impl Order {
             RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
             _ => None,
         };
-        let grid = match &request.grid {
+        let grid = match request.table.joint() {
             None => None,
             Some(table) => {
                 let scene = series.joint_scene(table, &scalars, &mut self.gradients, cancel)?;
@@ -130,7 +130,7 @@ impl Order {
             finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             active,
             view,
-            table: request.table.clone(),
+            table: request.table.over_scalars().clone(),
             // A grid is integrated exactly: nothing is to be prepared for other optics.
             optics: if grid.is_some() { OpticsKind::Exact } else { request.optics },
             formula: request.formula.clone().filter(|_| grid.is_none()),
@@ -220,17 +220,17 @@ impl Clear {
             OpticsKind::Exact | OpticsKind::Partial => None,
             OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
         };
-        let is_same = |(table, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| {
-            Arc::ptr_eq(table, &request.table) && *sampled == samples
-        };
+        let table = request.table.over_scalars();
+        let is_same =
+            |(last, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| Arc::ptr_eq(last, table) && *sampled == samples;
         if let Some((.., clear)) = self.last.as_ref().filter(is_same) {
             return clear.clone();
         }
         let clear = Arc::new(match samples {
-            None => ClearIntervals::of(&request.table),
-            Some(samples) => ClearIntervals::of_sampled(&request.table, samples),
+            None => ClearIntervals::of(table),
+            Some(samples) => ClearIntervals::of_sampled(table, samples),
         });
-        self.last = Some((request.table.clone(), samples, clear.clone()));
+        self.last = Some((table.clone(), samples, clear.clone()));
         clear
     }
 }

@@ -3,7 +3,7 @@
 use super::{Backend, FrameTime, Sampling};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
-use crate::node_table::{JointTable, NodeTable};
+use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::render::{KBuffer, RenderError};
 use crate::transfer::TransferSource;
@@ -80,13 +80,8 @@ pub struct FrameRequest {
     pub time: FrameTime,
     /// Where from.
     pub camera: Camera,
-    /// Transfer function over the field's scalars.
-    #[serde(serialize_with = "serialize_table")]
-    pub table: Arc<NodeTable>,
-    /// The transfer function, if it is also over coefficients of variation (rows) or magnitudes of gradients (layers); `table` is then
-    /// its [projection](JointTable::projection), and segments are integrated exactly, whatever the optics.
-    #[serde(serialize_with = "serialize_joint")]
-    pub grid: Option<Arc<JointTable>>,
+    /// Transfer function.
+    pub table: TransferTable,
     /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
     #[serde(serialize_with = "serialize_source")]
     pub formula: Option<Arc<TransferSource>>,
@@ -113,13 +108,17 @@ impl FrameRequest {
     /// A frame with everything else as by default: the fastest accurate mode, exact optics.
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
-    pub fn new(time: impl Into<FrameTime>, camera: Camera, table: Arc<NodeTable>, size_px: (usize, usize)) -> Self {
-        let (grid, formula, mode, faces, optics, backend, for_window, skip) = Default::default();
+    pub fn new(
+        time: impl Into<FrameTime>,
+        camera: Camera,
+        table: impl Into<TransferTable>,
+        size_px: (usize, usize),
+    ) -> Self {
+        let (formula, mode, faces, optics, backend, for_window, skip) = Default::default();
         Self {
             time: time.into(),
             camera,
-            table,
-            grid,
+            table: table.into(),
             formula,
             size_px,
             mode,
@@ -129,12 +128,6 @@ impl FrameRequest {
             for_window,
             skip,
         }
-    }
-
-    /// The frame with a transfer function of more than the scalar.
-    #[must_use]
-    pub fn with_joint_table(self, grid: Arc<JointTable>) -> Self {
-        Self { table: Arc::new(grid.projection()), grid: Some(grid), ..self }
     }
 
     /// The renderer that draws it: what [`RenderMode::Auto`] comes to, else [`Self::mode`].
@@ -148,30 +141,14 @@ impl FrameRequest {
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        // By address first: tables are long, and mostly the same one.
-        let same_table = match (&self.grid, &other.grid) {
-            (None, None) => Arc::ptr_eq(&self.table, &other.table) || self.table == other.table,
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b) || a == b,
-            _ => false,
-        };
         let is_judge = self.mode == RenderMode::Reference;
-        let same_table = same_table && (!is_judge || self.formula == other.formula);
+        let same_table = self.table == other.table && (!is_judge || self.formula == other.formula);
         let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window, r.skip);
         same_table && rest(self) == rest(other)
     }
 }
 
-/// What the table is, not where.
-fn serialize_table<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
-    NodeTable::serialize(table, serializer)
-}
-
-/// Likewise.
-fn serialize_joint<S: Serializer>(grid: &Option<Arc<JointTable>>, serializer: S) -> Result<S::Ok, S::Error> {
-    grid.as_deref().serialize(serializer)
-}
-
-/// Likewise.
+/// What the source is, not where.
 fn serialize_source<S: Serializer>(source: &Option<Arc<TransferSource>>, serializer: S) -> Result<S::Ok, S::Error> {
     source.as_deref().serialize(serializer)
 }

@@ -4,7 +4,7 @@ use super::{Project, ProjectError};
 use crate::camera::Camera;
 use crate::histograms::{Histogram, Kind};
 use crate::moments::Distribution;
-use crate::node_table::{JointTable, NodeTable};
+use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::{FrameTime, Series};
 use crate::task::Cancel;
@@ -18,10 +18,8 @@ use std::sync::Arc;
 /// What a project shows at a moment; `None`: it does not say.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// Colours and extinctions over the scalar.
-    pub table: Option<Arc<NodeTable>>,
-    /// The same over other quantities, too, if a member keeps its axes; `table` is then its projection.
-    pub grid: Option<Arc<JointTable>>,
+    /// Colours and extinctions over the scalar, or over other quantities, too, if a member keeps its axes.
+    pub table: Option<TransferTable>,
     /// What the table was made from, unless members are of more than the scalar.
     pub formula: Option<Arc<TransferSource>>,
     /// Where from.
@@ -46,8 +44,7 @@ pub struct Animation {
 /// What a frame gets of ensembles.
 #[derive(Clone)]
 struct Tables {
-    table: Arc<NodeTable>,
-    grid: Option<Arc<JointTable>>,
+    table: TransferTable,
     formula: Option<Arc<TransferSource>>,
 }
 
@@ -108,11 +105,11 @@ impl Animation {
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
-        let (table, grid, formula) = match self.tables(moment, at, cancel)? {
-            Some(Tables { table, grid, formula }) => (Some(table), grid, formula),
-            None => (None, None, None),
+        let (table, formula) = match self.tables(moment, at, cancel)? {
+            Some(Tables { table, formula }) => (Some(table), formula),
+            None => (None, None),
         };
-        Ok(Moment { table, grid, formula, camera, lod, optics })
+        Ok(Moment { table, formula, camera, lod, optics })
     }
 
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {
@@ -170,11 +167,11 @@ impl Animation {
                 let content = TransferContent::Ensembles(Box::new(blended));
                 Arc::new(TransferSource { content, kind: self.kind, lengths: self.lengths })
             });
-            return Ok(Tables { table: Arc::new(table), grid: None, formula });
+            return Ok(Tables { table: Arc::new(table).into(), formula });
         }
         let ensembles: Vec<&Ensemble> = shown.ensembles().collect();
-        let grid = joint_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
-        Ok(Tables { table: Arc::new(grid.projection()), grid: Some(Arc::new(grid)), formula: None })
+        let table = joint_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
+        Ok(Tables { table: Arc::new(table).into(), formula: None })
     }
 
     /// Which ensembles a moment shows; `None` if the project has none.

@@ -17,7 +17,7 @@ fn project(timeline: &str) -> Project {
 }
 
 /// The tables at these times.
-fn tables(timeline: &str, times: &[f64]) -> Vec<Arc<NodeTable>> {
+fn tables(timeline: &str, times: &[f64]) -> Vec<TransferTable> {
     let mut animation =
         Animation::new(Arc::new(project(timeline)), jet(), OpacityKind::Alpha, Lengths::of_unit_distance(0.5));
     times.iter().map(|&at| animation.at(0.into(), at, &Cancel::new()).unwrap().table.unwrap()).collect()
@@ -40,9 +40,9 @@ fn a_track_of_range_maps_without_keys_leaves_the_members_own() {
 
 #[test]
 fn extinctions_fade_to_nothing_and_back() {
-    let extinction = |table: &NodeTable| table.eval(1e9).tau;
+    let extinction = |table: &TransferTable| table.over_scalars().eval(1e9).tau;
     for (names, expected) in [(["depths", "nothing"], [8.0, 6.0, 0.0]), (["nothing", "depths"], [0.0, 2.0, 8.0])] {
-        let taus: Vec<f64> = tables(&keys(names), &[0.0, 0.25, 1.0]).iter().map(|table| extinction(table)).collect();
+        let taus: Vec<f64> = tables(&keys(names), &[0.0, 0.25, 1.0]).iter().map(extinction).collect();
         // Some roundings.
         assert!(std::iter::zip(&taus, expected).all(|(got, tau)| (got - tau).abs() < 1e-12), "{names:?}: {taus:?}");
     }
@@ -51,7 +51,7 @@ fn extinctions_fade_to_nothing_and_back() {
 #[test]
 fn between_two_keys_of_one_ensemble_its_table_stays_the_same_one() {
     let still = tables(&keys(["mapped", "mapped"]), &[0.0, 0.25, 0.75]);
-    assert!(still.iter().all(|table| Arc::ptr_eq(table, &still[0])));
+    assert!(still.iter().all(|table| Arc::ptr_eq(table.over_scalars(), still[0].over_scalars())));
     let changing = tables(&keys(["mapped", "nothing"]), &[0.25, 0.75]);
     assert_ne!(changing[0], changing[1]);
 }

@@ -2,7 +2,7 @@
 
 use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
-use crate::node_table::{Node, NodeTable};
+use crate::node_table::{Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::project::{Moment, Project};
@@ -100,7 +100,7 @@ impl Look {
 const TABLES_KEPT: usize = 4;
 
 /// A table, and what it was made from.
-type Colors = (Arc<NodeTable>, Option<Arc<TransferSource>>);
+type Colors = (TransferTable, Option<Arc<TransferSource>>);
 
 /// Makes requests, and tables only when they change.
 #[derive(Default)]
@@ -162,7 +162,7 @@ impl Requests {
         });
         let (said, (table, formula)) = made.unwrap_or_else(|error| {
             self.problem = Some(format!("field {}: {error}", series.field().name));
-            (Moment::default(), (Arc::new(clear()), None))
+            (Moment::default(), (Arc::new(clear()).into(), None))
         });
         let Look { mode, faces, backend, skip, followed, .. } = *look;
         let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
@@ -171,7 +171,7 @@ impl Requests {
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
         let request = FrameRequest::new(time, camera, table, size);
-        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, grid: said.grid, formula, ..request })
+        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, formula, ..request })
     }
 
     fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {
@@ -184,7 +184,7 @@ impl Requests {
         if let Some((_, colors)) = self.tables.iter().find(|(made, _)| *made == range) {
             return Ok(colors.clone());
         }
-        let colors = (Arc::new(look.table(&range)?), Some(Arc::new(look.source(&range))));
+        let colors = (Arc::new(look.table(&range)?).into(), Some(Arc::new(look.source(&range))));
         if self.tables.len() == TABLES_KEPT {
             self.tables.remove(0);
         }

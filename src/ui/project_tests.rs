@@ -6,7 +6,7 @@ use super::session_tests::{Desk, store};
 use super::worker::tests::wait_for;
 use super::*;
 use crate::ingest::{IngestOptions, ingest};
-use crate::node_table::NodeTable;
+use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::test_series::{logged, without_values};
 use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series};
@@ -83,7 +83,7 @@ fn animation(series: &Arc<Series>, project: &Arc<Project>) -> Animation {
 }
 
 /// The table of one ensemble at all times.
-fn table_of(series: &Arc<Series>, project: &Project, name: &str) -> Arc<NodeTable> {
+fn table_of(series: &Arc<Series>, project: &Project, name: &str) -> TransferTable {
     let mut project = project.clone();
     (project.timeline, project.look.ensemble) = (Default::default(), Some(name.to_owned()));
     at(&mut animation(series, &Arc::new(project)), series, 0.into()).table.unwrap()
@@ -103,7 +103,6 @@ fn go_to(desk: &mut Desk, step: usize) {
 fn said(request: &FrameRequest) -> Moment {
     Moment {
         table: Some(request.table.clone()),
-        grid: request.grid.clone(),
         formula: request.formula.clone(),
         camera: Some(request.camera),
         lod: Some(request.faces.lod),
@@ -168,15 +167,15 @@ fn a_table_that_does_not_change_stays_the_same_one() {
     let series = series();
     let project = project(&(ensembles() + &camera(series.times().values[0], -10.0)));
     let mut desk = open(&series, &project);
-    let first = desk.shown().request.table.clone();
+    let first = desk.shown().request.table.over_scalars().clone();
     for step in [1, 3, 2] {
         go_to(&mut desk, step);
-        assert!(Arc::ptr_eq(&desk.shown().request.table, &first), "step {step}");
+        assert!(Arc::ptr_eq(desk.shown().request.table.over_scalars(), &first), "step {step}");
     }
     desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
     desk.later(1000);
     desk.settle();
-    assert!(Arc::ptr_eq(&desk.shown().request.table, &first), "a camera has no table");
+    assert!(Arc::ptr_eq(desk.shown().request.table.over_scalars(), &first), "a camera has no table");
 }
 
 #[test]
@@ -210,9 +209,9 @@ fn range_maps_of_the_timeline_go_with_an_ensemble_that_was_chosen() {
         + &key(times[3], "{ points = [[0.5, 0.1]] }");
     let mut desk = open(&series, &project(&(ensembles() + &track)));
     press(&mut desk, '2');
-    let first = desk.shown().request.table.clone();
+    let first = desk.shown().request.table.over_scalars().clone();
     go_to(&mut desk, 2);
-    assert_ne!(desk.shown().request.table, first);
+    assert_ne!(*desk.shown().request.table.over_scalars(), first);
 }
 
 #[test]
@@ -230,7 +229,7 @@ fn edited_colours_leave_the_ensembles_until_a_key_returns_to_them() {
         let look = desk.session.look().clone();
         let range = desk.session.shown_range().unwrap();
         let request = desk.shown().request.clone();
-        assert_eq!(*request.table, look.table(&range).unwrap(), "{edit:?}");
+        assert_eq!(**request.table.over_scalars(), look.table(&range).unwrap(), "{edit:?}");
         let mut animation = animation(&series, &project);
         let moment = at(&mut animation, &series, 0.into());
         assert_eq!(
@@ -292,11 +291,11 @@ fn a_project_without_ensembles_has_the_colours_of_the_look() {
     let project = project(&camera(series.times().values[0], -10.0));
     let mut desk = open(&series, &project);
     let table = desk.session.look().table(&desk.session.shown_range().unwrap()).unwrap();
-    assert!(!desk.session.shows_ensembles() && *desk.shown().request.table == table);
+    assert!(!desk.session.shows_ensembles() && **desk.shown().request.table.over_scalars() == table);
     assert_eq!(desk.shown().request.camera.position.x, -10.0);
     press(&mut desk, '1');
     press(&mut desk, '0');
-    assert_eq!(*desk.shown().request.table, table);
+    assert_eq!(**desk.shown().request.table.over_scalars(), table);
 }
 
 #[test]
@@ -335,7 +334,7 @@ fn histograms_that_a_store_does_not_have_are_counted() {
     let desk = open(&without, &on_gradients());
     assert!(desk.session.notices().is_empty(), "{:?}", desk.session.notices());
     let table = table_of(&with, &on_gradients(), "fronts");
-    assert!(desk.shown().request.table == table && table.nodes().iter().any(|node| node.tau > 0.0));
+    assert!(desk.shown().request.table == table && table.over_scalars().nodes().iter().any(|node| node.tau > 0.0));
 }
 
 #[test]

@@ -315,7 +315,8 @@ impl Session {
     /// The scalars that a legend covers, and their colours by positions 0..=1.
     pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
         // Members of ensembles have ranges of their own.
-        let table = self.shown.as_ref().filter(|_| self.shows_ensembles()).map(|shown| &shown.request.table);
+        let table =
+            self.shown.as_ref().filter(|_| self.shows_ensembles()).map(|shown| shown.request.table.over_scalars());
         let series = || mapped_range(self.series(), &RangePolicy::Series, 0.into()).ok();
         let range = if table.is_some() { series() } else { self.shown_range() }?;
         let colors = move |position| match table {

@@ -250,11 +250,11 @@ fn tables_come_to_the_renderer_ready_made_and_are_changed_where_the_transfer_fun
     let temp = tempfile::tempdir().unwrap();
     let (mut pipeline, request) = jet(temp.path());
     let with_node = |at: f64, tau: f64| {
-        let mut nodes = request.table.nodes().to_vec();
+        let mut nodes = request.table.over_scalars().nodes().to_vec();
         let scalar = nodes[0].scalar + at * (nodes[nodes.len() - 1].scalar - nodes[0].scalar);
         let place = nodes.partition_point(|n| n.scalar < scalar);
         nodes[place].tau = tau;
-        Arc::new(tetreel::node_table::NodeTable::new(nodes).unwrap())
+        Arc::new(tetreel::node_table::NodeTable::new(nodes).unwrap()).into()
     };
     let looked_up = FrameRequest { optics: OpticsKind::Table3d, ..request.clone() };
     let mut built = |request: &FrameRequest| {

@@ -58,8 +58,8 @@ fn with(request: &FrameRequest, mode: RenderMode, skip: Skip) -> FrameRequest {
 
 /// The same request with a thousandth more extinction: what comparisons with `RMSE_MAX` have to notice.
 fn thicker(request: &FrameRequest) -> FrameRequest {
-    let nodes = request.table.nodes().iter().map(|n| Node { tau: 1.001 * n.tau, ..*n }).collect();
-    FrameRequest { table: Arc::new(NodeTable::new(nodes).unwrap()), ..request.clone() }
+    let nodes = request.table.over_scalars().nodes().iter().map(|n| Node { tau: 1.001 * n.tau, ..*n }).collect();
+    FrameRequest { table: Arc::new(NodeTable::new(nodes).unwrap()).into(), ..request.clone() }
 }
 
 /// All switches but one, for each of them.

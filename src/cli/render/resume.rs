@@ -55,9 +55,10 @@ impl Fingerprints {
         cancel: &Cancel,
     ) -> anyhow::Result<String> {
         let mut hash = self.common.clone();
-        // A grid would be megabytes of text.
-        hash.update(serde_json::to_vec(&(FrameRequest { grid: None, ..request.clone() }, attributes))?);
-        if let Some(grid) = &request.grid {
+        // A table over more than the scalar would be megabytes of text.
+        let table = request.table.over_scalars().clone().into();
+        hash.update(serde_json::to_vec(&(FrameRequest { table, ..request.clone() }, attributes))?);
+        if let Some(grid) = request.table.joint() {
             hash.update(self.content(grid).to_le_bytes());
             // What its rows are of comes from all steps, also from those that are not shown.
             if grid.rows().len() > 1 {
@@ -129,9 +130,7 @@ mod tests {
             Arc::new(JointTable::new(vec![0.0, 1.0], rows.to_vec(), vec![0.0], values).unwrap())
         };
         let of = |grid: &Arc<JointTable>, series: &Series| {
-            let table = Arc::new(table(&[0.0], 0.5).projection());
-            let request = FrameRequest::new(1, camera, table, (8, 8));
-            let request = FrameRequest { grid: Some(grid.clone()), ..request };
+            let request = FrameRequest::new(1, camera, grid.clone(), (8, 8));
             let attributes = FrameAttributes::default();
             fingerprints.of(&plan.frames[0], &request, &attributes, series, &Cancel::new()).unwrap()
         };

@@ -19,7 +19,7 @@ pub fn with_joint_table(
     vertex: Option<Vec<f32>>,
     cell: Option<Vec<f32>>,
 ) -> RenderJob {
-    let projection = Arc::new(table.projection());
+    let projection = table.projection().clone();
     let scene =
         JointScene { table: Arc::new(table), vertex_values: vertex.map(Arc::new), cell_values: cell.map(Arc::new) };
     RenderJob { table: projection, grid: Some(scene), ..job.clone() }

@@ -133,7 +133,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
         raw.tets.truncate(cells);
         let mesh = Arc::new(build(raw));
         let camera = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
-        let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), table.projection());
+        let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), (**table.projection()).clone());
         let values = Some(Arc::new(vec![1.0; cells]));
         let scene = JointScene { table: table.clone(), vertex_values: None, cell_values: values };
         RenderJob { grid: Some(scene), ..plain }
@@ -332,7 +332,7 @@ fn a_steady_frame_makes_and_sends_nothing_anew() {
     // Another table of the same shape: its values alone.
     let mut grid = job.grid.clone().unwrap();
     grid.table = Arc::new(noisy(&SCALARS, &ROWS, &LAYERS, 77));
-    let other = RenderJob { table: Arc::new(grid.table.projection()), grid: Some(grid), ..job };
+    let other = RenderJob { table: grid.table.projection().clone(), grid: Some(grid), ..job };
     let sent = renderer.render(other.clone()).unwrap().stats.bytes_uploaded;
     assert!(sent > 0 && sent < 16 * 400, "{sent} of {first} bytes");
     assert_within("another table", &renderer.render(other.clone()).unwrap().planes.color, &reference(&other));
