@@ -22,10 +22,6 @@ struct VqStep {
 
 const NONE: u32 = 0xffffffffu;
 
-@group(0) @binding(0) var<uniform> step: VqStep;
-@group(0) @binding(1) var<storage, read> block: array<u32>;
-@group(0) @binding(2) var<storage, read_write> scalars: array<f32>;
-
 fn index_at(list: u32, v: u32) -> u32 {
     let bits = 32u >> step.per_word_log2;
     let place = v & ((1u << step.per_word_log2) - 1u);

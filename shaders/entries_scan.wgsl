@@ -1,8 +1,5 @@
 // Entries, second part: from the number of items of each tile to the place of its first; the sum goes behind the last.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(6) var<storage, read_write> bins: array<u32>;
-
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, THREADS>;
 

@@ -1,14 +1,6 @@
 // Entries, third part: the items of each tile, with their boxes in it. Afterwards bins[t] is where the items of tile t end.
 // Their order within a tile depends on the scheduling of threads; the walk sorts what it finds.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> vertices: array<ViewVertex>;
-@group(0) @binding(2) var<storage, read> records_0: array<vec4<u32>>;
-@group(0) @binding(3) var<storage, read> records_1: array<vec4<u32>>;
-@group(0) @binding(4) var<storage, read> records_2: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read> items: array<u32>;
-@group(0) @binding(6) var<storage, read_write> bins: array<atomic<u32>>;
-
 @compute @workgroup_size(64)
 fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let item = id.x + id.y * groups.x * 64u;

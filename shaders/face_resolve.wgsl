@@ -9,12 +9,6 @@
 // A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie. Those of deep pixels have been sorted
 // (face_sort.wgsl).
 
-@group(0) @binding(5) var<storage, read> active_cells: array<u32>;
-@group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> counters: array<u32>;
-@group(0) @binding(8) var color_plane: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(9) var depth_plane: texture_storage_2d<r32float, write>;
-
 // Counters of a tile, in the order of walk.wgsl.
 const SEGMENTS: u32 = 1u;
 const RAYS_HIT: u32 = 3u;

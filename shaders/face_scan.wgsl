@@ -1,10 +1,6 @@
 // Face scan: from the number of fragments of each pixel to the place of its first in its tile; a workgroup is a tile. The
 // host sums up the tiles and decides how many of them are done at a time, and whether some are to be sorted first.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> face_params: FaceParams;
-@group(0) @binding(2) var<storage, read_write> lists: array<u32>;
-
 var<workgroup> sums: array<u32, TILE_PIXELS>;
 var<workgroup> deepest: atomic<u32>;
 

@@ -1,9 +1,6 @@
 // The colours of a frame as a window samples them: its accumulators in half precision, still premultiplied, so that any
 // background can be put behind them. 11 bits count, three more than a screen shows.
 
-@group(0) @binding(0) var color: texture_2d<f32>;
-@group(0) @binding(1) var screen: texture_storage_2d<rgba16float, write>;
-
 @compute @workgroup_size(8, 8)
 fn present(@builtin(global_invocation_id) at: vec3<u32>) {
     if all(at.xy < textureDimensions(color)) {

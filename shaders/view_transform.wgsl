@@ -3,11 +3,6 @@
 // The CPU works in f64. Here coordinates are unevaluated sums of two f32: the eye is subtracted without error, products of
 // 12-bit parts are exact, and their sums keep their rounding errors. What is left is 2^-44 of the distance to the eye.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> positions: array<f32>;
-@group(0) @binding(2) var<storage, read> scalars: array<f32>;
-@group(0) @binding(3) var<storage, read_write> vertices: array<ViewVertex>;
-
 fn add(sum: vec2<f32>, term: f32) -> vec2<f32> {
     let next = two_sum(sum.x, term);
     return vec2(next.x, sum.y + next.y);

@@ -5,18 +5,6 @@
 // for the nearest STARTS that come after the last one taken, and looks again when these are used up. Lists of any length
 // cost time but no memory, and nothing is dropped.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> vertices: array<ViewVertex>;
-@group(0) @binding(2) var<storage, read> records_0: array<vec4<u32>>;
-@group(0) @binding(3) var<storage, read> records_1: array<vec4<u32>>;
-@group(0) @binding(4) var<storage, read> records_2: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read> active_cells: array<u32>;
-@group(0) @binding(6) var<storage, read> bins: array<u32>;
-@group(0) @binding(7) var<storage, read> table: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> counters: array<u32>;
-@group(0) @binding(9) var color_plane: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(10) var depth_plane: texture_storage_2d<r32float, write>;
-
 // Counters of a tile, in this order.
 const STEPS: u32 = 0u;
 const SEGMENTS: u32 = 1u;

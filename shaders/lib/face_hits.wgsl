@@ -9,15 +9,6 @@
 //
 // (h: depth in perspective, 1 in parallel projection).
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> face_params: FaceParams;
-@group(0) @binding(2) var<storage, read_write> lists: array<atomic<u32>>;
-@group(0) @binding(3) var<storage, read> vertices: array<ViewVertex>;
-@group(0) @binding(4) var<storage, read> drawn: array<u32>;
-@group(0) @binding(5) var<storage, read> faces_0: array<u32>;
-@group(0) @binding(6) var<storage, read> faces_1: array<u32>;
-@group(0) @binding(7) var<storage, read> faces_2: array<u32>;
-
 struct Face {
     ids: vec3<u32>,
     // The cells in front of it and behind it, for a ray that sees its corners counter-clockwise.

@@ -1,11 +1,5 @@
 // Fragments where they lie, for the stages that come after they have been stored.
 
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> face_params: FaceParams;
-@group(0) @binding(2) var<storage, read> lists: array<u32>;
-@group(0) @binding(3) var<storage, read_write> fragments_0: array<vec2<u32>>;
-@group(0) @binding(4) var<storage, read_write> fragments_1: array<vec2<u32>>;
-
 // As it is stored.
 struct Stored {
     depth: vec2<u32>,

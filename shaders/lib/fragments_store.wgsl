@@ -1,8 +1,5 @@
 // Fragments are stored, each behind those that its pixel has so far: in any order, which the resolve stage puts right.
 
-@group(0) @binding(8) var<storage, read_write> fragments_0: array<vec2<u32>>;
-@group(0) @binding(9) var<storage, read_write> fragments_1: array<vec2<u32>>;
-
 const NEEDS_PLACES: bool = true;
 
 fn count_fragment(tile: u32, local: u32) {}

@@ -1,6 +1,6 @@
 // The pre-integrated table: segments are looked up by the scalars at their ends and their length. CPU twin:
 // optics/table3d.rs, where the table is described. Takes the place of optics_exact.wgsl: same functions, same `optics`.
-// In `table` the length varies fastest, then s0, then s1. The composition declares `table3d`, its parameters.
+// In `table` the length varies fastest, then s0, then s1; `table3d` are its parameters.
 
 struct Table3dParams {
     // Entries of scalars below and above the range.

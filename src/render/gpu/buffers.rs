@@ -4,6 +4,7 @@ use super::context::Context;
 use super::decode::BlockDecoder;
 use super::joint::VertexValues;
 use super::layout::VIEW_VERTEX_BYTES;
+use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
 use crate::render::{RenderError, RenderJob};
 use std::sync::{Arc, Weak};
@@ -11,26 +12,33 @@ use std::sync::{Arc, Weak};
 /// A buffer that grows: it is made anew only when it is too small.
 #[derive(Debug)]
 pub(super) struct GrowingBuffer {
+    /// What stages find it as.
+    resource: Option<Resource>,
     label: &'static str,
     usage: wgpu::BufferUsages,
     buffer: Option<wgpu::Buffer>,
 }
 
 impl GrowingBuffer {
-    /// An empty one, for storage and copies in both directions.
-    pub(super) fn storage(label: &'static str) -> Self {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        Self { label, usage, buffer: None }
-    }
-
-    /// An empty one for parameters.
-    pub(super) fn uniform(label: &'static str) -> Self {
-        Self { label, usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST, buffer: None }
+    /// An empty one that stages bind as `resource`; storage for copies in both directions, too.
+    pub(super) fn new(resource: Resource) -> Self {
+        let usage = match resource.kind() {
+            Kind::Uniform(_) => wgpu::BufferUsages::UNIFORM,
+            _ => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        };
+        let usage = usage | wgpu::BufferUsages::COPY_DST;
+        Self { resource: Some(resource), label: resource.label(), usage, buffer: None }
     }
 
     /// An empty one to be read by the CPU.
     pub(super) fn readback(label: &'static str) -> Self {
-        Self { label, usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST, buffer: None }
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        Self { resource: None, label, usage, buffer: None }
+    }
+
+    /// What stages find it as, if they bind it.
+    pub(super) fn resource(&self) -> Option<Resource> {
+        self.resource
     }
 
     /// Room for `bytes`; whether it had to be made for that. What was in it is then gone.
@@ -93,11 +101,16 @@ impl VertexBuffers {
     pub(super) fn new() -> Self {
         Self {
             of: None,
-            positions: GrowingBuffer::storage("positions"),
-            scalars: GrowingBuffer::storage("scalars"),
-            vertices: GrowingBuffer::storage("view vertices"),
+            positions: GrowingBuffer::new(Resource::Positions),
+            scalars: GrowingBuffer::new(Resource::Scalars),
+            vertices: GrowingBuffer::new(Resource::Vertices),
             values: None,
         }
+    }
+
+    /// All of them.
+    pub(super) fn buffers(&self) -> [&GrowingBuffer; 3] {
+        [&self.positions, &self.scalars, &self.vertices]
     }
 
     /// Brings the vertices of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.

@@ -3,7 +3,9 @@
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::VqStep;
-use super::pipelines::Decode;
+use super::pipelines::{NO_RECORDS, Pipelines};
+use super::resources::Resource;
+use super::shaders::Stage;
 use super::slices::dispatch;
 use crate::codec::vq::{GROUPS, Indices, group_of_step};
 use crate::render::{CompressedStep, RenderError};
@@ -18,9 +20,9 @@ pub(super) struct BlockDecoder {
     is_pending: bool,
     block: GrowingBuffer,
     params: GrowingBuffer,
-    decode: Option<Decode>,
-    /// What it binds, and the buffer of scalars in it.
-    group: Option<(wgpu::BindGroup, wgpu::Buffer)>,
+    pipelines: Pipelines,
+    /// The buffer of scalars that is bound.
+    scalars: Option<wgpu::Buffer>,
     places: VqStep,
 }
 
@@ -34,10 +36,10 @@ impl BlockDecoder {
         Self {
             step: None,
             is_pending: false,
-            block: GrowingBuffer::storage("compressed block"),
-            params: GrowingBuffer::uniform("parameters of the step"),
-            decode: None,
-            group: None,
+            block: GrowingBuffer::new(Resource::Block),
+            params: GrowingBuffer::new(Resource::VqStep),
+            pipelines: Pipelines::new(),
+            scalars: None,
             places: VqStep::default(),
         }
     }
@@ -65,30 +67,24 @@ impl BlockDecoder {
         if bytes > context.binding_bytes() {
             return Ok(None);
         }
-        if self.decode.is_none() {
-            self.decode = Some(Decode::new(context)?);
-        }
+        self.pipelines.prepare(context, NO_RECORDS, [Stage::DecodeVq])?;
         let is_there = self.step.as_ref().is_some_and(|there| Arc::ptr_eq(&there.block, &step.block));
-        let scalars = scalars.get(context)?;
-        // A group with a buffer that is made anew is dropped at once: what fails on the way must not leave it behind.
-        self.group.take_if(|(_, bound)| bound != scalars);
-        if self.params.reserve(context, size_of::<VqStep>() as u64)? {
-            self.group = None;
+        // What is made anew is unbound at once: what fails on the way must not leave the old one bound.
+        let is_bound = self.scalars.as_ref() == Some(scalars.get(context)?);
+        if self.params.reserve(context, size_of::<VqStep>() as u64)? || !is_bound {
+            self.pipelines.unbind();
         }
         let mut sent = 0;
         if !is_there {
             self.step = None;
             if self.block.reserve(context, bytes)? {
-                self.group = None;
+                self.pipelines.unbind();
             }
             sent += self.send_block(context, step, &places)?;
         }
         sent += self.params.write(context, 0, bytes_of(&places))?;
-        if let (None, Some(decode)) = (&self.group, &self.decode) {
-            let buffers = [self.params.get(context)?, self.block.get(context)?, scalars];
-            let group = decode.group(context, &buffers.map(wgpu::Buffer::as_entire_binding));
-            self.group = Some((group, scalars.clone()));
-        }
+        self.pipelines.bind(context, &[&self.params, &self.block, scalars], &[])?;
+        self.scalars = Some(scalars.get(context)?.clone());
         (self.step, self.places, self.is_pending) = (Some(step.clone()), places, true);
         Ok(Some(sent))
     }
@@ -127,12 +123,10 @@ impl BlockDecoder {
     }
 
     /// Appends the decoding to what the frame does.
-    pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
-        if let (Some(decode), Some((group, _))) = (&self.decode, &self.group) {
-            pass.set_bind_group(0, group, &[]);
-            pass.set_pipeline(&decode.pipeline);
-            dispatch(pass, self.places.vertex_count.div_ceil(256));
-        }
+    pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
+        self.pipelines.set(context, Stage::DecodeVq, pass)?;
+        dispatch(pass, self.places.vertex_count.div_ceil(256));
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! Frames that stay on the GPU of a window.
 
 use super::context::Context;
+use super::resources::Resource;
 use std::sync::Arc;
 
 /// A frame on the GPU of a window, in [`FrameTexture::FORMAT`]: premultiplied accumulators, row 0 on top.
@@ -21,7 +22,7 @@ impl FrameTexture {
         (width, height): (usize, usize),
     ) -> Result<Self, crate::render::RenderError> {
         let descriptor = wgpu::TextureDescriptor {
-            label: Some("frame for the window"),
+            label: Some(Resource::Screen.label()),
             size: wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,

@@ -1,9 +1,10 @@
 //! Renderers on the GPU.
 //!
-//! The stages are those of the CPU path, in WGSL (`shaders/`, one file a stage), over the same buffers. [`layout`] and
-//! [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
+//! The stages are those of the CPU path, in WGSL (`shaders/`, one file a stage), over the same buffers. [`layout`], [`resources`]
+//! and [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
 
 pub mod layout;
+pub mod resources;
 pub mod shaders;
 
 #[cfg(test)]

@@ -1,170 +1,196 @@
-//! Shaders and bind group layouts that several renderers use, and what they are made with.
+//! Stages, compiled and bound: what they are made with and what they bind comes from their descriptions
+//! ([`Stage::bindings`]).
 
-use super::FrameTexture;
+use super::buffers::GrowingBuffer;
 use super::context::Context;
+use super::resources::{Binding, Kind, Resource, Texel};
 use super::shaders::{RecordSplit, Stage};
 use crate::render::RenderError;
 
 /// Of shaders that read no records of cells.
 pub(super) const NO_RECORDS: RecordSplit = RecordSplit { parts: 1, shift: 0 };
 
-/// The view transform: parameters, positions, scalars, view vertices.
-pub(super) struct Transform {
+/// A stage, compiled.
+pub(super) struct Pipeline {
+    stage: Stage,
     layout: wgpu::BindGroupLayout,
-    pub(super) pipeline: wgpu::ComputePipeline,
+    compute: wgpu::ComputePipeline,
 }
 
-impl Transform {
+impl Pipeline {
     /// Compiles the shader.
-    pub(super) fn new(context: &Context) -> Result<Self, RenderError> {
+    pub(super) fn new(context: &Context, stage: Stage, split: RecordSplit) -> Result<Self, RenderError> {
         context.create(|device| {
-            let layout = bind_group_layout(device, "transform", &[UNIFORM, READ, READ, WRITE]);
-            let pipeline = pipeline(device, Stage::ViewTransform, NO_RECORDS, &layout);
-            Self { layout, pipeline }
+            let layout = bind_group_layout(device, stage);
+            Self { stage, compute: compute_pipeline(device, stage, split, &layout), layout }
         })
     }
 
-    /// A group of what it binds.
-    pub(super) fn group(&self, context: &Context, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
-        bind_group(context, "transform", &self.layout, resources)
+    /// A group of what it binds, which is among these.
+    ///
+    /// # Errors
+    /// `BeyondGpu` if something is not, or has not been made.
+    pub(super) fn group(
+        &self,
+        context: &Context,
+        buffers: &[&GrowingBuffer],
+        views: &[(Resource, &wgpu::TextureView)],
+    ) -> Result<wgpu::BindGroup, RenderError> {
+        let find = |resource: Resource| {
+            if let Some(buffer) = buffers.iter().find(|buffer| buffer.resource() == Some(resource)) {
+                return Ok(buffer.get(context)?.as_entire_binding());
+            }
+            let view = views.iter().find(|(of, _)| *of == resource);
+            let missing = || context.beyond(format!("{} lacks {}", self.stage.name(), resource.name()));
+            view.map(|(_, view)| wgpu::BindingResource::TextureView(view)).ok_or_else(missing)
+        };
+        let entry = |(number, binding): (u32, Binding)| {
+            find(binding.resource()).map(|resource| wgpu::BindGroupEntry { binding: number, resource })
+        };
+        let entries = (0..).zip(self.stage.bindings()).map(entry).collect::<Result<Vec<_>, _>>()?;
+        context.count_created(1);
+        let (label, layout) = (Some(self.stage.name()), &self.layout);
+        Ok(context.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries }))
+    }
+
+    /// Has a pass go on with it, on the resources of `group`.
+    pub(super) fn set(&self, group: &wgpu::BindGroup, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.compute);
+        pass.set_bind_group(0, group, &[]);
     }
 }
 
-/// The decoder of codec `vq`: parameters, block, scalars.
-pub(super) struct Decode {
-    layout: wgpu::BindGroupLayout,
-    pub(super) pipeline: wgpu::ComputePipeline,
+/// The stages of a renderer that there has been a need for so far, and what they bind.
+pub(super) struct Pipelines {
+    split: RecordSplit,
+    made: Vec<(Pipeline, Option<wgpu::BindGroup>)>,
 }
 
-impl Decode {
-    /// Compiles the shader.
-    pub(super) fn new(context: &Context) -> Result<Self, RenderError> {
-        context.create(|device| {
-            let layout = bind_group_layout(device, "decode", &[UNIFORM, READ, WRITE]);
-            let pipeline = pipeline(device, Stage::DecodeVq, NO_RECORDS, &layout);
-            Self { layout, pipeline }
-        })
+impl Pipelines {
+    /// None yet.
+    pub(super) fn new() -> Self {
+        Self { split: NO_RECORDS, made: Vec::new() }
     }
 
-    /// A group of what it binds.
-    pub(super) fn group(&self, context: &Context, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
-        bind_group(context, "decode", &self.layout, resources)
-    }
-}
-
-/// What brings finished colours to the texture that a window samples.
-pub(super) struct Present {
-    layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::ComputePipeline,
-}
-
-impl Present {
-    /// Compiles the shader.
-    pub(super) fn new(context: &Context) -> Result<Self, RenderError> {
-        context.create(|device| {
-            let layout = bind_group_layout(device, "present", &[SAMPLED, plane(FrameTexture::FORMAT)]);
-            let pipeline = pipeline(device, Stage::Present, NO_RECORDS, &layout);
-            Self { layout, pipeline }
-        })
-    }
-
-    /// Submits the copy of `color` to `frame`, which is as large.
-    pub(super) fn submit(&self, context: &Context, color: &wgpu::Texture, frame: &mut FrameTexture) {
-        if frame.source.as_ref().is_none_or(|(source, _)| source != color) {
-            let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-            let (from, to) = (view(color), view(frame.texture()));
-            let views = [wgpu::BindingResource::TextureView(&from), wgpu::BindingResource::TextureView(&to)];
-            frame.source = Some((color.clone(), bind_group(context, "present", &self.layout, &views)));
+    /// Compiles stages, for records that are split so, unless that has been done.
+    pub(super) fn prepare(
+        &mut self,
+        context: &Context,
+        split: RecordSplit,
+        stages: impl IntoIterator<Item = Stage>,
+    ) -> Result<(), RenderError> {
+        if self.split != split {
+            (self.split, self.made) = (split, Vec::new());
         }
-        let Some((_, group)) = &frame.source else { return };
-        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(color.width().div_ceil(8), color.height().div_ceil(8), 1);
+        for stage in stages {
+            if !self.made.iter().any(|(pipeline, _)| pipeline.stage == stage) {
+                self.made.push((Pipeline::new(context, stage, split)?, None));
+            }
         }
-        context.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Forgets what is bound: some of it has been made anew.
+    pub(super) fn unbind(&mut self) {
+        self.made.iter_mut().for_each(|(_, group)| *group = None);
+    }
+
+    /// Binds what the stages name, which is among these, wherever nothing is bound.
+    ///
+    /// # Errors
+    /// `BeyondGpu` if something is not, or has not been made.
+    pub(super) fn bind(
+        &mut self,
+        context: &Context,
+        buffers: &[&GrowingBuffer],
+        views: &[(Resource, &wgpu::TextureView)],
+    ) -> Result<(), RenderError> {
+        for (pipeline, group) in &mut self.made {
+            if group.is_none() {
+                *group = Some(pipeline.group(context, buffers, views)?);
+            }
+        }
+        context.check()
+    }
+
+    /// Has a pass go on with a stage.
+    ///
+    /// # Errors
+    /// `BeyondGpu` if it has not been prepared and bound.
+    pub(super) fn set(
+        &self,
+        context: &Context,
+        stage: Stage,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        let found = self.made.iter().find(|(pipeline, _)| pipeline.stage == stage);
+        let Some((pipeline, Some(group))) = found else {
+            return Err(context.beyond(format!("{} has not been prepared", stage.name())));
+        };
+        pipeline.set(group, pass);
+        Ok(())
     }
 }
 
-/// Binds resources in the order of their numbers.
-pub(super) fn bind_group(
-    context: &Context,
-    label: &str,
-    layout: &wgpu::BindGroupLayout,
-    resources: &[wgpu::BindingResource<'_>],
-) -> wgpu::BindGroup {
-    let numbered = (0..).zip(resources);
-    let entries: Vec<_> = numbered.map(|(binding, r)| wgpu::BindGroupEntry { binding, resource: r.clone() }).collect();
-    context.count_created(1);
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
-}
-
-/// Parameters.
-pub(super) const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
-/// Storage that is read.
-pub(super) const READ: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
-/// Storage that is written.
-pub(super) const WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });
-
-const SAMPLED: wgpu::BindingType = wgpu::BindingType::Texture {
-    sample_type: wgpu::TextureSampleType::Float { filterable: false },
-    view_dimension: wgpu::TextureViewDimension::D2,
-    multisampled: false,
-};
-
-const fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
-    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
-}
-
-/// A plane of the image, to be written.
-pub(super) fn plane(format: wgpu::TextureFormat) -> wgpu::BindingType {
-    wgpu::BindingType::StorageTexture {
-        access: wgpu::StorageTextureAccess::WriteOnly,
-        format,
-        view_dimension: wgpu::TextureViewDimension::D2,
+/// What a texture of such pixels is made of.
+fn format(texel: Texel) -> wgpu::TextureFormat {
+    match texel {
+        Texel::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
+        Texel::R32Float => wgpu::TextureFormat::R32Float,
+        Texel::Rgba16Float => wgpu::TextureFormat::Rgba16Float,
     }
 }
 
-/// A layout whose bindings are numbered in order.
-pub(super) fn bind_group_layout(
-    device: &wgpu::Device,
-    label: &str,
-    types: &[wgpu::BindingType],
-) -> wgpu::BindGroupLayout {
-    let entry = |(binding, &ty): (u32, &wgpu::BindingType)| wgpu::BindGroupLayoutEntry {
-        binding,
+fn binding_type(binding: Binding) -> wgpu::BindingType {
+    let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let view_dimension = wgpu::TextureViewDimension::D2;
+    match binding.resource().kind() {
+        Kind::Uniform(_) => buffer(wgpu::BufferBindingType::Uniform),
+        Kind::Storage(_) => buffer(wgpu::BufferBindingType::Storage { read_only: matches!(binding, Binding::Read(_)) }),
+        Kind::Texture => wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+            view_dimension,
+            multisampled: false,
+        },
+        Kind::Plane(texel) => wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: format(texel),
+            view_dimension,
+        },
+    }
+}
+
+fn bind_group_layout(device: &wgpu::Device, stage: Stage) -> wgpu::BindGroupLayout {
+    let entry = |(number, binding): (u32, Binding)| wgpu::BindGroupLayoutEntry {
+        binding: number,
         visibility: wgpu::ShaderStages::COMPUTE,
-        ty,
+        ty: binding_type(binding),
         count: None,
     };
-    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+    let entries: Vec<_> = (0..).zip(stage.bindings()).map(entry).collect();
+    let label = Some(stage.name());
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries })
 }
 
-/// The pipeline of a stage.
-pub(super) fn pipeline(
+fn compute_pipeline(
     device: &wgpu::Device,
     stage: Stage,
     split: RecordSplit,
     layout: &wgpu::BindGroupLayout,
 ) -> wgpu::ComputePipeline {
-    let name = stage.name();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(name),
-        source: wgpu::ShaderSource::Wgsl(stage.source(split).into()),
-    });
+    let label = Some(stage.name());
+    let source = wgpu::ShaderSource::Wgsl(stage.source(split).into());
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(name),
+        label,
         bind_group_layouts: &[Some(layout)],
         immediate_size: 0,
     });
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(name),
+        label,
         layout: Some(&layout),
         module: &module,
-        entry_point: Some(name),
+        entry_point: label,
         compilation_options: wgpu::PipelineCompilationOptions::default(),
         cache: None,
     })

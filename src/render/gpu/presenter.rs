@@ -2,14 +2,16 @@
 
 use super::FrameTexture;
 use super::context::Context;
-use super::pipelines::Present;
+use super::pipelines::{NO_RECORDS, Pipeline};
+use super::resources::Resource;
+use super::shaders::Stage;
 use crate::render::{Frame, RenderError, RenderJob};
 use std::sync::Arc;
 
 /// Brings finished frames to the texture that their window samples.
 pub(super) struct Presenter {
     /// Made for the first frame of a window.
-    present: Option<Present>,
+    present: Option<Pipeline>,
 }
 
 impl Presenter {
@@ -33,7 +35,7 @@ impl Presenter {
         }
         frame.clear(0, 0);
         if self.present.is_none() {
-            self.present = Some(Present::new(context)?);
+            self.present = Some(Pipeline::new(context, Stage::Present, NO_RECORDS)?);
         }
         frame.texture = Some(match last.filter(|texture| texture.fits(context, size_px)) {
             Some(texture) => texture,
@@ -44,9 +46,40 @@ impl Presenter {
 
     /// Has a finished frame copied to its texture, if it has one. Whoever samples that does it after the copy, on the same
     /// queue.
-    pub(super) fn present(&self, context: &Context, color: &wgpu::Texture, frame: &mut Frame) {
-        if let (Some(texture), Some(present)) = (&mut frame.texture, &self.present) {
-            present.submit(context, color, texture);
+    pub(super) fn present(
+        &self,
+        context: &Context,
+        color: &wgpu::Texture,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        match (&mut frame.texture, &self.present) {
+            (Some(texture), Some(present)) => submit(context, present, color, texture),
+            _ => Ok(()),
         }
     }
+}
+
+/// Submits the copy of `color` to `frame`, which is as large.
+fn submit(
+    context: &Context,
+    present: &Pipeline,
+    color: &wgpu::Texture,
+    frame: &mut FrameTexture,
+) -> Result<(), RenderError> {
+    let group = match frame.source.take() {
+        Some((source, group)) if source == *color => group,
+        _ => {
+            let [from, to] = [color, frame.texture()].map(|texture| texture.create_view(&Default::default()));
+            present.group(context, &[], &[(Resource::Color, &from), (Resource::Screen, &to)])?
+        }
+    };
+    let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        present.set(&group, &mut pass);
+        pass.dispatch_workgroups(color.width().div_ceil(8), color.height().div_ceil(8), 1);
+    }
+    context.queue.submit([encoder.finish()]);
+    frame.source = Some((color.clone(), group));
+    Ok(())
 }

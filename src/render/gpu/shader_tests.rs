@@ -1,6 +1,7 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
 use super::layout::{self, FaceParams, JointParams, Lists, Params, VqStep};
+use super::resources::{Binding, Kind};
 use super::shaders::{FragmentKind, Gathering, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
@@ -9,25 +10,29 @@ use std::mem::offset_of;
 const SPLITS: [RecordSplit; 2] =
     [RecordSplit { parts: 1, shift: 22 }, RecordSplit { parts: RECORD_PARTS_MAX, shift: 10 }];
 
+/// A shader, and what is known of it.
+type Checked = (naga::Module, naga::valid::ModuleInfo);
+
 /// The capabilities of a WebGPU device without optional features.
 fn parse(source: &str) -> Result<naga::Module, String> {
-    parse_with(source, naga::valid::Capabilities::default())
+    parse_with(source, Precision::Single).map(|(module, _)| module)
 }
 
-fn parse_with(source: &str, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
-    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
-        .validate(&module)
-        .map_err(|e| e.emit_to_string(source))?;
-    Ok(module)
-}
-
-fn parse_stage(stage: Stage, split: RecordSplit) -> Result<naga::Module, String> {
-    let optional = match stage.precision() {
+fn parse_with(source: &str, precision: Precision) -> Result<Checked, String> {
+    let optional = match precision {
         Precision::Single => naga::valid::Capabilities::empty(),
         Precision::Double => naga::valid::Capabilities::FLOAT64,
     };
-    parse_with(&stage.source(split), naga::valid::Capabilities::default() | optional)
+    let capabilities = naga::valid::Capabilities::default() | optional;
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
+        .validate(&module)
+        .map_err(|e| e.emit_to_string(source))?;
+    Ok((module, info))
+}
+
+fn parse_stage(stage: Stage, split: RecordSplit) -> Result<naga::Module, String> {
+    parse_with(&stage.source(split), stage.precision()).map(|(module, _)| module)
 }
 
 fn module(stage: Stage) -> naga::Module {
@@ -52,6 +57,77 @@ fn every_shader_is_valid_and_has_its_entry_point() {
     // The check can fail.
     let broken = Stage::ViewTransform.source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
     assert!(parse(&broken).is_err());
+}
+
+/// A variable that is bound.
+#[derive(Debug, PartialEq)]
+struct Bound {
+    name: String,
+    group: u32,
+    number: u32,
+    space: naga::AddressSpace,
+    /// Whether some function writes it, if one uses it.
+    is_written: Option<bool>,
+}
+
+/// What a shader has bound, in the order of the numbers.
+fn bound((module, info): &Checked) -> Vec<Bound> {
+    let functions = module.functions.iter().map(|(handle, _)| &info[handle]);
+    let functions: Vec<_> = functions.chain([info.get_entry_point(0)]).collect();
+    let entry = |(handle, global): (naga::Handle<_>, &naga::GlobalVariable)| {
+        let naga::ResourceBinding { group, binding } = global.binding?;
+        let used = functions.iter().fold(naga::valid::GlobalUse::empty(), |used, function| used | function[handle]);
+        let is_written = (!used.is_empty()).then(|| used.contains(naga::valid::GlobalUse::WRITE));
+        Some(Bound { name: global.name.clone()?, group, number: binding, space: global.space, is_written })
+    };
+    let mut found: Vec<_> = module.global_variables.iter().filter_map(entry).collect();
+    found.sort_by_key(|bound| (bound.group, bound.number));
+    found
+}
+
+/// The same as a stage describes it, all of it in use.
+fn described(stage: Stage) -> Vec<Bound> {
+    let storage = |access| naga::AddressSpace::Storage { access };
+    let entry = |(number, binding): (u32, Binding)| {
+        let resource = binding.resource();
+        let (space, is_written) = match (resource.kind(), binding) {
+            (Kind::Uniform(_), Binding::Read(_)) => (naga::AddressSpace::Uniform, false),
+            (Kind::Storage(_), Binding::Read(_)) => (storage(naga::StorageAccess::LOAD), false),
+            (Kind::Storage(_), Binding::Write(_) | Binding::Atomic(_)) => {
+                (storage(naga::StorageAccess::LOAD | naga::StorageAccess::STORE), true)
+            }
+            (Kind::Texture, Binding::Read(_)) => (naga::AddressSpace::Handle, false),
+            (Kind::Plane(_), Binding::Write(_)) => (naga::AddressSpace::Handle, true),
+            other => panic!("{stage:?}: {other:?}"),
+        };
+        Bound { name: resource.name().to_owned(), group: 0, number, space, is_written: Some(is_written) }
+    };
+    (0..).zip(stage.bindings()).map(entry).collect()
+}
+
+#[test]
+fn shaders_bind_what_their_stages_describe_and_use_all_of_it() {
+    for stage in stages() {
+        for split in SPLITS {
+            let checked = parse_with(&stage.source(split), stage.precision()).unwrap();
+            assert_eq!(bound(&checked), described(stage), "{stage:?}, {split:?}");
+        }
+    }
+    // The comparison notices another place, another access, one more, and what is not used or not written.
+    let more = "@group(0) @binding(3) var<uniform> more: u32;\n";
+    for (stage, from, to) in [
+        (Stage::FaceScan, "@binding(1)", "@binding(5)"),
+        (Stage::FaceScan, "@group(0) @binding(1)", "@group(1) @binding(1)"),
+        (Stage::FaceScan, "fn add_up", &format!("{more}fn add_up")),
+        (Stage::ViewTransform, "var<storage, read> positions", "var<storage, read_write> positions"),
+        (Stage::DecodeVq, "scalars[v] = ", "let unused = "),
+        (Stage::Present, "textureStore(screen, at.xy, textureLoad(color, at.xy, 0));", ""),
+    ] {
+        let source = stage.source(SPLITS[0]);
+        let changed = source.replacen(from, to, 1);
+        assert_ne!(changed, source);
+        assert_ne!(bound(&parse_with(&changed, Precision::Single).unwrap()), described(stage), "{to}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! The shaders, composed from their parts. The only place that knows which parts a stage is made of.
+//! The stages: what each binds, and its shader, composed from its parts. The only place that knows which parts a stage is made of.
 
 use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
+use super::resources::{Binding, Resource, declarations};
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use std::fmt;
@@ -69,6 +70,16 @@ impl Gathering {
     /// How those of a job are.
     pub fn of(job: &RenderJob) -> Self {
         if job.grid.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
+    }
+
+    /// Where it finds the transfer function.
+    fn tables(self) -> &'static [Binding] {
+        const TABLE: Binding = Binding::Read(Resource::Table);
+        match self {
+            Self::Scalar(OpticsKind::Exact | OpticsKind::Partial) => &[TABLE],
+            Self::Scalar(OpticsKind::Table3d) => &[TABLE, Binding::Read(Resource::Table3dParams)],
+            Self::Joint => &[TABLE, Binding::Read(Resource::JointParams)],
+        }
     }
 
     /// What fragments have that are integrated so.
@@ -197,8 +208,48 @@ impl Stage {
         }
     }
 
+    /// What it binds, in the order of their numbers.
+    pub fn bindings(self) -> Vec<Binding> {
+        use Binding::{Atomic, Read, Write};
+        use Resource::*;
+        let params = [Read(Params), Read(FaceParams)];
+        let planes = [Write(Counters), Write(ColorPlane), Write(DepthPlane)];
+        let records = Resource::RECORDS.map(Read);
+        let fragments = Resource::FRAGMENTS.map(Write);
+        match self {
+            Self::DecodeVq => vec![Read(VqStep), Read(Block), Write(Scalars)],
+            Self::ViewTransform => vec![Read(Params), Read(Positions), Read(Scalars), Write(Vertices)],
+            Self::EntriesCount | Self::EntriesStore => {
+                [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
+            }
+            Self::EntriesScan => vec![Read(Params), Write(Bins)],
+            Self::Walk(how, _) => {
+                let read = [Read(Params), Read(Vertices), Read(ActiveCells), Read(Bins)];
+                [&read[..], &records, &planes, how.tables()].concat()
+            }
+            Self::Present => vec![Read(Color), Write(Screen)],
+            Self::Faces(pass, _) | Self::FacePieces(pass, _) | Self::FaceStarts(pass, _) => {
+                let kept = match pass {
+                    Pass::Count => &[][..],
+                    Pass::Store(_) => &fragments,
+                };
+                let found = [Atomic(Lists), Read(Vertices), Read(Drawn)];
+                [&params[..], &found, &Resource::FACES.map(Read), kept].concat()
+            }
+            Self::FaceScan => vec![Read(Params), Write(Lists)],
+            Self::FaceSort(_) => [&params[..], &[Read(Lists)], &fragments].concat(),
+            Self::FaceResolve(how, _) => {
+                [&params[..], &[Read(Lists), Read(ActiveCells)], &fragments, &planes, how.tables()].concat()
+            }
+        }
+    }
+
     /// The whole shader.
     pub fn source(self, split: RecordSplit) -> String {
+        [declarations(&self.bindings()), self.parts(split)].concat()
+    }
+
+    fn parts(self, split: RecordSplit) -> String {
         let constants = Constants(split).to_string();
         let constants = constants.as_str();
         match self {
@@ -211,7 +262,7 @@ impl Stage {
             Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
             Self::Walk(how, precision) => {
                 let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
-                [constants, &gathering(how, precision, 11), vertex_values(how.fragments()), &walk].concat()
+                [constants, &gathering(how, precision), vertex_values(how.fragments()), &walk].concat()
             }
             Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
             Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
@@ -229,7 +280,7 @@ impl Stage {
             }
             Self::FaceResolve(how, precision) => {
                 let resolve = [lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
-                [gathering(how, precision, 10), faces(how.fragments()), resolve].concat()
+                [gathering(how, precision), faces(how.fragments()), resolve].concat()
             }
         }
     }
@@ -263,16 +314,13 @@ mod lib {
     pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");
 }
 
-/// A stage that integrates along rays. `parameters`: the binding of what the table has beside its entries.
-fn gathering(how: Gathering, precision: Precision, parameters: u32) -> String {
-    let bound = |variable: &str| format!("\n@group(0) @binding({parameters}) var<uniform> {variable};\n");
+/// A stage that integrates along rays.
+fn gathering(how: Gathering, precision: Precision) -> String {
     let optics = match how {
         Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_GRID].concat(),
         Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_GRID].concat(),
-        Gathering::Scalar(OpticsKind::Table3d) => {
-            [lib::TABLE3D, &bound("table3d: Table3dParams"), lib::NO_GRID].concat()
-        }
-        Gathering::Joint => [lib::WEIGHTS, lib::GRID, &bound("grid: JointParams")].concat(),
+        Gathering::Scalar(OpticsKind::Table3d) => [lib::TABLE3D, lib::NO_GRID].concat(),
+        Gathering::Joint => [lib::WEIGHTS, lib::GRID].concat(),
     };
     [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
 }

@@ -4,16 +4,10 @@ use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::joint::JointBuffers;
 use super::layout::{JointParams, Params};
+use super::resources::Resource;
 use crate::optics::ScalarMap;
 use crate::optics::table3d::Table3dParams;
 use crate::render::{OpticsTable, OpticsTables, RenderError, RenderJob};
-
-/// Bytes of the largest parameters.
-const PARAMETER_BYTES: u64 = if size_of::<Table3dParams>() > size_of::<JointParams>() {
-    size_of::<Table3dParams>() as u64
-} else {
-    size_of::<JointParams>() as u64
-};
 
 /// The transfer function.
 pub(super) struct Table {
@@ -21,9 +15,11 @@ pub(super) struct Table {
     tables: OpticsTables,
     /// What the buffers' contents are.
     sent: Option<(ScalarMap, OpticsTable)>,
-    pub(super) buffer: GrowingBuffer,
-    /// What the pre-integrated table or a grid needs beside its entries.
-    pub(super) parameters: GrowingBuffer,
+    buffer: GrowingBuffer,
+    /// What the pre-integrated table needs beside its entries.
+    table3d_params: GrowingBuffer,
+    /// What a joint table does.
+    joint_params: GrowingBuffer,
     interval_count: u32,
     grid: JointBuffers,
 }
@@ -33,11 +29,17 @@ impl Table {
         Self {
             tables: OpticsTables::default(),
             sent: None,
-            buffer: GrowingBuffer::storage("table"),
-            parameters: GrowingBuffer::uniform("parameters of the table"),
+            buffer: GrowingBuffer::new(Resource::Table),
+            table3d_params: GrowingBuffer::new(Resource::Table3dParams),
+            joint_params: GrowingBuffer::new(Resource::JointParams),
             interval_count: 0,
             grid: JointBuffers::default(),
         }
+    }
+
+    /// All that stages may bind of it.
+    pub(super) fn buffers(&self) -> [&GrowingBuffer; 3] {
+        [&self.buffer, &self.table3d_params, &self.joint_params]
     }
 
     /// Whether no scalar can be seen with the job's table.
@@ -56,10 +58,11 @@ impl Table {
     ) -> Result<(bool, u64), RenderError> {
         let map = ScalarMap::of_table(&job.table, prescale);
         (params.scalar_offset, params.scalar_scale) = (map.offset as f32, map.scale as f32);
-        let mut made = self.parameters.reserve(context, PARAMETER_BYTES)?;
+        let mut made = self.table3d_params.reserve(context, size_of::<Table3dParams>() as u64)?;
+        made |= self.joint_params.reserve(context, size_of::<JointParams>() as u64)?;
         if let Some(scene) = &job.grid {
             self.sent = None;
-            let buffers = [&mut self.buffer, &mut self.parameters];
+            let buffers = [&mut self.buffer, &mut self.joint_params];
             let (new, bytes_sent) = self.grid.update(context, job, scene, map, buffers)?;
             return Ok((made || new, bytes_sent));
         }
@@ -72,7 +75,7 @@ impl Table {
             let packed;
             let words: &[[f32; 4]] = match &table {
                 OpticsTable::Table3d(table) => {
-                    bytes_sent += self.parameters.write(context, 0, bytemuck::bytes_of(&table.params(map)))?;
+                    bytes_sent += self.table3d_params.write(context, 0, bytemuck::bytes_of(&table.params(map)))?;
                     bytemuck::cast_slice(table.entries())
                 }
                 OpticsTable::Exact(exact) => {

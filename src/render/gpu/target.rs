@@ -4,6 +4,7 @@ use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::{COUNTERS, TILE_PX};
 use super::readback::TIMESTAMPS;
+use super::resources::Resource;
 use crate::render::RenderError;
 use std::ops::Range;
 
@@ -19,6 +20,7 @@ pub(super) struct Target {
     pub(super) size_px: (usize, usize),
     pub(super) color: wgpu::Texture,
     pub(super) depth: wgpu::Texture,
+    views: [wgpu::TextureView; 2],
     pub(super) counters: GrowingBuffer,
     pub(super) times: Option<Times>,
 }
@@ -29,8 +31,8 @@ impl Target {
         if size_px.0.max(size_px.1) > most {
             return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
         }
-        let texture = |label, format| wgpu::TextureDescriptor {
-            label: Some(label),
+        let texture = |plane: Resource, format| wgpu::TextureDescriptor {
+            label: Some(plane.label()),
             size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
@@ -55,14 +57,21 @@ impl Target {
                     mapped_at_creation: false,
                 }),
             });
-            let color = device.create_texture(&texture("colour", wgpu::TextureFormat::Rgba32Float));
-            (color, device.create_texture(&texture("depth", wgpu::TextureFormat::R32Float)), times)
+            let color = device.create_texture(&texture(Resource::ColorPlane, wgpu::TextureFormat::Rgba32Float));
+            (color, device.create_texture(&texture(Resource::DepthPlane, wgpu::TextureFormat::R32Float)), times)
         })?;
         context.count_created(2);
-        let mut counters = GrowingBuffer::storage("counters");
+        let mut counters = GrowingBuffer::new(Resource::Counters);
         let tiles = size_px.0.div_ceil(TILE_PX) * size_px.1.div_ceil(TILE_PX);
         counters.reserve(context, 4 * (COUNTERS * tiles) as u64)?;
-        Ok(Self { size_px, color, depth, counters, times })
+        let views = [&color, &depth].map(|plane| plane.create_view(&wgpu::TextureViewDescriptor::default()));
+        Ok(Self { size_px, color, depth, views, counters, times })
+    }
+
+    /// The planes, as stages bind them.
+    pub(super) fn planes(&self) -> [(Resource, &wgpu::TextureView); 2] {
+        let [color, depth] = &self.views;
+        [(Resource::ColorPlane, color), (Resource::DepthPlane, depth)]
     }
 
     pub(super) fn columns(&self) -> usize {

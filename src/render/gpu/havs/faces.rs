@@ -7,6 +7,7 @@ use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::eye;
 use crate::render::gpu::layout::{EYE_WORDS, FACE_WORDS};
+use crate::render::gpu::resources::Resource;
 use crate::render::{RenderError, RenderJob};
 use crate::visibility::DrawnFaces;
 use rayon::prelude::*;
@@ -29,8 +30,7 @@ pub(super) struct FaceBuffers {
 
 impl FaceBuffers {
     pub(super) fn new() -> Self {
-        let parts = ["faces, first part", "faces, second part", "faces, third part"].map(GrowingBuffer::storage);
-        Self { of: None, parts, part: 0 }
+        Self { of: None, parts: Resource::FACES.map(GrowingBuffer::new), part: 0 }
     }
 
     /// Brings the faces of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
@@ -81,7 +81,7 @@ pub(super) struct DrawnBuffer {
 
 impl DrawnBuffer {
     pub(super) fn new() -> Self {
-        Self { of: None, buffer: GrowingBuffer::storage("list of faces") }
+        Self { of: None, buffer: GrowingBuffer::new(Resource::Drawn) }
     }
 
     /// Brings a list to the GPU unless it is there, and the cells at the eye. Returns whether a buffer was made, and the

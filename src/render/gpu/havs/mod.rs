@@ -22,7 +22,6 @@
 
 mod bands;
 mod faces;
-mod pipelines;
 mod scene;
 #[cfg(test)]
 mod stage_tests;
@@ -33,7 +32,7 @@ use super::layout::{FaceParams, Lists, Params, TILE_PIXELS, depth_of, flags};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Slot, Words};
-use super::shaders::{FragmentKind, Precision};
+use super::shaders::{FragmentKind, Precision, Stage};
 use super::slices::{IN_FLIGHT, SLICE, SLOTS, dispatch};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -128,11 +127,7 @@ impl Havs {
     /// Submits view transform and empty lists.
     fn submit_preparation(&mut self) -> Result<(), RenderError> {
         let Some(active) = &self.active_job else { return Ok(()) };
-        let Scene { transform: Some(transform), target: Some(target), groups: Some(groups), params, lists, .. } =
-            &self.scene
-        else {
-            return Ok(());
-        };
+        let Scene { pipelines, target: Some(target), params, lists, .. } = &self.scene else { return Ok(()) };
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lists.get(&self.context)?, 0, Some(4 * active.lists.pieces()));
@@ -141,14 +136,13 @@ impl Havs {
             self.frame.stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
             let timestamp_writes = target.stamps(6);
             let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&mut encoder.begin_compute_pass(&descriptor));
+            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
         }
         {
             let timestamp_writes = target.stamps(0);
             let descriptor = wgpu::ComputePassDescriptor { label: Some("view transform"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_bind_group(0, &groups.transform, &[]);
-            pass.set_pipeline(&transform.pipeline);
+            pipelines.set(&self.context, Stage::ViewTransform, &mut pass)?;
             dispatch(&mut pass, active.params.vertex_count.div_ceil(256));
         }
         self.context.queue.submit([encoder.finish()]);
@@ -159,9 +153,7 @@ impl Havs {
     /// Submits some units of the present step.
     fn submit_units(&mut self, units: Range<usize>) -> Result<(), RenderError> {
         let Some(active) = &mut self.active_job else { return Ok(()) };
-        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), .. } = &self.scene else {
-            return Ok(());
-        };
+        let Scene { pipelines, target: Some(target), .. } = &self.scene else { return Ok(()) };
         let (step, context) = (active.step, &self.context);
         let workgroups = active.choose(step, &units);
         let face_params = &active.face_params;
@@ -171,10 +163,9 @@ impl Havs {
             let timestamp_writes = if step == Step::Resolve { target.stamps(4) } else { None };
             let descriptor = wgpu::ComputePassDescriptor { label: Some("faces"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            let (pipeline, group) = stage(step, pipelines, groups, &active.job, active.precision)
+            let stage = stage(step, &active.job, active.precision)
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
+            pipelines.set(context, stage, &mut pass)?;
             dispatch(&mut pass, workgroups);
         }
         let mut slot = None;
@@ -341,14 +332,15 @@ impl Havs {
     }
 
     /// The frame is done: what its steps have cost is what the next one's are expected to.
-    fn finish(&mut self) {
+    fn finish(&mut self) -> Result<(), RenderError> {
         for cost in &mut self.costs {
             if cost.units > 0 {
                 cost.unit.mean = Some(cost.ms / cost.units as f64);
             }
         }
-        if let Some(target) = &self.scene.target {
-            self.presenter.present(&self.context, &target.color, &mut self.frame);
+        match &self.scene.target {
+            Some(target) => self.presenter.present(&self.context, &target.color, &mut self.frame),
+            None => Ok(()),
         }
     }
 
@@ -369,7 +361,7 @@ impl Havs {
                 continue;
             }
             if self.in_flight.is_empty() {
-                self.finish();
+                self.finish()?;
                 return Ok(true);
             }
             self.collect_slice()?;

@@ -1,13 +1,13 @@
 //! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
 
 use super::faces::{DrawnBuffer, FaceBuffers};
-use super::pipelines::Pipelines;
 use crate::mesh::Mesh;
 use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{EYE_WORDS, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params, flags};
-use crate::render::gpu::pipelines::{Transform, bind_group};
-use crate::render::gpu::shaders::{FragmentKind, Precision};
+use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
+use crate::render::gpu::resources::Resource;
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -18,15 +18,6 @@ use std::sync::Arc;
 const FIRST_PIECES_PER_TILE: u64 = 8;
 /// Fewest fragments that room is made for.
 const FRAGMENTS_MIN: u32 = 1 << 16;
-
-/// Groups of what the stages bind.
-pub(super) struct Groups {
-    pub(super) transform: wgpu::BindGroup,
-    pub(super) count: wgpu::BindGroup,
-    pub(super) scan: wgpu::BindGroup,
-    pub(super) store: wgpu::BindGroup,
-    pub(super) resolve: wgpu::BindGroup,
-}
 
 /// All that the stages read and write.
 pub(super) struct Scene {
@@ -42,33 +33,28 @@ pub(super) struct Scene {
     /// Counts, places and pieces: [`Lists`].
     pub(super) lists: GrowingBuffer,
     pub(super) fragments: [GrowingBuffer; 2],
-    pub(super) transform: Option<Transform>,
-    pub(super) pipelines: Option<Pipelines>,
+    pub(super) pipelines: Pipelines,
     pub(super) target: Option<Target>,
-    pub(super) groups: Option<Groups>,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
 }
 
 impl Scene {
     pub(super) fn new() -> Self {
-        let storage = GrowingBuffer::storage;
         Self {
-            params: GrowingBuffer::uniform("parameters"),
-            face_params: GrowingBuffer::uniform("parameters of the faces"),
+            params: GrowingBuffer::new(Resource::Params),
+            face_params: GrowingBuffer::new(Resource::FaceParams),
             vertices: VertexBuffers::new(),
             scalars: GpuScalars::new(),
             table: Table::new(),
             faces: FaceBuffers::new(),
             drawn: DrawnBuffer::new(),
             active_of: None,
-            active: storage("active cells"),
-            lists: storage("fragments of each pixel"),
-            fragments: ["fragments, first part", "fragments, second part"].map(storage),
-            transform: None,
-            pipelines: None,
+            active: GrowingBuffer::new(Resource::ActiveCells),
+            lists: GrowingBuffer::new(Resource::Lists),
+            fragments: Resource::FRAGMENTS.map(GrowingBuffer::new),
+            pipelines: Pipelines::new(),
             target: None,
-            groups: None,
             bytes_sent: 0,
         }
     }
@@ -85,15 +71,12 @@ impl Scene {
     ) -> Result<(), RenderError> {
         self.bytes_sent = 0;
         let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
-        // Buffers may have been made anew before one was refused: the groups bind the old ones.
+        // Buffers may have been made anew before one was refused: the old ones are bound.
         if !matches!(made, Ok(false)) {
-            self.groups = None;
+            self.pipelines.unbind();
         }
         made?;
-        if self.groups.is_none() {
-            self.make_groups(context)?;
-        }
-        Ok(())
+        self.bind(context)
     }
 
     /// Compiles what a job needs unless that has been done; before [`Self::update`].
@@ -103,16 +86,12 @@ impl Scene {
         job: &RenderJob,
         precision: Precision,
     ) -> Result<(), RenderError> {
-        if self.pipelines.is_none() {
-            self.pipelines = Some(Pipelines::new(context)?);
-        }
-        if self.transform.is_none() {
-            self.transform = Some(Transform::new(context)?);
-        }
-        match &mut self.pipelines {
-            Some(pipelines) => pipelines.prepare(context, job, precision),
-            None => Ok(()),
-        }
+        let (how, kind) = (Gathering::of(job), FragmentKind::of(job));
+        let later = [Stage::FaceScan, Stage::FaceSort(kind), Stage::FaceResolve(how, precision)];
+        let finding = [Pass::Count, Pass::Store(kind)].into_iter().flat_map(|pass| {
+            [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
+        });
+        self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))
     }
 
     /// Whether a buffer or a plane was made.
@@ -207,7 +186,8 @@ impl Scene {
     ) -> Result<(), RenderError> {
         self.reserve_pieces(context, lists, pieces + pieces / 4)?;
         face_params.piece_capacity = self.piece_capacity(lists);
-        self.make_groups(context)
+        self.pipelines.unbind();
+        self.bind(context)
     }
 
     /// Fragments that there may be at a time, if they may take `bytes`.
@@ -236,59 +216,23 @@ impl Scene {
             let mut made = first.reserve(context, kind.bytes() * in_first)?;
             made |= second.reserve(context, kind.bytes() * (wanted - in_first))?;
             if made {
-                self.make_groups(context)?;
+                self.pipelines.unbind();
+                self.bind(context)?;
             }
         }
         face_params.fragment_part = u32::try_from(room(&self.fragments[0])).unwrap_or(u32::MAX);
         Ok(())
     }
 
-    fn make_groups(&mut self, context: &Context) -> Result<(), RenderError> {
-        self.groups = None;
-        let (Some(transform), Some(pipelines), Some(target)) = (&self.transform, &self.pipelines, &self.target) else {
-            return Ok(());
-        };
-        let whole = |buffer: &GrowingBuffer| buffer.get(context).cloned();
-        let [params, face_params] = [whole(&self.params)?, whole(&self.face_params)?];
-        let [lists, vertices, drawn] =
-            [whole(&self.lists)?, whole(&self.vertices.vertices)?, whole(&self.drawn.buffer)?];
-        let [first, second, third] = &self.faces.parts;
-        let faces = [whole(first)?, whole(second)?, whole(third)?];
-        let fragments = [whole(&self.fragments[0])?, whole(&self.fragments[1])?];
-        let [positions, scalars] = [whole(&self.vertices.positions)?, whole(&self.vertices.scalars)?];
-        let [active, table, counters] = [whole(&self.active)?, whole(&self.table.buffer)?, whole(&target.counters)?];
-        let table_parameters = whole(&self.table.parameters)?;
-        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let (color, depth) = (view(&target.color), view(&target.depth));
-        let [first, second, third] = &faces;
-        let find =
-            [&params, &face_params, &lists, &vertices, &drawn, first, second, third, &fragments[0], &fragments[1]];
-        let find = find.map(wgpu::Buffer::as_entire_binding);
-        self.groups = Some(Groups {
-            transform: transform
-                .group(context, &[&params, &positions, &scalars, &vertices].map(wgpu::Buffer::as_entire_binding)),
-            count: bind_group(context, "count fragments", &pipelines.count_layout, &find[..8]),
-            scan: bind_group(context, "scan fragments", &pipelines.scan_layout, &find[..3]),
-            store: bind_group(context, "store fragments", &pipelines.store_layout, &find),
-            resolve: bind_group(
-                context,
-                "resolve fragments",
-                &pipelines.resolve_layout,
-                &[
-                    params.as_entire_binding(),
-                    face_params.as_entire_binding(),
-                    lists.as_entire_binding(),
-                    fragments[0].as_entire_binding(),
-                    fragments[1].as_entire_binding(),
-                    active.as_entire_binding(),
-                    table.as_entire_binding(),
-                    counters.as_entire_binding(),
-                    wgpu::BindingResource::TextureView(&color),
-                    wgpu::BindingResource::TextureView(&depth),
-                    table_parameters.as_entire_binding(),
-                ],
-            ),
-        });
-        context.check()
+    /// Binds what the stages name wherever nothing is bound.
+    fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
+        let mut buffers = vec![&self.params, &self.face_params, &self.lists, &self.drawn.buffer, &self.active];
+        buffers.extend(self.vertices.buffers());
+        buffers.extend(&self.faces.parts);
+        buffers.extend(&self.fragments);
+        buffers.extend(self.table.buffers());
+        buffers.extend(self.target.iter().map(|target| &target.counters));
+        let planes: Vec<_> = self.target.iter().flat_map(Target::planes).collect();
+        self.pipelines.bind(context, &buffers, &planes)
     }
 }

@@ -1,11 +1,9 @@
 //! What is done for a frame, step by step.
 
 use super::bands::Band;
-use super::pipelines::Pipelines;
-use super::scene::Groups;
 use crate::render::RenderJob;
 use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
-use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision};
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
 use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
 use std::ops::Range;
 use std::time::Instant;
@@ -167,29 +165,22 @@ impl ActiveJob {
     }
 }
 
-/// The pipeline of a step of a job, and what it binds.
-pub(super) fn stage<'a>(
-    step: Step,
-    pipelines: &'a Pipelines,
-    groups: &'a Groups,
-    job: &RenderJob,
-    precision: Precision,
-) -> Option<(&'a wgpu::ComputePipeline, &'a wgpu::BindGroup)> {
-    let count = || pipelines.finding(Pass::Count, precision);
+/// The stage of a step of a job, if it is not the end.
+pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option<Stage> {
     let kind = FragmentKind::of(job);
-    let store = || pipelines.finding(Pass::Store(kind), precision);
-    match step {
-        Step::CountFaces => count().map(|count| (&count.faces, &groups.count)),
-        Step::CountStarts => count().map(|count| (&count.starts, &groups.count)),
-        Step::CountPieces => count().map(|count| (&count.pieces, &groups.count)),
-        Step::Scan => Some((&pipelines.scan, &groups.scan)),
-        Step::StoreFaces => store().map(|store| (&store.faces, &groups.store)),
-        Step::StoreStarts => store().map(|store| (&store.starts, &groups.store)),
-        Step::StorePieces => store().map(|store| (&store.pieces, &groups.store)),
-        Step::Sort => pipelines.sort(kind).map(|pipeline| (pipeline, &groups.resolve)),
-        Step::Resolve => pipelines.resolve(Gathering::of(job), precision).map(|pipeline| (pipeline, &groups.resolve)),
-        Step::End => None,
-    }
+    let (count, store) = (Pass::Count, Pass::Store(kind));
+    Some(match step {
+        Step::CountFaces => Stage::Faces(count, precision),
+        Step::CountStarts => Stage::FaceStarts(count, precision),
+        Step::CountPieces => Stage::FacePieces(count, precision),
+        Step::Scan => Stage::FaceScan,
+        Step::StoreFaces => Stage::Faces(store, precision),
+        Step::StoreStarts => Stage::FaceStarts(store, precision),
+        Step::StorePieces => Stage::FacePieces(store, precision),
+        Step::Sort => Stage::FaceSort(kind),
+        Step::Resolve => Stage::FaceResolve(Gathering::of(job), precision),
+        Step::End => return None,
+    })
 }
 
 #[cfg(test)]

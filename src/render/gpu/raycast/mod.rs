@@ -16,7 +16,6 @@
 //! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
 //! differs from the last in camera, step or table only.
 
-mod pipelines;
 mod records;
 mod scene;
 #[cfg(test)]
@@ -28,7 +27,7 @@ use super::layout::{Params, depth_of};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::Slot;
-use super::shaders::{Gathering, Precision};
+use super::shaders::{Gathering, Precision, Stage};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
 use crate::render::cpu::raycast::skips::CellChoice;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
@@ -109,18 +108,7 @@ impl Raycast {
     /// Submits view transform and entries.
     fn submit_preparation(&mut self) -> Result<(), RenderError> {
         let Some(active) = &self.active_job else { return Ok(()) };
-        let Scene {
-            transform: Some(transform),
-            pipelines: Some(pipelines),
-            target: Some(target),
-            groups: Some(groups),
-            params,
-            bins,
-            ..
-        } = &self.scene
-        else {
-            return Ok(());
-        };
+        let Scene { pipelines, target: Some(target), params, bins, .. } = &self.scene else { return Ok(()) };
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
@@ -129,32 +117,25 @@ impl Raycast {
             self.frame.stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
             let timestamp_writes = target.stamps(6);
             let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&mut encoder.begin_compute_pass(&descriptor));
+            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
         }
         let (vertices, items) = (active.params.vertex_count, active.params.item_count);
-        for (label, timestamp_writes, group, stages) in [
-            (
-                "view transform",
-                target.stamps(0),
-                &groups.transform,
-                &[(&transform.pipeline, vertices.div_ceil(256))][..],
-            ),
+        for (label, timestamp_writes, stages) in [
+            ("view transform", target.stamps(0), &[(Stage::ViewTransform, vertices.div_ceil(256))][..]),
             (
                 "entries",
                 target.stamps(2),
-                &groups.entries,
                 &[
-                    (&pipelines.entries_count, items.div_ceil(64)),
-                    (&pipelines.entries_scan, 1),
-                    (&pipelines.entries_store, items.div_ceil(64)),
+                    (Stage::EntriesCount, items.div_ceil(64)),
+                    (Stage::EntriesScan, 1),
+                    (Stage::EntriesStore, items.div_ceil(64)),
                 ][..],
             ),
         ] {
             let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_bind_group(0, group, &[]);
-            for &(pipeline, workgroups) in stages {
-                pass.set_pipeline(pipeline);
+            for &(stage, workgroups) in stages {
+                pipelines.set(&self.context, stage, &mut pass)?;
                 dispatch(&mut pass, workgroups);
             }
         }
@@ -166,11 +147,7 @@ impl Raycast {
     /// Submits the walk of the next `count` tiles.
     fn submit_tiles(&mut self, count: usize) -> Result<(), RenderError> {
         let Some(active) = &mut self.active_job else { return Ok(()) };
-        let Scene { pipelines: Some(pipelines), target: Some(target), groups: Some(groups), params, bins, .. } =
-            &self.scene
-        else {
-            return Ok(());
-        };
+        let Scene { pipelines, target: Some(target), params, bins, .. } = &self.scene else { return Ok(()) };
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
@@ -179,9 +156,8 @@ impl Raycast {
         {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_bind_group(0, &groups.walk, &[]);
-            let walk = pipelines.walk(Gathering::of(&active.job), active.precision);
-            pass.set_pipeline(walk.ok_or_else(|| self.context.beyond("the walk has not been prepared".to_owned()))?);
+            let walk = Stage::Walk(Gathering::of(&active.job), active.precision);
+            pipelines.set(&self.context, walk, &mut pass)?;
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
         let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();
@@ -269,7 +245,7 @@ impl Raycast {
             let Some(active) = &self.active_job else { return Ok(true) };
             let done = active.tiles_done >= active.tile_count;
             if done && let Some(target) = &self.scene.target {
-                self.presenter.present(&self.context, &target.color, &mut self.frame);
+                self.presenter.present(&self.context, &target.color, &mut self.frame)?;
             }
             if done || slice_started.elapsed() >= budget {
                 return Ok(done);

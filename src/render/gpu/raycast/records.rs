@@ -4,6 +4,7 @@ use crate::mesh::Mesh;
 use crate::render::RenderError;
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
+use crate::render::gpu::resources::Resource;
 use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
 use std::sync::Arc;
 
@@ -19,8 +20,7 @@ pub(super) struct Records {
 
 impl Records {
     pub(super) fn new() -> Self {
-        let parts = ["cells, first part", "cells, second part", "cells, third part"].map(GrowingBuffer::storage);
-        Self { of: None, parts }
+        Self { of: None, parts: Resource::RECORDS.map(GrowingBuffer::new) }
     }
 
     /// Brings the cells of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.

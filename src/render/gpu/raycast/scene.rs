@@ -1,14 +1,14 @@
 //! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
 
-use super::pipelines::Pipelines;
 use super::records::Records;
 use crate::mesh::Mesh;
 use crate::render::cpu::raycast::entries;
 use crate::render::gpu::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params, flags};
-use crate::render::gpu::pipelines::{Transform, bind_group};
-use crate::render::gpu::shaders::{Gathering, Precision, RecordSplit};
+use crate::render::gpu::pipelines::Pipelines;
+use crate::render::gpu::resources::Resource;
+use crate::render::gpu::shaders::{Gathering, Precision, RecordSplit, Stage};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -25,13 +25,6 @@ struct Domain {
     packed: Vec<u32>,
 }
 
-/// Groups of what the stages bind.
-pub(super) struct Groups {
-    pub(super) transform: wgpu::BindGroup,
-    pub(super) entries: wgpu::BindGroup,
-    pub(super) walk: wgpu::BindGroup,
-}
-
 /// All that the stages read and write.
 pub(super) struct Scene {
     pub(super) params: GrowingBuffer,
@@ -40,37 +33,32 @@ pub(super) struct Scene {
     pub(super) scalars: GpuScalars,
     domain: Domain,
     pub(super) table: Table,
-    pub(super) transform: Option<Transform>,
-    pub(super) pipelines: Option<Pipelines>,
+    pub(super) pipelines: Pipelines,
     pub(super) target: Option<Target>,
     /// Ends of the tiles' lists, their sum, the lists.
     pub(super) bins: GrowingBuffer,
-    pub(super) groups: Option<Groups>,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
 }
 
 impl Scene {
     pub(super) fn new() -> Self {
-        let storage = GrowingBuffer::storage;
         Self {
-            params: GrowingBuffer::uniform("parameters"),
+            params: GrowingBuffer::new(Resource::Params),
             vertices: VertexBuffers::new(),
             records: Records::new(),
             scalars: GpuScalars::new(),
             domain: Domain {
                 of: None,
-                items: storage("entry faces"),
-                active: storage("active cells"),
+                items: GrowingBuffer::new(Resource::Items),
+                active: GrowingBuffer::new(Resource::ActiveCells),
                 faces: Vec::new(),
                 packed: Vec::new(),
             },
             table: Table::new(),
-            transform: None,
-            pipelines: None,
+            pipelines: Pipelines::new(),
             target: None,
-            bins: storage("lists of entries"),
-            groups: None,
+            bins: GrowingBuffer::new(Resource::Bins),
             bytes_sent: 0,
         }
     }
@@ -87,8 +75,8 @@ impl Scene {
     ) -> Result<(), RenderError> {
         let updated = self.update_parts(context, job, precision, eye_cells, params);
         if updated.is_err() {
-            // Buffers may have been made anew before one was refused: the groups bind the old ones.
-            self.groups = None;
+            // Buffers may have been made anew before one was refused: the old ones are bound.
+            self.pipelines.unbind();
         }
         updated
     }
@@ -106,17 +94,9 @@ impl Scene {
         let split = RecordSplit::new(cells, context.binding_bytes());
         let split = split.ok_or_else(|| context.beyond(format!("a mesh of {cells} cells is too large for it")))?;
         let mut stale = self.params.reserve(context, size_of::<Params>() as u64)?;
-        if self.pipelines.as_ref().is_none_or(|p| p.split != split) {
-            self.pipelines = Some(Pipelines::new(context, split)?);
-            stale = true;
-        }
-        if let Some(pipelines) = &mut self.pipelines {
-            pipelines.prepare_walk(context, Gathering::of(job), precision)?;
-        }
-        if self.transform.is_none() {
-            self.transform = Some(Transform::new(context)?);
-            stale = true;
-        }
+        let walk = Stage::Walk(Gathering::of(job), precision);
+        let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore, walk];
+        self.pipelines.prepare(context, split, stages)?;
         let (made, sent) = self.vertices.upload(context, &job.mesh)?;
         if made {
             self.scalars.forget();
@@ -160,10 +140,10 @@ impl Scene {
             stale |= self.reserve_pairs(context, tiles, pairs)?;
         }
         params.pair_capacity = self.pair_capacity(tiles);
-        if stale || self.groups.is_none() {
-            self.make_groups(context)?;
+        if stale {
+            self.pipelines.unbind();
         }
-        Ok(())
+        self.bind(context)
     }
 
     /// Room for more pairs of tile and item than there was.
@@ -171,7 +151,8 @@ impl Scene {
         let tiles = params.tile_count() as u64;
         self.reserve_pairs(context, tiles, pairs + pairs / 4)?;
         params.pair_capacity = self.pair_capacity(tiles);
-        self.make_groups(context)
+        self.pipelines.unbind();
+        self.bind(context)
     }
 
     /// Room for `pairs` pairs of tile and item beside what `tiles` need; whether the buffer was made for that.
@@ -220,48 +201,14 @@ impl Scene {
         Ok(made)
     }
 
-    fn make_groups(&mut self, context: &Context) -> Result<(), RenderError> {
-        let (Some(transform), Some(pipelines), Some(target)) = (&self.transform, &self.pipelines, &self.target) else {
-            return Ok(());
-        };
-        let get = |buffer: &GrowingBuffer| buffer.get(context).cloned();
-        let (params, vertices) = (get(&self.params)?, get(&self.vertices.vertices)?);
-        let [first, second, third] = &self.records.parts;
-        let records = [get(first)?, get(second)?, get(third)?];
-        let bins = get(&self.bins)?;
-        let group = |label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]| {
-            bind_group(context, label, layout, resources)
-        };
-        let (positions, scalars) = (get(&self.vertices.positions)?, get(&self.vertices.scalars)?);
-        let (items, active) = (get(&self.domain.items)?, get(&self.domain.active)?);
-        let (table, counters) = (get(&self.table.buffer)?, get(&target.counters)?);
-        let table_parameters = get(&self.table.parameters)?;
-        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let (color, depth) = (view(&target.color), view(&target.depth));
-        let whole = wgpu::Buffer::as_entire_binding;
-        let [r0, r1, r2] = [whole(&records[0]), whole(&records[1]), whole(&records[2])];
-        let of_entries =
-            [whole(&params), whole(&vertices), r0.clone(), r1.clone(), r2.clone(), whole(&items), whole(&bins)];
-        let of_walk = [
-            whole(&params),
-            whole(&vertices),
-            r0,
-            r1,
-            r2,
-            whole(&active),
-            whole(&bins),
-            whole(&table),
-            whole(&counters),
-            wgpu::BindingResource::TextureView(&color),
-            wgpu::BindingResource::TextureView(&depth),
-            whole(&table_parameters),
-        ];
-        let of_transform = [whole(&params), whole(&positions), whole(&scalars), whole(&vertices)];
-        self.groups = Some(Groups {
-            transform: transform.group(context, &of_transform),
-            entries: group("entries", &pipelines.entries_layout, &of_entries),
-            walk: group("walk", &pipelines.walk_layout, &of_walk),
-        });
-        context.check()
+    /// Binds what the stages name wherever nothing is bound.
+    fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
+        let mut buffers = vec![&self.params, &self.domain.items, &self.domain.active, &self.bins];
+        buffers.extend(self.vertices.buffers());
+        buffers.extend(&self.records.parts);
+        buffers.extend(self.table.buffers());
+        buffers.extend(self.target.iter().map(|target| &target.counters));
+        let planes: Vec<_> = self.target.iter().flat_map(Target::planes).collect();
+        self.pipelines.bind(context, &buffers, &planes)
     }
 }

@@ -1,0 +1,200 @@
+//! What stages read and write, by name. A stage lists what it binds ([`Stage::bindings`](super::shaders::Stage::bindings));
+//! its WGSL declarations, the layout of its pipeline and its bind group all come from that list, and from the table here.
+
+use std::fmt;
+
+/// A buffer or a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// Parameters of a frame.
+    Params,
+    /// Those of the face renderer.
+    FaceParams,
+    /// Those of a step of codec `vq`.
+    VqStep,
+    /// Those of a pre-integrated table.
+    Table3dParams,
+    /// Those of a table of more than the scalar.
+    JointParams,
+    /// A block of codec `vq`.
+    Block,
+    /// Positions of the vertices, local units.
+    Positions,
+    /// Scalars of the vertices.
+    Scalars,
+    /// Vertices in view coordinates.
+    Vertices,
+    /// Records of the first cells: four vertices, four neighbours.
+    Records0,
+    /// Those of the next.
+    Records1,
+    /// Those of the rest.
+    Records2,
+    /// Entry faces, and the cells at the eye.
+    Items,
+    /// A bit a cell.
+    ActiveCells,
+    /// Ends of the tiles' lists, their sum, the lists.
+    Bins,
+    /// The transfer function.
+    Table,
+    /// What is counted, tile by tile.
+    Counters,
+    /// The faces that are drawn, and the cells at the eye.
+    Drawn,
+    /// The first faces of the mesh.
+    Faces0,
+    /// The next.
+    Faces1,
+    /// The rest.
+    Faces2,
+    /// Fragments of each tile and pixel, and pieces of large faces: [`Lists`](super::layout::Lists).
+    Lists,
+    /// The first fragments.
+    Fragments0,
+    /// The rest.
+    Fragments1,
+    /// Accumulators of the image.
+    ColorPlane,
+    /// Depths of the image.
+    DepthPlane,
+    /// A finished image.
+    Color,
+    /// What a window samples.
+    Screen,
+}
+
+/// What a resource is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// One struct, of this type.
+    Uniform(&'static str),
+    /// An array, of this type.
+    Storage(&'static str),
+    /// A texture that is read.
+    Texture,
+    /// A texture that is written, of such pixels.
+    Plane(Texel),
+}
+
+/// What a pixel of a texture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Texel {
+    /// Four numbers of 32 bits.
+    Rgba32Float,
+    /// One number of 32 bits.
+    R32Float,
+    /// Four numbers of 16 bits.
+    Rgba16Float,
+}
+
+impl Texel {
+    /// Its name in WGSL.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rgba32Float => "rgba32float",
+            Self::R32Float => "r32float",
+            Self::Rgba16Float => "rgba16float",
+        }
+    }
+}
+
+impl Resource {
+    /// The parts of the records.
+    pub const RECORDS: [Self; 3] = [Self::Records0, Self::Records1, Self::Records2];
+    /// The parts of the faces.
+    pub const FACES: [Self; 3] = [Self::Faces0, Self::Faces1, Self::Faces2];
+    /// The parts of the fragments.
+    pub const FRAGMENTS: [Self; 2] = [Self::Fragments0, Self::Fragments1];
+
+    /// Its name in the shaders, the one in messages, and what it is.
+    fn described(self) -> (&'static str, &'static str, Kind) {
+        use Kind::{Plane, Storage, Texture, Uniform};
+        match self {
+            Self::Params => ("params", "parameters", Uniform("Params")),
+            Self::FaceParams => ("face_params", "parameters of the faces", Uniform("FaceParams")),
+            Self::VqStep => ("step", "parameters of the step", Uniform("VqStep")),
+            Self::Table3dParams => ("table3d", "parameters of the table", Uniform("Table3dParams")),
+            Self::JointParams => ("grid", "parameters of the table", Uniform("JointParams")),
+            Self::Block => ("block", "compressed block", Storage("u32")),
+            Self::Positions => ("positions", "positions", Storage("f32")),
+            Self::Scalars => ("scalars", "scalars", Storage("f32")),
+            Self::Vertices => ("vertices", "view vertices", Storage("ViewVertex")),
+            Self::Records0 => ("records_0", "cells, first part", Storage("vec4<u32>")),
+            Self::Records1 => ("records_1", "cells, second part", Storage("vec4<u32>")),
+            Self::Records2 => ("records_2", "cells, third part", Storage("vec4<u32>")),
+            Self::Items => ("items", "entry faces", Storage("u32")),
+            Self::ActiveCells => ("active_cells", "active cells", Storage("u32")),
+            Self::Bins => ("bins", "lists of entries", Storage("u32")),
+            Self::Table => ("table", "table", Storage("vec4<f32>")),
+            Self::Counters => ("counters", "counters", Storage("u32")),
+            Self::Drawn => ("drawn", "list of faces", Storage("u32")),
+            Self::Faces0 => ("faces_0", "faces, first part", Storage("u32")),
+            Self::Faces1 => ("faces_1", "faces, second part", Storage("u32")),
+            Self::Faces2 => ("faces_2", "faces, third part", Storage("u32")),
+            Self::Lists => ("lists", "fragments of each pixel", Storage("u32")),
+            Self::Fragments0 => ("fragments_0", "fragments, first part", Storage("vec2<u32>")),
+            Self::Fragments1 => ("fragments_1", "fragments, second part", Storage("vec2<u32>")),
+            Self::ColorPlane => ("color_plane", "colour", Plane(Texel::Rgba32Float)),
+            Self::DepthPlane => ("depth_plane", "depth", Plane(Texel::R32Float)),
+            Self::Color => ("color", "colour", Texture),
+            Self::Screen => ("screen", "frame for the window", Plane(Texel::Rgba16Float)),
+        }
+    }
+
+    /// Its name in the shaders.
+    pub fn name(self) -> &'static str {
+        self.described().0
+    }
+
+    /// What messages call it.
+    pub fn label(self) -> &'static str {
+        self.described().1
+    }
+
+    /// What it is.
+    pub fn kind(self) -> Kind {
+        self.described().2
+    }
+}
+
+/// What a stage does with a resource. Uniforms and textures are read, planes written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binding {
+    /// It reads it.
+    Read(Resource),
+    /// It reads and writes it, a plane writes.
+    Write(Resource),
+    /// It reads and writes it, several threads the same place.
+    Atomic(Resource),
+}
+
+impl Binding {
+    /// What it binds.
+    pub fn resource(self) -> Resource {
+        match self {
+            Self::Read(resource) | Self::Write(resource) | Self::Atomic(resource) => resource,
+        }
+    }
+}
+
+/// The declaration of the variable in WGSL, without its place.
+impl fmt::Display for Binding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.resource().name();
+        match (self.resource().kind(), self) {
+            (Kind::Uniform(of), _) => write!(f, "var<uniform> {name}: {of};"),
+            (Kind::Storage(of), Self::Read(_)) => write!(f, "var<storage, read> {name}: array<{of}>;"),
+            (Kind::Storage(of), Self::Write(_)) => write!(f, "var<storage, read_write> {name}: array<{of}>;"),
+            (Kind::Storage(of), Self::Atomic(_)) => write!(f, "var<storage, read_write> {name}: array<atomic<{of}>>;"),
+            (Kind::Texture, _) => write!(f, "var {name}: texture_2d<f32>;"),
+            (Kind::Plane(texel), _) => write!(f, "var {name}: texture_storage_2d<{}, write>;", texel.name()),
+        }
+    }
+}
+
+/// The declarations of what a stage binds, numbered in order.
+pub fn declarations(bindings: &[Binding]) -> String {
+    let line = |(number, binding)| format!("@group(0) @binding({number}) {binding}\n");
+    bindings.iter().enumerate().map(line).collect()
+}
