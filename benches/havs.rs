@@ -102,24 +102,7 @@ fn scene(tf: &str) -> Result<RenderJob, Box<dyn Error>> {
     let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
     let tf = TransferFunction::parse(tf)?;
     let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
-    Ok(RenderJob {
-        active: Arc::new(CellSet::all(mesh.topology.tets.len())),
-        mesh: Arc::new(mesh),
-        scalars: Arc::new(scalars),
-        view: Camera::default_for(bounds)?.view(512, 512)?,
-        table: Arc::new(table),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        cancel: Default::default(),
-        stats: Default::default(),
-    })
+    let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
+    let view = Camera::default_for(bounds)?.view(512, 512)?;
+    Ok(RenderJob::new(Arc::new(mesh), Arc::new(scalars), active, view, Arc::new(table)))
 }

@@ -109,24 +109,9 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
     };
     let mut faces: Vec<u32> = (0..mesh.topology.faces.len() as u32).collect();
     faces.sort_by_cached_key(depth);
+    let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
     Ok(RenderJob {
-        active: Arc::new(CellSet::all(mesh.topology.tets.len())),
-        scalars: Arc::new(scalars),
-        view,
-        mesh: Arc::new(mesh),
-        table: Arc::new(table),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
         faces: Some(Arc::new(DrawnFaces { faces, is_complete: true })),
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        cancel: Default::default(),
-        stats: Default::default(),
+        ..RenderJob::new(Arc::new(mesh), Arc::new(scalars), active, view, Arc::new(table))
     })
 }

@@ -41,26 +41,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let tf = TransferFunction::parse(text)?;
         let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
         let nodes = table.nodes().len();
-        let job = RenderJob {
-            active: Arc::new(CellSet::all(mesh.topology.tets.len())),
-            mesh: mesh.clone(),
-            scalars: scalars.clone(),
-            view: Camera::default_for(bounds)?.view(256, 256)?,
-            table: Arc::new(table),
-            optics: OpticsKind::Exact,
-            formula: None,
-            prepared: None,
-            faces: None,
-            k_buffer: Default::default(),
-            skip: Default::default(),
-            thread_limit: Default::default(),
-            grid: None,
-            for_window: false,
-            cancel: Default::default(),
-            compressed: None,
-            finite: None,
-            stats: Default::default(),
-        };
+        let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let view = Camera::default_for(bounds)?.view(256, 256)?;
+        let job = RenderJob::new(mesh.clone(), scalars.clone(), active, view, Arc::new(table));
         let mut exact = Raycast::new();
         exact.render(job.clone())?;
         let judge = exact.render(job.clone())?.clone();

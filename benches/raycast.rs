@@ -24,26 +24,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tf = TransferFunction::parse("viridis@0:0.05,1:0.5")?;
     let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
     let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
-    let job = RenderJob {
-        active: Arc::new(CellSet::all(mesh.topology.tets.len())),
-        mesh: Arc::new(mesh),
-        scalars: Arc::new(scalars),
-        view: Camera::default_for(bounds)?.view(512, 512)?,
-        table: Arc::new(table),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        cancel: Default::default(),
-        stats: Default::default(),
-    };
+    let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
+    let view = Camera::default_for(bounds)?.view(512, 512)?;
+    let job = RenderJob::new(Arc::new(mesh), Arc::new(scalars), active, view, Arc::new(table));
     let (mut portable, mut newest) = (Raycast::portable(), Raycast::new());
     let same = portable.render(job.clone())?.planes.color == newest.render(job.clone())?.planes.color;
     assert!(same, "the two versions draw different images");

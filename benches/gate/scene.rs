@@ -68,26 +68,10 @@ impl Jet {
 
     /// All cells at the first step, in a square of so many pixels.
     pub fn job(&self, tf: &str, pixels: usize) -> Result<RenderJob, Box<dyn Error>> {
-        Ok(RenderJob {
-            active: Arc::new(CellSet::all(self.cells())),
-            mesh: self.mesh.clone(),
-            scalars: self.scalars.first().ok_or("no step was read")?.clone(),
-            view: Camera::default_for(self.bounds)?.view(pixels, pixels)?,
-            table: self.table(tf)?,
-            compressed: None,
-            finite: None,
-            optics: Default::default(),
-            formula: None,
-            prepared: None,
-            faces: None,
-            k_buffer: Default::default(),
-            skip: Default::default(),
-            thread_limit: Default::default(),
-            grid: None,
-            for_window: false,
-            cancel: Default::default(),
-            stats: Default::default(),
-        })
+        let scalars = self.scalars.first().ok_or("no step was read")?.clone();
+        let view = Camera::default_for(self.bounds)?.view(pixels, pixels)?;
+        let active = Arc::new(CellSet::all(self.cells()));
+        Ok(RenderJob::new(self.mesh.clone(), scalars, active, view, self.table(tf)?))
     }
 
     /// The same with a share of the inner faces, front to back.

@@ -7,7 +7,7 @@ use crate::mesh::RawMesh;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::RenderMode;
 use crate::render::gpu::test_common as common;
-use crate::visibility::CellSet;
+use crate::render::testing;
 use glam::DVec3;
 
 fn one_tet() -> RenderJob {
@@ -21,26 +21,8 @@ fn one_tet() -> RenderJob {
         near: 0.0,
     };
     let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
-    RenderJob {
-        mesh: Arc::new(mesh),
-        scalars: Arc::new(vec![0.5; 4]),
-        active: Arc::new(CellSet::all(1)),
-        view: camera.view(32, 24).unwrap(),
-        table: Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap()),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        cancel: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        stats: Default::default(),
-    }
+    let table = Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap());
+    testing::job(&Arc::new(mesh), vec![0.5; 4], &camera, (32, 24), table)
 }
 
 /// A device that is lost before it does anything.

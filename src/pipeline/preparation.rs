@@ -13,7 +13,7 @@ use crate::optics::table3d::Table3dResolution;
 use crate::render::{CompressedStep, OpticsTables, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
-use crate::task::{Cancel, ThreadLimit};
+use crate::task::Cancel;
 use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label, Skip};
 use std::sync::Arc;
 use std::time::Instant;
@@ -123,26 +123,20 @@ impl Order {
             }
         };
         let mut job = RenderJob {
-            mesh: series.mesh.clone(),
-            scalars,
             compressed,
             // Nobody goes through cells whose scalars are not there.
             finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
-            active,
-            view,
-            table: request.table.over_scalars().clone(),
             // A grid is integrated exactly: nothing is to be prepared for other optics.
             optics: if grid.is_some() { OpticsKind::Exact } else { request.optics },
             formula: request.formula.clone().filter(|_| grid.is_none()),
             grid,
-            prepared: None,
             faces,
             k_buffer: request.faces.k_buffer,
             skip: request.skip,
             cancel: cancel.clone(),
-            thread_limit: ThreadLimit::none(),
             for_window: request.for_window,
             stats,
+            ..RenderJob::new(series.mesh.clone(), scalars, active, view, request.table.over_scalars().clone())
         };
         if request.drawn_by() != RenderMode::Reference {
             self.prepare_table(&mut job)?;

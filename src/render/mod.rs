@@ -10,6 +10,8 @@ mod joint;
 mod optics_tables;
 pub mod probe;
 pub mod reference;
+#[cfg(test)]
+pub(crate) mod testing;
 
 use crate::camera::View;
 use crate::codec::vq::VqBlock;
@@ -173,6 +175,37 @@ pub enum RenderError {
 }
 
 impl RenderJob {
+    /// A job with nothing but what every job has: exact optics, all left out that may be, nothing done before, and nobody who
+    /// cancels it.
+    pub fn new(
+        mesh: Arc<Mesh>,
+        scalars: Arc<Vec<f32>>,
+        active: Arc<CellSet>,
+        view: View,
+        table: Arc<NodeTable>,
+    ) -> Self {
+        Self {
+            mesh,
+            scalars,
+            compressed: None,
+            active,
+            finite: None,
+            faces: None,
+            k_buffer: KBuffer::default(),
+            view,
+            table,
+            grid: None,
+            formula: None,
+            optics: OpticsKind::default(),
+            prepared: None,
+            skip: Skip::default(),
+            cancel: Cancel::default(),
+            thread_limit: ThreadLimit::default(),
+            for_window: false,
+            stats: FrameStats::default(),
+        }
+    }
+
     /// Checks that the parts belong together.
     ///
     /// # Errors

@@ -174,7 +174,7 @@ mod tests {
     use super::*;
     use crate::mesh::test_meshes::kuhn_grid_of;
     use crate::node_table::Node;
-    use crate::visibility::CellSet;
+    use crate::render::testing;
 
     const SMALL: Table3dResolution = Table3dResolution { scalars: 17, lengths: 5 };
     const ALL: u64 = 17 * 17 * 5;
@@ -182,26 +182,8 @@ mod tests {
     fn job(optics: OpticsKind) -> RenderJob {
         let mesh = Arc::new(Mesh::build(kuhn_grid_of([1; 3], |_| true)).unwrap().0);
         let camera = crate::camera::Camera::default_for(mesh.positions.world_bounds()).unwrap();
-        RenderJob {
-            active: Arc::new(CellSet::all(mesh.topology.tets.len())),
-            scalars: Arc::new(vec![0.0; mesh.positions.local.len()]),
-            mesh,
-            compressed: None,
-            finite: None,
-            faces: None,
-            k_buffer: Default::default(),
-            view: camera.view(4, 4).unwrap(),
-            table: ramp(2.0),
-            optics,
-            formula: None,
-            prepared: None,
-            skip: Default::default(),
-            cancel: Default::default(),
-            thread_limit: Default::default(),
-            grid: None,
-            for_window: false,
-            stats: Default::default(),
-        }
+        let vertices = mesh.positions.local.len();
+        RenderJob { optics, ..testing::job(&mesh, vec![0.0; vertices], &camera, (4, 4), ramp(2.0)) }
     }
 
     /// Extinction 1 but for one node of eleven.

@@ -7,35 +7,12 @@ use crate::mesh::{Mesh, RawMesh};
 use crate::node_table::{Node, NodeTable};
 use crate::render::Renderer;
 use crate::render::reference::Reference;
-use crate::visibility::finite_cells;
+use crate::render::testing::job;
 use std::sync::Arc;
 
 fn table(nodes: &[(f64, f64)]) -> Arc<NodeTable> {
     let nodes = nodes.iter().map(|&(scalar, tau)| Node { scalar, rgb: [0.5; 3], tau }).collect();
     Arc::new(NodeTable::new(nodes).unwrap())
-}
-
-fn job(mesh: Mesh, scalars: Vec<f32>, camera: &Camera, size_px: (usize, usize), table: Arc<NodeTable>) -> RenderJob {
-    RenderJob {
-        active: Arc::new(finite_cells(&mesh.topology, &scalars)),
-        mesh: Arc::new(mesh),
-        scalars: Arc::new(scalars),
-        view: camera.view(size_px.0, size_px.1).unwrap(),
-        table,
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        cancel: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        stats: Default::default(),
-    }
 }
 
 /// Looks along +X at a row of cubes whose first face is in the plane x = 0, with one pixel on the middle of it.
@@ -44,7 +21,7 @@ fn along_x(cubes: usize, value: impl Fn(f64) -> f32, nodes: &[(f64, f64)], proje
     let scalars = (0..mesh.positions.local.len()).map(|v| value(mesh.positions.world(v).x)).collect();
     let position = DVec3::new(-4.0, 0.45, 0.4);
     let camera = Camera { position, focal_point: position + DVec3::X, view_up: DVec3::Z, projection, near: 0.0 };
-    job(mesh, scalars, &camera, (9, 9), table(nodes))
+    job(&Arc::new(mesh), scalars, &camera, (9, 9), table(nodes))
 }
 
 const PARALLEL: Projection = Projection::Parallel { scale: 2.0 };
@@ -90,7 +67,7 @@ fn random_job(random: &mut Random) -> RenderJob {
     // A step to an opaque plateau at times.
     let most = [0.6, 30.0, 1e300][random.below(3)];
     let nodes = [(-0.7, 0.0), (-0.1, 0.3), (0.2, 0.0), (0.6, 0.1), (0.6, most), (0.8, 0.02)];
-    job(mesh, scalars, &camera, (11, 9), table(&nodes))
+    job(&Arc::new(mesh), scalars, &camera, (11, 9), table(&nodes))
 }
 
 #[test]

@@ -114,32 +114,13 @@ mod tests {
     fn job(squash: f64, tau: f64) -> RenderJob {
         use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
         use crate::node_table::{Node, NodeTable};
+        use crate::render::testing;
         let mut raw = jittered(kuhn_grid([4; 3]), &mut Random(1));
         raw.points.iter_mut().for_each(|p| p.z *= squash);
         let mesh = Arc::new(Mesh::build(raw).unwrap().0);
-        let view = CAMERA.view(8, 8).unwrap();
         let scalars = vec![0.0; mesh.positions.local.len()];
-        let nodes = vec![Node { scalar: 0.0, rgb: [1.0; 3], tau }];
-        RenderJob {
-            active: Arc::new(crate::visibility::finite_cells(&mesh.topology, &scalars)),
-            mesh,
-            scalars: Arc::new(scalars),
-            view,
-            table: Arc::new(NodeTable::new(nodes).unwrap()),
-            compressed: None,
-            finite: None,
-            optics: Default::default(),
-            formula: None,
-            prepared: None,
-            faces: None,
-            k_buffer: Default::default(),
-            skip: Default::default(),
-            cancel: Default::default(),
-            thread_limit: Default::default(),
-            grid: None,
-            for_window: false,
-            stats: Default::default(),
-        }
+        let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0; 3], tau }]).unwrap();
+        testing::job(&mesh, scalars, &CAMERA, (8, 8), Arc::new(table))
     }
 
     #[test]

@@ -53,26 +53,8 @@ pub fn camera(position: DVec3, projection: Projection) -> Camera {
 
 pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, usize), table: NodeTable) -> RenderJob {
     let active = finite_cells(&mesh.topology, &scalars);
-    RenderJob {
-        mesh: mesh.clone(),
-        scalars: Arc::new(scalars),
-        active: Arc::new(active),
-        view: camera.view(size.0, size.1).unwrap(),
-        table: Arc::new(table),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        cancel: Default::default(),
-        stats: Default::default(),
-    }
+    let view = camera.view(size.0, size.1).unwrap();
+    RenderJob::new(mesh.clone(), Arc::new(scalars), Arc::new(active), view, Arc::new(table))
 }
 
 pub fn raycast(job: &RenderJob) -> RgbaImage {

@@ -13,8 +13,8 @@ use crate::node_table::{Node, NodeTable};
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::layout::Params;
 use crate::render::gpu::test_common as common;
-use crate::render::{RenderJob, Renderer};
-use crate::visibility::{Skip, finite_cells};
+use crate::render::{RenderJob, Renderer, testing};
+use crate::visibility::Skip;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -68,30 +68,13 @@ fn wave(p: DVec3) -> f64 {
     (2.1 * p.x + 0.3).sin() * (1.7 * p.y).cos() + 0.4 * (3.0 * p.z + p.x).sin()
 }
 
-pub(in crate::render::gpu) fn job(mesh: &Arc<Mesh>, camera: &Camera, (width, height): (usize, usize)) -> RenderJob {
+pub(in crate::render::gpu) fn job(mesh: &Arc<Mesh>, camera: &Camera, size_px: (usize, usize)) -> RenderJob {
     let scalars: Vec<_> = mesh.positions.local.iter().map(|p| wave(2.0 * p.as_dvec3()) as f32).collect();
     let nodes = [(-1.2, [0.1, 0.2, 0.9], 0.1), (0.2, [0.2, 0.9, 0.3], 0.5), (1.3, [1.0, 0.4, 0.1], 0.2)];
     let nodes = nodes.map(|(scalar, rgb, tau)| Node { scalar, rgb, tau }).to_vec();
-    RenderJob {
-        active: Arc::new(finite_cells(&mesh.topology, &scalars)),
-        mesh: mesh.clone(),
-        scalars: Arc::new(scalars),
-        view: camera.view(width, height).unwrap(),
-        table: Arc::new(NodeTable::new(nodes).unwrap()),
-        compressed: None,
-        finite: None,
-        optics: Default::default(),
-        formula: None,
-        prepared: None,
-        faces: None,
-        k_buffer: Default::default(),
-        skip: Skip { opaque: false, ..Skip::ALL },
-        cancel: Default::default(),
-        thread_limit: Default::default(),
-        grid: None,
-        for_window: false,
-        stats: Default::default(),
-    }
+    let table = Arc::new(NodeTable::new(nodes).unwrap());
+    let skip = Skip { opaque: false, ..Skip::ALL };
+    RenderJob { skip, ..testing::job(mesh, scalars, camera, size_px, table) }
 }
 
 /// What view transform and entries have left on the GPU for a job.
