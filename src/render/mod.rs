@@ -5,6 +5,7 @@
 //! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
 
 pub mod cpu;
+mod frame_run;
 pub mod gpu;
 mod joint;
 mod optics_tables;
@@ -23,6 +24,7 @@ use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, DrawnFaces, Skip};
+pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
 use serde::Serialize;

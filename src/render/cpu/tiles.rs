@@ -1,6 +1,6 @@
 //! The image in tiles, and which of its pixels a triangle may cover.
 
-use super::super::{Frame, RenderJob};
+use super::super::{Frame, Planes, RenderJob};
 use super::ray::ViewVertex;
 use crate::camera::View;
 use crate::stats::FrameStats;
@@ -71,7 +71,7 @@ struct TileTurn {
 /// The tiles of a grid in the order in which they are done: the costliest of the last frame first, so that only cheap ones are
 /// left when a thread finds no more. The image does not depend on it.
 #[derive(Debug, Default)]
-pub(super) struct TileOrder {
+struct TileOrder {
     grid: TileGrid,
     turns: Vec<TileTurn>,
     /// For each tile its place among them.
@@ -81,7 +81,7 @@ pub(super) struct TileOrder {
 impl TileOrder {
     /// Puts the tiles of a grid in order: by what they cost, or, without a frame of the same grid before, from the centre of the image
     /// outwards; row by row if not `costly_first`.
-    pub(super) fn begin(&mut self, grid: TileGrid, costly_first: bool) {
+    fn begin(&mut self, grid: TileGrid, costly_first: bool) {
         if self.grid != grid {
             self.grid = grid;
             self.turns.clear();
@@ -106,73 +106,82 @@ impl TileOrder {
     }
 }
 
-/// What was done of a frame.
-pub(super) struct TilesDone {
-    pub(super) counts: FrameStats,
+/// The tiles of one frame after the other, and what threads draw them with.
+#[derive(Default)]
+pub(super) struct Tiles<S> {
+    order: TileOrder,
+    /// Pixels tile by tile in that order, each tile's rows together.
+    pixels: Vec<TilePixel>,
+    /// One for each thread.
+    scratch: Vec<Mutex<S>>,
     /// The first place in the order that is still to be done.
-    pub(super) end: usize,
-    /// Milliseconds that threads had nothing to do, all of them together.
-    pub(super) ms_idle: f64,
+    next: usize,
 }
 
-/// Renders the tiles from place `first` in their order on for about `budget` (one at least), into `tile_pixels` (all tiles, one
-/// after the other in their order), with one of `scratch` for each thread.
-///
-/// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
-/// is done is always a prefix, and no thread waits for others before the end of the slice.
-pub(super) fn render_tiles<S: Send>(
-    job: &RenderJob,
-    order: &mut TileOrder,
-    tile_pixels: &mut [TilePixel],
-    scratch: &[Mutex<S>],
-    first: usize,
-    budget: Duration,
-    render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> FrameStats + Sync,
-) -> TilesDone {
-    let started = Instant::now();
-    let mut end = first;
-    let goes_on = || started.elapsed() < budget && !job.cancel.is_cancelled();
-    let counts = tile_pixels[first * TILE_PX * TILE_PX..]
-        .chunks_exact_mut(TILE_PX * TILE_PX)
-        .zip(&mut order.turns[first..])
-        .zip(first..)
-        .take_while(|&(_, place)| place == first || goes_on())
-        .inspect(|_| end += 1)
-        .par_bridge()
-        .map(|((pixels, TileTurn { tile, nanos }), _)| {
-            let _turn = job.thread_limit.turn();
-            // A thread of the pool has a scratch of its own: the lock is never waited for.
-            let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
-            let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
-            let begun = Instant::now();
-            let counts = render_tile(*tile as usize, &mut scratch, pixels);
-            *nanos = begun.elapsed().as_nanos() as u64;
-            counts
-        })
-        .reduce(FrameStats::default, |mut sum, part| {
-            sum.add_counts(&part);
-            sum
-        });
-    let busy_nanos: u64 = order.turns[first..end].iter().map(|turn| turn.nanos).sum();
-    let all_ms = started.elapsed().as_secs_f64() * 1e3 * rayon::current_num_threads() as f64;
-    TilesDone { counts, end, ms_idle: (all_ms - busy_nanos as f64 * 1e-6).max(0.0) }
+impl<S: Default + Send> Tiles<S> {
+    /// The tiles of a grid, none of them done; an empty one keeps what the last frame's have cost.
+    pub(super) fn begin(&mut self, grid: TileGrid, costly_first: bool) {
+        if grid.tile_count() > 0 {
+            self.order.begin(grid, costly_first);
+        }
+        self.pixels.resize(grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
+        self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
+        self.next = 0;
+    }
+
+    /// Renders the next tiles for about `budget` (one at least) into the planes of the frame; whether that were the last.
+    ///
+    /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
+    /// is done is always a prefix, and no thread waits for others before the end of the slice.
+    pub(super) fn render(
+        &mut self,
+        job: &RenderJob,
+        budget: Duration,
+        frame: &mut Frame,
+        render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> FrameStats + Sync,
+    ) -> bool {
+        let started = Instant::now();
+        let (first, scratch) = (self.next, &self.scratch);
+        let goes_on = || started.elapsed() < budget && !job.cancel.is_cancelled();
+        let counts = self.pixels[first * TILE_PX * TILE_PX..]
+            .chunks_exact_mut(TILE_PX * TILE_PX)
+            .zip(&mut self.order.turns[first..])
+            .zip(first..)
+            .take_while(|&(_, place)| place == first || goes_on())
+            .inspect(|_| self.next += 1)
+            .par_bridge()
+            .map(|((pixels, TileTurn { tile, nanos }), _)| {
+                let _turn = job.thread_limit.turn();
+                // A thread of the pool has a scratch of its own: the lock is never waited for.
+                let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
+                let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
+                let begun = Instant::now();
+                let counts = render_tile(*tile as usize, &mut scratch, pixels);
+                *nanos = begun.elapsed().as_nanos() as u64;
+                counts
+            })
+            .reduce(FrameStats::default, |mut sum, part| {
+                sum.add_counts(&part);
+                sum
+            });
+        let busy_nanos: u64 = self.order.turns[first..self.next].iter().map(|turn| turn.nanos).sum();
+        let all_ms = started.elapsed().as_secs_f64() * 1e3 * rayon::current_num_threads() as f64;
+        frame.stats.add_counts(&counts);
+        frame.stats.ms_idle += (all_ms - busy_nanos as f64 * 1e-6).max(0.0);
+        let scale = job.mesh.positions.scale;
+        copy_tiles(&mut frame.planes, &self.order, &self.pixels, first..self.next, scale);
+        self.next * TILE_PX * TILE_PX >= self.pixels.len()
+    }
 }
 
-/// Copies the tiles in some places of their order into the planes of the frame; `depth_scale` is the world length of a local
-/// one.
-pub(super) fn copy_tiles(
-    frame: &mut Frame,
-    order: &TileOrder,
-    tile_pixels: &[TilePixel],
-    done: Range<usize>,
-    depth_scale: f64,
-) {
-    let (grid, width) = (order.grid, frame.planes.color.width);
+/// Copies the tiles in some places of their order into the planes; `depth_scale` is the world length of a local one.
+fn copy_tiles(planes: &mut Planes, order: &TileOrder, tile_pixels: &[TilePixel], done: Range<usize>, depth_scale: f64) {
+    let (grid, width) = (order.grid, planes.color.width);
     if done.is_empty() {
         return;
     }
-    let color = frame.planes.color.pixels.par_chunks_mut(width * TILE_PX);
-    let depth = frame.planes.depth.pixels.par_chunks_mut(width * TILE_PX);
+    let color = planes.color.pixels.par_chunks_mut(width * TILE_PX);
+    let depth = planes.depth.pixels.par_chunks_mut(width * TILE_PX);
     color.zip(depth).zip(order.places.par_chunks(grid.columns)).enumerate().for_each(
         |(y, ((color, depth), places))| {
             for (x, &place) in places.iter().enumerate().filter(|(_, place)| done.contains(&(**place as usize))) {
@@ -282,10 +291,10 @@ mod tests {
             .flat_map(|place| (0..TILE_PX * TILE_PX).map(move |pixel| value(place, pixel)))
             .map(|value| TilePixel { rgba: [value; 4], depth: f64::from(value) })
             .collect();
-        let mut frame = Frame::default();
-        frame.clear(40, 30);
-        copy_tiles(&mut frame, &order, &pixels, 2..4, 0.5);
-        for (at, (color, depth)) in frame.planes.color.pixels.iter().zip(&frame.planes.depth.pixels).enumerate() {
+        let mut planes = Planes::default();
+        planes.clear(40, 30);
+        copy_tiles(&mut planes, &order, &pixels, 2..4, 0.5);
+        for (at, (color, depth)) in planes.color.pixels.iter().zip(&planes.depth.pixels).enumerate() {
             let (x, y) = (at % 40, at / 40);
             let (tile, rect) = (x / 16 + y / 16 * 3, GRID.rect(x / 16 + y / 16 * 3));
             let place = order.places[tile] as usize;

@@ -20,7 +20,7 @@ mod formula;
 pub(super) mod integrate;
 mod joint;
 
-use super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use super::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::camera::View;
 use clip::{Beside, Cell, Segment};
 use glam::DVec3;
@@ -42,18 +42,18 @@ const INFLATION: f64 = 1e-10;
 const GRAZING_LENGTH: f64 = 1e-5;
 
 /// The reference renderer. Renders 1M cells to 512 x 512 pixels in seconds.
-#[derive(Default)]
-pub struct Reference {
-    frame: Frame,
-    active_job: Option<ActiveJob>,
-}
+pub type Reference = FrameRun<Judge>;
 
-struct ActiveJob {
+/// Clips every cell against every ray.
+#[derive(Default)]
+pub struct Judge;
+
+/// A job of [`Judge`].
+pub struct JudgedJob {
     job: RenderJob,
     view: View,
     cells: Vec<Cell>,
     next_band: usize,
-    started: Instant,
 }
 
 impl Reference {
@@ -63,15 +63,16 @@ impl Reference {
     }
 }
 
-impl Renderer for Reference {
-    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
-        job.check()?;
+impl LayerRenderer for Judge {
+    type Job = JudgedJob;
+
+    fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<JudgedJob>, RenderError> {
         if let Some(source) = &job.formula {
             source.formula().map_err(|error| RenderError::NoFormula(error.to_string()))?;
         }
-        let started = Instant::now();
+        frame.stats.by_formula = job.formula.is_some();
         let view = job.local_view();
-        self.frame.clear(view.width_px, view.height_px);
+        frame.clear(view.width_px, view.height_px);
         let positions = &job.mesh.positions.local;
         let to_view = |v: u32| {
             let d = positions[v as usize].as_dvec3() - view.eye;
@@ -87,59 +88,36 @@ impl Renderer for Reference {
                 Cell::new(&view, tet.map(to_view), scalars, Beside::of_cell(&job, c))
             })
             .collect();
-        self.frame.stats = crate::stats::FrameStats {
-            cells_active: job.active.count() as u64,
-            cells_total: job.active.universe() as u64,
-            by_formula: job.formula.is_some(),
-            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
-            ..job.stats.clone()
-        };
-        self.active_job = Some(ActiveJob { job, view, cells, next_band: 0, started });
-        Ok(())
+        Ok(Some(JudgedJob { job, view, cells, next_band: 0 }))
     }
 
-    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
-        let Some(active) = &mut self.active_job else { return Ok(Advance::Done(&self.frame)) };
-        let cancel = active.job.cancel.clone();
+    fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
-        let width = self.frame.planes.color.width;
-        let bands = self.frame.planes.color.height.div_ceil(BAND_ROWS);
+        let Frame { planes, stats, .. } = frame;
+        let (width, height) = (judged.view.width_px, judged.view.height_px);
+        let bands = height.div_ceil(BAND_ROWS);
         let batch = 2 * rayon::current_num_threads();
-        while active.next_band < bands && !cancel.is_cancelled() {
-            let range = active.next_band..(active.next_band + batch).min(bands);
-            active.next_band = range.end;
-            let rows_at = range.start * BAND_ROWS;
-            let rows_end = (range.end * BAND_ROWS).min(self.frame.planes.color.height);
+        while judged.next_band < bands && !judged.job.cancel.is_cancelled() {
+            let range = judged.next_band..(judged.next_band + batch).min(bands);
+            judged.next_band = range.end;
+            let (rows_at, rows_end) = (range.start * BAND_ROWS, (range.end * BAND_ROWS).min(height));
             let (pixels_at, band) = (rows_at * width..rows_end * width, (BAND_ROWS * width).max(1));
-            let steps: u64 = self.frame.planes.color.pixels[pixels_at.clone()]
+            stats.steps += planes.color.pixels[pixels_at.clone()]
                 .par_chunks_mut(band)
-                .zip(self.frame.planes.depth.pixels[pixels_at].par_chunks_mut(band))
+                .zip(planes.depth.pixels[pixels_at].par_chunks_mut(band))
                 .enumerate()
-                .map(|(i, (pixels, depths))| render_band(active, (range.start + i) * BAND_ROWS, pixels, depths))
-                .sum();
-            self.frame.stats.steps += steps;
+                .map(|(i, (pixels, depths))| render_band(judged, (range.start + i) * BAND_ROWS, pixels, depths))
+                .sum::<u64>();
             if slice_started.elapsed() >= budget {
                 break;
             }
         }
-        let done = active.next_band >= bands && !cancel.is_cancelled();
-        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        let ms_before = active.job.stats.ms_decode + active.job.stats.ms_order;
-        self.frame.stats.ms_frame = ms_before + active.started.elapsed().as_secs_f64() * 1e3;
-        if done {
-            self.active_job = None;
-            return Ok(Advance::Done(&self.frame));
-        }
-        Ok(Advance::Partial(&self.frame))
-    }
-
-    fn take_frame(&mut self, replacement: Frame) -> Frame {
-        std::mem::replace(&mut self.frame, replacement)
+        Ok(judged.next_band >= bands)
     }
 }
 
 /// Renders the rows from `first_row` on, unless the job is cancelled; returns the number of segments.
-fn render_band(active: &ActiveJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
+fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let _turn = active.job.thread_limit.turn();
     let view = &active.view;
     let width = view.width_px;

@@ -51,16 +51,15 @@ mod resolve;
 mod sides;
 mod tile;
 
-use super::super::{Advance, Frame, OpticsTable, OpticsTables, RenderError, RenderJob, Renderer};
+use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::raycast::EYE_TOLERANCE;
 use super::raycast::entries::cells_at_eye;
-use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
+use super::tiles::{TILE_PX, Tiles};
 use crate::camera::View;
 use crate::optics::Integrator;
 use crate::slowdown::{Slow, waste};
-use crate::stats::FrameStats;
 use crate::visibility::DrawnFaces;
 use bins::FaceBins;
 use pulp::{Arch, Scalar, Simd};
@@ -68,42 +67,35 @@ use rayon::prelude::*;
 use sides::Sides;
 #[cfg(feature = "gpu")]
 pub(in crate::render) use sides::is_outward;
-use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 use tile::{RenderTile, Scene, TileScratch};
 
 /// The face renderer.
+pub type Havs = FrameRun<FaceTiles>;
+
+/// Draws faces tile by tile, on the CPU.
 #[derive(Default)]
-pub struct Havs {
-    frame: Frame,
+pub struct FaceTiles {
     vertices: Vec<ViewVertex>,
     screen: Vec<ScreenPoint>,
     sides: Sides,
     bins: FaceBins,
-    order: TileOrder,
-    /// Pixels tile by tile in that order, each tile's rows together.
-    tile_pixels: Vec<TilePixel>,
-    /// One for each thread.
-    scratch: Vec<Mutex<TileScratch>>,
-    active_job: Option<ActiveJob>,
+    tiles: Tiles<TileScratch>,
     /// For jobs that come without.
     tables: OpticsTables,
     /// Use no instructions that not every processor of its kind has.
     portable: bool,
 }
 
-/// What a job under way needs beyond the buffers.
-struct ActiveJob {
+/// A job of [`FaceTiles`].
+pub struct FaceJob {
     job: RenderJob,
     is_complete: bool,
     view: View,
     table: OpticsTable,
     eye_cells: Vec<u32>,
     tie: f64,
-    next_tile: usize,
-    started: Instant,
-    /// Milliseconds that the frame took before it came here.
-    ms_before: f64,
 }
 
 impl Havs {
@@ -114,9 +106,11 @@ impl Havs {
 
     /// The same renderer without instructions that only newer processors have; its images are the same.
     pub fn portable() -> Self {
-        Self { portable: true, ..Self::default() }
+        Self::of(FaceTiles { portable: true, ..FaceTiles::default() })
     }
+}
 
+impl FaceTiles {
     /// View coordinates, places in the image, and the faces of each tile.
     fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &Arc<DrawnFaces>) {
         ray::transform(view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, &mut self.vertices);
@@ -143,75 +137,48 @@ pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces
     if (2..=32).contains(&k) { Ok(drawn) } else { Err(RenderError::BadK(k)) }
 }
 
-impl Renderer for Havs {
-    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
-        job.check()?;
-        let job = job.with_optics_of_joint_table();
+impl LayerRenderer for FaceTiles {
+    type Job = FaceJob;
+
+    fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<FaceJob>, RenderError> {
         let drawn = checked_faces(&job)?;
-        let started = Instant::now();
         let view = job.local_view();
-        self.frame.clear(view.width_px, view.height_px);
+        frame.clear(view.width_px, view.height_px);
         let table = self.tables.get(&job);
-        let cells_active = job.active.count();
-        let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
-        let eye_cells = if everything_clear {
+        frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
+        let everything_clear = table.is_clear() || job.active.count() == 0 || job.cancel.is_cancelled();
+        let mut eye_cells = Vec::new();
+        if everything_clear {
             self.bins.clear();
-            Vec::new()
         } else {
             self.place_faces(&job, &view, &drawn);
-            self.order.begin(self.bins.grid, job.skip.costly_first);
-            cells_at_eye(&job, &view, EYE_TOLERANCE)
-        };
-        self.frame.stats = FrameStats {
-            cells_active: cells_active as u64,
-            cells_total: job.active.universe() as u64,
-            faces_drawn: if everything_clear { 0 } else { drawn.faces.len() as u64 },
-            faces_total: job.mesh.topology.faces.len() as u64,
-            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
-            ..job.stats.clone()
-        };
-        self.tile_pixels.resize(self.bins.grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
-        self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
+            eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
+            frame.stats.faces_drawn = drawn.faces.len() as u64;
+        }
+        self.tiles.begin(self.bins.grid, job.skip.costly_first);
         // The mesh lies within a local box of diameter 2 sqrt(3).
         let tie = fragment::tie(view.eye.length() + 2.0);
-        let ms_before = job.stats.ms_decode + job.stats.ms_order;
-        let is_complete = drawn.is_complete;
-        self.active_job =
-            Some(ActiveJob { job, is_complete, view, table, eye_cells, tie, next_tile: 0, started, ms_before });
-        Ok(())
+        Ok(Some(FaceJob { job, is_complete: drawn.is_complete, view, table, eye_cells, tie }))
     }
 
-    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
-        let Some(active) = self.active_job.take() else { return Ok(Advance::Done(&self.frame)) };
-        if active.job.cancel.is_cancelled() {
-            // Perhaps since before its tiles were known.
-            self.active_job = Some(active);
-            return Ok(Advance::Partial(&self.frame));
-        }
-        let slice_started = Instant::now();
-        let next_tile = match &active.table {
-            OpticsTable::Exact(table) => self.render_tiles(&active, &**table, budget),
-            OpticsTable::Table3d(table) => self.render_tiles(&active, &**table, budget),
-            OpticsTable::Partial(table) => self.render_tiles(&active, &**table, budget),
-        };
-        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
-        // A tile that was under way when the job was cancelled is not what it should be.
-        if next_tile >= self.bins.grid.tile_count() && !active.job.cancel.is_cancelled() {
-            return Ok(Advance::Done(&self.frame));
-        }
-        self.active_job = Some(ActiveJob { next_tile, ..active });
-        Ok(Advance::Partial(&self.frame))
-    }
-
-    fn take_frame(&mut self, replacement: Frame) -> Frame {
-        std::mem::replace(&mut self.frame, replacement)
+    fn advance(&mut self, budget: Duration, job: &mut FaceJob, frame: &mut Frame) -> Result<bool, RenderError> {
+        Ok(match &job.table {
+            OpticsTable::Exact(table) => self.render_tiles(job, &**table, budget, frame),
+            OpticsTable::Table3d(table) => self.render_tiles(job, &**table, budget, frame),
+            OpticsTable::Partial(table) => self.render_tiles(job, &**table, budget, frame),
+        })
     }
 }
 
-impl Havs {
-    /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
-    fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
+impl FaceTiles {
+    /// Renders tiles of a job for about `budget`; whether those were the last.
+    fn render_tiles<I: Integrator>(
+        &mut self,
+        active: &FaceJob,
+        table: &I,
+        budget: Duration,
+        frame: &mut Frame,
+    ) -> bool {
         let job = &active.job;
         let scene = Scene {
             topology: &job.mesh.topology,
@@ -228,8 +195,7 @@ impl Havs {
             cancel: &job.cancel,
         };
         let portable = self.portable;
-        let (first, pixels, order) = (active.next_tile, &mut self.tile_pixels, &mut self.order);
-        let done = tiles::render_tiles(job, order, pixels, &self.scratch, first, budget, |tile, scratch, pixels| {
+        self.tiles.render(job, budget, frame, |tile, scratch, pixels| {
             let counts = match if portable { Arch::Scalar } else { Arch::new() } {
                 #[cfg(target_arch = "x86_64")]
                 Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
@@ -242,11 +208,6 @@ impl Havs {
             waste(Slow::FaceLanes, if portable { 0 } else { fragments });
             waste(Slow::FewFaces, if scene.is_complete { 0 } else { fragments });
             counts
-        });
-        self.frame.stats.add_counts(&done.counts);
-        self.frame.stats.ms_idle += done.ms_idle;
-        let scale = job.mesh.positions.scale;
-        tiles::copy_tiles(&mut self.frame, &self.order, &self.tile_pixels, first..done.end, scale);
-        done.end
+        })
     }
 }

@@ -43,10 +43,10 @@ pub(in crate::render) mod skips;
 mod starts;
 mod walk;
 
-use super::super::{Advance, Frame, OpticsTable, OpticsTables, RenderError, RenderJob, Renderer};
+use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
-use super::tiles::{self, TILE_PX, TileOrder, TilePixel};
+use super::tiles::Tiles;
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Integrator;
@@ -57,8 +57,8 @@ use crate::visibility::{Clusters, NeededClusters};
 use entries::{EntryBins, EntryFaces};
 use skips::CellChoice;
 use starts::Entries;
-use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 use walk::{Scene, TileScratch};
 
 /// Cells so near to the eye, local units, may be the first on a ray: view coordinates are rounded by some 2^-53 of the local
@@ -66,9 +66,11 @@ use walk::{Scene, TileScratch};
 pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
 
 /// The CPU ray caster.
+pub type Raycast = FrameRun<CellWalk>;
+
+/// Walks from cell to cell, on the CPU.
 #[derive(Default)]
-pub struct Raycast {
-    frame: Frame,
+pub struct CellWalk {
     vertices: Vec<ViewVertex>,
     screen: Vec<ScreenPoint>,
     entry_faces: EntryFaces,
@@ -77,28 +79,19 @@ pub struct Raycast {
     /// Those of the last mesh.
     clusters: Option<(Arc<Mesh>, Clusters)>,
     needed: NeededClusters,
-    order: TileOrder,
-    /// Pixels tile by tile in that order, each tile's rows together.
-    tile_pixels: Vec<TilePixel>,
-    /// One for each thread.
-    scratch: Vec<Mutex<TileScratch>>,
-    active_job: Option<ActiveJob>,
+    tiles: Tiles<TileScratch>,
     /// For jobs that come without.
     tables: OpticsTables,
     /// Walk one ray after the other, with no instructions that not every processor of its kind has.
     portable: bool,
 }
 
-/// What a job under way needs beyond the buffers.
-struct ActiveJob {
+/// A job of [`CellWalk`].
+pub struct WalkJob {
     job: RenderJob,
     view: View,
     table: OpticsTable,
     eye_cells: Vec<u32>,
-    next_tile: usize,
-    started: Instant,
-    /// Milliseconds that the frame took before it came here.
-    ms_before: f64,
 }
 
 impl Raycast {
@@ -110,18 +103,19 @@ impl Raycast {
     /// The same renderer without instructions that only newer processors have, one ray after the other; its images are the
     /// same.
     pub fn portable() -> Self {
-        Self { portable: true, ..Self::default() }
+        Self::of(CellWalk { portable: true, ..CellWalk::default() })
     }
 
     /// A renderer whose pre-integrated tables have this resolution.
     pub fn with_table3d_resolution(resolution: Table3dResolution) -> Self {
-        Self { tables: OpticsTables::of_resolution(resolution), ..Self::default() }
+        Self::of(CellWalk { tables: OpticsTables::of_resolution(resolution), ..CellWalk::default() })
     }
+}
 
+impl CellWalk {
     /// View coordinates, and where rays may enter; counts what that saved.
-    fn place_entries(&mut self, job: &RenderJob, view: &View, eye_cells: &[u32]) -> FrameStats {
+    fn place_entries(&mut self, job: &RenderJob, view: &View, eye_cells: &[u32], saved: &mut FrameStats) {
         let knows_outside = job.skip.outside && outside::may_be_left_out(&job.mesh, view, eye_cells);
-        let mut saved = FrameStats::default();
         if knows_outside {
             if self.clusters.as_ref().is_none_or(|(of, _)| !Arc::ptr_eq(of, &job.mesh)) {
                 self.clusters = Some((job.mesh.clone(), Clusters::new(&job.mesh)));
@@ -144,106 +138,64 @@ impl Raycast {
         self.bins.fill(source, &self.entry_faces, cells, &job.cancel);
         waste(Slow::Entries, job.active.universe());
         waste(Slow::LargeMeshes, job.active.universe().saturating_sub(500_000));
-        saved
+        saved.entry_faces = self.entry_faces.count() as u64;
     }
 }
 
-impl Renderer for Raycast {
-    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
-        job.check()?;
-        let job = job.with_optics_of_joint_table();
-        let started = Instant::now();
+impl LayerRenderer for CellWalk {
+    type Job = WalkJob;
+
+    fn begin(&mut self, mut job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
         let view = job.local_view();
-        self.frame.clear(view.width_px, view.height_px);
+        frame.clear(view.width_px, view.height_px);
         let table = self.tables.get(&job);
-        let cells_active = job.active.count();
-        let everything_clear = table.is_clear() || cells_active == 0 || job.cancel.is_cancelled();
-        let (mut job, mut saved) = (job, FrameStats::default());
-        let eye_cells = if everything_clear {
+        let everything_clear = table.is_clear() || job.active.count() == 0 || job.cancel.is_cancelled();
+        let mut eye_cells = Vec::new();
+        if everything_clear {
             self.bins.clear();
-            Vec::new()
         } else {
             job.active = self.choice.cells(&job);
-            let eye_cells = entries::cells_at_eye(&job, &view, EYE_TOLERANCE);
-            saved = self.place_entries(&job, &view, &eye_cells);
-            self.order.begin(self.bins.grid, job.skip.costly_first);
-            eye_cells
-        };
-        self.frame.stats = FrameStats {
-            cells_active: cells_active as u64,
-            cells_total: job.active.universe() as u64,
-            entry_faces: if everything_clear { 0 } else { self.entry_faces.count() as u64 },
-            clusters_outside: saved.clusters_outside,
-            vertices_not_transformed: saved.vertices_not_transformed,
-            entry_lists_kept: saved.entry_lists_kept,
-            ms_order: job.stats.ms_order + started.elapsed().as_secs_f64() * 1e3,
-            ..job.stats.clone()
-        };
-        self.tile_pixels.resize(self.bins.grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
-        self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
-        let ms_before = job.stats.ms_decode + job.stats.ms_order;
-        self.active_job = Some(ActiveJob { job, view, table, eye_cells, next_tile: 0, started, ms_before });
-        Ok(())
+            eye_cells = entries::cells_at_eye(&job, &view, EYE_TOLERANCE);
+            self.place_entries(&job, &view, &eye_cells, &mut frame.stats);
+        }
+        self.tiles.begin(self.bins.grid, job.skip.costly_first);
+        Ok(Some(WalkJob { job, view, table, eye_cells }))
     }
 
-    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
-        let Some(active) = self.active_job.take() else { return Ok(Advance::Done(&self.frame)) };
-        if active.job.cancel.is_cancelled() {
-            // Perhaps since before its tiles were known.
-            self.active_job = Some(active);
-            return Ok(Advance::Partial(&self.frame));
-        }
-        let slice_started = Instant::now();
-        let next_tile = match &active.table {
-            OpticsTable::Exact(table) => self.render_tiles(&active, &**table, budget),
-            OpticsTable::Table3d(table) => self.render_tiles(&active, &**table, budget),
-            OpticsTable::Partial(table) => self.render_tiles(&active, &**table, budget),
-        };
-        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
-        if next_tile >= self.bins.grid.tile_count() {
-            return Ok(Advance::Done(&self.frame));
-        }
-        self.active_job = Some(ActiveJob { next_tile, ..active });
-        Ok(Advance::Partial(&self.frame))
-    }
-
-    fn take_frame(&mut self, replacement: Frame) -> Frame {
-        std::mem::replace(&mut self.frame, replacement)
+    fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
+        Ok(match &job.table {
+            OpticsTable::Exact(table) => self.render_tiles(job, &**table, budget, frame),
+            OpticsTable::Table3d(table) => self.render_tiles(job, &**table, budget, frame),
+            OpticsTable::Partial(table) => self.render_tiles(job, &**table, budget, frame),
+        })
     }
 }
 
-impl Raycast {
-    /// Renders tiles of a job for about `budget`; returns the first that is still to be done.
-    fn render_tiles<I: Integrator>(&mut self, active: &ActiveJob, table: &I, budget: Duration) -> usize {
+impl CellWalk {
+    /// Renders tiles of a job for about `budget`; whether those were the last.
+    fn render_tiles<I: Integrator>(&mut self, walk: &WalkJob, table: &I, budget: Duration, frame: &mut Frame) -> bool {
+        let job = &walk.job;
         let scene = Scene {
-            mesh: &active.job.mesh,
-            active: &active.job.active,
-            all_active: active.job.active.count() == active.job.active.universe(),
-            view: &active.view,
+            mesh: &job.mesh,
+            active: &job.active,
+            all_active: job.active.count() == job.active.universe(),
+            view: &walk.view,
             table,
-            grid: active.job.grid.as_ref(),
+            grid: job.grid.as_ref(),
             vertices: &self.vertices,
-            scalars: &active.job.scalars,
+            scalars: &job.scalars,
             entries: Entries {
-                topology: &active.job.mesh.topology,
-                view: &active.view,
+                topology: &job.mesh.topology,
+                view: &walk.view,
                 vertices: &self.vertices,
                 bins: &self.bins,
-                eye_cells: &active.eye_cells,
+                eye_cells: &walk.eye_cells,
                 portable: self.portable,
             },
-            early_termination: active.job.skip.opaque,
+            early_termination: job.skip.opaque,
         };
         let portable = self.portable;
-        let (job, first, pixels, order) = (&active.job, active.next_tile, &mut self.tile_pixels, &mut self.order);
-        let done = tiles::render_tiles(job, order, pixels, &self.scratch, first, budget, |tile, scratch, out| {
-            walk::render_tile(portable, &scene, tile, scratch, out)
-        });
-        self.frame.stats.add_counts(&done.counts);
-        self.frame.stats.ms_idle += done.ms_idle;
-        let scale = job.mesh.positions.scale;
-        tiles::copy_tiles(&mut self.frame, &self.order, &self.tile_pixels, first..done.end, scale);
-        done.end
+        self.tiles
+            .render(job, budget, frame, |tile, scratch, out| walk::render_tile(portable, &scene, tile, scratch, out))
     }
 }
