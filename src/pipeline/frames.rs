@@ -14,27 +14,27 @@ const SPARES_MAX: usize = 3;
 
 /// A frame that several may hold. Its memory goes back to the renderer with the last of them.
 #[derive(Clone, Debug)]
-pub struct SharedFrame {
-    /// Always there until it is dropped.
-    frame: Option<Arc<Frame>>,
-    pool: FramePool,
-}
+pub struct SharedFrame(Arc<Pooled>);
 
 impl Deref for SharedFrame {
     type Target = Frame;
 
     fn deref(&self) -> &Frame {
-        static NOTHING: std::sync::LazyLock<Frame> = std::sync::LazyLock::new(Frame::default);
-        self.frame.as_deref().unwrap_or(&NOTHING)
+        &self.0.frame
     }
 }
 
-impl Drop for SharedFrame {
+/// A frame with the pool that its memory goes back to.
+#[derive(Debug)]
+struct Pooled {
+    frame: Frame,
+    pool: FramePool,
+}
+
+impl Drop for Pooled {
     fn drop(&mut self) {
-        if let Some(frame) = self.frame.take().and_then(Arc::into_inner) {
-            // If the pool is full, there is one too many.
-            let _ = self.pool.spares.push(frame);
-        }
+        // If the pool is full, there is one too many.
+        let _ = self.pool.spares.push(std::mem::take(&mut self.frame));
     }
 }
 
@@ -57,7 +57,7 @@ impl FramePool {
     }
 
     pub(super) fn share(&self, frame: Frame) -> SharedFrame {
-        SharedFrame { frame: Some(Arc::new(frame)), pool: self.clone() }
+        SharedFrame(Arc::new(Pooled { frame, pool: self.clone() }))
     }
 }
 
