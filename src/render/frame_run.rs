@@ -124,3 +124,115 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
 fn milliseconds_since(earlier: Instant) -> f64 {
     earlier.elapsed().as_secs_f64() * 1e3
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::mesh::Mesh;
+    use crate::mesh::test_meshes::kuhn_grid;
+    use crate::node_table::{Node, NodeTable};
+    use crate::render::testing;
+    use std::sync::Arc;
+
+    /// Draws a pixel each time it is asked to, and notes what it is asked for.
+    #[derive(Default)]
+    struct PixelByPixel {
+        /// The pixel at which it fails.
+        fails_at: Option<usize>,
+        /// The pixel before which it is cancelled.
+        cancelled_at: Option<usize>,
+        abandoned: usize,
+    }
+
+    impl LayerRenderer for PixelByPixel {
+        type Job = (RenderJob, usize);
+
+        fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<Self::Job>, RenderError> {
+            frame.clear(job.view.width_px, job.view.height_px);
+            Ok((job.active.count() > 0).then_some((job, 0)))
+        }
+
+        fn advance(
+            &mut self,
+            _: Duration,
+            (job, next): &mut Self::Job,
+            frame: &mut Frame,
+        ) -> Result<bool, RenderError> {
+            if self.fails_at == Some(*next) {
+                return Err(RenderError::NoFaces);
+            }
+            if self.cancelled_at == Some(*next) {
+                job.cancel.cancel();
+            }
+            frame.planes.color.pixels[*next] = [1.0; 4];
+            *next += 1;
+            Ok(*next == frame.planes.color.pixels.len())
+        }
+
+        fn abandon(&mut self) -> Result<(), RenderError> {
+            self.abandoned += 1;
+            Ok(())
+        }
+    }
+
+    /// Of 2 x 2 pixels.
+    fn job() -> RenderJob {
+        let mesh = Arc::new(Mesh::build(kuhn_grid([1; 3])).unwrap().0);
+        let camera = Camera::default_for(mesh.positions.world_bounds()).unwrap();
+        let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0; 3], tau: 1.0 }]).unwrap();
+        let scalars = vec![0.0; mesh.positions.local.len()];
+        testing::job(&mesh, scalars, &camera, (2, 2), Arc::new(table))
+    }
+
+    /// How many pixels are there, and whether that is all.
+    fn drawn(advance: Advance<'_>) -> (usize, bool) {
+        let (is_done, frame) = match advance {
+            Advance::Partial(frame) => (false, frame),
+            Advance::Done(frame) => (true, frame),
+        };
+        (frame.planes.color.pixels.iter().filter(|p| p[3] > 0.0).count(), is_done)
+    }
+
+    #[test]
+    fn a_frame_is_partial_until_its_layer_is_done_and_then_stays_done() {
+        let mut run = FrameRun::<PixelByPixel>::default();
+        assert_eq!(drawn(run.advance(Duration::ZERO).unwrap()), (0, true));
+        let mut job = job();
+        (job.stats.ms_decode, job.stats.ms_order) = (500.0, 300.0);
+        run.begin(job.clone()).unwrap();
+        let shown: Vec<_> = (0..6).map(|_| drawn(run.advance(Duration::ZERO).unwrap())).collect();
+        assert_eq!(shown, [(1, false), (2, false), (3, false), (4, true), (4, true), (4, true)]);
+        let stats = run.take_frame(Frame::default()).stats;
+        assert_eq!(stats.cells_active, job.active.count() as u64);
+        assert!(stats.ms_order >= 300.0 && stats.ms_render > 0.0 && stats.ms_frame > 800.0);
+    }
+
+    #[test]
+    fn a_frame_without_anything_to_draw_is_done_at_once() {
+        let mut run = FrameRun::<PixelByPixel>::default();
+        let nothing = Arc::new(crate::visibility::CellSet::none(job().active.universe()));
+        run.begin(RenderJob { active: nothing, ..job() }).unwrap();
+        assert_eq!(drawn(run.advance(Duration::ZERO).unwrap()), (0, true));
+    }
+
+    #[test]
+    fn a_cancelled_frame_stays_partial_even_if_its_last_pixel_is_there() {
+        for (at, pixels) in [(1, 2), (3, 4)] {
+            let mut run = FrameRun::of(PixelByPixel { cancelled_at: Some(at), ..Default::default() });
+            assert!(run.render_unless_cancelled(job()).unwrap().is_none());
+            assert_eq!(drawn(run.advance(Duration::MAX).unwrap()), (pixels, false));
+        }
+    }
+
+    #[test]
+    fn a_layer_that_fails_loses_its_job_and_what_it_has_under_way() {
+        let mut run = FrameRun::of(PixelByPixel { fails_at: Some(1), ..Default::default() });
+        run.begin(job()).unwrap();
+        assert_eq!(run.layer.abandoned, 1, "of the job before");
+        assert_eq!(drawn(run.advance(Duration::ZERO).unwrap()), (1, false));
+        assert_eq!(run.advance(Duration::ZERO).unwrap_err(), RenderError::NoFaces);
+        assert_eq!(run.layer.abandoned, 2);
+        assert_eq!(drawn(run.advance(Duration::ZERO).unwrap()), (1, true), "there is no job any more");
+    }
+}

@@ -1,6 +1,7 @@
 //! From scalars and a view to a frame.
 //!
-//! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to.
+//! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to. Each is a
+//! [`LayerRenderer`], which draws, in a [`FrameRun`], which has the clock, the frame and what else all have in common.
 //! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`]
 //! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
 

@@ -1,14 +1,25 @@
 //! The cells around the eye.
 
+use super::context::Context;
+use super::layout::Params;
 use crate::camera::View;
 use crate::mesh::FACE_VERTICES;
-use crate::render::RenderJob;
 use crate::render::cpu::raycast::entries::cells_at_eye;
+use crate::render::{RenderError, RenderJob};
 use glam::DVec3;
 
 /// Cells so near to the eye, local units, may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
 /// extent, which is 2, and a cell too many only costs time.
 const EYE_TOLERANCE: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// The parameters of a view.
+///
+/// # Errors
+/// If single precision is not enough for it.
+pub(super) fn params(context: &Context, local_view: &View) -> Result<Params, RenderError> {
+    let far = || "the eye is too far from the mesh, or the view too wide, for single precision".to_owned();
+    Params::of_view(local_view).ok_or_else(|| context.beyond(far()))
+}
 
 /// Active cells that may be the first on a ray.
 pub(super) fn cells(job: &RenderJob, local_view: &View) -> Vec<u32> {

@@ -52,10 +52,9 @@ impl Presenter {
         color: &wgpu::Texture,
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
-        match (&mut frame.texture, &self.present) {
-            (Some(texture), Some(present)) => submit(context, present, color, texture),
-            _ => Ok(()),
-        }
+        let Some(texture) = &mut frame.texture else { return Ok(()) };
+        let missing = || context.beyond("present has not been prepared".to_owned());
+        submit(context, self.present.as_ref().ok_or_else(missing)?, color, texture)
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{COUNTERS, FAR, TILE_PX};
+use super::layout::{COUNTERS, FAR, Params, TILE_PX, depth_of};
 use super::target::Target;
-use crate::render::{Frame, RenderError};
+use crate::image::Plane;
+use crate::render::{Planes, RenderError};
 use crate::stats::FrameStats;
 use std::ops::Range;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -53,54 +54,48 @@ fn depth_row_bytes(width: usize) -> u64 {
     row_bytes(width, 4)
 }
 
-/// A buffer on its way.
-pub(super) struct Slot {
+/// Buffers for slices on their way back. Each is free or under way, and made when none is free.
+pub(super) struct Readback {
+    free: Vec<Slot>,
+}
+
+/// A buffer, and what tells that it has been mapped.
+struct Slot {
     buffer: GrowingBuffer,
-    tiles: Range<usize>,
-    has_pixels: bool,
-    submission: Option<wgpu::SubmissionIndex>,
     mapped: Mapped,
 }
 
-impl Slot {
+/// A slice under way.
+pub(super) struct Sent {
+    slot: Slot,
+    target: Arc<Target>,
+    tiles: Range<usize>,
+    has_pixels: bool,
+    submission: wgpu::SubmissionIndex,
+}
+
+impl Readback {
     pub(super) fn new() -> Self {
-        Self {
-            buffer: GrowingBuffer::readback("read-back"),
-            tiles: 0..0,
-            has_pixels: true,
-            submission: None,
-            mapped: Arc::default(),
-        }
+        Self { free: Vec::new() }
     }
 
-    /// Appends the copies of counters and times of `tiles` to what the slice does, if they are wanted
-    /// of their pixels, and of the word at a place of `total`.
-    pub(super) fn record(
+    /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if they are wanted, and of the
+    /// word at a place of `total`.
+    pub(super) fn send(
         &mut self,
         context: &Context,
-        encoder: &mut wgpu::CommandEncoder,
-        target: &Target,
-        tiles: Range<usize>,
-        has_pixels: bool,
+        mut encoder: wgpu::CommandEncoder,
+        target: &Arc<Target>,
+        (tiles, has_pixels): (Range<usize>, bool),
         total: Option<(&wgpu::Buffer, u64)>,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Sent, RenderError> {
+        let new = || Slot { buffer: GrowingBuffer::readback("read-back"), mapped: Arc::default() };
+        let mut slot = self.free.pop().unwrap_or_else(new);
         let places = Places::of(target, has_pixels);
-        self.buffer.reserve(context, places.end)?;
-        let buffer = self.buffer.get(context)?;
-        let (width, height) = target.size_px;
-        let rows = target.rows_of(&tiles);
-        let planes =
-            [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))];
-        for (texture, at, bytes_per_row) in planes.into_iter().filter(|_| has_pixels) {
-            let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
-            let source = wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All };
-            let layout = wgpu::TexelCopyBufferLayout {
-                offset: at + bytes_per_row * rows.start as u64,
-                bytes_per_row: Some(bytes_per_row as u32),
-                rows_per_image: Some(height as u32),
-            };
-            let size = wgpu::Extent3d { width: width as u32, height: rows.len() as u32, depth_or_array_layers: 1 };
-            encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer, layout }, size);
+        slot.buffer.reserve(context, places.end)?;
+        let buffer = slot.buffer.get(context)?;
+        if has_pixels {
+            copy_planes(&mut encoder, target, &tiles, places, buffer);
         }
         let (from, bytes) = (COUNTER_BYTES * tiles.start as u64, COUNTER_BYTES * tiles.len() as u64);
         encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
@@ -111,45 +106,72 @@ impl Slot {
             encoder.resolve_query_set(&times.queries, 0..TIMESTAMPS, &times.resolved, 0);
             encoder.copy_buffer_to_buffer(&times.resolved, 0, buffer, places.timestamps, 8 * u64::from(TIMESTAMPS));
         }
-        (self.tiles, self.has_pixels) = (tiles, has_pixels);
-        Ok(())
+        let submission = context.queue.submit([encoder.finish()]);
+        map(buffer, &slot.mapped);
+        context.check()?;
+        Ok(Sent { slot, target: target.clone(), tiles, has_pixels, submission })
     }
 
-    /// The slice is under way: its buffer is mapped when it is done.
-    pub(super) fn submitted(
-        &mut self,
-        context: &Context,
-        submission: wgpu::SubmissionIndex,
-    ) -> Result<(), RenderError> {
-        map(self.buffer.get(context)?, &self.mapped);
-        self.submission = Some(submission);
-        Ok(())
-    }
-
-    /// Waits for the slice and hands its bytes to `read`.
+    /// Waits for a slice and hands its bytes to `read`.
     pub(super) fn collect<T>(
         &mut self,
         context: &Context,
+        sent: Sent,
         read: impl FnOnce(&SliceData<'_>) -> T,
-        target: &Target,
     ) -> Result<T, RenderError> {
-        let waited =
-            context.device.poll(wgpu::PollType::Wait { submission_index: self.submission.take(), timeout: None });
-        context.check()?;
-        let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
-        waited.map_err(|e| failed(e.to_string()))?;
-        if !has_been_mapped(&self.mapped) {
-            return Err(failed("an image could not be read back".to_owned()));
+        let Sent { slot, target, tiles, has_pixels, submission } = sent;
+        wait_for(context, submission)?;
+        if !has_been_mapped(&slot.mapped) {
+            return Err(failed(context, "an image could not be read back".to_owned()));
         }
-        let buffer = self.buffer.get(context)?;
+        let buffer = slot.buffer.get(context)?;
         let result = {
-            let bytes = buffer.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
-            let places = Places::of(target, self.has_pixels);
-            read(&SliceData { bytes: &bytes, places, target, tiles: self.tiles.clone() })
+            let bytes = buffer.get_mapped_range(..).map_err(|e| failed(context, e.to_string()))?;
+            read(&SliceData { bytes: &bytes, places: Places::of(&target, has_pixels), target: &target, tiles })
         };
         buffer.unmap();
+        self.free.push(slot);
         Ok(result)
     }
+}
+
+/// Appends copies of the rows that the tiles touch.
+fn copy_planes(
+    encoder: &mut wgpu::CommandEncoder,
+    target: &Target,
+    tiles: &Range<usize>,
+    places: Places,
+    buffer: &wgpu::Buffer,
+) {
+    let (width, height) = target.size_px;
+    let rows = target.rows_of(tiles);
+    let planes = [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))];
+    for (texture, at, bytes_per_row) in planes {
+        let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
+        let source = wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: at + bytes_per_row * rows.start as u64,
+            bytes_per_row: Some(bytes_per_row as u32),
+            rows_per_image: Some(height as u32),
+        };
+        let size = wgpu::Extent3d { width: width as u32, height: rows.len() as u32, depth_or_array_layers: 1 };
+        encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer, layout }, size);
+    }
+}
+
+fn failed(context: &Context, problem: String) -> RenderError {
+    RenderError::Gpu { adapter: context.adapter().name.clone(), problem }
+}
+
+/// Waits until what has been submitted is done.
+///
+/// # Errors
+/// If the device is lost or fails.
+pub(super) fn wait_for(context: &Context, submission: wgpu::SubmissionIndex) -> Result<(), RenderError> {
+    let waited = context.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
+    context.check()?;
+    waited.map_err(|e| failed(context, e.to_string()))?;
+    Ok(())
 }
 
 /// A few words that the CPU has to see before it goes on.
@@ -162,32 +184,31 @@ impl Words {
         Self { buffer: GrowingBuffer::readback("words read back") }
     }
 
-    /// Waits for all that is under way, and appends `count` words from word `at` of a buffer to `out`.
+    /// Waits for all that is under way, and fills `out` from word `at` of a buffer on.
     pub(super) fn read(
         &mut self,
         context: &Context,
         from: &wgpu::Buffer,
         at: u64,
-        count: u64,
-        out: &mut Vec<u32>,
+        out: &mut [u32],
     ) -> Result<(), RenderError> {
-        let failed = |problem: String| RenderError::Gpu { adapter: context.adapter().name.clone(), problem };
-        self.buffer.reserve(context, 4 * count)?;
+        let bytes = size_of_val(out) as u64;
+        self.buffer.reserve(context, bytes)?;
         let buffer = self.buffer.get(context)?;
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(from, 4 * at, buffer, 0, 4 * count);
+        encoder.copy_buffer_to_buffer(from, 4 * at, buffer, 0, bytes);
         let submission = context.queue.submit([encoder.finish()]);
         let mapped: Mapped = Arc::default();
         map(buffer, &mapped);
-        let waited = context.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
-        context.check()?;
-        waited.map_err(|e| failed(e.to_string()))?;
+        wait_for(context, submission)?;
         if !has_been_mapped(&mapped) {
-            return Err(failed("counts could not be read back".to_owned()));
+            return Err(failed(context, "counts could not be read back".to_owned()));
         }
         {
-            let bytes = buffer.get_mapped_range(..4 * count).map_err(|e| failed(e.to_string()))?;
-            out.extend(bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])));
+            let read = buffer.get_mapped_range(..bytes).map_err(|e| failed(context, e.to_string()))?;
+            for (word, bytes) in out.iter_mut().zip(read.chunks_exact(4)) {
+                *word = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            }
         }
         buffer.unmap();
         Ok(())
@@ -236,7 +257,7 @@ impl SliceData<'_> {
     }
 
     /// Sum of the tiles' counters.
-    pub(super) fn counts(&self) -> FrameStats {
+    fn counts(&self) -> FrameStats {
         let mut sum = [0u64; COUNTERS];
         for tile in self.tiles.clone() {
             for (i, sum) in sum.iter_mut().enumerate() {
@@ -259,7 +280,7 @@ impl SliceData<'_> {
     }
 
     /// Milliseconds of transform, entries, walk and decoding, if there are timestamps.
-    pub(super) fn milliseconds(&self, context: &Context) -> Option<[f64; 4]> {
+    fn milliseconds(&self, context: &Context) -> Option<[f64; 4]> {
         let period_ns = context.timestamp_period_ns()?;
         let stamp = |i: u64| {
             let at = self.places.timestamps + 8 * i;
@@ -268,21 +289,46 @@ impl SliceData<'_> {
         Some([0, 2, 4, 6].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
     }
 
-    /// Copies the pixels of the slice's tiles; `world_depth` makes world depths of the shader's.
-    pub(super) fn copy_pixels(&self, frame: &mut Frame, world_depth: impl Fn(f32) -> f32) {
+    /// Adds counts and times to a frame's; milliseconds of the slice's entries and of its walk, if there are timestamps.
+    pub(super) fn add_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
+        stats.add_counts(&self.counts());
+        let [transform, entries, walk, decode] = self.milliseconds(context)?;
+        if stats.vertices_decoded_on_gpu > 0 {
+            stats.ms_gpu_decode = Some(decode);
+        }
+        stats.ms_gpu_transform = Some(transform);
+        *stats.ms_gpu_walk.get_or_insert(0.0) += walk;
+        Some([entries, walk])
+    }
+
+    /// Copies the pixels of the slice's tiles; depths of a job's shaders become those of a world whose local lengths are
+    /// 1 / `scale` of its own.
+    pub(super) fn copy_pixels(&self, planes: &mut Planes, params: &Params, scale: f64) {
+        let origin = depth_of(params.depth_origin) + f64::from(params.pivot);
+        self.copy_plane(&mut planes.color, 0, color_row_bytes, |_| ());
+        self.copy_plane(&mut planes.depth, self.places.depth, depth_row_bytes, |depths| {
+            for depth in depths {
+                *depth = if *depth >= FAR { f32::INFINITY } else { ((f64::from(*depth) + origin) * scale) as f32 };
+            }
+        });
+    }
+
+    /// Copies a plane that begins at byte `at`, and has each piece of a row `finished`.
+    fn copy_plane<P: bytemuck::Pod>(
+        &self,
+        plane: &mut Plane<P>,
+        at: u64,
+        row_bytes: impl Fn(usize) -> u64,
+        finished: impl Fn(&mut [P]),
+    ) {
         let (width, _) = self.target.size_px;
         for row in self.target.rows_of(&self.tiles) {
             let columns = self.target.columns_of(&self.tiles, row / TILE_PX);
-            let at = row * width;
-            let from = (color_row_bytes(width) * row as u64) as usize + 16 * columns.start;
-            let colors = &mut frame.planes.color.pixels[at + columns.start..at + columns.end];
-            bytemuck::cast_slice_mut::<_, u8>(colors).copy_from_slice(&self.bytes[from..from + 16 * columns.len()]);
-            let from = (self.places.depth + depth_row_bytes(width) * row as u64) as usize + 4 * columns.start;
-            let depths = &mut frame.planes.depth.pixels[at + columns.start..at + columns.end];
-            bytemuck::cast_slice_mut::<_, u8>(depths).copy_from_slice(&self.bytes[from..from + 4 * columns.len()]);
-            for depth in depths {
-                *depth = if *depth >= FAR { f32::INFINITY } else { world_depth(*depth) };
-            }
+            let from = (at + row_bytes(width) * row as u64) as usize + size_of::<P>() * columns.start;
+            let pixels = &mut plane.pixels[row * width..][columns];
+            let bytes = bytemuck::cast_slice_mut::<_, u8>(pixels);
+            bytes.copy_from_slice(&self.bytes[from..from + bytes.len()]);
+            finished(pixels);
         }
     }
 }

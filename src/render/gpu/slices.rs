@@ -4,8 +4,6 @@ use std::time::Duration;
 
 /// Slices under way at a time: the GPU has the next when it is done with one.
 pub(super) const IN_FLIGHT: usize = 2;
-/// Buffers on their way back: one is read, one is written, one waits.
-pub(super) const SLOTS: usize = 3;
 /// Workgroups of a dispatch in one dimension; WebGPU's limit.
 pub(super) const GROUPS_MAX: u32 = 65_535;
 /// The longest that the GPU is given work at once: what is cancelled ends after it, and other users of the GPU have a turn.

@@ -7,6 +7,7 @@ use super::readback::TIMESTAMPS;
 use super::resources::Resource;
 use crate::render::RenderError;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Timestamps of the stages.
 pub(super) struct Times {
@@ -26,7 +27,24 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub(super) fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
+    /// The one that is kept if it is of this size, or else a new one in its place; whether it is new.
+    pub(super) fn kept(
+        kept: &mut Option<Arc<Self>>,
+        context: &Context,
+        size_px: (usize, usize),
+    ) -> Result<(Arc<Self>, bool), RenderError> {
+        // One of another size is freed first: two large ones may not fit.
+        let same = kept.take().filter(|target| target.size_px == size_px);
+        let is_new = same.is_none();
+        let target = match same {
+            Some(target) => target,
+            None => Arc::new(Self::new(context, size_px)?),
+        };
+        *kept = Some(target.clone());
+        Ok((target, is_new))
+    }
+
+    fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
         let most = context.device.limits().max_texture_dimension_2d as usize;
         if size_px.0.max(size_px.1) > most {
             return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));

@@ -34,7 +34,7 @@ pub(super) struct Scene {
     pub(super) lists: GrowingBuffer,
     pub(super) fragments: [GrowingBuffer; 2],
     pub(super) pipelines: Pipelines,
-    pub(super) target: Option<Target>,
+    pub(super) target: Option<Arc<Target>>,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
 }
@@ -59,7 +59,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters. [`Table::is_clear`] has been asked.
+    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_clear`]
+    /// has been asked.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -68,15 +69,16 @@ impl Scene {
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Arc<Target>, RenderError> {
         self.bytes_sent = 0;
         let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
         // Buffers may have been made anew before one was refused: the old ones are bound.
-        if !matches!(made, Ok(false)) {
+        if !matches!(made, Ok((_, false))) {
             self.pipelines.unbind();
         }
-        made?;
-        self.bind(context)
+        let (target, _) = made?;
+        self.bind(context)?;
+        Ok(target)
     }
 
     /// Compiles what a job needs unless that has been done; before [`Self::update`].
@@ -94,7 +96,7 @@ impl Scene {
         self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))
     }
 
-    /// Whether a buffer or a plane was made.
+    /// What is drawn to, and whether a buffer or a plane was made.
     fn update_buffers(
         &mut self,
         context: &Context,
@@ -103,7 +105,7 @@ impl Scene {
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,
-    ) -> Result<bool, RenderError> {
+    ) -> Result<(Arc<Target>, bool), RenderError> {
         let mut made = self.params.reserve(context, size_of::<Params>() as u64)?;
         made |= self.face_params.reserve(context, size_of::<FaceParams>() as u64)?;
         let (new_vertices, sent) = self.vertices.upload(context, &job.mesh)?;
@@ -126,11 +128,8 @@ impl Scene {
             self.bytes_sent += bytes;
         }
         let size_px = (params.size_px[0] as usize, params.size_px[1] as usize);
-        if self.target.as_ref().is_none_or(|t| t.size_px != size_px) {
-            self.target = None;
-            self.target = Some(Target::new(context, size_px)?);
-            made = true;
-        }
+        let (target, is_resized) = Target::kept(&mut self.target, context, size_px)?;
+        made |= is_resized;
         let lists = Lists { tiles: params.tile_count() as u64 };
         made |= self.reserve_pieces(context, lists, FIRST_PIECES_PER_TILE * lists.tiles)?;
         for fragments in &mut self.fragments {
@@ -145,7 +144,7 @@ impl Scene {
         }
         face_params.face_part = self.faces.part as u32;
         face_params.piece_capacity = self.piece_capacity(lists);
-        Ok(made)
+        Ok((target, made))
     }
 
     fn upload_active(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
@@ -232,7 +231,7 @@ impl Scene {
         buffers.extend(&self.fragments);
         buffers.extend(self.table.buffers());
         buffers.extend(self.target.iter().map(|target| &target.counters));
-        let planes: Vec<_> = self.target.iter().flat_map(Target::planes).collect();
+        let planes: Vec<_> = self.target.iter().flat_map(|target| target.planes()).collect();
         self.pipelines.bind(context, &buffers, &planes)
     }
 }

@@ -4,7 +4,8 @@
 use super::*;
 use crate::camera::{Camera, Projection, View};
 use crate::mesh::{Mesh, NONE, RawMesh};
-use crate::render::gpu::layout::FRAGMENT_BYTES;
+use crate::render::Renderer;
+use crate::render::gpu::layout::{FRAGMENT_BYTES, depth_of};
 use crate::render::gpu::raycast::stage_tests::{
     Meeting, active_cells, cameras, context, has_eye, job, meet, mesh, read_back, seen,
 };
@@ -32,29 +33,28 @@ fn jobs() -> Vec<(&'static str, RenderJob)> {
 }
 
 /// Does all that comes before `step`, which is about to begin.
-fn run_until(renderer: &mut Havs, job: &RenderJob, step: Step) {
-    renderer.begin(job.clone()).unwrap();
+fn run_until(layer: &mut FaceLists, job: &RenderJob, step: Step) -> FaceJob {
+    let mut frame = Frame::default();
+    let mut active = layer.begin(job.clone(), &mut frame).unwrap().unwrap();
     loop {
-        let active = renderer.active_job.as_ref().unwrap();
-        let units = active.units(active.step, &renderer.bands);
+        let units = active.units(active.step, &layer.bands);
         if active.step == step && active.next == units.start {
-            return;
+            return active;
         }
         if active.next >= units.end {
-            renderer.next_step().unwrap();
+            layer.next_step(&mut active, &mut frame.stats).unwrap();
         } else {
             let next = active.next..units.end.min(active.next.saturating_add(active.step.most_units()));
-            renderer.submit_units(next).unwrap();
+            layer.submit_units(&mut active, next, true).unwrap();
         }
     }
 }
 
 /// The lists as they are before `step`.
 fn lists_before(context: &Arc<Context>, job: &RenderJob, step: Step) -> (Vec<u32>, Lists) {
-    let mut renderer = Havs::new(context.clone());
-    run_until(&mut renderer, job, step);
-    let lists = renderer.active_job.as_ref().unwrap().lists;
-    (read_back(context, renderer.scene.lists.get(context).unwrap()), lists)
+    let mut layer = Havs::new(context.clone()).layer;
+    let active = run_until(&mut layer, job, step);
+    (read_back(context, layer.scene.lists.get(context).unwrap()), active.lists)
 }
 
 /// Words of the pixels of all tiles.
@@ -159,12 +159,11 @@ fn fragments_are_stored_where_they_belong_with_their_depths() {
     let Some(context) = context() else { return };
     for (name, job) in jobs() {
         let view = job.local_view();
-        let mut renderer = Havs::new(context.clone());
-        run_until(&mut renderer, &job, Step::Resolve);
-        let active = renderer.active_job.as_ref().unwrap();
+        let mut layer = Havs::new(context.clone()).layer;
+        let active = run_until(&mut layer, &job, Step::Resolve);
         let (lists, params) = (active.lists, active.params);
-        let words = read_back(&context, renderer.scene.lists.get(&context).unwrap());
-        let fragments = read_back(&context, renderer.scene.fragments[0].get(&context).unwrap());
+        let words = read_back(&context, layer.scene.lists.get(&context).unwrap());
+        let fragments = read_back(&context, layer.scene.fragments[0].get(&context).unwrap());
         let fragments: Vec<&[u32]> = fragments.chunks_exact(FRAGMENT_BYTES as usize / 4).collect();
         let origin = f64::from(params.pivot) + depth_of(params.depth_origin);
         let (mut compared, mut largest, mut shifted) = (0, 0.0f64, 0.0f64);
@@ -207,11 +206,10 @@ fn column(cubes: usize) -> Mesh {
 
 /// Whether the fragments of each pixel, before `step`, are in order of depth and rank; and the most that a pixel has.
 fn sorted_before(context: &Arc<Context>, job: &RenderJob, step: Step) -> (bool, usize) {
-    let mut renderer = Havs::new(context.clone());
-    run_until(&mut renderer, job, step);
-    let lists = renderer.active_job.as_ref().unwrap().lists;
-    let words = read_back(context, renderer.scene.lists.get(context).unwrap());
-    let fragments = read_back(context, renderer.scene.fragments[0].get(context).unwrap());
+    let mut layer = Havs::new(context.clone()).layer;
+    let lists = run_until(&mut layer, job, step).lists;
+    let words = read_back(context, layer.scene.lists.get(context).unwrap());
+    let fragments = read_back(context, layer.scene.fragments[0].get(context).unwrap());
     let key = |fragment: &[u32]| (f32::from_bits(fragment[0]), f32::from_bits(fragment[1]), fragment[3]);
     let keys: Vec<_> = fragments.chunks_exact(FRAGMENT_BYTES as usize / 4).map(key).collect();
     let (mut is_sorted, mut most) = (true, 0);

@@ -3,10 +3,12 @@
 use super::bands::Band;
 use crate::render::RenderJob;
 use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
+use crate::render::gpu::readback::Sent;
 use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
 use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
+use crate::render::gpu::target::Target;
 use std::ops::Range;
-use std::time::Instant;
+use std::sync::Arc;
 
 /// Faces of a workgroup.
 const FACES_PER_GROUP: u32 = 64;
@@ -95,17 +97,24 @@ pub(super) struct StepCost {
 pub(super) struct Flight {
     pub(super) step: Step,
     pub(super) units: usize,
-    pub(super) submission: wgpu::SubmissionIndex,
-    /// Of pixels on their way: which slot has them, and whether they are the last of their tiles.
-    pub(super) slot: Option<(usize, bool)>,
+    pub(super) work: Work,
 }
 
-/// What a job under way needs beyond the buffers.
-pub(super) struct ActiveJob {
+/// What comes back of it.
+pub(super) enum Work {
+    /// Nothing.
+    Plain(wgpu::SubmissionIndex),
+    /// Pixels, which may be the last of their tiles.
+    Pixels { sent: Sent, ends_tiles: bool },
+}
+
+/// A job of [`FaceLists`](super::FaceLists).
+pub struct FaceJob {
     pub(super) job: RenderJob,
     pub(super) precision: Precision,
     pub(super) params: Params,
     pub(super) face_params: FaceParams,
+    pub(super) target: Arc<Target>,
     pub(super) lists: Lists,
     pub(super) step: Step,
     /// First unit of the step that has not been submitted.
@@ -114,12 +123,14 @@ pub(super) struct ActiveJob {
     pub(super) pieces: u32,
     /// Band under way.
     pub(super) band: usize,
-    pub(super) started: Instant,
-    /// Milliseconds that the frame took before it came here.
-    pub(super) ms_before: f64,
 }
 
-impl ActiveJob {
+impl FaceJob {
+    /// Goes to the first unit of the step.
+    pub(super) fn begin_step(&mut self, bands: &[Band]) {
+        self.next = self.units(self.step, bands).start;
+    }
+
     /// Units of a step.
     pub(super) fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
         let none = || Band { tiles: 0..0, pixels: 0..0, fragments: 0, deepest: 0, skipped: 0 };

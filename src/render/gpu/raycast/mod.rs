@@ -23,14 +23,15 @@ pub(super) mod stage_tests;
 
 use super::context::Context;
 use super::eye::{self, sides};
-use super::layout::{Params, depth_of};
+use super::layout::Params;
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
-use super::readback::Slot;
+use super::readback::{Readback, Sent};
 use super::shaders::{Gathering, Precision, Stage};
-use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, SLOTS, UnitCost, dispatch};
+use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
+use super::target::Target;
 use crate::render::cpu::raycast::skips::CellChoice;
-use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
 use scene::Scene;
 use std::collections::VecDeque;
@@ -41,14 +42,15 @@ use std::time::{Duration, Instant};
 const FIRST_TILES: usize = 32;
 
 /// The GPU ray caster.
-pub struct Raycast {
+pub type Raycast = FrameRun<CellWalk>;
+
+/// Walks from cell to cell, on the GPU.
+pub struct CellWalk {
     context: Arc<Context>,
     scene: Scene,
-    slots: [Slot; SLOTS],
-    /// Slots under way, oldest first.
-    in_flight: VecDeque<usize>,
-    frame: Frame,
-    active_job: Option<ActiveJob>,
+    readback: Readback,
+    /// Oldest first.
+    in_flight: VecDeque<Sent>,
     presenter: Presenter,
     choice: CellChoice,
     precision: PrecisionChoice,
@@ -56,11 +58,12 @@ pub struct Raycast {
     cost: UnitCost,
 }
 
-/// What a job under way needs beyond the buffers.
-struct ActiveJob {
+/// A job of [`CellWalk`].
+pub struct WalkJob {
     job: RenderJob,
     precision: Precision,
     params: Params,
+    target: Arc<Target>,
     tile_count: usize,
     /// First tile that has not been submitted.
     next_tile: usize,
@@ -68,53 +71,40 @@ struct ActiveJob {
     tiles_done: usize,
     /// Milliseconds that these took.
     walk_ms: f64,
-    started: Instant,
-    /// Milliseconds that the frame took before it came here.
-    ms_before: f64,
 }
 
 impl Raycast {
     /// A renderer without a job.
     pub fn new(context: Arc<Context>) -> Self {
-        Self {
+        Self::of(CellWalk {
             context,
             scene: Scene::new(),
-            slots: std::array::from_fn(|_| Slot::new()),
-            in_flight: VecDeque::with_capacity(SLOTS),
-            frame: Frame::default(),
-            active_job: None,
+            readback: Readback::new(),
+            in_flight: VecDeque::with_capacity(IN_FLIGHT),
             choice: CellChoice::default(),
             precision: PrecisionChoice::default(),
             presenter: Presenter::new(),
             cost: UnitCost::default(),
-        }
+        })
     }
 
     /// The GPU that it renders on.
     pub fn context(&self) -> &Arc<Context> {
-        &self.context
+        &self.layer.context
     }
+}
 
-    /// Waits for what is under way and forgets it.
-    fn drain(&mut self) -> Result<(), RenderError> {
-        while let Some(slot) = self.in_flight.pop_front() {
-            if let Some(target) = &self.scene.target {
-                self.slots[slot].collect(&self.context, |_| (), target)?;
-            }
-        }
-        Ok(())
-    }
-
+impl CellWalk {
     /// Submits view transform and entries.
-    fn submit_preparation(&mut self) -> Result<(), RenderError> {
-        let Some(active) = &self.active_job else { return Ok(()) };
-        let Scene { pipelines, target: Some(target), params, bins, .. } = &self.scene else { return Ok(()) };
+    fn submit_preparation(&mut self, active: &WalkJob, stats: &mut FrameStats) -> Result<(), RenderError> {
+        let target = &active.target;
+        let Scene { pipelines, params, bins, .. } = &self.scene;
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
         let decoder = &self.scene.scalars.decoder;
         if decoder.pending_vertices() > 0 {
-            self.frame.stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
+            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
             let timestamp_writes = target.stamps(6);
             let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
             decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
@@ -145,9 +135,9 @@ impl Raycast {
     }
 
     /// Submits the walk of the next `count` tiles.
-    fn submit_tiles(&mut self, count: usize) -> Result<(), RenderError> {
-        let Some(active) = &mut self.active_job else { return Ok(()) };
-        let Scene { pipelines, target: Some(target), params, bins, .. } = &self.scene else { return Ok(()) };
+    fn submit_tiles(&mut self, active: &mut WalkJob, count: usize, has_pixels: bool) -> Result<(), RenderError> {
+        let target = &active.target;
+        let Scene { pipelines, params, bins, .. } = &self.scene;
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
@@ -160,184 +150,109 @@ impl Raycast {
             pipelines.set(&self.context, walk, &mut pass)?;
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
-        let free = (0..SLOTS).find(|slot| !self.in_flight.contains(slot)).unwrap_or_default();
-        let slot = &mut self.slots[free];
         active.next_tile = tiles.end;
         let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64));
-        slot.record(&self.context, &mut encoder, target, tiles, self.frame.texture.is_none(), total)?;
-        let submission = self.context.queue.submit([encoder.finish()]);
-        slot.submitted(&self.context, submission)?;
-        self.in_flight.push_back(free);
-        self.context.check()
-    }
-
-    /// Waits for the oldest slice and takes its pixels; whether the frame has to begin again with longer lists.
-    fn collect_slice(&mut self) -> Result<bool, RenderError> {
-        let (Some(slot), Some(active), Some(target)) =
-            (self.in_flight.pop_front(), &mut self.active_job, &self.scene.target)
-        else {
-            return Ok(false);
-        };
-        let (context, frame, cost) = (&self.context, &mut self.frame, &mut self.cost);
-        let capacity = u64::from(active.params.pair_capacity);
-        let origin = depth_of(active.params.depth_origin) + f64::from(active.params.pivot);
-        let scale = active.job.mesh.positions.scale;
-        let waiting = Instant::now();
-        let short = self.slots[slot].collect(
-            context,
-            |slice| {
-                let needed = slice.total();
-                if needed > capacity {
-                    return Some(needed);
-                }
-                if frame.texture.is_none() {
-                    slice.copy_pixels(frame, |depth| ((f64::from(depth) + origin) * scale) as f32);
-                }
-                frame.stats.add_counts(&slice.counts());
-                let times = slice.milliseconds(context);
-                if let Some([transform, entries, walk, decode]) = times {
-                    if frame.stats.vertices_decoded_on_gpu > 0 {
-                        frame.stats.ms_gpu_decode = Some(decode);
-                    }
-                    frame.stats.ms_gpu_transform = Some(transform);
-                    frame.stats.ms_gpu_entries = Some(entries);
-                    *frame.stats.ms_gpu_walk.get_or_insert(0.0) += walk;
-                }
-                let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |t| t[2]);
-                cost.last = Some(ms / slice.tiles.len().max(1) as f64);
-                active.walk_ms += ms;
-                active.tiles_done += slice.tiles.len();
-                if active.tiles_done >= active.tile_count {
-                    cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
-                }
-                None
-            },
-            target,
-        )?;
-        let Some(needed) = short else { return Ok(false) };
-        self.begin_again(needed)?;
-        Ok(true)
-    }
-
-    /// The lists were too short for what was found: room for all, and the frame from its start.
-    fn begin_again(&mut self, pairs_needed: u64) -> Result<(), RenderError> {
-        self.drain()?;
-        let Some(active) = &mut self.active_job else { return Ok(()) };
-        self.scene.grow_lists(&self.context, pairs_needed, &mut active.params)?;
-        (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
-        self.frame.stats.entry_retries += 1;
-        self.submit_preparation()
-    }
-
-    fn work(&mut self, budget: Duration) -> Result<bool, RenderError> {
-        let slice_started = Instant::now();
-        loop {
-            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
-            let Some(active) = &self.active_job else { return Ok(true) };
-            if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
-                self.submit_tiles(tiles)?;
-                continue;
-            }
-            if self.in_flight.is_empty() {
-                return Ok(true);
-            }
-            self.collect_slice()?;
-            let Some(active) = &self.active_job else { return Ok(true) };
-            let done = active.tiles_done >= active.tile_count;
-            if done && let Some(target) = &self.scene.target {
-                self.presenter.present(&self.context, &target.color, &mut self.frame)?;
-            }
-            if done || slice_started.elapsed() >= budget {
-                return Ok(done);
-            }
-        }
-    }
-}
-
-impl Renderer for Raycast {
-    fn begin(&mut self, job: RenderJob) -> Result<(), RenderError> {
-        job.check()?;
-        let job = job.with_optics_of_joint_table();
-        self.context.check()?;
-        self.active_job = None;
-        self.drain()?;
-        let started = Instant::now();
-        let view = job.local_view();
-        let cells_active = job.active.count();
-        self.frame.stats = FrameStats {
-            cells_active: cells_active as u64,
-            cells_total: job.active.universe() as u64,
-            on_gpu: true,
-            ..job.stats.clone()
-        };
-        let far = || {
-            self.context
-                .beyond("the eye is too far from the mesh, or the view too wide, for single precision".to_owned())
-        };
-        let mut params = Params::of_view(&view).ok_or_else(far)?;
-        let is_empty = self.scene.table.is_clear(&job) || cells_active == 0;
-        if is_empty {
-            // All pixels are clear, and here.
-            self.frame.clear(view.width_px, view.height_px);
-        } else {
-            let job = RenderJob { active: self.choice.cells(&job), ..job };
-            self.presenter.prepare(&self.context, &job, &mut self.frame)?;
-            let eye_cells: Vec<_> =
-                eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
-            let precision = self.precision.of(self.context.has_f64(), &job);
-            self.scene.update(&self.context, &job, precision, &eye_cells, &mut params)?;
-            self.frame.stats.in_f64 = precision == Precision::Double;
-            self.frame.stats.entry_faces = u64::from(params.face_count);
-            self.frame.stats.bytes_uploaded = self.scene.bytes_sent;
-            let tile_count = params.tile_count();
-            let ms_before = job.stats.ms_decode + job.stats.ms_order;
-            let active = ActiveJob {
-                job,
-                precision,
-                params,
-                tile_count,
-                next_tile: 0,
-                tiles_done: 0,
-                walk_ms: 0.0,
-                started,
-                ms_before,
-            };
-            self.active_job = Some(active);
-            self.submit_preparation()?;
-        }
-        self.frame.stats.ms_order += started.elapsed().as_secs_f64() * 1e3;
+        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total)?;
+        self.in_flight.push_back(sent);
         Ok(())
     }
 
-    fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError> {
-        if self.active_job.is_none() {
-            return Ok(Advance::Done(&self.frame));
-        }
-        if self.active_job.as_ref().is_some_and(|active| active.job.cancel.is_cancelled()) {
-            return Ok(Advance::Partial(&self.frame));
-        }
-        let slice_started = Instant::now();
-        let worked = self.work(budget);
-        if worked.is_err() {
-            // Nothing of the job is wanted any more; what failed has been said.
-            self.active_job = None;
-            let _ = self.drain();
-            self.in_flight.clear();
-        }
-        let done = worked?;
-        self.frame.stats.ms_render += slice_started.elapsed().as_secs_f64() * 1e3;
-        if let Some(active) = &self.active_job {
-            self.frame.stats.ms_frame = active.ms_before + active.started.elapsed().as_secs_f64() * 1e3;
-        }
-        if done {
-            self.active_job = None;
-            return Ok(Advance::Done(&self.frame));
-        }
-        Ok(Advance::Partial(&self.frame))
+    /// Waits for a slice and takes its pixels, or begins the frame again if its lists were too short.
+    fn collect_slice(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let (context, cost) = (&self.context, &mut self.cost);
+        let waiting = Instant::now();
+        let needed = self.readback.collect(context, sent, |slice| {
+            let needed = slice.total();
+            if needed > u64::from(active.params.pair_capacity) {
+                return Some(needed);
+            }
+            if frame.texture.is_none() {
+                slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
+            }
+            let times = slice.add_to(&mut frame.stats, context);
+            if let Some([entries, _]) = times {
+                frame.stats.ms_gpu_entries = Some(entries);
+            }
+            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, walk]| walk);
+            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
+            active.walk_ms += ms;
+            active.tiles_done += slice.tiles.len();
+            if active.tiles_done >= active.tile_count {
+                cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+            }
+            None
+        })?;
+        needed.map_or(Ok(()), |needed| self.begin_again(needed, active, &mut frame.stats))
     }
 
-    fn take_frame(&mut self, replacement: Frame) -> Frame {
-        std::mem::replace(&mut self.frame, replacement)
+    /// The lists were too short for what was found: room for all, and the frame from its start.
+    fn begin_again(
+        &mut self,
+        pairs_needed: u64,
+        active: &mut WalkJob,
+        stats: &mut FrameStats,
+    ) -> Result<(), RenderError> {
+        self.abandon()?;
+        self.scene.grow_lists(&self.context, pairs_needed, &mut active.params)?;
+        (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
+        stats.entry_retries += 1;
+        self.submit_preparation(active, stats)
+    }
+}
+
+impl LayerRenderer for CellWalk {
+    type Job = WalkJob;
+
+    fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
+        frame.stats.on_gpu = true;
+        let view = job.local_view();
+        let mut params = eye::params(&self.context, &view)?;
+        if self.scene.table.is_clear(&job) || job.active.count() == 0 {
+            // All pixels are clear, and here.
+            frame.clear(view.width_px, view.height_px);
+            return Ok(None);
+        }
+        let job = RenderJob { active: self.choice.cells(&job), ..job };
+        self.presenter.prepare(&self.context, &job, frame)?;
+        let eye_cells: Vec<_> =
+            eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
+        let precision = self.precision.of(self.context.has_f64(), &job);
+        let target = self.scene.update(&self.context, &job, precision, &eye_cells, &mut params)?;
+        frame.stats.in_f64 = precision == Precision::Double;
+        frame.stats.entry_faces = u64::from(params.face_count);
+        frame.stats.bytes_uploaded = self.scene.bytes_sent;
+        let tile_count = params.tile_count();
+        let active = WalkJob { job, precision, params, target, tile_count, next_tile: 0, tiles_done: 0, walk_ms: 0.0 };
+        self.submit_preparation(&active, &mut frame.stats)?;
+        Ok(Some(active))
+    }
+
+    fn advance(&mut self, budget: Duration, active: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
+        let slice_started = Instant::now();
+        loop {
+            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
+            if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
+                self.submit_tiles(active, tiles, frame.texture.is_none())?;
+                continue;
+            }
+            let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
+            self.collect_slice(sent, active, frame)?;
+            let is_done = active.tiles_done >= active.tile_count;
+            if is_done {
+                self.presenter.present(&self.context, &active.target.color, frame)?;
+            }
+            if is_done || slice_started.elapsed() >= budget {
+                return Ok(is_done);
+            }
+        }
+    }
+
+    fn abandon(&mut self) -> Result<(), RenderError> {
+        let mut came_back = self.context.check();
+        while let Some(sent) = self.in_flight.pop_front() {
+            came_back = came_back.and_then(|()| self.readback.collect(&self.context, sent, |_| ()));
+        }
+        came_back
     }
 
     fn slice(&self) -> Duration {

@@ -34,7 +34,7 @@ pub(super) struct Scene {
     domain: Domain,
     pub(super) table: Table,
     pub(super) pipelines: Pipelines,
-    pub(super) target: Option<Target>,
+    pub(super) target: Option<Arc<Target>>,
     /// Ends of the tiles' lists, their sum, the lists.
     pub(super) bins: GrowingBuffer,
     /// Bytes sent for the present job.
@@ -63,8 +63,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters. [`Table::is_clear`] has
-    /// been asked.
+    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_clear`]
+    /// has been asked.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -72,7 +72,7 @@ impl Scene {
         precision: Precision,
         eye_cells: &[[u32; 2]],
         params: &mut Params,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Arc<Target>, RenderError> {
         let updated = self.update_parts(context, job, precision, eye_cells, params);
         if updated.is_err() {
             // Buffers may have been made anew before one was refused: the old ones are bound.
@@ -88,7 +88,7 @@ impl Scene {
         precision: Precision,
         eye_cells: &[[u32; 2]],
         params: &mut Params,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Arc<Target>, RenderError> {
         self.bytes_sent = 0;
         let cells = job.mesh.topology.tets.len();
         let split = RecordSplit::new(cells, context.binding_bytes());
@@ -116,13 +116,8 @@ impl Scene {
         self.bytes_sent += sent;
         stale |= self.update_domain(context, job, eye_cells)?;
         let size_px = (params.size_px[0] as usize, params.size_px[1] as usize);
-        let mut is_resized = false;
-        if self.target.as_ref().is_none_or(|t| t.size_px != size_px) {
-            self.target = None;
-            self.target = Some(Target::new(context, size_px)?);
-            stale = true;
-            is_resized = true;
-        }
+        let (target, is_resized) = Target::kept(&mut self.target, context, size_px)?;
+        stale |= is_resized;
         params.vertex_count = job.mesh.positions.local.len() as u32;
         params.face_count = self.domain.faces.len() as u32;
         params.eye_count = eye_cells.len() as u32;
@@ -143,7 +138,8 @@ impl Scene {
         if stale {
             self.pipelines.unbind();
         }
-        self.bind(context)
+        self.bind(context)?;
+        Ok(target)
     }
 
     /// Room for more pairs of tile and item than there was.
@@ -208,7 +204,7 @@ impl Scene {
         buffers.extend(&self.records.parts);
         buffers.extend(self.table.buffers());
         buffers.extend(self.target.iter().map(|target| &target.counters));
-        let planes: Vec<_> = self.target.iter().flat_map(Target::planes).collect();
+        let planes: Vec<_> = self.target.iter().flat_map(|target| target.planes()).collect();
         self.pipelines.bind(context, &buffers, &planes)
     }
 }

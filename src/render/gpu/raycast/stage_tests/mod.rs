@@ -13,7 +13,7 @@ use crate::node_table::{Node, NodeTable};
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::layout::Params;
 use crate::render::gpu::test_common as common;
-use crate::render::{RenderJob, Renderer, testing};
+use crate::render::{Frame, LayerRenderer, RenderJob, testing};
 use crate::visibility::Skip;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -88,12 +88,13 @@ struct Prepared {
 
 fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let mut renderer = renderer(context);
-    renderer.begin(job.clone()).unwrap();
+    let layer = &mut renderer.layer;
+    let active = layer.begin(job.clone(), &mut Frame::default()).unwrap().unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
-    let vertices = words(renderer.scene.vertices.vertices.get(context).unwrap());
+    let vertices = words(layer.scene.vertices.vertices.get(context).unwrap());
     let vertices = bytemuck::cast_slice::<_, [f32; 8]>(&vertices)[..job.mesh.positions.local.len()].to_vec();
-    let bins = words(renderer.scene.bins.get(context).unwrap());
-    Prepared { params: renderer.active_job.as_ref().unwrap().params, vertices, bins }
+    let bins = words(layer.scene.bins.get(context).unwrap());
+    Prepared { params: active.params, vertices, bins }
 }
 
 pub(in crate::render::gpu) fn read_back(context: &Context, buffer: &wgpu::Buffer) -> Vec<u32> {

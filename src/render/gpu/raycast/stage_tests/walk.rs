@@ -3,7 +3,7 @@
 use super::*;
 use crate::image::RgbaImage;
 use crate::optics::OPAQUE_TRANSMITTANCE;
-use crate::render::{Frame, cpu};
+use crate::render::{Frame, Renderer, cpu};
 use crate::stats::FrameStats;
 
 /// Starts of paths, cells and rays of a frame.
