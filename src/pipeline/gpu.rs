@@ -44,6 +44,7 @@ struct Beyond {
     faces: usize,
     /// Values of its table of more than the scalar.
     joint_values: usize,
+    has_fragments: bool,
     error: RenderError,
 }
 
@@ -51,6 +52,7 @@ impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
         let is_same = self.view == job.view && self.mode == mode && self.faces == faces_of(job);
+        let is_same = is_same && self.has_fragments == job.fragments.is_some();
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
 }
@@ -215,8 +217,9 @@ impl Gpu {
                 }
                 RenderError::BeyondGpu { .. } => {
                     let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
-                    let (mesh, view) = (job.mesh, job.view);
-                    self.beyond = Some(Beyond { mesh, view, mode, faces, joint_values, error: error.clone() });
+                    let (mesh, view, has_fragments) = (job.mesh, job.view, job.fragments.is_some());
+                    let known = error.clone();
+                    self.beyond = Some(Beyond { mesh, view, mode, faces, joint_values, has_fragments, error: known });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)
@@ -226,6 +229,8 @@ impl Gpu {
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
                 | RenderError::JointValueCount { .. }
+                | RenderError::BadLayerFragment { .. }
+                | RenderError::LayerPixels { .. }
                 | RenderError::BadK(_) => return Err(error),
             }
         }

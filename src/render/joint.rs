@@ -1,8 +1,10 @@
-//! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them.
+//! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them, and the medium that it is.
 
 use super::RenderError;
+use super::medium::{Light, Medium, NoTable, Segment};
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
+use crate::optics::joint::JointSegment;
 use std::sync::Arc;
 
 /// A transfer function of the scalar and of up to two quantities beside it, with these quantities. Cheap to clone.
@@ -41,5 +43,43 @@ impl JointScene {
     /// The quantity of a cell; NaN lies in the lowest layer.
     pub(super) fn cell_value(&self, cell: u32) -> f64 {
         self.cell_values.as_ref().map_or(f64::NAN, |values| f64::from(values[cell as usize]))
+    }
+}
+
+/// A [`JointScene`] as a medium.
+pub(super) struct JointMedium<'a> {
+    scene: &'a JointScene,
+    /// World length of a unit of a ray's length.
+    scale: f64,
+}
+
+impl<'a> JointMedium<'a> {
+    /// The medium of rays in the local coordinates of a mesh.
+    pub(super) fn new(scene: &'a JointScene, mesh: &Mesh) -> Self {
+        Self { scene, scale: mesh.positions.scale }
+    }
+}
+
+impl Medium for JointMedium<'_> {
+    type Ray = ();
+    type Light = Light;
+    type Table = NoTable;
+    const HAS_VALUES: bool = true;
+
+    #[inline(never)]
+    fn pass(&self, (): &mut (), segment: &Segment, light: &mut Light) -> u32 {
+        let Segment { cell, depth: [enter, exit], scalar, value, .. } = *segment;
+        let [from, to] = segment.shares();
+        let line = JointSegment::new(&self.scene.table, scalar, value, self.scene.cell_value(cell));
+        let pieces = line.composite(from, to, segment.length() * self.scale, &mut light.gathered) as u32;
+        if pieces > 0 && light.visible_from == f64::INFINITY {
+            let share = line.first_visible(from, to);
+            light.visible_from = share.map_or(f64::INFINITY, |share| enter + share * (exit - enter));
+        }
+        pieces
+    }
+
+    fn vertex_value(&self, vertex: u32) -> f64 {
+        self.scene.vertex_value(vertex)
     }
 }

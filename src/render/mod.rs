@@ -9,6 +9,8 @@ pub mod cpu;
 mod frame_run;
 pub mod gpu;
 mod joint;
+mod layers;
+mod medium;
 mod optics_tables;
 pub mod probe;
 pub mod reference;
@@ -27,6 +29,7 @@ use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, DrawnFaces, Skip};
 pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
+pub use layers::{LayerFragment, LayerFragments};
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
 use serde::Serialize;
 use std::sync::Arc;
@@ -58,6 +61,8 @@ pub struct RenderJob {
     /// [projection](crate::node_table::JointTable::projection), for whatever leaves out where nothing is to be seen. Segments are
     /// integrated exactly then, whatever the optics.
     pub grid: Option<JointScene>,
+    /// What other layers of the frame put before, between and behind the cells; `None` if there are none.
+    pub fragments: Option<Arc<LayerFragments>>,
     /// What the table was made from, for the reference alone; without it that integrates the table.
     pub formula: Option<Arc<TransferSource>>,
     /// How segments are integrated; the reference does it in its own way.
@@ -103,7 +108,7 @@ pub struct CompressedStep {
 }
 
 /// Why a job cannot be rendered.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// Scalars and mesh do not belong together.
     #[error("{scalars} scalars for a mesh of {vertices} vertices")]
@@ -129,6 +134,26 @@ pub enum RenderError {
         /// Vertices or cells.
         of: &'static str,
         /// How many of them the mesh has.
+        expected: usize,
+    },
+    /// A fragment of another layer is not one.
+    #[error(
+        "a fragment of pixel {pixel} at depth {depth} with light {rgba:?}: depths are finite, light is not negative, opacity at most 1"
+    )]
+    BadLayerFragment {
+        /// Number of the pixel.
+        pixel: u32,
+        /// Depth given.
+        depth: f64,
+        /// Colour and opacity given.
+        rgba: [f32; 4],
+    },
+    /// Fragments of other layers and image do not belong together.
+    #[error("fragments of other layers for {given} pixels in an image of {expected}")]
+    LayerPixels {
+        /// Pixels that they are for.
+        given: usize,
+        /// Pixels of the image.
         expected: usize,
     },
     /// The source of the transfer function is at fault.
@@ -198,6 +223,7 @@ impl RenderJob {
             view,
             table,
             grid: None,
+            fragments: None,
             formula: None,
             optics: OpticsKind::default(),
             prepared: None,
@@ -220,6 +246,11 @@ impl RenderJob {
         }
         if self.active.universe() != cells {
             return Err(RenderError::CellCount { set: self.active.universe(), cells });
+        }
+        let expected = self.view.width_px * self.view.height_px;
+        match self.fragments.as_ref().map(|fragments| fragments.pixels()) {
+            Some(given) if given != expected => return Err(RenderError::LayerPixels { given, expected }),
+            _ => {}
         }
         self.grid.as_ref().map_or(Ok(()), |grid| grid.check(&self.mesh))
     }

@@ -17,7 +17,8 @@
 //! Clipping and pieces are the reference's own code, so that a probe sees the cells that the judge sees; tests compare the sum
 //! of all contributions with its pixels. All in f64 and on one thread.
 
-use super::reference::clip::{Beside, Cell, Segment};
+use super::medium::Segment;
+use super::reference::clip::Cell;
 use super::reference::integrate::{END_DEPTH, Transfer};
 use super::{RenderError, RenderJob};
 use crate::camera::View;
@@ -77,8 +78,6 @@ struct Ray {
     view: View,
     px: f64,
     py: f64,
-    /// World length per unit of (local) depth.
-    world_per_depth: f64,
 }
 
 /// The part of a ray in a cell.
@@ -93,8 +92,7 @@ impl Ray {
         let view = job.local_view();
         let is_inside = (0.0..=view.width_px as f64).contains(&x_px) && (0.0..=view.height_px as f64).contains(&y_px);
         let (px, py) = view.ray_at(x_px, y_px);
-        let world_per_depth = view.length_per_depth(px, py) * job.mesh.positions.scale;
-        is_inside.then_some(Self { view, px, py, world_per_depth })
+        is_inside.then_some(Self { view, px, py })
     }
 
     /// View coordinates at a depth.
@@ -112,9 +110,8 @@ impl Ray {
         };
         let clipped = |number: u32| {
             let tet = job.mesh.topology.tets[number as usize];
-            let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
-            let cell = Cell::new(view, tet.map(to_view), scalars, Beside::of_cell(job, number))?;
-            let segment = cell.clip(view, self.px, self.py)?;
+            let cell = Cell::new(job, view, number, tet.map(to_view))?;
+            let segment = cell.clip(view, job.mesh.positions.scale, self.px, self.py)?;
             Some(OnRay { number, cell, segment })
         };
         let mut found: Vec<OnRay> =
@@ -122,12 +119,12 @@ impl Ray {
         // Stable: of equal ones the cell with the lower number comes first, as in the reference.
         found.sort_by(|a, b| {
             let (a, b) = (&a.segment, &b.segment);
-            a.near.total_cmp(&b.near).then(a.far.total_cmp(&b.far))
+            a.part[0].total_cmp(&b.part[0]).then(a.part[1].total_cmp(&b.part[1]))
         });
         let mut front = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
         found.retain_mut(|on_ray| {
             let Some(left) = on_ray.segment.behind(front) else { return false };
-            front = left.far;
+            front = left.part[1];
             on_ray.segment = left;
             true
         });
@@ -178,7 +175,7 @@ impl Ray {
 
     /// The pieces of a segment between the nodes of the table, from the front.
     fn absorbing(&self, table: Transfer<'_>, segment: &Segment) -> impl Iterator<Item = Piece> + use<> {
-        let length = (segment.far - segment.near) * self.world_per_depth;
+        let length = segment.length();
         table.pieces(segment).into_iter().map(move |(from, to, share)| Piece {
             share,
             from: from.tau,
@@ -192,7 +189,8 @@ impl Ray {
     fn point(&self, job: &RenderJob, on_ray: &OnRay, share: f64) -> Probe {
         let OnRay { number, cell, segment } = on_ray;
         let pieces: Vec<Piece> = self.absorbing(Transfer::of(job), segment).collect();
-        let depth = segment.near + half_absorbed(&pieces) * (segment.far - segment.near);
+        let [near, far] = segment.part;
+        let depth = near + half_absorbed(&pieces) * (far - near);
         let weights = normalised(cell.weights(self.at(depth)));
         let (mesh, tet) = (&job.mesh, job.mesh.topology.tets[*number as usize]);
         // From the corners and not from the eye, which may be far away.

@@ -140,7 +140,7 @@ fn in_a_layer_the_point_is_where_half_of_what_its_cell_absorbs_is() {
         let ray = Ray::new(&job, MIDDLE).unwrap();
         let chain = ray.chain(&job);
         let of_cell = chain.iter().find(|on_ray| on_ray.number == probe.cell).unwrap();
-        let [near, far] = [of_cell.segment.near, of_cell.segment.far].map(|d| d * job.mesh.positions.scale);
+        let [near, far] = of_cell.segment.part.map(|d| d * job.mesh.positions.scale);
         let opacity = |length: f64| -(-tau * length).exp_m1();
         let passed = probe.depth - near;
         // Exact but for rounding of depths below 8, which a small segment's opacity has in full.

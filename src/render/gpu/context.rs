@@ -1,6 +1,6 @@
 //! A GPU: adapter, device and queue, and what befell them.
 
-use crate::render::RenderError;
+use crate::render::{RenderError, RenderJob};
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -191,6 +191,15 @@ impl Context {
             None => Ok(()),
             Some(Fault::Lost(reason)) => Err(RenderError::DeviceLost { adapter: adapter(), reason: reason.clone() }),
             Some(Fault::Failed(problem)) => Err(RenderError::Gpu { adapter: adapter(), problem: problem.clone() }),
+        }
+    }
+
+    /// As [`Self::check`], and whether shaders know what the job has.
+    pub(super) fn check_job(&self, job: &RenderJob) -> Result<(), RenderError> {
+        self.check()?;
+        match job.fragments {
+            None => Ok(()),
+            Some(_) => Err(self.beyond("cells together with fragments of other layers".to_owned())),
         }
     }
 

@@ -3,6 +3,7 @@
 use super::{GRAZING_LENGTH, INFLATION};
 use crate::camera::View;
 use crate::render::RenderJob;
+use crate::render::medium::Segment;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -12,46 +13,22 @@ pub(in crate::render) struct Cell {
     /// Barycentric coordinate i at a point p is `offset[i] + gradient[i] . p`.
     offset: [f64; 4],
     gradient: [DVec3; 4],
+    /// Its number in the mesh.
+    number: u32,
     scalars: [f64; 4],
-    beside: Beside,
+    /// The quantity of its vertices, for a transfer function of more than the scalar.
+    vertex_values: [f64; 4],
     /// Pixels whose rays may meet the cell.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
 }
 
-/// What a cell has beside its scalars, for a transfer function of more than them.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::render) struct Beside {
-    /// The quantity of its vertices.
-    pub(in crate::render) vertex_values: [f64; 4],
-    /// The quantity of the cell.
-    pub(in crate::render) cell_value: f64,
-}
-
-impl Beside {
-    /// What a cell of a job has.
-    pub(in crate::render) fn of_cell(job: &RenderJob, cell: u32) -> Self {
-        let Some(grid) = &job.grid else { return Self::default() };
-        let tet = job.mesh.topology.tets[cell as usize];
-        Self { vertex_values: tet.map(|v| grid.vertex_value(v)), cell_value: grid.cell_value(cell) }
-    }
-}
-
-/// The part of a ray inside a cell: depths, scalars and the quantity of vertices at its ends; the quantity of the cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::render) struct Segment {
-    pub(in crate::render) near: f64,
-    pub(in crate::render) far: f64,
-    pub(in crate::render) scalar_near: f64,
-    pub(in crate::render) scalar_far: f64,
-    pub(in crate::render) value_near: f64,
-    pub(in crate::render) value_far: f64,
-    pub(in crate::render) cell_value: f64,
-}
-
 impl Cell {
-    /// `None` if no pixel can see the cell.
-    pub(in crate::render) fn new(view: &View, corners: [DVec3; 4], scalars: [f64; 4], beside: Beside) -> Option<Self> {
+    /// A cell of a job whose corners are these in view coordinates; `None` if no pixel can see it.
+    pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
+        let tet = job.mesh.topology.tets[number as usize];
+        let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
+        let vertex_values = job.grid.as_ref().map_or([0.0; 4], |scene| tet.map(|v| scene.vertex_value(v)));
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];
@@ -66,7 +43,7 @@ impl Cell {
             gradient[i] = normal / height;
             offset[i] = -gradient[i].dot(a);
         }
-        Some(Self { offset, gradient, scalars, beside, columns, rows })
+        Some(Self { offset, gradient, number, scalars, vertex_values, columns, rows })
     }
 
     /// Barycentric coordinates of a point in view coordinates, outside of the cell too.
@@ -74,8 +51,8 @@ impl Cell {
         std::array::from_fn(|i| self.offset[i] + self.gradient[i].dot(point))
     }
 
-    /// The segment of the ray of image-plane point (px, py) inside the cell.
-    pub(in crate::render) fn clip(&self, view: &View, px: f64, py: f64) -> Option<Segment> {
+    /// The segment of the ray of image-plane point (px, py) inside the cell; `scale` is the world length of a local one.
+    pub(in crate::render) fn clip(&self, view: &View, scale: f64, px: f64, py: f64) -> Option<Segment> {
         let (origin, direction) = if view.perspective {
             (DVec3::ZERO, DVec3::new(px, py, 1.0))
         } else {
@@ -95,15 +72,14 @@ impl Cell {
             let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (values[i] - values[0]);
             values[0] + (1..4).map(rise).sum::<f64>()
         };
-        let Beside { vertex_values, cell_value } = &self.beside;
+        let at_ends = |values: &[f64; 4]| [between(values, near), between(values, far)];
         Some(Segment {
-            near,
-            far,
-            scalar_near: between(&self.scalars, near),
-            scalar_far: between(&self.scalars, far),
-            value_near: between(vertex_values, near),
-            value_far: between(vertex_values, far),
-            cell_value: *cell_value,
+            cell: self.number,
+            depth: [near, far],
+            scalar: at_ends(&self.scalars),
+            value: at_ends(&self.vertex_values),
+            part: [near, far],
+            length_per_depth: view.length_per_depth(px, py) * scale,
         })
     }
 }
@@ -150,29 +126,12 @@ fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Rang
     Some((columns, rows))
 }
 
-impl Segment {
-    /// What is left of it from depth `front` on.
-    pub(in crate::render) fn behind(self, front: f64) -> Option<Self> {
-        if self.far <= front {
-            return None;
-        }
-        let mut cut = self;
-        if self.near < front {
-            let f = (front - self.near) / (self.far - self.near);
-            cut.near = front;
-            cut.scalar_near = self.scalar_near + f * (self.scalar_far - self.scalar_near);
-            cut.value_near = self.value_near + f * (self.value_far - self.value_near);
-        }
-        Some(cut)
-    }
-}
-
 /// Segments sorted by their near end, each shortened to begin where the ones before it end, from depth `front` on.
 pub(super) fn without_overlap(front: f64, sorted: impl Iterator<Item = Segment>) -> impl Iterator<Item = Segment> {
     let mut front = front;
     sorted.filter_map(move |segment| {
         let left = segment.behind(front)?;
-        front = left.far;
+        front = left.part[1];
         Some(left)
     })
 }

@@ -3,8 +3,8 @@
 //! A segment is cut at the formula's knots. Between them extinction and colour times extinction are replaced, on pieces that are halved
 //! until it makes no difference, by the cubics through four Gauss-Legendre points.
 
-use super::clip::Segment;
 use super::integrate::{END_DEPTH, Sum};
+use crate::render::medium::{Medium, NoTable, Segment};
 use crate::transfer::Formula;
 
 /// Four-point Gauss-Legendre on [0, 1]: places and weights.
@@ -41,18 +41,28 @@ const HALVINGS: u32 = 44;
 /// Extinction, and each colour channel times extinction.
 type Rates = [f64; 4];
 
-/// Adds a segment of `length` world units.
-pub(super) fn add_segment(sum: &mut Sum, formula: &Formula, segment: &Segment, length: f64) {
-    let (near, far) = (segment.scalar_near, segment.scalar_far);
+impl Medium for Formula<'_> {
+    type Ray = ();
+    type Light = Sum;
+    type Table = NoTable;
+    const HAS_VALUES: bool = false;
+
+    fn pass(&self, (): &mut (), segment: &Segment, sum: &mut Sum) -> u32 {
+        add_segment(sum, self, segment);
+        1
+    }
+}
+
+fn add_segment(sum: &mut Sum, formula: &Formula, segment: &Segment) {
+    let ([near, far], [from, to], length) = (segment.scalars(), segment.part, segment.length());
     let mut walk = Walk { sum, formula, near, rise: far - near, length };
     if near == far {
-        let begin = segment.near;
-        walk.constant(0.0, 1.0, begin);
+        walk.constant(0.0, 1.0, from);
         return;
     }
     let mut begin = 0.0;
     for end in cuts(formula.knots(), near, far) {
-        walk.stretch(begin, end, segment.near + begin * (segment.far - segment.near));
+        walk.stretch(begin, end, from + begin * (to - from));
         if walk.sum.depth_so_far > END_DEPTH {
             return;
         }

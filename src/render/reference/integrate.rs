@@ -1,10 +1,9 @@
 //! Integration of a chain of segments by the definition.
 
-use super::clip::Segment;
-use super::{formula, joint};
-use crate::node_table::{JointTable, Node, NodeTable};
-use crate::render::RenderJob;
-use crate::transfer::Formula;
+use super::joint;
+use crate::node_table::{Node, NodeTable};
+use crate::render::medium::{Medium, NoTable, Segment};
+use crate::render::{JointScene, LayerFragment, RenderJob};
 
 /// Ten-point Gauss-Legendre on [-1, 1], positive half.
 const GAUSS: [(f64, f64); 5] = [
@@ -21,30 +20,57 @@ const SUB_PIECE_DEPTH: f64 = 0.5;
 /// What lies behind this optical depth is below f64's rounding of the image.
 pub(in crate::render) const END_DEPTH: f64 = 40.0;
 
-/// The transfer function of a job.
+/// The transfer function of a job, by its table.
 #[derive(Clone, Copy)]
 pub(in crate::render) enum Transfer<'a> {
     Scalar(&'a NodeTable),
-    Joint(&'a JointTable),
+    Joint(&'a JointScene),
 }
 
 impl<'a> Transfer<'a> {
     pub(in crate::render) fn of(job: &'a RenderJob) -> Self {
-        job.grid.as_ref().map_or(Self::Scalar(&job.table), |grid| Self::Joint(&grid.table))
+        job.grid.as_ref().map_or(Self::Scalar(&job.table), Self::Joint)
     }
 
     /// The segment, cut so that all is linear on each piece: colour and extinction at both ends of each, as seen from inside
     /// of it, and its share of the length.
     pub(in crate::render) fn pieces(self, segment: &Segment) -> Vec<(Node, Node, f64)> {
         match self {
-            Self::Scalar(table) => pieces(table, segment.scalar_near, segment.scalar_far),
-            Self::Joint(table) => joint::pieces(table, segment),
+            Self::Scalar(table) => {
+                let [near, far] = segment.scalars();
+                pieces(table, near, far)
+            }
+            Self::Joint(scene) => joint::pieces(scene, segment),
         }
     }
 }
 
+impl Medium for Transfer<'_> {
+    type Ray = ();
+    type Light = Sum;
+    type Table = NoTable;
+    const HAS_VALUES: bool = true;
+
+    fn pass(&self, (): &mut (), segment: &Segment, sum: &mut Sum) -> u32 {
+        let [near, far] = segment.part;
+        let (mut passed, mut count) = (0.0, 0);
+        for (from, to, share) in self.pieces(segment) {
+            if from.tau.max(to.tau) > 0.0 {
+                sum.visible_from = sum.visible_from.min(near + passed * (far - near));
+            }
+            passed += share;
+            add_piece(&mut sum.rgb, &mut sum.depth_so_far, &from, &to, share * segment.length());
+            count += 1;
+            if sum.depth_so_far > END_DEPTH {
+                break;
+            }
+        }
+        count
+    }
+}
+
 /// What a ray has gathered so far.
-pub(super) struct Sum {
+pub(in crate::render) struct Sum {
     pub(super) rgb: [f64; 3],
     pub(super) depth_so_far: f64,
     /// Depth where the first piece with extinction begins; infinite if there was none.
@@ -60,45 +86,47 @@ pub(super) struct Light {
     pub(super) visible_from: f64,
 }
 
-/// Colour, opacity and first visible depth of a ray; `world_per_depth` is the world length of a unit of depth.
-pub(super) fn integrate(table: &Transfer, chain: impl Iterator<Item = Segment>, world_per_depth: f64) -> Light {
-    let mut sum = Sum::new();
-    'ray: for segment in chain {
-        let length = (segment.far - segment.near) * world_per_depth;
-        let mut passed = 0.0;
-        for (from, to, share) in table.pieces(&segment) {
-            if from.tau.max(to.tau) > 0.0 {
-                sum.visible_from = sum.visible_from.min(segment.near + passed * (segment.far - segment.near));
-            }
-            passed += share;
-            add_piece(&mut sum.rgb, &mut sum.depth_so_far, &from, &to, share * length);
-            if sum.depth_so_far > END_DEPTH {
-                break 'ray;
-            }
-        }
-    }
-    sum.light()
-}
-
-/// The same by the formula of the transfer function.
-pub(super) fn integrate_formula(
-    formula: &Formula,
+/// Colour, opacity and first visible depth of a ray through a chain of segments and the fragments of other layers, nearest first;
+/// `scale` is the world length of a local one.
+pub(super) fn integrate<M: Medium<Ray = (), Light = Sum>>(
+    medium: &M,
     chain: impl Iterator<Item = Segment>,
-    world_per_depth: f64,
+    fragments: &[LayerFragment],
+    scale: f64,
 ) -> Light {
     let mut sum = Sum::new();
+    let mut fragments = fragments.iter().map(|fragment| (fragment.depth / scale, fragment.rgba)).peekable();
     for segment in chain {
-        formula::add_segment(&mut sum, formula, &segment, (segment.far - segment.near) * world_per_depth);
+        let mut rest = segment;
+        while let Some((depth, rgba)) = fragments.next_if(|(depth, _)| *depth < segment.part[1]) {
+            let (near, behind) = rest.split(depth);
+            near.iter().for_each(|near| _ = medium.pass(&mut (), near, &mut sum));
+            sum.add_fragment(depth, rgba);
+            rest = behind;
+        }
+        medium.pass(&mut (), &rest, &mut sum);
         if sum.depth_so_far > END_DEPTH {
-            break;
+            return sum.light();
         }
     }
+    fragments.for_each(|(depth, rgba)| sum.add_fragment(depth, rgba));
     sum.light()
 }
 
 impl Sum {
     fn new() -> Self {
         Self { rgb: [0.0; 3], depth_so_far: 0.0, visible_from: f64::INFINITY }
+    }
+
+    /// A flat thing of opacity a has the optical depth -ln(1 - a).
+    fn add_fragment(&mut self, depth: f64, rgba: [f32; 4]) {
+        let [light @ .., opacity] = rgba.map(f64::from);
+        let through = (-self.depth_so_far).exp();
+        self.rgb.iter_mut().zip(light).for_each(|(sum, c)| *sum += through * c);
+        self.depth_so_far -= (-opacity).ln_1p();
+        if rgba != [0.0; 4] {
+            self.visible_from = self.visible_from.min(depth);
+        }
     }
 
     fn light(&self) -> Light {
@@ -181,16 +209,9 @@ mod tests {
     fn thin_layers_keep_their_relative_opacity() {
         for tau in [1e-300, 1e-18, 1e-9, 1e-3] {
             let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0, 0.5, 0.0], tau }]).unwrap();
-            let chain = (0..10).map(|i| Segment {
-                near: f64::from(i),
-                far: f64::from(i + 1),
-                scalar_near: 0.0,
-                scalar_far: 1.0,
-                value_near: 0.0,
-                value_far: 0.0,
-                cell_value: 0.0,
-            });
-            let [red, green, _, alpha] = integrate(&Transfer::Scalar(&table), chain, 0.1).rgba;
+            let place = |i: i32| (f64::from(i), 0.1 * f64::from(i));
+            let chain = (0..10).map(|i| Segment::of_scalars(place(i), place(i + 1), 0.1));
+            let [red, green, _, alpha] = integrate(&Transfer::Scalar(&table), chain, &[], 1.0).rgba;
             // Ten segments of a tenth: an optical depth of tau. Half of its square is what the first term of the series leaves;
             // to that come roundings of f64 (measured: 2.2e-16 of it, colours 6.7e-16).
             assert!((alpha / tau - 1.0).abs() <= 0.5 * tau + 2e-15, "{tau:e}: {alpha:e}");

@@ -1,20 +1,23 @@
-//! Pieces of a segment through a [`JointTable`].
+//! Pieces of a segment through a [`JointTable`](crate::node_table::JointTable).
 
-use super::clip::Segment;
-use crate::node_table::{JointTable, Node};
+use crate::node_table::Node;
+use crate::render::JointScene;
+use crate::render::medium::Segment;
 
 /// The segment, cut where the scalar meets a node, where the quantity of vertices meets a row, and where both together meet the
 /// diagonal of a rectangle: values at both ends of each piece, as seen from inside of it, and its share of the length.
-pub(super) fn pieces(table: &JointTable, segment: &Segment) -> Vec<(Node, Node, f64)> {
-    let scalar = |u: f64| segment.scalar_near + u * (segment.scalar_far - segment.scalar_near);
-    let value = |u: f64| segment.value_near + u * (segment.value_far - segment.value_near);
+pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, f64)> {
+    let (table, cell_value) = (&scene.table, scene.cell_value(segment.cell));
+    let (scalars, values) = (segment.scalars(), segment.values());
+    let scalar = |u: f64| scalars[0] + u * (scalars[1] - scalars[0]);
+    let value = |u: f64| values[0] + u * (values[1] - values[0]);
     let meets = |axis: &[f64], near: f64, far: f64| -> Vec<f64> {
         let shares = axis.iter().map(|place| (place - near) / (far - near));
         shares.filter(|u| (0.0..=1.0).contains(u)).collect()
     };
     let mut cuts = vec![0.0, 1.0];
-    cuts.extend(meets(table.scalars(), segment.scalar_near, segment.scalar_far));
-    cuts.extend(meets(table.rows(), segment.value_near, segment.value_far));
+    cuts.extend(meets(table.scalars(), scalars[0], scalars[1]));
+    cuts.extend(meets(table.rows(), values[0], values[1]));
     cuts.sort_by(f64::total_cmp);
     let mut diagonals = Vec::new();
     for pair in cuts.windows(2) {
@@ -33,7 +36,7 @@ pub(super) fn pieces(table: &JointTable, segment: &Segment) -> Vec<(Node, Node, 
     }
     cuts.extend(diagonals);
     cuts.sort_by(f64::total_cmp);
-    let at = |u: f64| table.eval(scalar(u), value(u), segment.cell_value);
+    let at = |u: f64| table.eval(scalar(u), value(u), cell_value);
     let longer = cuts.windows(2).filter(|pair| pair[1] > pair[0]);
     longer.map(|pair| line_between(pair[0], pair[1], at)).collect()
 }

@@ -22,7 +22,8 @@ mod joint;
 
 use super::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::camera::View;
-use clip::{Beside, Cell, Segment};
+use crate::render::medium::Segment;
+use clip::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -82,11 +83,7 @@ impl LayerRenderer for Judge {
         let cells: Vec<Cell> = (0..topology.tets.len() as u32)
             .into_par_iter()
             .filter(|&c| job.active.contains(c))
-            .filter_map(|c| {
-                let tet = topology.tets[c as usize];
-                let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
-                Cell::new(&view, tet.map(to_view), scalars, Beside::of_cell(&job, c))
-            })
+            .filter_map(|c| Cell::new(&job, &view, c, topology.tets[c as usize].map(to_view)))
             .collect();
         Ok(Some(JudgedJob { job, view, cells, next_band: 0 }))
     }
@@ -119,7 +116,7 @@ impl LayerRenderer for Judge {
 /// Renders the rows from `first_row` on, unless the job is cancelled; returns the number of segments.
 fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let _turn = active.job.thread_limit.turn();
-    let view = &active.view;
+    let (view, scale) = (&active.view, active.job.mesh.positions.scale);
     let width = view.width_px;
     let rows = first_row..first_row + pixels.len() / width;
     // It has been made before, when the job began.
@@ -132,29 +129,35 @@ fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], de
         for j in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
             for column in cell.columns.clone() {
                 let (px, py) = view.ray(column, j);
-                if let Some(segment) = cell.clip(view, px, py) {
+                if let Some(segment) = cell.clip(view, scale, px, py) {
                     segments.push((((j - first_row) * width + column) as u32, segment));
                 }
             }
         }
     }
-    segments.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.near.total_cmp(&b.1.near)).then(a.1.far.total_cmp(&b.1.far)));
-    for of_pixel in segments.chunk_by(|a, b| a.0 == b.0) {
+    segments.sort_by(|a, b| {
+        a.0.cmp(&b.0).then(a.1.part[0].total_cmp(&b.1.part[0])).then(a.1.part[1].total_cmp(&b.1.part[1]))
+    });
+    let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+    let mut of_pixels = segments.chunk_by(|a, b| a.0 == b.0).peekable();
+    for pixel in 0..pixels.len() {
         if active.job.cancel.is_cancelled() {
             return 0;
         }
-        let pixel = of_pixel[0].0 as usize;
-        let (px, py) = view.ray(pixel % width, first_row + pixel / width);
-        let local_per_depth = view.length_per_depth(px, py);
-        let world_per_depth = local_per_depth * active.job.mesh.positions.scale;
-        let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        let of_pixel = of_pixels.next_if(|of_pixel| of_pixel[0].0 as usize == pixel).unwrap_or_default();
+        let fragments = active.job.fragments.as_ref().map_or(&[][..], |f| f.of_pixel(first_row * width + pixel));
+        let before_near = fragments.iter().take_while(|fragment| fragment.depth / scale < near).count();
+        let fragments = &fragments[before_near..];
+        if of_pixel.is_empty() && fragments.is_empty() {
+            continue;
+        }
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
         let light = match &formula {
-            Some(formula) => integrate::integrate_formula(formula, chain, world_per_depth),
-            None => integrate::integrate(&integrate::Transfer::of(&active.job), chain, world_per_depth),
+            Some(formula) => integrate::integrate(formula, chain, fragments, scale),
+            None => integrate::integrate(&integrate::Transfer::of(&active.job), chain, fragments, scale),
         };
         pixels[pixel] = light.rgba.map(|v| v as f32);
-        depths[pixel] = (light.visible_from * active.job.mesh.positions.scale) as f32;
+        depths[pixel] = (light.visible_from * scale) as f32;
     }
     segments.len() as u64
 }

@@ -13,7 +13,7 @@ use tetreel::transfer::{
 const SENSITIVE: f64 = 1e-3;
 
 /// The job of a source: its table, and what that was made from.
-fn job_of(
+pub fn job_of(
     mesh: &Arc<Mesh>,
     scalars: Vec<f32>,
     camera: &Camera,
@@ -97,13 +97,13 @@ fn unit_range() -> MappedRange {
     MappedRange::new(0.0, 1.0, false).unwrap()
 }
 
-fn function(text: &str, range: MappedRange, kind: OpacityKind, lengths: Lengths) -> TransferSource {
+pub fn function(text: &str, range: MappedRange, kind: OpacityKind, lengths: Lengths) -> TransferSource {
     let function = TransferFunction::parse(text).unwrap();
     TransferSource { content: TransferContent::Function { function, range }, kind, lengths }
 }
 
 /// A field over 0..=1 on a mesh of [-1, 1]^3.
-fn field(n: usize) -> (Arc<Mesh>, Vec<f32>) {
+pub fn field(n: usize) -> (Arc<Mesh>, Vec<f32>) {
     let mesh = Arc::new(build(grid(n, 0.16, 3, |_| true)));
     let scalars = sample(&mesh, |p| (0.5 + 0.36 * wave(p)).clamp(0.0, 1.0));
     (mesh, scalars)

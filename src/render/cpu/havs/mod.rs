@@ -51,14 +51,16 @@ mod resolve;
 mod sides;
 mod tile;
 
+use super::super::layers::Layers;
+use super::super::medium::{Light, Medium};
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::raycast::EYE_TOLERANCE;
 use super::raycast::entries::cells_at_eye;
 use super::tiles::{TILE_PX, Tiles};
+use super::{ForMedium, for_medium};
 use crate::camera::View;
-use crate::optics::Integrator;
 use crate::slowdown::{Slow, waste};
 use crate::visibility::DrawnFaces;
 use bins::FaceBins;
@@ -146,7 +148,8 @@ impl LayerRenderer for FaceTiles {
         frame.clear(view.width_px, view.height_px);
         let table = self.tables.get(&job);
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
-        let everything_clear = table.is_clear() || job.active.count() == 0 || job.cancel.is_cancelled();
+        let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();
+        let everything_clear = nothing_visible || job.cancel.is_cancelled();
         let mut eye_cells = Vec::new();
         if everything_clear {
             self.bins.clear();
@@ -162,20 +165,33 @@ impl LayerRenderer for FaceTiles {
     }
 
     fn advance(&mut self, budget: Duration, job: &mut FaceJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        Ok(match &job.table {
-            OpticsTable::Exact(table) => self.render_tiles(job, &**table, budget, frame),
-            OpticsTable::Table3d(table) => self.render_tiles(job, &**table, budget, frame),
-            OpticsTable::Partial(table) => self.render_tiles(job, &**table, budget, frame),
-        })
+        let slice = Slice { renderer: self, job, budget, frame };
+        Ok(for_medium(&job.job, &job.view, &job.table, slice))
+    }
+}
+
+/// Tiles of a job for about a budget; says whether those were the last.
+struct Slice<'a> {
+    renderer: &'a mut FaceTiles,
+    job: &'a FaceJob,
+    budget: Duration,
+    frame: &'a mut Frame,
+}
+
+impl ForMedium for Slice<'_> {
+    type Output = bool;
+
+    fn run<M: Medium<Light = Light>, L: Layers>(self, medium: &M, layers: &L) -> bool {
+        self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
     }
 }
 
 impl FaceTiles {
     /// Renders tiles of a job for about `budget`; whether those were the last.
-    fn render_tiles<I: Integrator>(
+    fn render_tiles<M: Medium<Light = Light>, L: Layers>(
         &mut self,
         active: &FaceJob,
-        table: &I,
+        (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
@@ -185,8 +201,8 @@ impl FaceTiles {
             vertices: &self.vertices,
             bins: &self.bins,
             view: &active.view,
-            table,
-            grid: job.grid.as_ref().map(|grid| (grid, job.mesh.positions.scale)),
+            medium,
+            layers,
             eye_cells: &active.eye_cells,
             k_buffer: job.k_buffer,
             is_complete: active.is_complete,

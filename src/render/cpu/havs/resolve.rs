@@ -1,15 +1,16 @@
 //! Pixels for which a buffer of k fragments was not enough, from all of their fragments.
 
+use super::super::super::layers::Layers;
+use super::super::super::medium::{Light, Medium};
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::Lanes;
 use super::super::raster::{FACES_AT_ONCE, TileRays};
 use super::super::ray::Ray;
 use super::TILE_PX;
 use super::fragment::{Fragment, sort_all};
-use super::light::RayLight;
+use super::light::FragmentRay;
 use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
-use crate::optics::Integrator;
 
 /// Pixels that are resolved at a time: bounds the memory.
 const PIXELS_AT_ONCE: u32 = 64;
@@ -20,14 +21,14 @@ const PIXELS_AT_ONCE: u32 = 64;
 /// an exit, and depths order the paths alone, as in the ray caster.
 #[cold]
 #[inline(never)]
-pub(super) fn resolve_again<I: Integrator, L: Lanes>(
+pub(super) fn resolve_again<'s, M: Medium<Light = Light>, Y: Layers, L: Lanes>(
     lanes: L,
-    scene: &Scene<'_, I>,
+    scene: &'s Scene<'_, M, Y>,
     tile: usize,
     rays: &TileRays,
     again: &[u32; TILE_PX],
     scratch: &mut TileScratch,
-    lights: &mut [RayLight<I::Place>; TILE_PX * TILE_PX],
+    lights: &mut [FragmentRay<M::Ray, Y::Ahead<'s>>; TILE_PX * TILE_PX],
 ) {
     let mut rest = *again;
     while rest != [0; TILE_PX] && !scene.cancel.is_cancelled() {
@@ -51,7 +52,7 @@ pub(super) fn resolve_again<I: Integrator, L: Lanes>(
             sort_all(&mut of_pixel, scene.tie);
             let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
             let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
-            let mut light = RayLight::new(scene.near_distance());
+            let mut light = scene.ray(column, row);
             if scene.is_complete {
                 for path in paths(&of_pixel) {
                     if !light.follow(&optics, path) {
@@ -67,9 +68,9 @@ pub(super) fn resolve_again<I: Integrator, L: Lanes>(
 }
 
 /// All fragments of the pixels `wanted`, in the order of the list.
-fn collect<I: Integrator, L: Lanes>(
+fn collect<M: Medium<Light = Light>, Y: Layers, L: Lanes>(
     lanes: L,
-    scene: &Scene<'_, I>,
+    scene: &Scene<'_, M, Y>,
     tile: usize,
     rays: &TileRays,
     wanted: &[u32; TILE_PX],

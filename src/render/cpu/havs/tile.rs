@@ -1,6 +1,7 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
-use super::super::joint::JointRay;
+use super::super::super::layers::{Ahead, Layers};
+use super::super::super::medium::{Light, Medium};
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
@@ -8,28 +9,27 @@ use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
 use super::super::tiles::TilePixel;
+use super::super::values::ValuesOnRay;
 use super::TILE_PX;
 use super::bins::FaceBins;
 use super::fragment::{Fragment, sort_in_window};
-use super::light::{RayLight, RayOptics};
+use super::light::{FragmentRay, RayOptics};
 use super::resolve::resolve_again;
 use crate::camera::View;
 use crate::mesh::{NONE, Topology};
-use crate::optics::Integrator;
-use crate::render::{JointScene, KBuffer};
+use crate::render::KBuffer;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use pulp::NullaryFnOnce;
 
 /// What all tiles of a frame read.
-pub(super) struct Scene<'a, I> {
+pub(super) struct Scene<'a, M, Y> {
     pub(super) topology: &'a Topology,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) bins: &'a FaceBins,
     pub(super) view: &'a View,
-    pub(super) table: &'a I,
-    /// The transfer function in place of `table`, if it is of more than the scalar, and the world length of a local one.
-    pub(super) grid: Option<(&'a JointScene, f64)>,
+    pub(super) medium: &'a M,
+    pub(super) layers: &'a Y,
     /// Active cells that may contain the eye.
     pub(super) eye_cells: &'a [u32],
     pub(super) k_buffer: KBuffer,
@@ -41,7 +41,7 @@ pub(super) struct Scene<'a, I> {
     pub(super) cancel: &'a Cancel,
 }
 
-impl<I: Integrator> Scene<'_, I> {
+impl<M: Medium<Light = Light>, Y: Layers> Scene<'_, M, Y> {
     /// Fragments that a pixel has room for.
     fn room(&self) -> usize {
         usize::from(self.k_buffer.k) + BATCH
@@ -52,11 +52,14 @@ impl<I: Integrator> Scene<'_, I> {
         if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
     }
 
-    pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, I> {
-        let (tie, early_termination) = (self.tie, self.early_termination);
-        let (topology, vertices, ray) = (self.topology, self.vertices, *ray);
-        let grid = self.grid.map(|(grid, scale)| JointRay { grid, topology, vertices, ray, scale });
-        RayOptics { table: self.table, grid, length_per_depth: ray.length_per_depth, tie, early_termination }
+    /// The ray of a pixel before its first fragment.
+    pub(super) fn ray(&self, column: usize, row: usize) -> FragmentRay<M::Ray, Y::Ahead<'_>> {
+        FragmentRay::new(self.near_distance(), self.layers.ahead(column, row))
+    }
+
+    pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, M> {
+        let values = ValuesOnRay { medium: self.medium, topology: self.topology, vertices: self.vertices, ray: *ray };
+        RayOptics { values, tie: self.tie, early_termination: self.early_termination }
     }
 
     /// Where a ray begins that begins within the active cells: at the eye, with the scalar there, since the next fragment may
@@ -113,15 +116,15 @@ impl Default for TileScratch {
 }
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
-pub(super) struct RenderTile<'a, I: Integrator, L: Lanes> {
+pub(super) struct RenderTile<'a, M, Y, L: Lanes> {
     pub(super) lanes: L,
-    pub(super) scene: &'a Scene<'a, I>,
+    pub(super) scene: &'a Scene<'a, M, Y>,
     pub(super) tile: usize,
     pub(super) scratch: &'a mut TileScratch,
     pub(super) pixels: &'a mut [TilePixel],
 }
 
-impl<I: Integrator, L: Lanes> NullaryFnOnce for RenderTile<'_, I, L> {
+impl<M: Medium<Light = Light>, Y: Layers, L: Lanes> NullaryFnOnce for RenderTile<'_, M, Y, L> {
     type Output = FrameStats;
 
     #[inline(always)]
@@ -130,7 +133,15 @@ impl<I: Integrator, L: Lanes> NullaryFnOnce for RenderTile<'_, I, L> {
         let rect = scene.bins.grid.rect(tile);
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
         let rays = TileRays::new(scene.view, bounds);
-        let mut lights = [RayLight::<I::Place>::new(scene.near_distance()); PIXELS];
+        let mut lights = [FragmentRay::new(scene.near_distance(), Y::Ahead::NONE); PIXELS];
+        if Y::ANY {
+            for (pixel, light) in lights.iter_mut().enumerate() {
+                let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
+                if column < rect.width && row < rect.height {
+                    *light = scene.ray(rect.x + column, rect.y + row);
+                }
+            }
+        }
         let mut stats = draw_in_list_order(lanes, scene, tile, &rays, scratch, &mut lights);
         let mut again = [0u32; TILE_PX];
         for row in 0..rect.height {
@@ -148,7 +159,7 @@ impl<I: Integrator, L: Lanes> NullaryFnOnce for RenderTile<'_, I, L> {
         for row in 0..rect.height {
             for column in 0..rect.width {
                 let light = &lights[row * TILE_PX + column];
-                stats.segments += u64::from(light.segments);
+                stats.segments += u64::from(light.segments());
                 stats.rays_stopped_early += u64::from(light.is_opaque);
                 stats.rays_hit += u64::from(light.last.0 > f64::NEG_INFINITY);
                 pixels[row * rect.width + column] = light.pixel();
@@ -160,13 +171,13 @@ impl<I: Integrator, L: Lanes> NullaryFnOnce for RenderTile<'_, I, L> {
 
 /// Faces in the order of the list, fragments through a buffer of k.
 #[inline(always)]
-fn draw_in_list_order<I: Integrator, L: Lanes>(
+fn draw_in_list_order<'s, M: Medium<Light = Light>, Y: Layers, L: Lanes>(
     lanes: L,
-    scene: &Scene<'_, I>,
+    scene: &'s Scene<'_, M, Y>,
     tile: usize,
     rays: &TileRays,
     scratch: &mut TileScratch,
-    lights: &mut [RayLight<I::Place>; PIXELS],
+    lights: &mut [FragmentRay<M::Ray, Y::Ahead<'s>>; PIXELS],
 ) -> FrameStats {
     let room = scene.room();
     scratch.slots.resize(PIXELS * room, Fragment::UNUSED);
@@ -260,9 +271,9 @@ impl<'a> FaceQueue<'a> {
     /// only opaque pixels could see are left out; in exact order they must lie behind what has been composited, too, or the pixel is
     /// to be drawn again.
     #[inline(always)]
-    fn take<I>(
+    fn take<M: Medium<Light = Light>, Y: Layers>(
         &mut self,
-        scene: &Scene<'a, I>,
+        scene: &Scene<'a, M, Y>,
         tile: usize,
         open: &OpenPixels,
         batch: &mut [TileFace; FACES_AT_ONCE],
@@ -296,7 +307,11 @@ impl<'a> FaceQueue<'a> {
 
 /// The first fragments of rays that begin within the active cells.
 #[inline(never)]
-fn begin_at_eye<I: Integrator>(scene: &Scene<'_, I>, rays: &TileRays, scratch: &mut TileScratch) {
+fn begin_at_eye<M: Medium<Light = Light>, Y: Layers>(
+    scene: &Scene<'_, M, Y>,
+    rays: &TileRays,
+    scratch: &mut TileScratch,
+) {
     let (room, Bounds { x0, x1, y0, y1 }) = (scene.room(), rays.bounds);
     for &cell in scene.eye_cells {
         for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
@@ -316,12 +331,12 @@ fn begin_at_eye<I: Integrator>(scene: &Scene<'_, I>, rays: &TileRays, scratch: &
 /// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns how many
 /// fragments had arrived.
 #[inline(always)]
-fn let_go<I: Integrator>(
-    scene: &Scene<'_, I>,
+fn let_go<M: Medium<Light = Light>, Y: Layers, A: Ahead>(
+    scene: &Scene<'_, M, Y>,
     rays: &TileRays,
     scratch: &mut TileScratch,
     pixel: usize,
-    light: &mut RayLight<I::Place>,
+    light: &mut FragmentRay<M::Ray, A>,
     is_last: bool,
 ) -> u64 {
     let k = usize::from(scene.k_buffer.k);

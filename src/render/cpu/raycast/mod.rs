@@ -26,8 +26,8 @@
 //! or eight rays of a thread in turn, without vectors, to hide the latency of the loads; vertices and neighbours of a cell
 //! side by side.
 //!
-//! A job with a [`JointScene`](super::super::JointScene) is walked ray by ray: its segments need the quantity of their vertices at both ends, which the walk
-//! finds from the face, and the cell.
+//! What is in the cells is left to a [`Medium`]. Vectors of rays know media of the scalar alone; through others, and in tiles with fragments
+//! of other layers, rays are walked one by one.
 //!
 //! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
 //! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
@@ -36,20 +36,21 @@
 pub(in crate::render) mod entries;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
-mod light;
 mod outside;
 mod path;
 pub(in crate::render) mod skips;
 mod starts;
 mod walk;
 
+use super::super::layers::Layers;
+use super::super::medium::{Light, Medium};
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::tiles::Tiles;
+use super::{ForMedium, for_medium};
 use crate::camera::View;
 use crate::mesh::Mesh;
-use crate::optics::Integrator;
 use crate::optics::table3d::Table3dResolution;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -149,7 +150,8 @@ impl LayerRenderer for CellWalk {
         let view = job.local_view();
         frame.clear(view.width_px, view.height_px);
         let table = self.tables.get(&job);
-        let everything_clear = table.is_clear() || job.active.count() == 0 || job.cancel.is_cancelled();
+        let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();
+        let everything_clear = nothing_visible || job.cancel.is_cancelled();
         let mut eye_cells = Vec::new();
         if everything_clear {
             self.bins.clear();
@@ -163,25 +165,43 @@ impl LayerRenderer for CellWalk {
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        Ok(match &job.table {
-            OpticsTable::Exact(table) => self.render_tiles(job, &**table, budget, frame),
-            OpticsTable::Table3d(table) => self.render_tiles(job, &**table, budget, frame),
-            OpticsTable::Partial(table) => self.render_tiles(job, &**table, budget, frame),
-        })
+        let slice = Slice { renderer: self, job, budget, frame };
+        Ok(for_medium(&job.job, &job.view, &job.table, slice))
+    }
+}
+
+/// Tiles of a job for about a budget; says whether those were the last.
+struct Slice<'a> {
+    renderer: &'a mut CellWalk,
+    job: &'a WalkJob,
+    budget: Duration,
+    frame: &'a mut Frame,
+}
+
+impl ForMedium for Slice<'_> {
+    type Output = bool;
+
+    fn run<M: Medium<Light = Light>, L: Layers>(self, medium: &M, layers: &L) -> bool {
+        self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
     }
 }
 
 impl CellWalk {
     /// Renders tiles of a job for about `budget`; whether those were the last.
-    fn render_tiles<I: Integrator>(&mut self, walk: &WalkJob, table: &I, budget: Duration, frame: &mut Frame) -> bool {
+    fn render_tiles<M: Medium<Light = Light>, L: Layers>(
+        &mut self,
+        walk: &WalkJob,
+        (medium, layers): (&M, &L),
+        budget: Duration,
+        frame: &mut Frame,
+    ) -> bool {
         let job = &walk.job;
         let scene = Scene {
             mesh: &job.mesh,
             active: &job.active,
             all_active: job.active.count() == job.active.universe(),
             view: &walk.view,
-            table,
-            grid: job.grid.as_ref(),
+            medium,
             vertices: &self.vertices,
             scalars: &job.scalars,
             entries: Entries {
@@ -195,7 +215,8 @@ impl CellWalk {
             early_termination: job.skip.opaque,
         };
         let portable = self.portable;
-        self.tiles
-            .render(job, budget, frame, |tile, scratch, out| walk::render_tile(portable, &scene, tile, scratch, out))
+        self.tiles.render(job, budget, frame, |tile, scratch, out| {
+            walk::render_tile(portable, &scene, layers, tile, scratch, out)
+        })
     }
 }

@@ -18,7 +18,7 @@ pub(super) const TURNED: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
 
 /// Where a ray passes through face `opposite` of `cell` from outside, with the ids of the face's corners; `None` if it
 /// does not.
-pub(super) fn enter<I>(scene: &Scene<'_, I>, ray: &Ray, cell: u32, opposite: u32) -> Option<([u32; 3], Crossing)> {
+pub(super) fn enter<M>(scene: &Scene<'_, M>, ray: &Ray, cell: u32, opposite: u32) -> Option<([u32; 3], Crossing)> {
     let ids = face_of(&scene.mesh.topology, cell, opposite as usize).vertices;
     let at = crossing(ray, scene.vertices, ids)?;
     let last = newest_corner(scene, ray, [cell, opposite], &ids, &at.corners).unwrap_or(2);
@@ -31,8 +31,8 @@ pub(super) fn enter<I>(scene: &Scene<'_, I>, ray: &Ray, cell: u32, opposite: u32
 
 /// The corner of the face that the ray does not see on its way into the cell across it; `None` if there is no such cell
 /// with finite scalars.
-fn newest_corner<I>(
-    scene: &Scene<'_, I>,
+fn newest_corner<M>(
+    scene: &Scene<'_, M>,
     ray: &Ray,
     [cell, opposite]: [u32; 2],
     ids: &[u32; 3],

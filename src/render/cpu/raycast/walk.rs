@@ -1,37 +1,36 @@
 //! From an entry through the active cells to the exit.
 
-use super::super::super::JointScene;
+use super::super::super::layers::{Ahead, Layers, NoLayers};
+use super::super::super::medium::{Light, Medium, Segment};
+use super::super::light::RayLight;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use super::super::tiles::{PixelRect, TilePixel};
+use super::super::values::value_on_face;
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{LaneScratch, WalkRays};
-use super::light::RayLight;
 use super::path::{self, REPLACED, TURNED};
 use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
 use crate::mesh::Mesh;
-use crate::optics::Integrator;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 use pulp::Arch;
 
 /// What all tiles of a frame read.
-pub(super) struct Scene<'a, I> {
+pub(super) struct Scene<'a, M> {
     pub(super) mesh: &'a Mesh,
     pub(super) active: &'a CellSet,
     pub(super) all_active: bool,
     pub(super) view: &'a View,
-    pub(super) table: &'a I,
-    /// The transfer function in place of `table`, if it is of more than the scalar.
-    pub(super) grid: Option<&'a JointScene>,
+    pub(super) medium: &'a M,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) scalars: &'a [f32],
     pub(super) entries: Entries<'a>,
     pub(super) early_termination: bool,
 }
 
-impl<I> Scene<'_, I> {
+impl<M> Scene<'_, M> {
     /// Depth before which rays see nothing.
     pub(super) fn near_distance(&self) -> f64 {
         if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
@@ -48,9 +47,10 @@ pub(super) struct TileScratch {
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost. Not `portable`: with the widest
 /// vectors that this processor has.
-pub(super) fn render_tile<I: Integrator>(
+pub(super) fn render_tile<M: Medium<Light = Light>, L: Layers>(
     portable: bool,
-    scene: &Scene<'_, I>,
+    scene: &Scene<'_, M>,
+    layers: &L,
     tile: usize,
     scratch: &mut TileScratch,
     pixels: &mut [TilePixel],
@@ -59,19 +59,24 @@ pub(super) fn render_tile<I: Integrator>(
     pixels.fill(TilePixel::CLEAR);
     let starts = scene.entries.starts(tile, &mut scratch.starts);
     let mut stats = FrameStats { entries: starts.len() as u64, ..FrameStats::default() };
+    let has_layers = layers.has_some_in(rect.x..rect.x + rect.width, rect.y..rect.y + rect.height);
+    if has_layers {
+        without_cells(scene, layers, rect, pixels);
+    }
     if starts.is_empty() {
         return stats;
     }
-    if scene.grid.is_some() {
-        walk_one_by_one::<I, true>(scene, rect, starts, pixels, &mut stats);
+    let Some(table) = scene.medium.table().filter(|_| !has_layers) else {
+        walk_one_by_one(scene, layers, rect, starts, pixels, &mut stats);
         return stats;
-    }
+    };
     match if portable { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
             lanes.vectorize(WalkRays {
                 lanes,
                 scene,
+                table,
                 rect,
                 starts,
                 scratch: &mut scratch.lanes,
@@ -84,6 +89,7 @@ pub(super) fn render_tile<I: Integrator>(
             lanes.vectorize(WalkRays {
                 lanes,
                 scene,
+                table,
                 rect,
                 starts,
                 scratch: &mut scratch.lanes,
@@ -91,14 +97,28 @@ pub(super) fn render_tile<I: Integrator>(
                 stats: &mut stats,
             });
         }
-        _ => walk_one_by_one::<I, false>(scene, rect, starts, pixels, &mut stats),
+        _ => walk_one_by_one(scene, &NoLayers, rect, starts, pixels, &mut stats),
     }
     stats
 }
 
-/// Walks the rays of a tile, one after the other; `IN_GRID` if the scene has one.
-fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
-    scene: &Scene<'_, I>,
+/// What the rays of a tile see if they meet no cell.
+fn without_cells<M: Medium<Light = Light>, L: Layers>(
+    scene: &Scene<'_, M>,
+    layers: &L,
+    rect: PixelRect,
+    pixels: &mut [TilePixel],
+) {
+    for (pixel, out) in pixels.iter_mut().enumerate().take(rect.width * rect.height) {
+        let ahead = layers.ahead(rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        *out = RayLight::<M::Ray, _>::new(scene.near_distance(), ahead).pixel();
+    }
+}
+
+/// Walks the rays of a tile, one after the other.
+fn walk_one_by_one<M: Medium<Light = Light>, L: Layers>(
+    scene: &Scene<'_, M>,
+    layers: &L,
     rect: PixelRect,
     starts: &[PixelStart],
     pixels: &mut [TilePixel],
@@ -106,10 +126,12 @@ fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
 ) {
     for starts in starts.chunk_by(|a, b| a.0 == b.0) {
         let pixel = starts[0].0 as usize;
-        let ray = Ray::of_pixel(scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-        let mut walk = Walk::new(scene, ray, starts);
+        let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        let ray = Ray::of_pixel(scene.view, column, row);
+        let light = RayLight::new(scene.near_distance(), layers.ahead(column, row));
+        let mut walk = Walk::new(scene, ray, light, starts);
         let most = starts.len() * scene.mesh.topology.tets.len();
-        while walk.step::<IN_GRID>(scene) {
+        while walk.step(scene) {
             debug_assert!(walk.steps as usize <= most, "a path goes through a cell once");
         }
         pixels[pixel] = walk.light.pixel();
@@ -119,7 +141,7 @@ fn walk_one_by_one<I: Integrator, const IN_GRID: bool>(
 }
 
 /// A ray on its way: which path, which cell, and what it has gathered.
-struct Walk<'a, I: Integrator> {
+struct Walk<'a, R, A> {
     ray: Ray,
     /// Starts of the paths still to be walked.
     starts: &'a [PixelStart],
@@ -133,16 +155,21 @@ struct Walk<'a, I: Integrator> {
     edges: [f64; 3],
     /// Depth and scalar where it does.
     last: (f64, f64),
-    /// The quantity of vertices there, in a grid.
+    /// The quantity of vertices there, if the medium has one.
     last_value: f64,
-    light: RayLight<I::Place>,
+    light: RayLight<R, A>,
     steps: u32,
     stopped_early: bool,
 }
 
-impl<'a, I: Integrator> Walk<'a, I> {
+impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
     /// A ray at its first start (there is one).
-    fn new(scene: &Scene<'_, I>, ray: Ray, starts: &'a [PixelStart]) -> Self {
+    fn new<M: Medium<Ray = R, Light = Light>>(
+        scene: &Scene<'_, M>,
+        ray: Ray,
+        light: RayLight<R, A>,
+        starts: &'a [PixelStart],
+    ) -> Self {
         let mut walk = Self {
             ray,
             starts,
@@ -154,7 +181,7 @@ impl<'a, I: Integrator> Walk<'a, I> {
             edges: [0.0; 3],
             last: (0.0, 0.0),
             last_value: 0.0,
-            light: RayLight::new(scene.near_distance()),
+            light,
             steps: 0,
             stopped_early: false,
         };
@@ -167,11 +194,12 @@ impl<'a, I: Integrator> Walk<'a, I> {
         stats.steps += u64::from(self.steps);
         stats.rays_hit += 1;
         stats.rays_stopped_early += u64::from(self.stopped_early);
-        self.light.count(stats);
+        stats.segments += u64::from(self.light.segments);
+        stats.out_of_order += u64::from(self.light.out_of_order);
     }
 
     /// Goes to the start of the next path, if there is one.
-    fn next_path(&mut self, scene: &Scene<'_, I>) -> bool {
+    fn next_path<M: Medium<Ray = R, Light = Light>>(&mut self, scene: &Scene<'_, M>) -> bool {
         let Some(((_, start), rest)) = self.starts.split_first() else { return false };
         self.starts = rest;
         (self.cell, self.opposite) = (start.cell, start.opposite);
@@ -180,14 +208,20 @@ impl<'a, I: Integrator> Walk<'a, I> {
         let Some((ids, Crossing { corners, edges, depth, scalar })) = entry else { return false };
         (self.ids, self.corners, self.edges, self.last) = (ids, corners, edges, (depth, scalar));
         self.reaches = corners.map(|c| c.reach());
-        self.last_value = scene.grid.map_or(0.0, |grid| grid.on_face(ids, edges));
+        self.last_value = self.value_here(scene.medium);
         self.light.leave();
         true
     }
 
+    /// The quantity of vertices on the face that the ray is at.
+    #[inline(always)]
+    fn value_here<M: Medium>(&self, medium: &M) -> f64 {
+        if M::HAS_VALUES { value_on_face(medium, self.ids, self.edges) } else { 0.0 }
+    }
+
     /// Walks through one cell; false at the end of the ray.
     #[inline(always)]
-    fn step<const IN_GRID: bool>(&mut self, scene: &Scene<'_, I>) -> bool {
+    fn step<M: Medium<Ray = R, Light = Light>>(&mut self, scene: &Scene<'_, M>) -> bool {
         self.steps += 1;
         let topology = &scene.mesh.topology;
         let tet = &topology.tets[self.cell as usize];
@@ -220,11 +254,18 @@ impl<'a, I: Integrator> Walk<'a, I> {
         self.edges = edges;
         let neighbour = topology.neighbours[self.cell as usize][exit & 3];
         let here = hit(edges, &p, &q, &new);
-        match scene.grid {
-            Some(grid) if IN_GRID => self.go_on_in_grid(grid, scene.mesh.positions.scale, here),
-            _ => self.light.go_on(scene.table, self.ray.length_per_depth, self.last, here),
-        }
-        self.last = here;
+        let value = self.value_here(scene.medium);
+        let depth = [self.last.0, here.0];
+        let segment = Segment {
+            cell: self.cell,
+            depth,
+            scalar: [self.last.1, here.1],
+            value: [self.last_value, value],
+            part: depth,
+            length_per_depth: self.ray.length_per_depth,
+        };
+        self.light.go_on(scene.medium, segment);
+        (self.last, self.last_value) = (here, value);
         if scene.early_termination && self.light.is_opaque() {
             self.stopped_early = true;
             return false;
@@ -236,18 +277,6 @@ impl<'a, I: Integrator> Walk<'a, I> {
             }
             _ => self.next_path(scene),
         }
-    }
-}
-
-impl<I: Integrator> Walk<'_, I> {
-    /// Composites the segment of the cell up to the place `here` on the face that the ray has come to; `scale` is the world length
-    /// of a local one.
-    #[inline(never)]
-    fn go_on_in_grid(&mut self, grid: &JointScene, scale: f64, here: (f64, f64)) {
-        let value = grid.on_face(self.ids, self.edges);
-        let segment = grid.segment(self.cell, [self.last.1, here.1], [self.last_value, value]);
-        self.light.go_on_in_grid(&segment, self.ray.length_per_depth * scale, self.last.0, here.0);
-        self.last_value = value;
     }
 }
 

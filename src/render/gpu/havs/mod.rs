@@ -318,6 +318,7 @@ impl LayerRenderer for FaceLists {
         let view = job.local_view();
         frame.stats.on_gpu = true;
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
+        self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
         if self.scene.table.is_clear(&job) || job.active.count() == 0 || drawn.faces.is_empty() {

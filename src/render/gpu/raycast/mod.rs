@@ -206,6 +206,7 @@ impl LayerRenderer for CellWalk {
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
         frame.stats.on_gpu = true;
         let view = job.local_view();
+        self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         if self.scene.table.is_clear(&job) || job.active.count() == 0 {
             // All pixels are clear, and here.

@@ -1,13 +1,15 @@
 //! The light of eight rays, one after the other: for any integrator.
 
-use super::super::light::RayLight;
+use super::super::super::super::layers::NothingAhead;
+use super::super::super::super::medium::{ScalarMedium, Segment};
+use super::super::super::light::RayLight;
 use super::rows::{Lights, Out, Rows};
 use super::vector::LANES;
 use crate::optics::Integrator;
 
 pub(super) struct EachLight<'a, I: Integrator> {
-    table: &'a I,
-    lights: [RayLight<I::Place>; LANES],
+    medium: ScalarMedium<'a, I>,
+    lights: [RayLight<Option<I::Place>, NothingAhead>; LANES],
     length_per_depth: [f64; LANES],
     near_distance: f64,
     opaque: u8,
@@ -15,8 +17,8 @@ pub(super) struct EachLight<'a, I: Integrator> {
 
 impl<'a, I: Integrator> EachLight<'a, I> {
     pub(super) fn new(table: &'a I, near_distance: f64) -> Self {
-        let lights = [RayLight::new(near_distance); LANES];
-        Self { table, lights, length_per_depth: [0.0; LANES], near_distance, opaque: 0 }
+        let lights = [RayLight::new(near_distance, NothingAhead); LANES];
+        Self { medium: ScalarMedium(table), lights, length_per_depth: [0.0; LANES], near_distance, opaque: 0 }
     }
 }
 
@@ -37,7 +39,7 @@ impl<I: Integrator> Lights for EachLight<'_, I> {
                 if !goes_on {
                     light.leave();
                 }
-                light.go_on(self.table, self.length_per_depth[lane], from, to);
+                light.go_on(&self.medium, Segment::of_scalars(from, to, self.length_per_depth[lane]));
                 if light.is_opaque() && self.opaque >> lane & 1 == 0 {
                     self.opaque |= 1 << lane;
                     out.stop_early(rows, lane, row);
@@ -51,15 +53,17 @@ impl<I: Integrator> Lights for EachLight<'_, I> {
     }
 
     fn begin(&mut self, lane: usize, length_per_depth: f64) {
-        self.lights[lane] = RayLight::new(self.near_distance);
+        self.lights[lane] = RayLight::new(self.near_distance, NothingAhead);
         self.length_per_depth[lane] = length_per_depth;
         self.opaque &= !(1 << lane);
     }
 
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize) {
         out.stats.rays_hit += 1;
-        self.lights[lane].count(out.stats);
-        out.pixels[pixel] = self.lights[lane].pixel();
+        let light = &self.lights[lane];
+        out.stats.segments += u64::from(light.segments);
+        out.stats.out_of_order += u64::from(light.out_of_order);
+        out.pixels[pixel] = light.pixel();
     }
 
     fn opaque(&self) -> u8 {

@@ -11,13 +11,12 @@
 //!     at the end of a row: lanes that have become opaque take no more
 //! ```
 //!
-//! Every operation is one of [`RayLight`](super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
+//! Every operation is one of [`RayLight`](super::super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
 //! optical depth have no weight: a lane without a piece is one with such a piece. An opaque ray is one with no
 //! transmittance left.
 
+use super::super::super::super::medium::{Segment, first_visible};
 use super::super::super::tiles::TilePixel;
-use super::super::super::visible::first_visible;
-use super::super::light::cut;
 use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};
 use crate::optics::exact::{ExactTable, Interval};
@@ -326,7 +325,8 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
                 all |= 1 << lane;
             } else {
                 let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
-                (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = cut(from, to, self.front[lane]);
+                let (_, behind) = Segment::of_scalars(from, to, 0.0).split(self.front[lane]);
+                (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.scalars()[0]);
             }
         }
         if hidden != 0 {

@@ -47,9 +47,11 @@ pub(super) struct LaneScratch {
 }
 
 /// Walks the rays of a tile.
-pub(super) struct WalkRays<'a, I: Integrator, L: Lanes> {
+pub(super) struct WalkRays<'a, M, I, L: Lanes> {
     pub(super) lanes: L,
-    pub(super) scene: &'a Scene<'a, I>,
+    pub(super) scene: &'a Scene<'a, M>,
+    /// That of the medium.
+    pub(super) table: &'a I,
     pub(super) rect: PixelRect,
     /// By pixel and depth.
     pub(super) starts: &'a [PixelStart],
@@ -58,22 +60,22 @@ pub(super) struct WalkRays<'a, I: Integrator, L: Lanes> {
     pub(super) stats: &'a mut FrameStats,
 }
 
-impl<I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, I, L> {
+impl<M, I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, M, I, L> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { lanes, scene, rect, starts, scratch, pixels, stats } = self;
+        let Self { lanes, scene, table, rect, starts, scratch, pixels, stats } = self;
         let rows = &mut *scratch.rows;
         let mut out = Out { pixels, stats, early_termination: scene.early_termination };
         let rays = Rays { scene, rect, rest: starts };
-        match scene.table.as_exact() {
+        match table.as_exact() {
             Some(table) => {
                 let mut lights = ExactLights::new(Optics { lanes, table }, scene.near_distance());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
             None => {
-                let mut lights = EachLight::new(scene.table, scene.near_distance());
+                let mut lights = EachLight::new(table, scene.near_distance());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
         }
@@ -83,8 +85,8 @@ impl<I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, I, L> {
 }
 
 /// The rays of a tile that are still to be walked.
-struct Rays<'a, I> {
-    scene: &'a Scene<'a, I>,
+struct Rays<'a, M> {
+    scene: &'a Scene<'a, M>,
     rect: PixelRect,
     rest: &'a [PixelStart],
 }
@@ -98,7 +100,7 @@ struct Lane<'a> {
     starts: &'a [PixelStart],
 }
 
-impl<'a, I: Integrator> Rays<'a, I> {
+impl<'a, M> Rays<'a, M> {
     /// The next ray, before its first path.
     fn next(&mut self) -> Option<Lane<'a>> {
         let pixel = self.rest.first()?.0;
@@ -133,7 +135,7 @@ struct Slots {
 
 impl Slots {
     /// A lane goes to the start of its ray's next path; false if there is none.
-    fn next_path<I>(&mut self, scene: &Scene<'_, I>, l: usize, lane: &mut Lane<'_>) -> bool {
+    fn next_path<M>(&mut self, scene: &Scene<'_, M>, l: usize, lane: &mut Lane<'_>) -> bool {
         let Some(((_, start), rest)) = lane.starts.split_first() else { return false };
         lane.starts = rest;
         let entry = path::enter(scene, &lane.ray, start.cell, start.opposite);
@@ -248,10 +250,10 @@ struct Stepped {
 }
 
 #[inline(always)]
-fn walk<'a, I: Integrator, L: Lanes, K: Lights>(
+fn walk<'a, M, L: Lanes, K: Lights>(
     lanes: L,
-    scene: &'a Scene<'a, I>,
-    mut rays: Rays<'a, I>,
+    scene: &'a Scene<'a, M>,
+    mut rays: Rays<'a, M>,
     rows: &mut Rows,
     out: &mut Out<'_>,
     lights: &mut K,
@@ -325,9 +327,9 @@ fn walk<'a, I: Integrator, L: Lanes, K: Lights>(
 
 /// The next ray of the tile takes a lane; false if there is none.
 #[inline(never)]
-fn next_ray<'a, I: Integrator>(
-    scene: &Scene<'_, I>,
-    rays: &mut Rays<'a, I>,
+fn next_ray<'a, M>(
+    scene: &Scene<'_, M>,
+    rays: &mut Rays<'a, M>,
     slots: &mut Slots,
     own: &mut [Option<Lane<'a>>; LANES],
     l: usize,

@@ -1,41 +1,30 @@
-//! Transfer functions of more than the scalar, in the renderers of this module: what they ask for beside depth and scalar.
+//! The quantity of vertices along a ray, for media that ask for it beside depth and scalar.
 
-use super::super::JointScene;
+use super::super::medium::Medium;
 use super::ray::{Ray, ViewVertex, hit, hit_weights, signed_edge};
 use super::raycast::entries::face_of;
 use crate::mesh::Topology;
-use crate::optics::joint::JointSegment;
 
-impl JointScene {
-    /// The quantity of vertices where a ray hits a triangle with these edge functions: with the weights of the scalar, relative to
-    /// one corner's and kept within the corners', as it.
-    pub(super) fn on_face(&self, ids: [u32; 3], edges: [f64; 3]) -> f64 {
-        let [_, q_weight, r_weight] = hit_weights(edges);
-        let [p, q, r] = ids.map(|id| self.vertex_value(id));
-        (p + q_weight * (q - p) + r_weight * (r - p)).clamp(p.min(q).min(r), p.max(q).max(r))
-    }
-
-    /// The segment of a ray through a cell, from scalar and quantity of vertices at both ends.
-    pub(super) fn segment(&self, cell: u32, scalars: [f64; 2], vertex_values: [f64; 2]) -> JointSegment<'_> {
-        JointSegment::new(&self.table, scalars, vertex_values, self.cell_value(cell))
-    }
+/// The quantity of vertices where a ray hits a triangle with these edge functions: with the weights of the scalar, relative to
+/// one corner's and kept within the corners', as it.
+pub(super) fn value_on_face<M: Medium>(medium: &M, ids: [u32; 3], edges: [f64; 3]) -> f64 {
+    let [_, q_weight, r_weight] = hit_weights(edges);
+    let [p, q, r] = ids.map(|id| medium.vertex_value(id));
+    (p + q_weight * (q - p) + r_weight * (r - p)).clamp(p.min(q).min(r), p.max(q).max(r))
 }
 
 /// A ray that asks cells for the quantity of their vertices: of a fragment nobody knows the face.
-#[derive(Clone, Copy)]
-pub(super) struct JointRay<'a> {
-    pub(super) grid: &'a JointScene,
+pub(super) struct ValuesOnRay<'a, M> {
+    pub(super) medium: &'a M,
     pub(super) topology: &'a Topology,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) ray: Ray,
-    /// World length of a local one.
-    pub(super) scale: f64,
 }
 
 /// Depth, and the quantity of vertices there.
 type Place = (f64, f64);
 
-impl JointRay<'_> {
+impl<M: Medium> ValuesOnRay<'_, M> {
     /// The quantity of vertices at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves
     /// `last`. Depths that differ by less than `tie` are one.
     pub(super) fn along(&self, first: u32, depth: f64, tie: f64, last: u32) -> [f64; 2] {
@@ -69,7 +58,7 @@ impl JointRay<'_> {
             }
             // Seen from behind, edge functions have the other sign.
             let edges = signed.map(|(edge, _)| if enters { edge } else { -edge });
-            let place = (hit(edges, &p, &q, &r).0, self.grid.on_face(ids, edges));
+            let place = (hit(edges, &p, &q, &r).0, value_on_face(self.medium, ids, edges));
             *(if enters { &mut entry } else { &mut exit }) = Some(place);
             if entry.is_some() && exit.is_some() {
                 break;
@@ -79,6 +68,6 @@ impl JointRay<'_> {
     }
 
     fn anywhere_in(&self, cell: u32) -> f64 {
-        self.grid.vertex_value(self.topology.tets[cell as usize][0])
+        self.medium.vertex_value(self.topology.tets[cell as usize][0])
     }
 }

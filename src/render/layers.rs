@@ -1,0 +1,188 @@
+//! What a ray meets beside cells: fragments of other layers of the frame.
+//!
+//! A layer that is neither inside cells nor of cells reaches the rays of this one as a list of fragments for each pixel. A fragment has
+//! a depth, at which it cuts the segment of the cell there: the near part ends before it, the far part begins at it.
+
+use super::{RenderError, RenderJob};
+use crate::camera::View;
+use std::ops::Range;
+
+/// Something flat that a ray passes through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerFragment {
+    /// World length along the viewing direction, from the eye (parallel projection: from the camera's position); finite.
+    pub depth: f64,
+    /// Premultiplied colour, and opacity.
+    pub rgba: [f32; 4],
+}
+
+/// The fragments of all pixels of an image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LayerFragments {
+    /// For each pixel, row by row from the top, where its fragments end; they begin where those of the pixel before end.
+    ends: Vec<u32>,
+    /// Those of a pixel nearest first, equal ones in the order of their layers.
+    fragments: Vec<LayerFragment>,
+}
+
+impl LayerFragments {
+    /// Lists for an image of `pixels` pixels from (pixel, fragment) pairs, which come layer by layer.
+    ///
+    /// # Errors
+    /// If a pixel is beyond the image, or a depth, colour or opacity is not a number between its bounds.
+    pub fn new(pixels: usize, found: impl IntoIterator<Item = (u32, LayerFragment)>) -> Result<Self, RenderError> {
+        let mut found: Vec<(u32, LayerFragment)> = found.into_iter().collect();
+        for &(pixel, LayerFragment { depth, rgba }) in &found {
+            let is_light = rgba[3] <= 1.0 && rgba.iter().all(|&c| (0.0..=f32::MAX).contains(&c));
+            if pixel as usize >= pixels || !depth.is_finite() || !is_light {
+                return Err(RenderError::BadLayerFragment { pixel, depth, rgba });
+            }
+        }
+        // Stable: equal ones stay in the order of their layers.
+        found.sort_by(|(a, at), (b, bt)| a.cmp(b).then(at.depth.total_cmp(&bt.depth)));
+        let mut ends = Vec::with_capacity(pixels);
+        for pixel in 0..pixels {
+            let begin = ends.last().map_or(0, |&end| end as usize);
+            let count = found[begin..].iter().take_while(|(of, _)| *of as usize == pixel).count();
+            ends.push((begin + count) as u32);
+        }
+        Ok(Self { ends, fragments: found.into_iter().map(|(_, fragment)| fragment).collect() })
+    }
+
+    /// Pixels of the image.
+    pub fn pixels(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The fragments of a pixel, nearest first.
+    pub fn of_pixel(&self, pixel: usize) -> &[LayerFragment] {
+        let begin = pixel.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.fragments[begin as usize..self.ends[pixel] as usize]
+    }
+}
+
+/// The fragments of a frame as renderers read them; [`NoLayers`] leaves no code behind.
+pub(in crate::render) trait Layers: Sync {
+    /// Those on a ray that are still to come.
+    type Ahead<'a>: Ahead
+    where
+        Self: 'a;
+
+    /// Whether rays may meet some.
+    const ANY: bool;
+
+    /// Those of the ray of a pixel, from the near distance on.
+    fn ahead(&self, column: usize, row: usize) -> Self::Ahead<'_>;
+
+    /// Whether a rectangle of pixels has some.
+    fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
+}
+
+/// Fragments on a ray that are still to come.
+pub(in crate::render) trait Ahead: Copy {
+    /// None.
+    const NONE: Self;
+
+    /// Local depth of the next one; infinite if there is none.
+    fn next_depth(&self) -> f64;
+
+    /// Takes the next one, if it lies before a local depth: its local depth and its light.
+    fn take_before(&mut self, depth: f64) -> Option<(f64, [f32; 4])>;
+}
+
+/// A frame of one layer.
+pub(in crate::render) struct NoLayers;
+
+/// Nothing is ahead.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct NothingAhead;
+
+impl Layers for NoLayers {
+    type Ahead<'a> = NothingAhead;
+    const ANY: bool = false;
+
+    #[inline(always)]
+    fn ahead(&self, _: usize, _: usize) -> NothingAhead {
+        NothingAhead
+    }
+
+    #[inline(always)]
+    fn has_some_in(&self, _: Range<usize>, _: Range<usize>) -> bool {
+        false
+    }
+}
+
+impl Ahead for NothingAhead {
+    const NONE: Self = Self;
+
+    #[inline(always)]
+    fn next_depth(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    #[inline(always)]
+    fn take_before(&mut self, _: f64) -> Option<(f64, [f32; 4])> {
+        None
+    }
+}
+
+/// The fragments of a job, for rays in the local coordinates of its mesh.
+pub(in crate::render) struct JobLayers<'a> {
+    fragments: &'a LayerFragments,
+    width_px: usize,
+    /// Local depth before which nothing is seen.
+    near: f64,
+    local_per_world: f64,
+}
+
+impl<'a> JobLayers<'a> {
+    /// Those of a job with this local view.
+    pub(in crate::render) fn of(job: &'a RenderJob, view: &View) -> Option<Self> {
+        let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        let local_per_world = 1.0 / job.mesh.positions.scale;
+        let fragments = job.fragments.as_deref()?;
+        Some(Self { fragments, width_px: view.width_px, near, local_per_world })
+    }
+}
+
+impl Layers for JobLayers<'_> {
+    type Ahead<'a>
+        = FragmentsAhead<'a>
+    where
+        Self: 'a;
+    const ANY: bool = true;
+
+    fn ahead(&self, column: usize, row: usize) -> FragmentsAhead<'_> {
+        let rest = self.fragments.of_pixel(row * self.width_px + column);
+        let local_per_world = self.local_per_world;
+        let hidden = rest.partition_point(|fragment| fragment.depth * local_per_world < self.near);
+        FragmentsAhead { rest: &rest[hidden..], local_per_world }
+    }
+
+    fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+        let is_empty = |row: usize, column: usize| self.fragments.of_pixel(row * self.width_px + column).is_empty();
+        rows.into_iter().any(|row| columns.clone().any(|column| !is_empty(row, column)))
+    }
+}
+
+/// Fragments of a pixel from the next one on.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct FragmentsAhead<'a> {
+    rest: &'a [LayerFragment],
+    local_per_world: f64,
+}
+
+impl Ahead for FragmentsAhead<'_> {
+    const NONE: Self = Self { rest: &[], local_per_world: 1.0 };
+
+    fn next_depth(&self) -> f64 {
+        self.rest.first().map_or(f64::INFINITY, |next| next.depth * self.local_per_world)
+    }
+
+    fn take_before(&mut self, depth: f64) -> Option<(f64, [f32; 4])> {
+        let at = self.next_depth();
+        let (next, rest) = self.rest.split_first().filter(|_| at < depth)?;
+        self.rest = rest;
+        Some((at, next.rgba))
+    }
+}

@@ -1,0 +1,202 @@
+//! What happens to light inside a cell: [`Segment`] is the part of a ray in it, a [`Medium`] what it passes through.
+//!
+//! Renderers find out through which cells a ray goes, and in which order; what is in them they leave to a medium. A medium may be
+//! a transfer function of the scalar ([`ScalarMedium`]) or of more ([`JointMedium`](super::joint::JointMedium)); the
+//! [reference](mod@super::reference) has its own, in float64.
+
+use crate::optics::exact::ExactTable;
+use crate::optics::{Accumulator, Integrator};
+
+/// Light that a fast renderer has gathered along a ray.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Light {
+    pub(in crate::render) gathered: Accumulator,
+    /// Depth of the first visible place; infinite if there was none.
+    pub(in crate::render) visible_from: f64,
+}
+
+impl Light {
+    /// Nothing gathered.
+    pub(in crate::render) const NONE: Self = Self { gathered: Accumulator::CLEAR, visible_from: f64::INFINITY };
+}
+
+/// The part of a ray inside a cell, or what is left of that. Scalars and values are linear in depth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::render) struct Segment {
+    /// The cell.
+    pub(in crate::render) cell: u32,
+    /// Depths at which the ray enters the cell and leaves it, or begins in it.
+    pub(in crate::render) depth: [f64; 2],
+    /// Scalars there.
+    pub(in crate::render) scalar: [f64; 2],
+    /// The quantity of vertices there, for media that [have one](Medium::HAS_VALUES).
+    pub(in crate::render) value: [f64; 2],
+    /// Depths between which light passes: all of `depth`, or a part of it.
+    pub(in crate::render) part: [f64; 2],
+    /// Length of the ray per unit of depth.
+    pub(in crate::render) length_per_depth: f64,
+}
+
+impl Segment {
+    /// The segment between two (depth, scalar) places, for media that ask for no more: neither cell nor values are known.
+    #[inline(always)]
+    pub(in crate::render) fn of_scalars(from: (f64, f64), to: (f64, f64), length_per_depth: f64) -> Self {
+        let (depth, scalar) = ([from.0, to.0], [from.1, to.1]);
+        Self { cell: crate::mesh::NONE, depth, scalar, value: [0.0; 2], part: depth, length_per_depth }
+    }
+
+    /// What is left of it from a depth on, if there is something.
+    #[inline(always)]
+    pub(in crate::render) fn behind(self, depth: f64) -> Option<Self> {
+        (self.part[1] > depth).then_some(self.split(depth).1)
+    }
+
+    /// What lies before a depth in front of its far end, if there is something, and what lies behind.
+    #[inline(always)]
+    pub(in crate::render) fn split(self, depth: f64) -> (Option<Self>, Self) {
+        let [near, far] = self.part;
+        if near < depth {
+            (Some(Self { part: [near, depth], ..self }), Self { part: [depth, far], ..self })
+        } else {
+            (None, self)
+        }
+    }
+
+    /// The ends of what is left as shares of the way through the cell.
+    #[inline(always)]
+    pub(in crate::render) fn shares(&self) -> [f64; 2] {
+        let Self { depth: [enter, exit], part: [near, far], .. } = *self;
+        let share = |depth: f64| (depth - enter) / (exit - enter);
+        [if near == enter { 0.0 } else { share(near) }, if far == exit { 1.0 } else { share(far) }]
+    }
+
+    /// Scalars at the ends of what is left.
+    #[inline(always)]
+    pub(in crate::render) fn scalars(&self) -> [f64; 2] {
+        self.at_ends(self.scalar)
+    }
+
+    /// The quantity of vertices at the ends of what is left.
+    #[inline(always)]
+    pub(in crate::render) fn values(&self) -> [f64; 2] {
+        self.at_ends(self.value)
+    }
+
+    /// What is linear in depth and has these values at both ends of the cell, at the ends of what is left.
+    #[inline(always)]
+    fn at_ends(&self, [enter, exit]: [f64; 2]) -> [f64; 2] {
+        let [near, far] = self.shares();
+        let at = |share: f64| enter + share * (exit - enter);
+        [if near == 0.0 { enter } else { at(near) }, if far == 1.0 { exit } else { at(far) }]
+    }
+
+    /// Length of what is left.
+    #[inline(always)]
+    pub(in crate::render) fn length(&self) -> f64 {
+        (self.part[1] - self.part[0]) * self.length_per_depth
+    }
+}
+
+/// What rays pass through in cells.
+pub(in crate::render) trait Medium: Sync {
+    /// What is known of a ray from the segment before; by default of a ray that enters the volume, or goes on after a gap.
+    type Ray: Copy + Default;
+    /// What light is gathered in.
+    type Light;
+    /// The table of scalars that vectors of rays know.
+    type Table: Integrator;
+    /// Whether segments need the quantity of vertices at their ends; renderers do not find it out otherwise.
+    const HAS_VALUES: bool;
+
+    /// Passes light through what is left of a segment; returns the number of pieces that were integrated, 0 if nothing was to be
+    /// seen.
+    fn pass(&self, ray: &mut Self::Ray, segment: &Segment, light: &mut Self::Light) -> u32;
+
+    /// Passes light through whole segments that follow each other without a gap, the first of which begins at the scalar `from`, where
+    /// something has been visible before: the same as [`Self::pass`] for each.
+    #[inline(always)]
+    fn pass_run(
+        &self,
+        ray: &mut Self::Ray,
+        _from: f64,
+        run: impl Iterator<Item = Segment>,
+        light: &mut Self::Light,
+    ) -> u32 {
+        run.map(|segment| self.pass(ray, &segment, light)).sum()
+    }
+
+    /// Whether [`Self::pass_run`] is faster for a ray than one segment after the other.
+    #[inline(always)]
+    fn is_fast_in_runs(&self, _: &Self::Ray) -> bool {
+        false
+    }
+
+    /// The quantity of a vertex.
+    #[inline(always)]
+    fn vertex_value(&self, _: u32) -> f64 {
+        0.0
+    }
+
+    /// The table, if scalars are all that is asked for.
+    #[inline(always)]
+    fn table(&self) -> Option<&Self::Table> {
+        None
+    }
+}
+
+/// A transfer function of the scalar.
+pub(in crate::render) struct ScalarMedium<'a, I>(pub(in crate::render) &'a I);
+
+impl<I: Integrator> Medium for ScalarMedium<'_, I> {
+    /// The place in the table at which the last segment ended.
+    type Ray = Option<I::Place>;
+    type Light = Light;
+    type Table = I;
+    const HAS_VALUES: bool = false;
+
+    #[inline(always)]
+    fn pass(&self, place: &mut Option<I::Place>, segment: &Segment, light: &mut Light) -> u32 {
+        let [from, to] = segment.scalars();
+        let place = place.get_or_insert_with(|| self.0.enter(from));
+        let pieces = self.0.segment(place, from, to, segment.length(), &mut light.gathered) as u32;
+        if pieces > 0 && light.visible_from == f64::INFINITY {
+            light.visible_from = first_visible(self.0, (segment.part[0], from), (segment.part[1], to));
+        }
+        pieces
+    }
+
+    #[inline(always)]
+    fn pass_run(
+        &self,
+        place: &mut Option<I::Place>,
+        from: f64,
+        run: impl Iterator<Item = Segment>,
+        light: &mut Light,
+    ) -> u32 {
+        let place = place.get_or_insert_with(|| self.0.enter(from));
+        let ends = run.map(|segment| (segment.scalar[1], segment.length()));
+        self.0.segments(place, from, ends, &mut light.gathered) as u32
+    }
+
+    #[inline(always)]
+    fn is_fast_in_runs(&self, place: &Option<I::Place>) -> bool {
+        place.is_some()
+    }
+
+    #[inline(always)]
+    fn table(&self) -> Option<&I> {
+        Some(self.0)
+    }
+}
+
+/// Depth where a segment from one (depth, scalar) place to another becomes visible; infinite if it does not: a table may show light
+/// before the transfer function has any.
+#[cold]
+#[inline(never)]
+pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64, f64)) -> f64 {
+    let share = table.clear_share(from.1, to.1);
+    if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
+}
+
+/// The table of a medium that has none.
+pub(in crate::render) type NoTable = ExactTable;
