@@ -10,7 +10,7 @@ use tetreel::camera::Camera;
 use tetreel::codec::vq::VqOptions;
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::node_table::NodeTable;
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode, Series};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Series, TetDraw};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -27,7 +27,7 @@ struct Scene {
     time_moves: bool,
     camera_moves: bool,
     zoom: f64,
-    mode: RenderMode,
+    draw: TetDraw,
 }
 
 const TENTS: &str = "viridis@0:0,0.2:0,0.25:0.3,0.3:0,0.48:0,0.53:0.5,0.58:0,0.72:0,0.8:0.8,0.88:0,1:0";
@@ -35,26 +35,26 @@ const DENSE: &str = "viridis@0:0.05,1:0.5";
 const OPAQUE: &str = "turbo@0:0.9,1:1";
 
 const SCENES: [Scene; 6] = [
-    Scene { name: "tents", tf: TENTS, time_moves: true, camera_moves: true, zoom: 1.0, mode: RenderMode::Raycast },
-    Scene { name: "dense", tf: DENSE, time_moves: true, camera_moves: true, zoom: 1.0, mode: RenderMode::Raycast },
-    Scene { name: "opaque", tf: OPAQUE, time_moves: true, camera_moves: true, zoom: 1.0, mode: RenderMode::Raycast },
-    Scene {
-        name: "tents, near",
-        tf: TENTS,
-        time_moves: true,
-        camera_moves: true,
-        zoom: 0.3,
-        mode: RenderMode::Raycast,
-    },
+    Scene { name: "tents", tf: TENTS, time_moves: true, camera_moves: true, zoom: 1.0, draw: TetDraw::Raycast },
+    Scene { name: "dense", tf: DENSE, time_moves: true, camera_moves: true, zoom: 1.0, draw: TetDraw::Raycast },
+    Scene { name: "opaque", tf: OPAQUE, time_moves: true, camera_moves: true, zoom: 1.0, draw: TetDraw::Raycast },
+    Scene { name: "tents, near", tf: TENTS, time_moves: true, camera_moves: true, zoom: 0.3, draw: TetDraw::Raycast },
     Scene {
         name: "tents, still",
         tf: TENTS,
         time_moves: false,
         camera_moves: false,
         zoom: 1.0,
-        mode: RenderMode::Raycast,
+        draw: TetDraw::Raycast,
     },
-    Scene { name: "tents, faces", tf: TENTS, time_moves: true, camera_moves: false, zoom: 1.0, mode: RenderMode::Havs },
+    Scene {
+        name: "tents, faces",
+        tf: TENTS,
+        time_moves: true,
+        camera_moves: false,
+        zoom: 1.0,
+        draw: TetDraw::ALL_FACES,
+    },
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -92,7 +92,7 @@ fn measure(series: &Arc<Series>, scene: &Scene) -> Result<(), Box<dyn Error>> {
         let step = if scene.time_moves { index % steps } else { 0 };
         let camera = if scene.camera_moves { camera.orbit(5.625 * index as f64, 0.0)? } else { camera };
         let request = FrameRequest::new(step, camera, table.clone(), SIZE);
-        Ok(FrameRequest { mode: scene.mode, backend: Backend::Cpu, skip, ..request })
+        Ok(FrameRequest { draw: scene.draw, backend: Backend::Cpu, skip, ..request })
     };
     let switches = Skip::SWITCHES.iter().map(|(name, switch)| {
         let mut skip = Skip::ALL;

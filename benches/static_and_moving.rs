@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use tetreel::bench::{BenchRun, FrameBench, Machine, Motion, run_frames};
 use tetreel::camera::Camera;
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, TetDraw};
 use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (tf, range) = (TransferFunction::parse("viridis@0:0.05,1:0.5")?, MappedRange::new(lo, hi, false)?);
         let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((b - a).length()))?;
         let request = FrameRequest {
-            mode: RenderMode::Havs,
+            draw: TetDraw::ALL_FACES,
             backend: Backend::Cpu,
             ..FrameRequest::new(0, Camera::default_for((a, b))?, Arc::new(table), SIZE)
         };

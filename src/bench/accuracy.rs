@@ -27,7 +27,7 @@ use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, TetDraw};
 use crate::render::cpu::raycast::Raycast;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
@@ -58,7 +58,7 @@ pub fn judge(
 ) -> Result<Judged, PipelineError> {
     let (mut images, mut stats) = (Vec::new(), Vec::new());
     for scene in &scenes {
-        let request = FrameRequest { mode: RenderMode::Reference, skip: ALONE, ..scene.request.clone() };
+        let request = FrameRequest { draw: TetDraw::Reference, skip: ALONE, ..scene.request.clone() };
         let frame = pipeline.render_unless(&request, cancel)?;
         images.push(frame.planes.color.clone());
         stats.push(frame.stats.clone());
@@ -127,7 +127,7 @@ pub fn run_accuracy(
 /// The runs of the judge itself, for the record: what being right costs. They have no error, being compared with nothing.
 pub fn judge_runs(pipeline: &Pipeline, bench: &AccuracyBench<'_>) -> Vec<BenchRun> {
     let runs = bench.judged.scenes.iter().zip(&bench.judged.stats).map(|(scene, stats)| {
-        let request = FrameRequest { mode: RenderMode::Reference, skip: ALONE, ..scene.request.clone() };
+        let request = FrameRequest { draw: TetDraw::Reference, skip: ALONE, ..scene.request.clone() };
         let run = describe(pipeline, bench.dataset, &request, std::slice::from_ref(stats));
         BenchRun { scene: Some(scene.name.clone()), ratio: bench.ratio, ..run }
     });
@@ -196,10 +196,9 @@ impl AccuracyPath {
         // Which cells are clear is known for the product's own table only.
         let knows_clear = self.own_table().is_none();
         FrameRequest {
-            mode: self.mode,
             backend: self.backend,
             optics: self.optics,
-            faces: self.faces(),
+            draw: TetDraw::chosen(self.mode, self.faces()),
             size_px: (scaled(width), scaled(height)),
             formula: scene.formula.clone().filter(|_| self.mode != RenderMode::Reference),
             skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },

@@ -3,7 +3,7 @@
 use super::{BenchRun, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode};
+use crate::pipeline::{DrawnBy, FrameRequest, Pipeline, PipelineError, TetDraw};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 
@@ -65,7 +65,7 @@ pub fn run_frames(
         measured.push(frame.stats.clone());
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.planes.color.clone();
-            let judge = pipeline.render_unless(&FrameRequest { mode: RenderMode::Reference, ..request }, cancel)?;
+            let judge = pipeline.render_unless(&FrameRequest { draw: TetDraw::Reference, ..request }, cancel)?;
             let judged_by = if judge.stats.by_formula { JUDGE_REFERENCE } else { JUDGE_TABLE };
             let error = RunError::between(&judge.planes.color, &fast, judged_by);
             worst = Some(match worst {
@@ -112,10 +112,13 @@ pub(super) fn describe(
     let fps = if ms.frame > 0.0 { 1e3 / ms.frame } else { 0.0 };
     let mesh = pipeline.mesh();
     let cells = mesh.topology.tets.len() as u64;
-    let drawn_by = request.drawn_by();
-    let k_buffer = (drawn_by == RenderMode::Havs).then_some(request.faces.k_buffer);
+    let drawn_by = request.draw.drawn_by();
+    let k_buffer = match drawn_by {
+        DrawnBy::Faces(detail) => Some(detail.k_buffer),
+        DrawnBy::Raycast | DrawnBy::Reference => None,
+    };
     // The reference integrates exactly whatever was asked for.
-    let optics = if drawn_by == RenderMode::Reference { OpticsKind::Exact } else { request.optics };
+    let optics = if drawn_by == DrawnBy::Reference { OpticsKind::Exact } else { request.optics };
     BenchRun {
         dataset: dataset.to_owned(),
         cells,
@@ -126,16 +129,16 @@ pub(super) fn describe(
         size: [request.size_px.0 as u32, request.size_px.1 as u32],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
         mode: match drawn_by {
-            RenderMode::Reference if measured.iter().all(|stats| stats.by_formula) => "reference",
-            RenderMode::Reference => "reference-table",
-            RenderMode::Havs => "havs",
-            RenderMode::Auto | RenderMode::Raycast => "raycast",
+            DrawnBy::Reference if measured.iter().all(|stats| stats.by_formula) => "reference",
+            DrawnBy::Reference => "reference-table",
+            DrawnBy::Faces(_) => "havs",
+            DrawnBy::Raycast => "raycast",
         }
         .to_owned(),
-        lod: if drawn_by == RenderMode::Havs { request.faces.lod } else { 1.0 },
+        lod: request.draw.lod(),
         optics: optics.to_string(),
         codec: pipeline.field().codec.clone(),
-        skip: request.skip.clear_cells && drawn_by != RenderMode::Reference,
+        skip: request.skip.clear_cells && drawn_by != DrawnBy::Reference,
         k: k_buffer.map(|buffer| buffer.k),
         exact_order: k_buffer.map(|buffer| buffer.exact_order),
         table_size: (optics == OpticsKind::Table3d).then_some(Table3dResolution::default().scalars),

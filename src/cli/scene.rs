@@ -8,7 +8,7 @@ use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series};
+use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series, TetDraw};
 use crate::project::{Animation, Project};
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
@@ -240,7 +240,7 @@ impl SceneArgs {
     ) -> anyhow::Result<Look> {
         let tf = tf.with_context(|| format!("--tf '{}'", self.tf.display()))?;
         let faces = self.faces.detail();
-        let draws_faces = self.mode == RenderMode::Havs || self.mode == RenderMode::Auto && faces.lod < 1.0;
+        let draws_faces = matches!(TetDraw::chosen(self.mode, faces), TetDraw::Faces(_));
         if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
             bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
         }
@@ -378,10 +378,10 @@ impl Scene {
         };
         let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
         let camera = said.camera.unwrap_or(camera);
-        let faces = FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces };
+        let draw = TetDraw::chosen(mode, FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces });
         let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
         let optics = said.optics.unwrap_or(optics);
-        Ok(FrameRequest { mode, faces, optics, backend, skip, formula, ..request })
+        Ok(FrameRequest { draw, optics, backend, skip, formula, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.

@@ -1,12 +1,13 @@
 //! Where frames are rendered.
 
-use super::RenderMode;
+use super::DrawnBy;
 #[cfg(feature = "gpu")]
 use super::gpu::Gpu;
+use super::preparation::Ordered;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::render::{Advance, Frame, RenderError, Renderer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -50,6 +51,15 @@ impl FromStr for Backend {
     }
 }
 
+/// What a renderer that both backends have goes through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Primitive {
+    /// Cells, from one to the next along rays.
+    Cells,
+    /// Faces, in the order of their depths.
+    Faces,
+}
+
 /// All renderers of a pipeline.
 #[derive(Default)]
 pub(super) struct Renderers {
@@ -86,13 +96,8 @@ impl Renderers {
     ///
     /// # Errors
     /// As [`Renderer::render_unless_cancelled`], and `NoGpu`.
-    pub(super) fn render(
-        &mut self,
-        job: RenderJob,
-        mode: RenderMode,
-        backend: Backend,
-    ) -> Result<Option<&Frame>, RenderError> {
-        let Some(renderer) = self.draw(job, mode, backend)? else { return Ok(None) };
+    pub(super) fn render(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&Frame>, RenderError> {
+        let Some(renderer) = self.draw(ordered, backend)? else { return Ok(None) };
         // Without a job, the last frame.
         let (Advance::Partial(frame) | Advance::Done(frame)) = renderer.advance(Duration::ZERO)?;
         Ok(Some(frame))
@@ -104,38 +109,38 @@ impl Renderers {
     /// As [`Self::render`].
     pub(super) fn render_to_keep(
         &mut self,
-        job: RenderJob,
-        mode: RenderMode,
+        ordered: Ordered,
         backend: Backend,
         replacement: impl FnOnce() -> Frame,
     ) -> Result<Option<Frame>, RenderError> {
-        Ok(self.draw(job, mode, backend)?.map(|renderer| renderer.take_frame(replacement())))
+        Ok(self.draw(ordered, backend)?.map(|renderer| renderer.take_frame(replacement())))
     }
 
     /// The renderer that has drawn a job; `None` if it was cancelled.
-    fn draw(
-        &mut self,
-        job: RenderJob,
-        mode: RenderMode,
-        backend: Backend,
-    ) -> Result<Option<&mut dyn Renderer>, RenderError> {
-        if mode != RenderMode::Reference {
+    fn draw(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&mut dyn Renderer>, RenderError> {
+        let Ordered { job, by } = ordered;
+        let primitive = match by {
+            DrawnBy::Raycast => Some(Primitive::Cells),
+            DrawnBy::Faces(_) => Some(Primitive::Faces),
+            DrawnBy::Reference => None,
+        };
+        if let Some(primitive) = primitive {
             self.check(backend)?;
             #[cfg(feature = "gpu")]
             if self.gpu.is_wanted(backend)? {
-                match self.gpu.draw(&job, mode, backend) {
+                match self.gpu.draw(&job, primitive, backend) {
                     Ok(false) => return Ok(None),
-                    Ok(true) => return Ok(self.gpu.renderer_in_use(mode)),
+                    Ok(true) => return Ok(self.gpu.renderer_in_use(primitive)),
                     Err(error) if backend == Backend::Gpu => return Err(error),
                     // The CPU can do it, and the GPU has noted why it did not.
                     Err(_) => {}
                 }
             }
         }
-        let renderer: &mut dyn Renderer = match mode {
-            RenderMode::Reference => &mut self.reference,
-            RenderMode::Havs => &mut self.havs,
-            RenderMode::Auto | RenderMode::Raycast => &mut self.raycast,
+        let renderer: &mut dyn Renderer = match primitive {
+            Some(Primitive::Cells) => &mut self.raycast,
+            Some(Primitive::Faces) => &mut self.havs,
+            None => &mut self.reference,
         };
         let is_drawn = renderer.render_unless_cancelled(job)?.is_some();
         Ok(is_drawn.then_some(renderer))

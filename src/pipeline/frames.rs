@@ -204,7 +204,7 @@ mod tests {
         let others: [fn(&mut FrameRequest); 4] = [
             |r| r.camera.position.x += 1e-9,
             |r| r.size_px.0 += 1,
-            |r| r.mode = crate::pipeline::RenderMode::Reference,
+            |r| r.draw = crate::pipeline::TetDraw::Reference,
             |r| {
                 let mut nodes = r.table.over_scalars().nodes().to_vec();
                 nodes[1].tau = 2.0;

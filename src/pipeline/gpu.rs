@@ -1,6 +1,7 @@
 //! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
 
-use super::{Backend, RenderMode, WindowGpu};
+use super::backend::Primitive;
+use super::{Backend, WindowGpu};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
@@ -25,13 +26,11 @@ impl Renderers {
     }
 
     /// The one that draws faces or the one that draws cells.
-    fn of(&mut self, mode: RenderMode) -> &mut dyn Renderer {
+    fn of(&mut self, primitive: Primitive) -> &mut dyn Renderer {
         let context = || self.context.clone();
-        match mode {
-            RenderMode::Havs => self.havs.get_or_insert_with(|| Havs::new(context())),
-            RenderMode::Auto | RenderMode::Raycast | RenderMode::Reference => {
-                self.raycast.get_or_insert_with(|| Raycast::new(context()))
-            }
+        match primitive {
+            Primitive::Faces => self.havs.get_or_insert_with(|| Havs::new(context())),
+            Primitive::Cells => self.raycast.get_or_insert_with(|| Raycast::new(context())),
         }
     }
 }
@@ -40,7 +39,7 @@ impl Renderers {
 struct Beyond {
     mesh: Arc<Mesh>,
     view: View,
-    mode: RenderMode,
+    primitive: Primitive,
     faces: usize,
     /// Values of its table of more than the scalar.
     joint_values: usize,
@@ -50,8 +49,8 @@ struct Beyond {
 
 impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
-    fn holds_for(&self, job: &RenderJob, mode: RenderMode) -> bool {
-        let is_same = self.view == job.view && self.mode == mode && self.faces == faces_of(job);
+    fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
+        let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
         let is_same = is_same && self.has_fragments == job.fragments.is_some();
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
@@ -177,7 +176,7 @@ impl Gpu {
         }
     }
 
-    /// Renders a job in a mode, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
+    /// Renders the primitives of a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
     /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
     ///
     /// # Errors
@@ -185,22 +184,22 @@ impl Gpu {
     pub(in crate::pipeline) fn draw(
         &mut self,
         job: &RenderJob,
-        mode: RenderMode,
+        primitive: Primitive,
         backend: Backend,
     ) -> Result<bool, RenderError> {
         let hardware_only = backend == Backend::Auto && self.options.adapter.is_empty();
-        let drawn = self.draw_again(job, mode, hardware_only);
+        let drawn = self.draw_again(job, primitive, hardware_only);
         self.problem = drawn.as_ref().err().cloned();
         drawn
     }
 
-    fn draw_again(&mut self, job: &RenderJob, mode: RenderMode, hardware_only: bool) -> Result<bool, RenderError> {
-        if let Some(beyond) = self.beyond.as_ref().filter(|beyond| beyond.holds_for(job, mode)) {
+    fn draw_again(&mut self, job: &RenderJob, primitive: Primitive, hardware_only: bool) -> Result<bool, RenderError> {
+        if let Some(beyond) = self.beyond.as_ref().filter(|beyond| beyond.holds_for(job, primitive)) {
             return Err(beyond.error.clone());
         }
         let mut job = job.clone();
         loop {
-            let error = match self.renderers(hardware_only)?.of(mode).render_unless_cancelled(job.clone()) {
+            let error = match self.renderers(hardware_only)?.of(primitive).render_unless_cancelled(job.clone()) {
                 Ok(frame) => return Ok(frame.is_some()),
                 Err(error) => error,
             };
@@ -219,7 +218,8 @@ impl Gpu {
                     let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
                     let (mesh, view, has_fragments) = (job.mesh, job.view, job.fragments.is_some());
                     let known = error.clone();
-                    self.beyond = Some(Beyond { mesh, view, mode, faces, joint_values, has_fragments, error: known });
+                    self.beyond =
+                        Some(Beyond { mesh, view, primitive, faces, joint_values, has_fragments, error: known });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)
@@ -236,10 +236,10 @@ impl Gpu {
         }
     }
 
-    /// The renderer of a mode on the device in use.
-    pub(in crate::pipeline) fn renderer_in_use(&mut self, mode: RenderMode) -> Option<&mut dyn Renderer> {
+    /// The renderer of a primitive on the device in use.
+    pub(in crate::pipeline) fn renderer_in_use(&mut self, primitive: Primitive) -> Option<&mut dyn Renderer> {
         match &mut self.state {
-            State::Ready(renderers) => Some(renderers.of(mode)),
+            State::Ready(renderers) => Some(renderers.of(primitive)),
             State::NotLookedFor | State::NoHardware(_) | State::Absent(_) => None,
         }
     }

@@ -5,12 +5,13 @@ use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::RawMesh;
 use crate::node_table::{Node, NodeTable};
-use crate::pipeline::RenderMode;
+use crate::pipeline::DrawnBy;
+use crate::pipeline::preparation::Ordered;
 use crate::render::gpu::test_common as common;
 use crate::render::testing;
 use glam::DVec3;
 
-fn one_tet() -> RenderJob {
+fn one_tet() -> Ordered {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
     let camera = Camera {
@@ -22,7 +23,8 @@ fn one_tet() -> RenderJob {
     };
     let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
     let table = Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap());
-    testing::job(&Arc::new(mesh), vec![0.5; 4], &camera, (32, 24), table)
+    let job = testing::job(&Arc::new(mesh), vec![0.5; 4], &camera, (32, 24), table);
+    Ordered { job, by: DrawnBy::Raycast }
 }
 
 /// A device that is lost before it does anything.
@@ -38,15 +40,14 @@ fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu
         Ok(context) => context,
         Err(why) => return common::skip("gpu", &why.to_string()),
     };
-    let job = one_tet();
     let mut renderers = Renderers::default();
     renderers.gpu.open = open_and_lose;
-    let refused = renderers.render(job.clone(), RenderMode::Auto, Backend::Gpu).map(|_| ());
+    let refused = renderers.render(one_tet(), Backend::Gpu).map(|_| ());
     assert!(matches!(refused, Err(RenderError::DeviceLost { .. })), "{refused:?}");
 
     renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
     for _ in 0..2 {
-        let drawn = renderers.render(job.clone(), RenderMode::Auto, Backend::Auto);
+        let drawn = renderers.render(one_tet(), Backend::Auto);
         let frame = drawn.unwrap().unwrap();
         assert!(!frame.stats.on_gpu && frame.planes.color.pixels.iter().any(|p| p[3] > 0.1));
         assert!(matches!(renderers.gpu.problem(), Some(RenderError::DeviceLost { .. })));

@@ -8,6 +8,7 @@
 mod apart;
 mod backend;
 mod distribution;
+mod draw;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -29,11 +30,12 @@ mod time;
 mod window_gpu;
 
 pub use backend::Backend;
+pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
 pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
-pub use request::{FaceDetail, FrameRequest, PipelineError, RenderMode};
+pub use request::{FrameRequest, PipelineError};
 pub use series::Series;
 pub use time::FrameTime;
 #[cfg(feature = "gpu")]
@@ -49,7 +51,7 @@ use crate::slowdown::{Slow, frames_before, waste};
 use crate::store::{Store, StoredField};
 use crate::task::{Cancel, Progress};
 use backend::Renderers;
-use preparation::{Decode, Order};
+use preparation::{Decode, Order, Ordered};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -162,9 +164,9 @@ impl Pipeline {
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
-        let job = self.prepare_unless(request, cancel)?;
+        let ordered = self.order(request, cancel)?;
         waste(Slow::LateFrames, frames_before());
-        let drawn = self.renderers.render(job, request.drawn_by(), request.backend)?;
+        let drawn = self.renderers.render(ordered, request.backend)?;
         drawn.ok_or(PipelineError::Cancelled)
     }
 
@@ -181,6 +183,10 @@ impl Pipeline {
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
     pub fn prepare_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<RenderJob, PipelineError> {
+        Ok(self.order(request, cancel)?.job)
+    }
+
+    fn order(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<Ordered, PipelineError> {
         let decoded = self.decode.run(&self.series, request, cancel)?;
         self.order.run(&self.series, request, decoded, cancel)
     }

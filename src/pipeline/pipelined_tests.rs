@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::error::FileError;
 use crate::image::PlaneSamples;
 use crate::node_table::{Node, NodeTable};
-use crate::pipeline::{FrameTime, RenderMode};
+use crate::pipeline::{FrameTime, TetDraw};
 use crate::render::Frame;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ fn requests(series: &Series) -> Vec<FrameRequest> {
             requests.push(FrameRequest { table: tables[1].clone().into(), size_px: (33, 20), ..request });
         }
     }
-    let judge = FrameRequest { mode: RenderMode::Reference, ..requests[0].clone() };
+    let judge = FrameRequest { draw: TetDraw::Reference, ..requests[0].clone() };
     requests.push(judge);
     requests
 }

@@ -3,24 +3,27 @@
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, FaceDetail, FrameRequest, PipelineError, RenderMode};
+use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::render::{CompressedStep, OpticsTables, RenderJob};
+use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
-use crate::visibility::{ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, Label, Skip};
+use crate::visibility::{
+    ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, FaceSelection, Label, Skip,
+};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// What the first stage hands to the second.
 #[derive(Debug)]
 pub(super) struct Decoded {
+    by: DrawnBy,
     scalars: Arc<Vec<f32>>,
     compressed: Option<CompressedStep>,
     /// Where the table is clear.
@@ -59,7 +62,8 @@ impl Decode {
         if !request.skip.unchanged {
             (self.steps, self.clear) = Default::default();
         }
-        let clear = self.clear.of(request);
+        let by = request.draw.drawn_by();
+        let clear = self.clear.of(request, by);
         let needed = if request.skip.clear_chunks { series.needed_chunks(request.time, &clear) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
@@ -67,15 +71,22 @@ impl Decode {
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
         // A mixture of two steps is not in any block, and the CPU has no use for one.
-        let is_for_gpu = request.backend != Backend::Cpu && request.drawn_by() == RenderMode::Raycast;
+        let is_for_gpu = request.backend != Backend::Cpu && by == DrawnBy::Raycast;
         let block = match request.time.toward() {
             None if is_for_gpu => series.source.vq_block(request.time.step())?,
             _ => None,
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { scalars, compressed, clear, known, stats })
+        Ok(Decoded { by, scalars, compressed, clear, known, stats })
     }
+}
+
+/// What the second stage hands to the third.
+#[derive(Debug)]
+pub(super) struct Ordered {
+    pub(super) job: RenderJob,
+    pub(super) by: DrawnBy,
 }
 
 /// The second stage.
@@ -101,19 +112,22 @@ impl Order {
         request: &FrameRequest,
         decoded: Decoded,
         cancel: &Cancel,
-    ) -> Result<RenderJob, PipelineError> {
+    ) -> Result<Ordered, PipelineError> {
         let started = Instant::now();
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
         let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
-        let Decoded { scalars, compressed, known, mut stats, .. } = decoded;
+        let Decoded { by, scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients) = Default::default();
         }
-        let faces = match request.drawn_by() {
-            RenderMode::Havs => Some(self.faces(series, request, &view, &active, cancel, &mut stats)?),
-            _ => None,
+        let (faces, k_buffer) = match by {
+            DrawnBy::Faces(detail) => {
+                let selection = self.selected(series, request.time.step(), detail, &active, cancel)?;
+                (Some(self.sorted(series, &view, &selection, cancel, &mut stats)?), detail.k_buffer)
+            }
+            DrawnBy::Raycast | DrawnBy::Reference => (None, KBuffer::default()),
         };
         let grid = match request.table.joint() {
             None => None,
@@ -131,18 +145,18 @@ impl Order {
             formula: request.formula.clone().filter(|_| grid.is_none()),
             grid,
             faces,
-            k_buffer: request.faces.k_buffer,
+            k_buffer,
             skip: request.skip,
             cancel: cancel.clone(),
             for_window: request.for_window,
             stats,
             ..RenderJob::new(series.mesh.clone(), scalars, active, view, request.table.over_scalars().clone())
         };
-        if request.drawn_by() != RenderMode::Reference {
+        if by != DrawnBy::Reference {
             self.prepare_table(&mut job)?;
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
-        Ok(job)
+        Ok(Ordered { job, by })
     }
 
     /// The transfer function as the renderers read it, the same [`Arc`] until it or its optics change.
@@ -157,25 +171,35 @@ impl Order {
         Ok(())
     }
 
-    /// The faces to draw, front to back.
-    fn faces(
+    /// The faces to draw.
+    fn selected(
         &mut self,
         series: &Series,
-        request: &FrameRequest,
-        view: &View,
+        step: usize,
+        detail: FaceDetail,
         active: &Arc<CellSet>,
         cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<Arc<DrawnFaces>, PipelineError> {
-        let FaceDetail { lod, sampling, .. } = request.faces;
+    ) -> Result<Arc<FaceSelection>, PipelineError> {
+        let FaceDetail { lod, sampling, .. } = detail;
         let ranking = if lod < 1.0 {
-            series.ranking(request.time.step(), sampling, cancel)?.ok_or(PipelineError::Cancelled)?
+            series.ranking(step, sampling, cancel)?.ok_or(PipelineError::Cancelled)?
         } else {
             series.any_ranking()
         };
-        let selection = self.selector.select(&series.mesh, &ranking, lod, active);
+        Ok(self.selector.select(&series.mesh, &ranking, lod, active))
+    }
+
+    /// The same, front to back.
+    fn sorted(
+        &mut self,
+        series: &Series,
+        view: &View,
+        selection: &Arc<FaceSelection>,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Arc<DrawnFaces>, PipelineError> {
         let (sorts, skipped) = (self.depth.sorts(), self.depth.sorts_skipped());
-        let drawn = self.depth.order(&series.mesh, view.forward, &selection, cancel);
+        let drawn = self.depth.order(&series.mesh, view.forward, selection, cancel);
         stats.face_sorts = self.depth.sorts() - sorts;
         stats.face_sorts_skipped = self.depth.sorts_skipped() - skipped;
         drawn.ok_or(PipelineError::Cancelled)
@@ -204,8 +228,8 @@ struct Clear {
 }
 
 impl Clear {
-    fn of(&mut self, request: &FrameRequest) -> Arc<ClearIntervals> {
-        if !request.skip.clear_cells || request.drawn_by() == RenderMode::Reference {
+    fn of(&mut self, request: &FrameRequest, by: DrawnBy) -> Arc<ClearIntervals> {
+        if !request.skip.clear_cells || by == DrawnBy::Reference {
             // The judge looks at everything.
             return self.nowhere.clone();
         }

@@ -1,77 +1,15 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
-use super::{Backend, FrameTime, Sampling};
+use super::{Backend, FrameTime, TetDraw};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
-use crate::render::{KBuffer, RenderError};
+use crate::render::RenderError;
 use crate::transfer::TransferSource;
 use crate::visibility::Skip;
-use serde::{Deserialize, Serialize, Serializer};
-use std::fmt;
-use std::str::FromStr;
+use serde::{Serialize, Serializer};
 use std::sync::Arc;
-
-/// How a frame is rendered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum RenderMode {
-    /// The fastest that is within the accuracy bounds: the ray caster for all there is, faces below that
-    /// ([`FaceDetail::lod`] less than 1).
-    #[default]
-    Auto,
-    /// Cell walk, [`crate::render::cpu::raycast`].
-    Raycast,
-    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
-    Havs,
-    /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
-    Reference,
-}
-
-impl fmt::Display for RenderMode {
-    /// As it is read.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Raycast => "raycast",
-            Self::Havs => "havs",
-            Self::Reference => "reference",
-        })
-    }
-}
-
-impl FromStr for RenderMode {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "raycast" => Ok(Self::Raycast),
-            "havs" => Ok(Self::Havs),
-            "reference" => Ok(Self::Reference),
-            _ => Err(format!("there is no mode '{text}'; choose auto, raycast, havs or reference")),
-        }
-    }
-}
-
-/// Which faces are drawn, and how they come into order, where faces are ([`FrameRequest::drawn_by`]).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct FaceDetail {
-    /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
-    /// are.
-    pub lod: f64,
-    /// Which of them come first.
-    pub sampling: Sampling,
-    /// How their fragments come into order.
-    pub k_buffer: KBuffer,
-}
-
-impl Default for FaceDetail {
-    fn default() -> Self {
-        Self { lod: 1.0, sampling: Sampling::default(), k_buffer: KBuffer::default() }
-    }
-}
 
 /// All that a frame of a series depends on. Plain data: cheap to clone, and what it serialises to tells it from others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -87,10 +25,8 @@ pub struct FrameRequest {
     pub formula: Option<Arc<TransferSource>>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
-    /// Which renderer.
-    pub mode: RenderMode,
-    /// Which faces are drawn, where faces are.
-    pub faces: FaceDetail,
+    /// How it is drawn.
+    pub draw: TetDraw,
     /// How segments are integrated; the reference does it in its own way.
     pub optics: OpticsKind,
     /// Where it is rendered.
@@ -114,15 +50,14 @@ impl FrameRequest {
         table: impl Into<TransferTable>,
         size_px: (usize, usize),
     ) -> Self {
-        let (formula, mode, faces, optics, backend, for_window, skip) = Default::default();
+        let (formula, draw, optics, backend, for_window, skip) = Default::default();
         Self {
             time: time.into(),
             camera,
             table: table.into(),
             formula,
             size_px,
-            mode,
-            faces,
+            draw,
             optics,
             backend,
             for_window,
@@ -130,20 +65,11 @@ impl FrameRequest {
         }
     }
 
-    /// The renderer that draws it: what [`RenderMode::Auto`] comes to, else [`Self::mode`].
-    pub fn drawn_by(&self) -> RenderMode {
-        match self.mode {
-            RenderMode::Auto if self.faces.lod < 1.0 => RenderMode::Havs,
-            RenderMode::Auto => RenderMode::Raycast,
-            mode => mode,
-        }
-    }
-
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        let is_judge = self.mode == RenderMode::Reference;
+        let is_judge = self.draw == TetDraw::Reference;
         let same_table = self.table == other.table && (!is_judge || self.formula == other.formula);
-        let rest = |r: &Self| (r.camera, r.size_px, r.mode, r.faces, r.optics, r.backend, r.for_window, r.skip);
+        let rest = |r: &Self| (r.camera, r.size_px, r.draw, r.optics, r.backend, r.for_window, r.skip);
         same_table && rest(self) == rest(other)
     }
 }

@@ -7,9 +7,8 @@ use super::PipelineError;
 use super::backend::Renderers;
 use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::pipelined::Delivery;
-use super::preparation::{Decode, Decoded, Order};
+use super::preparation::{Decode, Decoded, Order, Ordered};
 use super::queue::{Queue, Ticket};
-use crate::render::RenderJob;
 use crate::slowdown::{Slow, waste};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
@@ -100,7 +99,7 @@ pub(super) fn order_all(
     mut order: Order,
     threads: &ThreadPool,
     from: &Receiver<Passed<Decoded>>,
-    to: &Sender<Passed<RenderJob>>,
+    to: &Sender<Passed<Ordered>>,
 ) -> Order {
     for (ticket, decoded) in from {
         let span = span("order", &ticket);
@@ -128,7 +127,7 @@ pub(super) fn render_all(
     mut renderers: Renderers,
     shared: &Shared,
     threads: Option<&ThreadPool>,
-    from: &Receiver<Passed<RenderJob>>,
+    from: &Receiver<Passed<Ordered>>,
     to: &Sender<Delivery>,
     delivered: &dyn Fn(),
 ) -> Renderers {
@@ -139,7 +138,7 @@ pub(super) fn render_all(
         let span = span("render", &ticket);
         let rendered = ordered.and_then(|content| match content {
             Content::Kept(frame) => Ok((frame, true)),
-            Content::New(job) => guarded("render", || render(&mut renderers, shared, threads, &ticket, job)),
+            Content::New(ordered) => guarded("render", || render(&mut renderers, shared, threads, &ticket, ordered)),
         });
         if has_panicked(&rendered) {
             renderers.begin_afresh();
@@ -166,14 +165,14 @@ fn render(
     shared: &Shared,
     threads: Option<&ThreadPool>,
     ticket: &Ticket,
-    job: RenderJob,
+    mut ordered: Ordered,
 ) -> Result<(SharedFrame, bool), PipelineError> {
     let Ticket { request, series, .. } = ticket;
     if let Some(frame) = shared.kept().get(series, request) {
         return Ok((frame, true));
     }
-    let job = RenderJob { thread_limit: shared.thread_limit.clone(), ..job };
-    let work = || renderers.render_to_keep(job, request.drawn_by(), request.backend, || shared.pool.spare());
+    ordered.job.thread_limit = shared.thread_limit.clone();
+    let work = || renderers.render_to_keep(ordered, request.backend, || shared.pool.spare());
     let rendered = match threads {
         Some(threads) => threads.install(work),
         None => work(),

@@ -92,9 +92,14 @@ pub struct KBuffer {
     pub exact_order: bool,
 }
 
+impl KBuffer {
+    /// As by default.
+    pub const USUAL: Self = Self { k: 8, exact_order: true };
+}
+
 impl Default for KBuffer {
     fn default() -> Self {
-        Self { k: 8, exact_order: true }
+        Self::USUAL
     }
 }
 

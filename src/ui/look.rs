@@ -4,7 +4,7 @@ use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
+use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, TetDraw};
 use crate::project::{Moment, Project};
 use crate::task::Cancel;
 use crate::transfer::{
@@ -167,11 +167,11 @@ impl Requests {
         let Look { mode, faces, backend, skip, followed, .. } = *look;
         let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
         let lod = level(said.lod.filter(|_| followed.lod).unwrap_or(faces.lod));
-        let faces = FaceDetail { lod, ..faces };
+        let draw = TetDraw::chosen(mode, FaceDetail { lod, ..faces });
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
         let request = FrameRequest::new(time, camera, table, size);
-        Some(FrameRequest { mode, faces, optics, backend, for_window, skip, formula, ..request })
+        Some(FrameRequest { draw, optics, backend, for_window, skip, formula, ..request })
     }
 
     fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {

@@ -1,7 +1,7 @@
 //! What is under the mouse, and how it changes over the series: on threads of their own.
 
 use super::worker::{BLOCK_BYTES, Slot, Worker};
-use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, RenderMode, Series};
+use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
 use crate::visibility::Skip;
@@ -174,7 +174,7 @@ impl Finder {
         // The scalars are needed here, wherever the frame was rendered.
         // And so is every cell: what is under the mouse may be clear.
         let skip = Skip { clear_cells: false, clear_chunks: false, ..asked.request.skip };
-        let request = FrameRequest { mode: RenderMode::Raycast, backend: Backend::Cpu, skip, ..asked.request.clone() };
+        let request = FrameRequest { draw: TetDraw::Raycast, backend: Backend::Cpu, skip, ..asked.request.clone() };
         let job = pipeline.prepare_unless(&request, cancel)?;
         Ok(probe(&job, asked.at_px)?)
     }

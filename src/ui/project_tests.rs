@@ -9,7 +9,7 @@ use crate::ingest::{IngestOptions, ingest};
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::test_series::{logged, without_values};
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series, TetDraw};
 use crate::playback::{Command, Mode};
 use crate::project::{Animation, Moment, Project};
 use crate::store::Store;
@@ -105,7 +105,7 @@ fn said(request: &FrameRequest) -> Moment {
         table: Some(request.table.clone()),
         formula: request.formula.clone(),
         camera: Some(request.camera),
-        lod: Some(request.faces.lod),
+        lod: Some(request.draw.lod()),
         optics: Some(request.optics),
     }
 }
@@ -233,7 +233,7 @@ fn edited_colours_leave_the_ensembles_until_a_key_returns_to_them() {
         let mut animation = animation(&series, &project);
         let moment = at(&mut animation, &series, 0.into());
         assert_eq!(
-            (Some(request.camera), Some(request.faces.lod)),
+            (Some(request.camera), Some(request.draw.lod())),
             (moment.camera, moment.lod),
             "the rest is followed"
         );
@@ -257,7 +257,7 @@ fn a_camera_that_is_turned_leaves_its_path_until_a_key_returns_to_it() {
     assert_eq!(desk.session.camera(), turned, "from where it was");
     desk.later(1000);
     go_to(&mut desk, 3);
-    assert_eq!((desk.shown().request.camera, desk.shown().request.faces.lod), (turned, 0.75), "the rest goes on");
+    assert_eq!((desk.shown().request.camera, desk.shown().request.draw.lod()), (turned, 0.75), "the rest goes on");
     press(&mut desk, 'C');
     assert_eq!(desk.shown().request.camera, path(&mut animation, 3));
     for action in [Action::ResetView, Action::OtherProjection, Action::CameraPath(false)] {
@@ -279,10 +279,10 @@ fn the_users_own_level_of_detail_and_optics_hold_until_the_timeline_is_back() {
     desk.act(Action::Optics(OpticsKind::Table3d));
     desk.settle();
     let request = desk.shown().request.clone();
-    assert_eq!((request.faces.lod, request.optics), (0.5, OpticsKind::Table3d));
+    assert_eq!((request.draw.lod(), request.optics), (0.5, OpticsKind::Table3d));
     press(&mut desk, '0');
     let request = desk.shown().request.clone();
-    assert_eq!((request.faces.lod, request.optics), (0.25, OpticsKind::Exact));
+    assert_eq!((request.draw.lod(), request.optics), (0.25, OpticsKind::Exact));
 }
 
 #[test]
@@ -392,8 +392,8 @@ fn small_pictures_of_other_moments_have_the_table_and_the_camera_of_theirs() {
         let Moment { table, camera, optics, .. } = at(&mut animation, &series, step.into());
         let size = (picture.size[0], picture.size[1]);
         let request = FrameRequest::new(step, camera.unwrap(), table.unwrap(), size);
-        let (mode, backend, optics) = (RenderMode::Raycast, Backend::Cpu, optics.unwrap());
-        let request = FrameRequest { mode, backend, optics, ..request };
+        let (draw, backend, optics) = (TetDraw::Raycast, Backend::Cpu, optics.unwrap());
+        let request = FrameRequest { draw, backend, optics, ..request };
         let frame = Pipeline::new(series.clone()).render(&request).unwrap().planes.color.clone();
         assert_eq!(picture.pixels, over_background(&frame.pixels, [0.0; 3]), "step {step}");
         seen.push(picture);

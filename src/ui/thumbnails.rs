@@ -2,7 +2,7 @@
 
 use super::picture::{Picture, over_background};
 use super::worker::{BLOCK_BYTES, Worker};
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, PipelineError, RenderMode, Series};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, PipelineError, Series, TetDraw};
 use crate::task::Cancel;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -131,7 +131,7 @@ impl Thumbnails {
         let scale = self.width_px as f64 / width.max(height).max(1) as f64;
         let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
         let size_px = (side(width), side(height));
-        FrameRequest { size_px, mode: RenderMode::Raycast, backend: Backend::Cpu, ..request.clone() }
+        FrameRequest { size_px, draw: TetDraw::Raycast, backend: Backend::Cpu, ..request.clone() }
     }
 }
 

@@ -9,7 +9,7 @@ use tetreel::field::FieldSelector;
 use tetreel::image::RgbaImage;
 use tetreel::import;
 use tetreel::node_table::NodeTable;
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, RenderMode};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, TetDraw};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
@@ -25,7 +25,7 @@ struct Picture {
 
 fn image(pipeline: &mut Pipeline, step: usize, camera: Camera, table: NodeTable) -> RgbaImage {
     let request = FrameRequest::new(step, camera, Arc::new(table), (160, 120));
-    let request = FrameRequest { backend: Backend::Cpu, mode: RenderMode::Raycast, ..request };
+    let request = FrameRequest { backend: Backend::Cpu, draw: TetDraw::Raycast, ..request };
     pipeline.render_unless(&request, &Cancel::new()).unwrap().planes.color.clone()
 }
 

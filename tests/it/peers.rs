@@ -18,7 +18,7 @@ use tetreel::ingest::{IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
 use tetreel::node_table::NodeTable;
 use tetreel::optics::OpticsKind;
-use tetreel::pipeline::{FrameRequest, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode};
+use tetreel::pipeline::{FrameRequest, FrameTime, Pipeline, Pipelined, PipelinedOptions, TetDraw};
 use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::render::{Frame, RenderJob};
 use tetreel::store::Store;
@@ -180,7 +180,7 @@ mod ranges_that_widen {
     fn request(
         pipeline: &Pipeline,
         policy: &RangePolicy,
-        mode: RenderMode,
+        draw: TetDraw,
         optics: OpticsKind,
     ) -> impl Fn(FrameTime) -> FrameRequest + use<> {
         let bounds = pipeline.mesh().positions.world_bounds();
@@ -191,7 +191,7 @@ mod ranges_that_widen {
         move |time| {
             let range = mapped_range(&series, &policy, time).unwrap();
             let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
-            FrameRequest { mode, optics, ..FrameRequest::new(time, camera, Arc::new(table), (32, 24)) }
+            FrameRequest { draw, optics, ..FrameRequest::new(time, camera, Arc::new(table), (32, 24)) }
         }
     }
 
@@ -223,17 +223,17 @@ mod ranges_that_widen {
         let open = || Pipeline::open(&store, None).unwrap();
         let policies = ["series", "step", "symmetric", "log", "0.1,2", "log:0.1,2"];
         let renderers = [
-            (RenderMode::Raycast, OpticsKind::Exact),
-            (RenderMode::Raycast, OpticsKind::Table3d),
-            (RenderMode::Havs, OpticsKind::Exact),
-            (RenderMode::Havs, OpticsKind::Table3d),
-            (RenderMode::Reference, OpticsKind::Exact),
+            (TetDraw::Raycast, OpticsKind::Exact),
+            (TetDraw::Raycast, OpticsKind::Table3d),
+            (TetDraw::ALL_FACES, OpticsKind::Exact),
+            (TetDraw::ALL_FACES, OpticsKind::Table3d),
+            (TetDraw::Reference, OpticsKind::Exact),
         ];
         for policy in policies {
             let policy: RangePolicy = policy.parse().unwrap();
-            for (mode, optics) in renderers {
-                let request = request(&open(), &policy, mode, optics);
-                let name = format!("{policy}, {mode:?}, {optics:?}");
+            for (draw, optics) in renderers {
+                let request = request(&open(), &policy, draw, optics);
+                let name = format!("{policy}, {draw:?}, {optics:?}");
                 let alone: Vec<_> =
                     (0..AMPLITUDES.len()).map(|step| bits(open().render(&request(step.into())).unwrap())).collect();
                 assert!(alone[2].iter().flatten().any(|&bits| bits != 0), "{name}: an empty image proves nothing");

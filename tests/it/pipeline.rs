@@ -6,7 +6,7 @@ use std::time::Duration;
 use tetreel::camera::Camera;
 use tetreel::codec::BlockCache;
 use tetreel::ingest::{AppendOptions, CodecChoice, IngestOptions, append, ingest};
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, RenderMode, Series};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, Series, TetDraw};
 use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
@@ -33,7 +33,7 @@ fn a_request_says_by_itself_where_it_is_rendered() {
     pipeline.check_backend(Backend::Auto).unwrap();
     let cpu = FrameRequest { backend: Backend::Cpu, ..request.clone() };
     assert!(!pipeline.render(&cpu).unwrap().stats.on_gpu);
-    let judge = FrameRequest { backend: Backend::Gpu, mode: RenderMode::Reference, ..request };
+    let judge = FrameRequest { backend: Backend::Gpu, draw: TetDraw::Reference, ..request };
     assert!(!pipeline.render(&judge).unwrap().stats.on_gpu);
 }
 
@@ -149,15 +149,15 @@ mod gpu {
         if context().is_none() {
             return;
         }
-        for mode in [RenderMode::Raycast, RenderMode::Havs] {
-            lose_in_the_middle(mode);
+        for draw in [TetDraw::Raycast, TetDraw::ALL_FACES] {
+            lose_in_the_middle(draw);
         }
     }
 
-    fn lose_in_the_middle(mode: RenderMode) {
+    fn lose_in_the_middle(draw: TetDraw) {
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
-        let request = FrameRequest { backend: Backend::Gpu, mode, ..request };
+        let request = FrameRequest { backend: Backend::Gpu, draw, ..request };
         let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
         let mut animate = |name: &str, lost_after: Option<usize>| {
             let mut restarts = Vec::new();
@@ -216,16 +216,16 @@ mod gpu {
         }
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
-        let mut frame = |mode: RenderMode, backend: Backend| {
-            pipeline.render(&FrameRequest { mode, backend, ..request.clone() }).unwrap().clone()
+        let mut frame = |draw: TetDraw, backend: Backend| {
+            pipeline.render(&FrameRequest { draw, backend, ..request.clone() }).unwrap().clone()
         };
-        let cells = frame(RenderMode::Raycast, Backend::Gpu);
+        let cells = frame(TetDraw::Raycast, Backend::Gpu);
         for _ in 0..2 {
-            let faces = frame(RenderMode::Havs, Backend::Gpu);
+            let faces = frame(TetDraw::ALL_FACES, Backend::Gpu);
             assert!(faces.stats.on_gpu && faces.stats.fragments > 0 && faces.stats.steps == 0);
             crate::render::assert_within("faces and cells", &faces.planes.color, &cells.planes.color);
-            assert_eq!(frame(RenderMode::Raycast, Backend::Gpu).planes.color, cells.planes.color);
-            assert!(!frame(RenderMode::Havs, Backend::Cpu).stats.on_gpu);
+            assert_eq!(frame(TetDraw::Raycast, Backend::Gpu).planes.color, cells.planes.color);
+            assert!(!frame(TetDraw::ALL_FACES, Backend::Cpu).stats.on_gpu);
         }
     }
 

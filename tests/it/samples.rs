@@ -10,7 +10,7 @@ use tetreel::field::{Component, SeriesSource};
 use tetreel::import;
 use tetreel::ingest::{CodecChoice, FieldReport, IngestOptions, ingest};
 use tetreel::mesh::{Mesh, RawMesh};
-use tetreel::pipeline::{FrameRequest, Pipeline, RenderMode};
+use tetreel::pipeline::{FrameRequest, Pipeline, TetDraw};
 use tetreel::store::Store;
 use tetreel::synth::FadedSeries;
 use tetreel::task::{Cancel, Silent};
@@ -99,7 +99,7 @@ fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_
         let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
         let table = table_for(&pipeline, "viridis@0:0.02,1:0.5");
         let last = again.times().len() - 1;
-        let request = FrameRequest { mode: RenderMode::Raycast, ..FrameRequest::new(last, camera, table, (32, 32)) };
+        let request = FrameRequest { draw: TetDraw::Raycast, ..FrameRequest::new(last, camera, table, (32, 32)) };
         assert!(pipeline.render(&request).unwrap().planes.color.pixels.iter().any(|p| p[3] > 0.0), "{name}");
     }
 }

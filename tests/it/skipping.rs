@@ -14,7 +14,7 @@ use tetreel::lod::select;
 use tetreel::mesh::Topology;
 use tetreel::node_table::{Node, NodeTable};
 use tetreel::optics::OpticsKind;
-use tetreel::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling};
+use tetreel::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, Sampling, TetDraw};
 use tetreel::render::cpu::havs::Havs;
 use tetreel::render::{Frame, RenderJob, Renderer};
 use tetreel::stats::FrameStats;
@@ -52,8 +52,8 @@ fn bits(frame: &Frame) -> (Vec<[u32; 4]>, Vec<u32>) {
     (color, frame.planes.depth.pixels.iter().map(|d| d.to_bits()).collect())
 }
 
-fn with(request: &FrameRequest, mode: RenderMode, skip: Skip) -> FrameRequest {
-    FrameRequest { mode, skip, backend: Backend::Cpu, ..request.clone() }
+fn with(request: &FrameRequest, draw: TetDraw, skip: Skip) -> FrameRequest {
+    FrameRequest { draw, skip, backend: Backend::Cpu, ..request.clone() }
 }
 
 /// The same request with a thousandth more extinction: what comparisons with `RMSE_MAX` have to notice.
@@ -84,24 +84,28 @@ fn real_series_are_drawn_alike_with_and_without_skipping() {
                 for optics in OpticsKind::ALL {
                     let request = FrameRequest { optics, ..FrameRequest::new(step, camera, table.clone(), (96, 80)) };
                     let name = format!("{of:?}, {tf}, step {step}, {optics}");
-                    let off = pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().clone();
-                    let on = pipeline.render(&with(&request, RenderMode::Raycast, Skip::ALL)).unwrap().clone();
+                    let off = pipeline.render(&with(&request, TetDraw::Raycast, Skip::NONE)).unwrap().clone();
+                    let on = pipeline.render(&with(&request, TetDraw::Raycast, Skip::ALL)).unwrap().clone();
                     assert!(bits(&on) == bits(&off), "{name}: {:?}", difference(&on.planes.color, &off.planes.color));
                     skipped += off.stats.cells_active - on.stats.cells_active;
                     drawn = off.planes.color.pixels.iter().fold(drawn, |most, p| most.max(p[3]));
                     if optics == OpticsKind::Exact {
                         let off = pipeline
-                            .render(&with(&request, RenderMode::Havs, Skip::NONE))
+                            .render(&with(&request, TetDraw::ALL_FACES, Skip::NONE))
                             .unwrap()
                             .planes
                             .color
                             .clone();
-                        let on =
-                            pipeline.render(&with(&request, RenderMode::Havs, Skip::ALL)).unwrap().planes.color.clone();
+                        let on = pipeline
+                            .render(&with(&request, TetDraw::ALL_FACES, Skip::ALL))
+                            .unwrap()
+                            .planes
+                            .color
+                            .clone();
                         let (rmse, _) = difference(&on, &off);
                         assert!(rmse <= RMSE_MAX, "{name}: faces {rmse:.2e}");
                         if step == 0 {
-                            let thicker = with(&thicker(&request), RenderMode::Havs, Skip::ALL);
+                            let thicker = with(&thicker(&request), TetDraw::ALL_FACES, Skip::ALL);
                             let (rmse, _) = difference(&pipeline.render(&thicker).unwrap().planes.color, &off);
                             noticed += usize::from(rmse > RMSE_MAX);
                         }
@@ -117,7 +121,7 @@ fn real_series_are_drawn_alike_with_and_without_skipping() {
 
 /// Whether the image changes if a part of the active cells is left out as well.
 fn leaving_out_a_visible_cell_is_noticed(pipeline: &mut Pipeline, request: &FrameRequest) -> bool {
-    let job = pipeline.prepare(&with(request, RenderMode::Raycast, Skip::ALL)).unwrap();
+    let job = pipeline.prepare(&with(request, TetDraw::Raycast, Skip::ALL)).unwrap();
     let fewer = CellSet::of(job.active.universe(), |cell| job.active.contains(cell as u32) && cell % 16 != 0);
     let fewer = RenderJob { active: Arc::new(fewer), finite: None, ..job.clone() };
     crate::render::raycast(&fewer) != crate::render::raycast(&job)
@@ -139,7 +143,7 @@ fn real_series_are_drawn_alike_on_the_gpu_with_and_without_skipping() {
             let step = at % pipeline.times().len();
             let request = FrameRequest::new(step, cameras(bounds)[at % 4], table.clone(), (48, 40));
             let mut job =
-                |request: &FrameRequest, skip| pipeline.prepare(&with(request, RenderMode::Havs, skip)).unwrap();
+                |request: &FrameRequest, skip| pipeline.prepare(&with(request, TetDraw::ALL_FACES, skip)).unwrap();
             let (off, on, thicker) =
                 (job(&request, Skip::NONE), job(&request, Skip::ALL), job(&thicker(&request), Skip::ALL));
             for (name, draw) in
@@ -196,18 +200,18 @@ fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
         }
         let (mut seen, mut noticed) = (0.0f32, 0);
         for (i, request) in journey(&plain).iter().enumerate() {
-            for mode in [RenderMode::Raycast, RenderMode::Havs] {
-                let off = plain.render(&with(request, mode, Skip::NONE)).unwrap().clone();
+            for draw in [TetDraw::Raycast, TetDraw::ALL_FACES] {
+                let off = plain.render(&with(request, draw, Skip::NONE)).unwrap().clone();
                 seen = off.planes.color.pixels.iter().fold(seen, |most, p| most.max(p[3]));
-                if mode == RenderMode::Havs {
-                    let thicker = plain.render(&with(&thicker(request), mode, Skip::NONE)).unwrap();
+                if draw == TetDraw::ALL_FACES {
+                    let thicker = plain.render(&with(&thicker(request), draw, Skip::NONE)).unwrap();
                     noticed += usize::from(difference(&thicker.planes.color, &off.planes.color).0 > RMSE_MAX);
                 }
                 for (skip, pipeline) in &mut others {
-                    let on = pipeline.render(&with(request, mode, *skip)).unwrap();
+                    let on = pipeline.render(&with(request, draw, *skip)).unwrap();
                     let (rmse, max) = difference(&on.planes.color, &off.planes.color);
-                    let is_same = if mode == RenderMode::Raycast { bits(on) == bits(&off) } else { rmse <= RMSE_MAX };
-                    assert!(is_same, "{name} {i}, {mode:?}, {skip}: {rmse:.2e}, {max:.2e}");
+                    let is_same = if draw == TetDraw::Raycast { bits(on) == bits(&off) } else { rmse <= RMSE_MAX };
+                    assert!(is_same, "{name} {i}, {draw:?}, {skip}: {rmse:.2e}, {max:.2e}");
                 }
             }
         }
@@ -222,14 +226,14 @@ fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
 fn every_counter_fires_and_none_without_its_switch() {
     let (_out, store) =
         stored(SeriesName::Jet, 200_000, CodecChoice::Vq(VqOptions { entries: 64, ..VqOptions::default() }));
-    let counts = |skip: Skip, mode: RenderMode| {
+    let counts = |skip: Skip, draw: TetDraw| {
         let mut pipeline = Pipeline::open(&store, None).unwrap();
         let requests = journey(&pipeline);
-        let frames = requests.iter().map(|request| pipeline.render(&with(request, mode, skip)).unwrap().stats.clone());
+        let frames = requests.iter().map(|request| pipeline.render(&with(request, draw, skip)).unwrap().stats.clone());
         frames.collect::<Vec<FrameStats>>()
     };
     let sum = |frames: &[FrameStats], of: fn(&FrameStats) -> u64| frames.iter().map(of).sum::<u64>();
-    let (on, off) = (counts(Skip::ALL, RenderMode::Raycast), counts(Skip::NONE, RenderMode::Raycast));
+    let (on, off) = (counts(Skip::ALL, TetDraw::Raycast), counts(Skip::NONE, TetDraw::Raycast));
     let both = |of: fn(&FrameStats) -> u64| (sum(&on, of), sum(&off, of));
     let (active, all) = both(|s| s.cells_active);
     assert!(active < all / 2, "{active} of {all} cells");
@@ -249,7 +253,7 @@ fn every_counter_fires_and_none_without_its_switch() {
     // Time stands still between two frames: nothing is classified; nor is everything when time moves.
     assert_eq!(on[2].cells_classified, 0);
     assert!(on.iter().all(|s| s.cells_classified <= s.cells_total));
-    let (on, off) = (counts(Skip::ALL, RenderMode::Havs), counts(Skip::NONE, RenderMode::Havs));
+    let (on, off) = (counts(Skip::ALL, TetDraw::ALL_FACES), counts(Skip::NONE, TetDraw::ALL_FACES));
     assert!(sum(&on, |s| s.face_sorts_skipped) > 0 && sum(&off, |s| s.face_sorts_skipped) == 0);
     assert!(sum(&on, |s| s.faces_drawn) < sum(&off, |s| s.faces_drawn) / 2);
 }
@@ -267,8 +271,8 @@ fn a_spike_narrower_than_a_bin_of_any_table_is_drawn() {
         let nodes = vec![node(middle - half, 0.0), node(middle, 300.0 / share / 4096.0), node(middle + half, 0.0)];
         let table = Arc::new(NodeTable::new(nodes).unwrap());
         let request = FrameRequest::new(3, camera, table, (64, 64));
-        let off = pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().clone();
-        let on = pipeline.render(&with(&request, RenderMode::Raycast, Skip::ALL)).unwrap().clone();
+        let off = pipeline.render(&with(&request, TetDraw::Raycast, Skip::NONE)).unwrap().clone();
+        let on = pipeline.render(&with(&request, TetDraw::Raycast, Skip::ALL)).unwrap().clone();
         let hit = off.planes.color.pixels.iter().filter(|p| p[3] > 0.05).count();
         assert!(hit > 100 && bits(&on) == bits(&off), "{share}: {hit} pixels");
         assert!(on.stats.cells_active < on.stats.cells_total / 4, "{} cells", on.stats.cells_active);
@@ -304,13 +308,13 @@ fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
                 let request = FrameRequest::new(step, camera, table.clone(), (64, 60));
                 // With all scalars there, since all cells are drawn as well.
                 let skip = Skip { clear_chunks: false, ..Skip::ALL };
-                let job = pipeline.prepare(&with(&request, RenderMode::Havs, skip)).unwrap();
+                let job = pipeline.prepare(&with(&request, TetDraw::ALL_FACES, skip)).unwrap();
                 let Some(finite) = job.finite.clone() else { continue };
                 let topology = &job.mesh.topology;
                 let ranking = pipeline.series().ranking(step, Sampling::default(), &Cancel::new()).unwrap().unwrap();
                 let (few, many) = (count_faces(topology, &job.active), count_faces(topology, &finite));
                 let whole =
-                    pipeline.render(&with(&request, RenderMode::Raycast, Skip::NONE)).unwrap().planes.color.clone();
+                    pipeline.render(&with(&request, TetDraw::Raycast, Skip::NONE)).unwrap().planes.color.clone();
                 for lod in [0.05, 0.25, 0.6] {
                     // As many as this level draws of all cells; with skipping fewer, if the active cells have fewer.
                     let count = (many.0 + (lod * many.1 as f64) as usize).max(few.0);

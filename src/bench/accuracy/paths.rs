@@ -40,7 +40,7 @@ const RAYS: AccuracyPath = AccuracyPath {
     optics: OpticsKind::Exact,
     table_scalars: 128,
     lod: 1.0,
-    k_buffer: KBuffer { k: 8, exact_order: true },
+    k_buffer: KBuffer::USUAL,
     image_scale: 1.0,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };

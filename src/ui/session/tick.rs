@@ -1,7 +1,7 @@
 //! What a session does whenever its time comes.
 
 use super::{Asked, Session, Shown};
-use crate::pipeline::{FaceDetail, FrameRequest, RenderMode};
+use crate::pipeline::{FaceDetail, FrameRequest, RenderMode, TetDraw};
 use crate::playback::State;
 use crate::ui::detail::{Measured, Wanted};
 use crate::ui::jobs::{Done, Screenshot};
@@ -53,8 +53,8 @@ impl Session {
                     self.history.add(now, &frame, delivery.is_kept);
                     let (width, height) = delivery.request.size_px;
                     self.ms_per_pixel = Some(frame.stats.ms_render / (width * height) as f64);
-                    if !delivery.is_kept && delivery.request.mode != RenderMode::Reference {
-                        let level = (frame.stats.faces_total > 0).then_some(delivery.request.faces.lod);
+                    if !delivery.is_kept && delivery.request.draw != TetDraw::Reference {
+                        let level = (frame.stats.faces_total > 0).then_some(delivery.request.draw.lod());
                         let pixels = width * height;
                         let ms = frame.stats.ms_decode + frame.stats.ms_order + frame.stats.ms_render;
                         self.detail.measured(Measured { level, ms, pixels });
@@ -106,9 +106,9 @@ impl Session {
         let wanted = self.requests.make(&self.look, &series, shown.request.time, size, &mut |lod| lod);
         let Some(wanted) = wanted else { return };
         // All cells are as good as the faces that were chosen.
-        let lod = shown.request.faces.lod.max(wanted.faces.lod);
-        let faces = FaceDetail { lod, ..wanted.faces };
-        let wanted = FrameRequest { faces, for_window: shown.request.for_window, ..wanted };
+        let lod = shown.request.draw.lod().max(wanted.draw.lod());
+        let draw = TetDraw::chosen(self.look.mode, FaceDetail { lod, ..self.look.faces });
+        let wanted = FrameRequest { draw, for_window: shown.request.for_window, ..wanted };
         let is_here = !shown.frame.planes.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));
         if is_due && shown.request.same_view(&wanted) {

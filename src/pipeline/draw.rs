@@ -1,0 +1,156 @@
+//! How the cells of a frame are drawn: as users name it, as a request has it, and what that comes to.
+
+use super::Sampling;
+use crate::render::KBuffer;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Which renderer, as options and project files name it; with a level of detail, [`TetDraw::chosen`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RenderMode {
+    /// The fastest that is within the accuracy bounds: the ray caster for all there is, faces below that
+    /// ([`FaceDetail::lod`] less than 1).
+    #[default]
+    Auto,
+    /// Cell walk, [`crate::render::cpu::raycast`].
+    Raycast,
+    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
+    Havs,
+    /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
+    Reference,
+}
+
+impl fmt::Display for RenderMode {
+    /// As it is read.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Raycast => "raycast",
+            Self::Havs => "havs",
+            Self::Reference => "reference",
+        })
+    }
+}
+
+impl FromStr for RenderMode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "raycast" => Ok(Self::Raycast),
+            "havs" => Ok(Self::Havs),
+            "reference" => Ok(Self::Reference),
+            _ => Err(format!("there is no mode '{text}'; choose auto, raycast, havs or reference")),
+        }
+    }
+}
+
+/// Which faces are drawn, and how they come into order.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FaceDetail {
+    /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
+    /// are.
+    pub lod: f64,
+    /// Which of them come first.
+    pub sampling: Sampling,
+    /// How their fragments come into order.
+    pub k_buffer: KBuffer,
+}
+
+impl FaceDetail {
+    /// All faces, as by default.
+    pub const ALL: Self = Self { lod: 1.0, sampling: Sampling::Error, k_buffer: KBuffer::USUAL };
+}
+
+impl Default for FaceDetail {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
+/// How the cells of a layer are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TetDraw {
+    /// All of them, by the fastest renderer within the accuracy bounds.
+    #[default]
+    Auto,
+    /// All of them, by rays from cell to cell: [`crate::render::cpu::raycast`].
+    Raycast,
+    /// By their faces, all or some, through a k-buffer: [`crate::render::cpu::havs`].
+    Faces(FaceDetail),
+    /// All of them, by the float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
+    Reference,
+}
+
+impl TetDraw {
+    /// By all faces, in their usual order.
+    pub const ALL_FACES: Self = Self::Faces(FaceDetail::ALL);
+
+    /// What a user has chosen. A level of detail is about faces: without one that leaves some out, [`RenderMode::Auto`] is
+    /// [`Self::Auto`], and with one it is those faces, so that [`Self::Auto`] itself has nothing to say of faces.
+    pub fn chosen(mode: RenderMode, faces: FaceDetail) -> Self {
+        match mode {
+            RenderMode::Auto if faces.lod < 1.0 => Self::Faces(faces),
+            RenderMode::Auto => Self::Auto,
+            RenderMode::Raycast => Self::Raycast,
+            RenderMode::Havs => Self::Faces(faces),
+            RenderMode::Reference => Self::Reference,
+        }
+    }
+
+    /// Who draws it: the one place in which it is decided what [`Self::Auto`] comes to.
+    pub fn drawn_by(self) -> DrawnBy {
+        match self {
+            Self::Auto | Self::Raycast => DrawnBy::Raycast,
+            Self::Faces(detail) => DrawnBy::Faces(detail),
+            Self::Reference => DrawnBy::Reference,
+        }
+    }
+
+    /// The share of the interior faces that is drawn; 1 where all cells are.
+    pub fn lod(self) -> f64 {
+        match self {
+            Self::Faces(detail) => detail.lod,
+            Self::Auto | Self::Raycast | Self::Reference => 1.0,
+        }
+    }
+}
+
+/// The renderer that draws a layer of cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DrawnBy {
+    /// The ray caster.
+    Raycast,
+    /// The renderer of faces.
+    Faces(FaceDetail),
+    /// The judge.
+    Reference,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_program_leaves_faces_out_only_where_that_was_asked_for() {
+        let (all, half) = (FaceDetail::ALL, FaceDetail { lod: 0.5, ..FaceDetail::ALL });
+        let comes_to = |mode: RenderMode, faces| TetDraw::chosen(mode, faces).drawn_by();
+        for (mode, faces, expected) in [
+            (RenderMode::Auto, all, DrawnBy::Raycast),
+            (RenderMode::Auto, half, DrawnBy::Faces(half)),
+            (RenderMode::Raycast, half, DrawnBy::Raycast),
+            (RenderMode::Havs, all, DrawnBy::Faces(all)),
+            (RenderMode::Havs, half, DrawnBy::Faces(half)),
+            (RenderMode::Reference, half, DrawnBy::Reference),
+        ] {
+            assert_eq!(comes_to(mode, faces), expected, "{mode}");
+            let is_whole = !matches!(expected, DrawnBy::Faces(detail) if detail.lod < 1.0);
+            assert_eq!(TetDraw::chosen(mode, faces).lod() == 1.0, is_whole, "{mode}");
+        }
+        assert_eq!(TetDraw::default(), TetDraw::chosen(RenderMode::default(), all));
+    }
+}
