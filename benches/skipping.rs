@@ -92,7 +92,7 @@ fn measure(series: &Arc<Series>, scene: &Scene) -> Result<(), Box<dyn Error>> {
         let step = if scene.time_moves { index % steps } else { 0 };
         let camera = if scene.camera_moves { camera.orbit(5.625 * index as f64, 0.0)? } else { camera };
         let request = FrameRequest::new(step, camera, table.clone(), SIZE);
-        Ok(FrameRequest { draw: scene.draw, backend: Backend::Cpu, skip, ..request })
+        Ok(FrameRequest { backend: Backend::Cpu, skip, ..request.with_draw(scene.draw) })
     };
     let switches = Skip::SWITCHES.iter().map(|(name, switch)| {
         let mut skip = Skip::ALL;

@@ -29,9 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (tf, range) = (TransferFunction::parse("viridis@0:0.05,1:0.5")?, MappedRange::new(lo, hi, false)?);
         let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_diagonal((b - a).length()))?;
         let request = FrameRequest {
-            draw: TetDraw::ALL_FACES,
             backend: Backend::Cpu,
-            ..FrameRequest::new(0, Camera::default_for((a, b))?, Arc::new(table), SIZE)
+            ..FrameRequest::new(0, Camera::default_for((a, b))?, Arc::new(table), SIZE).with_draw(TetDraw::ALL_FACES)
         };
         for camera in [true, false] {
             let mut run = |time| -> Result<BenchRun, Box<dyn Error>> {

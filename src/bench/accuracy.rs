@@ -27,7 +27,7 @@ use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, TetDraw};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, TetDraw, TetLayer};
 use crate::render::cpu::raycast::Raycast;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
@@ -58,7 +58,7 @@ pub fn judge(
 ) -> Result<Judged, PipelineError> {
     let (mut images, mut stats) = (Vec::new(), Vec::new());
     for scene in &scenes {
-        let request = FrameRequest { draw: TetDraw::Reference, skip: ALONE, ..scene.request.clone() };
+        let request = FrameRequest { skip: ALONE, ..scene.request.clone().with_draw(TetDraw::Reference) };
         let frame = pipeline.render_unless(&request, cancel)?;
         images.push(frame.planes.color.clone());
         stats.push(frame.stats.clone());
@@ -127,7 +127,7 @@ pub fn run_accuracy(
 /// The runs of the judge itself, for the record: what being right costs. They have no error, being compared with nothing.
 pub fn judge_runs(pipeline: &Pipeline, bench: &AccuracyBench<'_>) -> Vec<BenchRun> {
     let runs = bench.judged.scenes.iter().zip(&bench.judged.stats).map(|(scene, stats)| {
-        let request = FrameRequest { draw: TetDraw::Reference, skip: ALONE, ..scene.request.clone() };
+        let request = FrameRequest { skip: ALONE, ..scene.request.clone().with_draw(TetDraw::Reference) };
         let run = describe(pipeline, bench.dataset, &request, std::slice::from_ref(stats));
         BenchRun { scene: Some(scene.name.clone()), ratio: bench.ratio, ..run }
     });
@@ -150,7 +150,7 @@ fn run_path(
     let is_once = path.mode == RenderMode::Reference;
     for index in 0..=if is_once { 0 } else { bench.frames.max(1) } {
         let frame = match &mut own {
-            Some(renderer) => render_with(pipeline, renderer, &request, cancel)?,
+            Some(renderer) => render_with(pipeline, renderer, &request, path.optics, cancel)?,
             None => pipeline.render_unless(&request, cancel)?,
         };
         let started = Instant::now();
@@ -175,16 +175,17 @@ fn run_path(
     })
 }
 
-/// The frame of a request from a renderer of ours.
+/// The frame of a request from a renderer of ours, with these optics.
 fn render_with<'a>(
     pipeline: &mut Pipeline,
     renderer: &'a mut Raycast,
     request: &FrameRequest,
+    optics: OpticsKind,
     cancel: &Cancel,
 ) -> Result<&'a Frame, PipelineError> {
     // The table is the renderer's: the one of the product is not needed.
-    let prepared = pipeline.prepare_unless(&FrameRequest { optics: OpticsKind::Exact, ..request.clone() }, cancel)?;
-    let job = RenderJob { optics: request.optics, ..prepared };
+    let plain = request.clone().with_tets(|tets| tets.optics = OpticsKind::Exact);
+    let job = RenderJob { optics, ..pipeline.prepare_unless(&plain, cancel)? };
     renderer.render_unless_cancelled(job)?.ok_or(PipelineError::Cancelled)
 }
 
@@ -195,14 +196,15 @@ impl AccuracyPath {
         let scaled = |px: usize| ((px as f64 * self.image_scale).round() as usize).max(1);
         // Which cells are clear is known for the product's own table only.
         let knows_clear = self.own_table().is_none();
+        let with_path = |tets: &mut TetLayer| {
+            (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces()), self.optics);
+            tets.formula.take_if(|_| self.mode == RenderMode::Reference);
+        };
         FrameRequest {
             backend: self.backend,
-            optics: self.optics,
-            draw: TetDraw::chosen(self.mode, self.faces()),
             size_px: (scaled(width), scaled(height)),
-            formula: scene.formula.clone().filter(|_| self.mode != RenderMode::Reference),
             skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },
-            ..scene.clone()
+            ..scene.clone().with_tets(with_path)
         }
     }
 

@@ -65,7 +65,7 @@ pub fn run_frames(
         measured.push(frame.stats.clone());
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.planes.color.clone();
-            let judge = pipeline.render_unless(&FrameRequest { draw: TetDraw::Reference, ..request }, cancel)?;
+            let judge = pipeline.render_unless(&request.with_draw(TetDraw::Reference), cancel)?;
             let judged_by = if judge.stats.by_formula { JUDGE_REFERENCE } else { JUDGE_TABLE };
             let error = RunError::between(&judge.planes.color, &fast, judged_by);
             worst = Some(match worst {
@@ -112,13 +112,14 @@ pub(super) fn describe(
     let fps = if ms.frame > 0.0 { 1e3 / ms.frame } else { 0.0 };
     let mesh = pipeline.mesh();
     let cells = mesh.topology.tets.len() as u64;
-    let drawn_by = request.draw.drawn_by();
+    let tets = request.tets();
+    let drawn_by = tets.map_or(DrawnBy::Raycast, |tets| tets.draw.drawn_by());
     let k_buffer = match drawn_by {
         DrawnBy::Faces(detail) => Some(detail.k_buffer),
         DrawnBy::Raycast | DrawnBy::Reference => None,
     };
     // The reference integrates exactly whatever was asked for.
-    let optics = if drawn_by == DrawnBy::Reference { OpticsKind::Exact } else { request.optics };
+    let optics = tets.filter(|_| drawn_by != DrawnBy::Reference).map_or(OpticsKind::Exact, |tets| tets.optics);
     BenchRun {
         dataset: dataset.to_owned(),
         cells,
@@ -135,7 +136,7 @@ pub(super) fn describe(
             DrawnBy::Raycast => "raycast",
         }
         .to_owned(),
-        lod: request.draw.lod(),
+        lod: request.lod(),
         optics: optics.to_string(),
         codec: pipeline.field().codec.clone(),
         skip: request.skip.clear_cells && drawn_by != DrawnBy::Reference,

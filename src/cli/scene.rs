@@ -381,7 +381,8 @@ impl Scene {
         let draw = TetDraw::chosen(mode, FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces });
         let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
         let optics = said.optics.unwrap_or(optics);
-        Ok(FrameRequest { draw, optics, backend, skip, formula, ..request })
+        let request = request.with_tets(|tets| (tets.draw, tets.optics, tets.formula) = (draw, optics, formula));
+        Ok(FrameRequest { backend, skip, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.

@@ -72,6 +72,11 @@ impl NodeTable {
         Ok(Self { nodes })
     }
 
+    /// A table that shows nothing.
+    pub fn clear() -> Self {
+        Self { nodes: vec![Node { scalar: 0.0, rgb: [0.0; 3], tau: 0.0 }] }
+    }
+
     /// The nodes, sorted by scalar.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes

@@ -156,6 +156,14 @@ mod tests {
         FrameRequest::new(step, camera, Arc::new(table), (10, 10))
     }
 
+    fn nodes_of(request: &FrameRequest) -> Vec<Node> {
+        request.tets().unwrap().table.over_scalars().nodes().to_vec()
+    }
+
+    fn with_nodes(request: &FrameRequest, nodes: Vec<Node>) -> FrameRequest {
+        request.clone().with_tets(|tets| tets.table = Arc::new(NodeTable::new(nodes).unwrap()).into())
+    }
+
     #[test]
     fn memory_of_a_frame_comes_back_with_its_last_holder() {
         let pool = FramePool::default();
@@ -204,19 +212,18 @@ mod tests {
         let others: [fn(&mut FrameRequest); 4] = [
             |r| r.camera.position.x += 1e-9,
             |r| r.size_px.0 += 1,
-            |r| r.draw = crate::pipeline::TetDraw::Reference,
+            |r| *r = r.clone().with_draw(crate::pipeline::TetDraw::Reference),
             |r| {
-                let mut nodes = r.table.over_scalars().nodes().to_vec();
+                let mut nodes = nodes_of(r);
                 nodes[1].tau = 2.0;
-                r.table = Arc::new(NodeTable::new(nodes).unwrap()).into();
+                *r = with_nodes(r, nodes);
             },
         ];
         for change in others {
             let mut cache = FrameCache::new(u64::MAX);
             assert!(cache.get(&series, &request(0)).is_none());
             cache.put(&series, &request(0), &pool.share(Frame::default()));
-            let same =
-                FrameRequest { table: Arc::new((**request(0).table.over_scalars()).clone()).into(), ..request(0) };
+            let same = with_nodes(&request(0), nodes_of(&request(0)));
             assert!(cache.get(&series, &same).is_some(), "an equal table elsewhere is the same");
             let mut other = request(0);
             change(&mut other);

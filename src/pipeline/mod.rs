@@ -12,6 +12,7 @@ mod draw;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod layer;
 mod pipelined;
 mod prefetch;
 mod preparation;
@@ -32,6 +33,7 @@ mod window_gpu;
 pub use backend::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
+pub use layer::{Cut, Layer, RequestError, Shading, Surface, TetLayer};
 pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;

@@ -31,10 +31,11 @@ fn requests(series: &Series) -> Vec<FrameRequest> {
             let request = FrameRequest::new(time, camera, tables[0].clone(), (24, 17));
             requests.push(request.clone());
             requests.push(FrameRequest { camera: camera.orbit(70.0, 20.0).unwrap(), ..request.clone() });
-            requests.push(FrameRequest { table: tables[1].clone().into(), size_px: (33, 20), ..request });
+            let other = request.with_tets(|tets| tets.table = tables[1].clone().into());
+            requests.push(FrameRequest { size_px: (33, 20), ..other });
         }
     }
-    let judge = FrameRequest { draw: TetDraw::Reference, ..requests[0].clone() };
+    let judge = requests[0].clone().with_draw(TetDraw::Reference);
     requests.push(judge);
     requests
 }

@@ -3,7 +3,7 @@
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError};
+use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, TetLayer};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
@@ -23,6 +23,7 @@ use std::time::Instant;
 /// What the first stage hands to the second.
 #[derive(Debug)]
 pub(super) struct Decoded {
+    layer: TetLayer,
     by: DrawnBy,
     scalars: Arc<Vec<f32>>,
     compressed: Option<CompressedStep>,
@@ -38,6 +39,7 @@ pub(super) struct Decoded {
 pub(super) struct Decode {
     steps: StepCache,
     clear: Clear,
+    blank: Option<Blank>,
 }
 
 impl Decode {
@@ -50,7 +52,7 @@ impl Decode {
     /// The scalars of a request.
     ///
     /// # Errors
-    /// If a step cannot be read, or `Cancelled`.
+    /// If the request is at fault or a step cannot be read, or `Cancelled`.
     pub(super) fn run(
         &mut self,
         series: &Arc<Series>,
@@ -60,10 +62,14 @@ impl Decode {
         let started = Instant::now();
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
-            (self.steps, self.clear) = Default::default();
+            (self.steps, self.clear, self.blank) = Default::default();
         }
-        let by = request.draw.drawn_by();
-        let clear = self.clear.of(request, by);
+        let layer = request.tets_of(&series.field.name)?;
+        let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
+        let Some(layer) = layer.filter(|layer| layer.volume) else {
+            return Ok(Blank::of(&mut self.blank, series.vertices()).decoded(by));
+        };
+        let clear = self.clear.of(layer, by, request.skip);
         let needed = if request.skip.clear_chunks { series.needed_chunks(request.time, &clear) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
@@ -78,7 +84,40 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { by, scalars, compressed, clear, known, stats })
+        Ok(Decoded { layer: layer.clone(), by, scalars, compressed, clear, known, stats })
+    }
+}
+
+/// Cells of which nothing is to be seen, where nothing was asked for: nothing has to be decoded for them, and all renderers draw
+/// them in no time.
+#[derive(Debug)]
+struct Blank {
+    scalars: Arc<Vec<f32>>,
+    table: Arc<NodeTable>,
+    clear: Arc<ClearIntervals>,
+}
+
+impl Blank {
+    /// That of a mesh of so many vertices, the same one until their number changes.
+    fn of(last: &mut Option<Self>, vertices: usize) -> &Self {
+        let fitting = last.take().filter(|blank| blank.scalars.len() == vertices);
+        last.insert(fitting.unwrap_or_else(|| {
+            let table = Arc::new(NodeTable::clear());
+            Self { scalars: Arc::new(vec![0.0; vertices]), clear: Arc::new(ClearIntervals::of(&table)), table }
+        }))
+    }
+
+    /// What the first stage hands on; the judge stays the judge, who needs no device.
+    fn decoded(&self, by: DrawnBy) -> Decoded {
+        Decoded {
+            layer: TetLayer::new(self.table.clone()),
+            by: if by == DrawnBy::Reference { by } else { DrawnBy::Raycast },
+            scalars: self.scalars.clone(),
+            compressed: None,
+            clear: self.clear.clone(),
+            known: Vec::new(),
+            stats: FrameStats::default(),
+        }
     }
 }
 
@@ -116,7 +155,7 @@ impl Order {
         let started = Instant::now();
         let view = request.camera.view(request.size_px.0, request.size_px.1)?;
         let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
-        let Decoded { by, scalars, compressed, known, mut stats, .. } = decoded;
+        let Decoded { layer, by, scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
@@ -129,7 +168,7 @@ impl Order {
             }
             DrawnBy::Raycast | DrawnBy::Reference => (None, KBuffer::default()),
         };
-        let grid = match request.table.joint() {
+        let grid = match layer.table.joint() {
             None => None,
             Some(table) => {
                 let scene = series.joint_scene(table, &scalars, &mut self.gradients, cancel)?;
@@ -141,8 +180,8 @@ impl Order {
             // Nobody goes through cells whose scalars are not there.
             finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             // A grid is integrated exactly: nothing is to be prepared for other optics.
-            optics: if grid.is_some() { OpticsKind::Exact } else { request.optics },
-            formula: request.formula.clone().filter(|_| grid.is_none()),
+            optics: if grid.is_some() { OpticsKind::Exact } else { layer.optics },
+            formula: layer.formula.filter(|_| grid.is_none()),
             grid,
             faces,
             k_buffer,
@@ -150,7 +189,7 @@ impl Order {
             cancel: cancel.clone(),
             for_window: request.for_window,
             stats,
-            ..RenderJob::new(series.mesh.clone(), scalars, active, view, request.table.over_scalars().clone())
+            ..RenderJob::new(series.mesh.clone(), scalars, active, view, layer.table.over_scalars().clone())
         };
         if by != DrawnBy::Reference {
             self.prepare_table(&mut job)?;
@@ -228,17 +267,17 @@ struct Clear {
 }
 
 impl Clear {
-    fn of(&mut self, request: &FrameRequest, by: DrawnBy) -> Arc<ClearIntervals> {
-        if !request.skip.clear_cells || by == DrawnBy::Reference {
+    fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<ClearIntervals> {
+        if !skip.clear_cells || by == DrawnBy::Reference {
             // The judge looks at everything.
             return self.nowhere.clone();
         }
         // A sampled table shows something beside what the transfer function has there.
-        let samples = match request.optics {
+        let samples = match layer.optics {
             OpticsKind::Exact | OpticsKind::Partial => None,
             OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
         };
-        let table = request.table.over_scalars();
+        let table = layer.table.over_scalars();
         let is_same =
             |(last, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| Arc::ptr_eq(last, table) && *sampled == samples;
         if let Some((.., clear)) = self.last.as_ref().filter(is_same) {

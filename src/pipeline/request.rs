@@ -1,15 +1,12 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
-use super::{Backend, FrameTime, TetDraw};
+use super::{Backend, FrameTime, Layer, RequestError, TetDraw, TetLayer};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
-use crate::optics::OpticsKind;
 use crate::render::RenderError;
-use crate::transfer::TransferSource;
 use crate::visibility::Skip;
-use serde::{Serialize, Serializer};
-use std::sync::Arc;
+use serde::Serialize;
 
 /// All that a frame of a series depends on. Plain data: cheap to clone, and what it serialises to tells it from others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,17 +15,10 @@ pub struct FrameRequest {
     pub time: FrameTime,
     /// Where from.
     pub camera: Camera,
-    /// Transfer function.
-    pub table: TransferTable,
-    /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
-    #[serde(serialize_with = "serialize_source")]
-    pub formula: Option<Arc<TransferSource>>,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
-    /// How it is drawn.
-    pub draw: TetDraw,
-    /// How segments are integrated; the reference does it in its own way.
-    pub optics: OpticsKind,
+    /// What is seen; nothing without a layer.
+    pub layers: Vec<Layer>,
     /// Where it is rendered.
     pub backend: Backend,
     /// Whether it is for a window: a frame that is rendered on the window's GPU (`WindowGpu`) stays
@@ -41,7 +31,7 @@ pub struct FrameRequest {
 }
 
 impl FrameRequest {
-    /// A frame with everything else as by default: the fastest accurate mode, exact optics.
+    /// The volume of a series, with everything else as by default ([`TetLayer::new`]).
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(
@@ -50,33 +40,60 @@ impl FrameRequest {
         table: impl Into<TransferTable>,
         size_px: (usize, usize),
     ) -> Self {
-        let (formula, draw, optics, backend, for_window, skip) = Default::default();
-        Self {
-            time: time.into(),
-            camera,
-            table: table.into(),
-            formula,
-            size_px,
-            draw,
-            optics,
-            backend,
-            for_window,
-            skip,
+        let layers = vec![Layer::Tets(TetLayer::new(table))];
+        let (backend, for_window, skip) = Default::default();
+        Self { time: time.into(), camera, size_px, layers, backend, for_window, skip }
+    }
+
+    /// The layer of cells, if there is one.
+    pub fn tets(&self) -> Option<&TetLayer> {
+        self.layers.iter().map(|Layer::Tets(layer)| layer).next()
+    }
+
+    /// The request with its layer of cells changed, if there is one.
+    #[must_use]
+    pub fn with_tets(mut self, change: impl FnOnce(&mut TetLayer)) -> Self {
+        if let Some(Layer::Tets(layer)) = self.layers.first_mut() {
+            change(layer);
+        }
+        self
+    }
+
+    /// The request with its cells drawn in another way.
+    #[must_use]
+    pub fn with_draw(self, draw: TetDraw) -> Self {
+        self.with_tets(|tets| tets.draw = draw)
+    }
+
+    /// The share of the interior faces that is drawn; 1 where all cells are.
+    pub fn lod(&self) -> f64 {
+        self.tets().map_or(1.0, |tets| tets.draw.lod())
+    }
+
+    /// The one layer of cells, if there is one, checked against the name of the field that the series is of.
+    ///
+    /// # Errors
+    /// If there are two, or it is of another field.
+    pub(super) fn tets_of(&self, played: &str) -> Result<Option<&TetLayer>, RequestError> {
+        let mut layers = self.layers.iter().map(|Layer::Tets(layer)| layer).enumerate();
+        let Some((first, layer)) = layers.next() else { return Ok(None) };
+        if let Some((second, _)) = layers.next() {
+            return Err(RequestError::TwoOfCells { first, second });
+        }
+        match &layer.field {
+            Some(asked) if asked != played => {
+                Err(RequestError::OtherField { asked: asked.clone(), played: played.to_owned() })
+            }
+            _ => Ok(Some(layer)),
         }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        let is_judge = self.draw == TetDraw::Reference;
-        let same_table = self.table == other.table && (!is_judge || self.formula == other.formula);
-        let rest = |r: &Self| (r.camera, r.size_px, r.draw, r.optics, r.backend, r.for_window, r.skip);
-        same_table && rest(self) == rest(other)
+        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.backend, r.for_window, r.skip);
+        let is_alike = |(Layer::Tets(a), Layer::Tets(b)): (&Layer, &Layer)| a.looks_like(b);
+        rest(self) == rest(other) && std::iter::zip(&self.layers, &other.layers).all(is_alike)
     }
-}
-
-/// What the source is, not where.
-fn serialize_source<S: Serializer>(source: &Option<Arc<TransferSource>>, serializer: S) -> Result<S::Ok, S::Error> {
-    source.as_deref().serialize(serializer)
 }
 
 /// Why a request did not become a frame.
@@ -91,6 +108,9 @@ pub enum PipelineError {
     /// Somebody asked to stop.
     #[error("cancelled")]
     Cancelled,
+    /// It asks for what there cannot be.
+    #[error(transparent)]
+    Request(#[from] RequestError),
     /// Mesh and field do not belong together, or the GPU failed.
     #[error(transparent)]
     Render(#[from] RenderError),

@@ -2,7 +2,7 @@
 
 use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
-use crate::node_table::{Node, NodeTable, TransferTable};
+use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, TetDraw};
 use crate::project::{Moment, Project};
@@ -162,7 +162,7 @@ impl Requests {
         });
         let (said, (table, formula)) = made.unwrap_or_else(|error| {
             self.problem = Some(format!("field {}: {error}", series.field().name));
-            (Moment::default(), (Arc::new(clear()).into(), None))
+            (Moment::default(), (Arc::new(NodeTable::clear()).into(), None))
         });
         let Look { mode, faces, backend, skip, followed, .. } = *look;
         let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
@@ -171,7 +171,8 @@ impl Requests {
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
         let request = FrameRequest::new(time, camera, table, size);
-        Some(FrameRequest { draw, optics, backend, for_window, skip, formula, ..request })
+        let request = request.with_tets(|tets| (tets.draw, tets.optics, tets.formula) = (draw, optics, formula));
+        Some(FrameRequest { backend, for_window, skip, ..request })
     }
 
     fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {
@@ -191,10 +192,4 @@ impl Requests {
         self.tables.push((range, colors.clone()));
         Ok(colors)
     }
-}
-
-/// A table that shows nothing.
-fn clear() -> NodeTable {
-    let node = Node { scalar: 0.0, rgb: [0.0; 3], tau: 0.0 };
-    NodeTable::new(vec![node]).unwrap_or_else(|_| unreachable!("one finite node is a table"))
 }

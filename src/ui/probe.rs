@@ -174,7 +174,8 @@ impl Finder {
         // The scalars are needed here, wherever the frame was rendered.
         // And so is every cell: what is under the mouse may be clear.
         let skip = Skip { clear_cells: false, clear_chunks: false, ..asked.request.skip };
-        let request = FrameRequest { draw: TetDraw::Raycast, backend: Backend::Cpu, skip, ..asked.request.clone() };
+        let request = asked.request.clone().with_draw(TetDraw::Raycast);
+        let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
         let job = pipeline.prepare_unless(&request, cancel)?;
         Ok(probe(&job, asked.at_px)?)
     }

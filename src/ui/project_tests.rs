@@ -102,11 +102,11 @@ fn go_to(desk: &mut Desk, step: usize) {
 
 fn said(request: &FrameRequest) -> Moment {
     Moment {
-        table: Some(request.table.clone()),
-        formula: request.formula.clone(),
+        table: Some(request.tets().unwrap().table.clone()),
+        formula: request.tets().unwrap().formula.clone(),
         camera: Some(request.camera),
-        lod: Some(request.draw.lod()),
-        optics: Some(request.optics),
+        lod: Some(request.lod()),
+        optics: Some(request.tets().unwrap().optics),
     }
 }
 
@@ -167,15 +167,15 @@ fn a_table_that_does_not_change_stays_the_same_one() {
     let series = series();
     let project = project(&(ensembles() + &camera(series.times().values[0], -10.0)));
     let mut desk = open(&series, &project);
-    let first = desk.shown().request.table.over_scalars().clone();
+    let first = desk.shown().request.tets().unwrap().table.over_scalars().clone();
     for step in [1, 3, 2] {
         go_to(&mut desk, step);
-        assert!(Arc::ptr_eq(desk.shown().request.table.over_scalars(), &first), "step {step}");
+        assert!(Arc::ptr_eq(desk.shown().request.tets().unwrap().table.over_scalars(), &first), "step {step}");
     }
     desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
     desk.later(1000);
     desk.settle();
-    assert!(Arc::ptr_eq(desk.shown().request.table.over_scalars(), &first), "a camera has no table");
+    assert!(Arc::ptr_eq(desk.shown().request.tets().unwrap().table.over_scalars(), &first), "a camera has no table");
 }
 
 #[test]
@@ -188,13 +188,13 @@ fn a_key_swaps_the_ensembles_and_another_returns_to_the_timeline() {
     for (key, name) in [('2', "b"), ('3', "c"), ('1', "a")] {
         press(&mut desk, key);
         let table = table_of(&series, &project, name);
-        assert!(desk.shown().request.table == table && Some(table) != on_timeline.table, "{name}");
+        assert!(desk.shown().request.tets().unwrap().table == table && Some(table) != on_timeline.table, "{name}");
         assert_eq!(Some(desk.shown().request.camera), on_timeline.camera, "the camera stays on its path");
     }
     press(&mut desk, '9');
     assert_eq!(desk.session.look().followed.ensembles, EnsembleChoice::One(0), "there is no ninth");
     go_to(&mut desk, 2);
-    assert_eq!(desk.shown().request.table, table_of(&series, &project, "a"), "at all times");
+    assert_eq!(desk.shown().request.tets().unwrap().table, table_of(&series, &project, "a"), "at all times");
     press(&mut desk, '0');
     assert_eq!(said(&desk.shown().request), at(&mut animation, &series, 2.into()));
 }
@@ -209,9 +209,9 @@ fn range_maps_of_the_timeline_go_with_an_ensemble_that_was_chosen() {
         + &key(times[3], "{ points = [[0.5, 0.1]] }");
     let mut desk = open(&series, &project(&(ensembles() + &track)));
     press(&mut desk, '2');
-    let first = desk.shown().request.table.over_scalars().clone();
+    let first = desk.shown().request.tets().unwrap().table.over_scalars().clone();
     go_to(&mut desk, 2);
-    assert_ne!(*desk.shown().request.table.over_scalars(), first);
+    assert_ne!(*desk.shown().request.tets().unwrap().table.over_scalars(), first);
 }
 
 #[test]
@@ -229,14 +229,10 @@ fn edited_colours_leave_the_ensembles_until_a_key_returns_to_them() {
         let look = desk.session.look().clone();
         let range = desk.session.shown_range().unwrap();
         let request = desk.shown().request.clone();
-        assert_eq!(**request.table.over_scalars(), look.table(&range).unwrap(), "{edit:?}");
+        assert_eq!(**request.tets().unwrap().table.over_scalars(), look.table(&range).unwrap(), "{edit:?}");
         let mut animation = animation(&series, &project);
         let moment = at(&mut animation, &series, 0.into());
-        assert_eq!(
-            (Some(request.camera), Some(request.draw.lod())),
-            (moment.camera, moment.lod),
-            "the rest is followed"
-        );
+        assert_eq!((Some(request.camera), Some(request.lod())), (moment.camera, moment.lod), "the rest is followed");
         press(&mut desk, '0');
         assert_eq!(said(&desk.shown().request), moment, "{edit:?}");
     }
@@ -257,7 +253,7 @@ fn a_camera_that_is_turned_leaves_its_path_until_a_key_returns_to_it() {
     assert_eq!(desk.session.camera(), turned, "from where it was");
     desk.later(1000);
     go_to(&mut desk, 3);
-    assert_eq!((desk.shown().request.camera, desk.shown().request.draw.lod()), (turned, 0.75), "the rest goes on");
+    assert_eq!((desk.shown().request.camera, desk.shown().request.lod()), (turned, 0.75), "the rest goes on");
     press(&mut desk, 'C');
     assert_eq!(desk.shown().request.camera, path(&mut animation, 3));
     for action in [Action::ResetView, Action::OtherProjection, Action::CameraPath(false)] {
@@ -279,10 +275,10 @@ fn the_users_own_level_of_detail_and_optics_hold_until_the_timeline_is_back() {
     desk.act(Action::Optics(OpticsKind::Table3d));
     desk.settle();
     let request = desk.shown().request.clone();
-    assert_eq!((request.draw.lod(), request.optics), (0.5, OpticsKind::Table3d));
+    assert_eq!((request.lod(), request.tets().unwrap().optics), (0.5, OpticsKind::Table3d));
     press(&mut desk, '0');
     let request = desk.shown().request.clone();
-    assert_eq!((request.draw.lod(), request.optics), (0.25, OpticsKind::Exact));
+    assert_eq!((request.lod(), request.tets().unwrap().optics), (0.25, OpticsKind::Exact));
 }
 
 #[test]
@@ -291,11 +287,11 @@ fn a_project_without_ensembles_has_the_colours_of_the_look() {
     let project = project(&camera(series.times().values[0], -10.0));
     let mut desk = open(&series, &project);
     let table = desk.session.look().table(&desk.session.shown_range().unwrap()).unwrap();
-    assert!(!desk.session.shows_ensembles() && **desk.shown().request.table.over_scalars() == table);
+    assert!(!desk.session.shows_ensembles() && **desk.shown().request.tets().unwrap().table.over_scalars() == table);
     assert_eq!(desk.shown().request.camera.position.x, -10.0);
     press(&mut desk, '1');
     press(&mut desk, '0');
-    assert_eq!(**desk.shown().request.table.over_scalars(), table);
+    assert_eq!(**desk.shown().request.tets().unwrap().table.over_scalars(), table);
 }
 
 #[test]
@@ -334,7 +330,10 @@ fn histograms_that_a_store_does_not_have_are_counted() {
     let desk = open(&without, &on_gradients());
     assert!(desk.session.notices().is_empty(), "{:?}", desk.session.notices());
     let table = table_of(&with, &on_gradients(), "fronts");
-    assert!(desk.shown().request.table == table && table.over_scalars().nodes().iter().any(|node| node.tau > 0.0));
+    assert!(
+        desk.shown().request.tets().unwrap().table == table
+            && table.over_scalars().nodes().iter().any(|node| node.tau > 0.0)
+    );
 }
 
 #[test]
@@ -392,8 +391,8 @@ fn small_pictures_of_other_moments_have_the_table_and_the_camera_of_theirs() {
         let Moment { table, camera, optics, .. } = at(&mut animation, &series, step.into());
         let size = (picture.size[0], picture.size[1]);
         let request = FrameRequest::new(step, camera.unwrap(), table.unwrap(), size);
-        let (draw, backend, optics) = (TetDraw::Raycast, Backend::Cpu, optics.unwrap());
-        let request = FrameRequest { draw, backend, optics, ..request };
+        let request = request.with_tets(|tets| (tets.draw, tets.optics) = (TetDraw::Raycast, optics.unwrap()));
+        let request = FrameRequest { backend: Backend::Cpu, ..request };
         let frame = Pipeline::new(series.clone()).render(&request).unwrap().planes.color.clone();
         assert_eq!(picture.pixels, over_background(&frame.pixels, [0.0; 3]), "step {step}");
         seen.push(picture);

@@ -315,12 +315,11 @@ impl Session {
     /// The scalars that a legend covers, and their colours by positions 0..=1.
     pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
         // Members of ensembles have ranges of their own.
-        let table =
-            self.shown.as_ref().filter(|_| self.shows_ensembles()).map(|shown| shown.request.table.over_scalars());
+        let ensembles = self.shown.as_ref().filter(|_| self.shows_ensembles()).and_then(|shown| shown.request.tets());
         let series = || mapped_range(self.series(), &RangePolicy::Series, 0.into()).ok();
-        let range = if table.is_some() { series() } else { self.shown_range() }?;
-        let colors = move |position| match table {
-            Some(table) => table.eval(range.scalar_at(position)).rgb,
+        let range = if ensembles.is_some() { series() } else { self.shown_range() }?;
+        let colors = move |position| match ensembles {
+            Some(tets) => tets.table.over_scalars().eval(range.scalar_at(position)).rgb,
             None => self.look.tf.color_map().eval(position),
         };
         Some((range, colors))

@@ -420,13 +420,13 @@ fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
             desk.later(1000);
             assert!(desk.settle() > 0);
         }
-        desk.shown().request.draw.lod()
+        desk.shown().request.lod()
     };
     let rest = |desk: &mut Desk| {
         desk.act(Action::Play(Command::Pause));
         desk.later(1000);
         desk.settle();
-        desk.shown().request.draw.lod()
+        desk.shown().request.lod()
     };
     assert_eq!(play(&mut desk), 1.0, "nobody asked for it");
     rest(&mut desk);
@@ -440,15 +440,15 @@ fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
     (0..3).for_each(|_| desk.session.detail.measured(slow));
     desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
     desk.settle();
-    assert!(desk.shown().request.draw.lod() < 1.0 && desk.shown().request.size_px == (40, 20));
+    assert!(desk.shown().request.lod() < 1.0 && desk.shown().request.size_px == (40, 20));
     desk.later(1000);
     desk.settle();
-    assert_eq!(desk.shown().request.draw.lod(), 1.0);
+    assert_eq!(desk.shown().request.lod(), 1.0);
     // What was chosen is the most that is drawn, whatever would be fast enough.
     desk.act(Action::LevelOfDetail(0.25));
     desk.act(Action::LevelOfDetail(f64::NAN));
     desk.settle();
-    assert_eq!(desk.shown().request.draw.lod(), 0.25);
+    assert_eq!(desk.shown().request.lod(), 0.25);
     desk.act(Action::LevelOfDetail(7.0));
     assert_eq!(desk.session.look().faces.lod, 1.0);
 }

@@ -25,7 +25,7 @@ struct Picture {
 
 fn image(pipeline: &mut Pipeline, step: usize, camera: Camera, table: NodeTable) -> RgbaImage {
     let request = FrameRequest::new(step, camera, Arc::new(table), (160, 120));
-    let request = FrameRequest { backend: Backend::Cpu, draw: TetDraw::Raycast, ..request };
+    let request = FrameRequest { backend: Backend::Cpu, ..request.with_draw(TetDraw::Raycast) };
     pipeline.render_unless(&request, &Cancel::new()).unwrap().planes.color.clone()
 }
 

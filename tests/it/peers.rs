@@ -191,7 +191,8 @@ mod ranges_that_widen {
         move |time| {
             let range = mapped_range(&series, &policy, time).unwrap();
             let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();
-            FrameRequest { draw, optics, ..FrameRequest::new(time, camera, Arc::new(table), (32, 24)) }
+            let request = FrameRequest::new(time, camera, Arc::new(table), (32, 24));
+            request.with_tets(|tets| (tets.draw, tets.optics) = (draw, optics))
         }
     }
 
@@ -247,7 +248,7 @@ mod ranges_that_widen {
                 }
                 assert!(played(open(), &request) == alone, "{name}: what is played is not what is drawn alone");
                 // A table of the first step's range would be seen wherever ranges are those of steps.
-                let stale = FrameRequest { table: request(0.into()).table, ..request(2.into()) };
+                let stale = FrameRequest { layers: request(0.into()).layers, ..request(2.into()) };
                 let differs = bits(open().render(&stale).unwrap()) != alone[2];
                 assert_eq!(differs, policy == RangePolicy::Step, "{name}");
             }

@@ -33,7 +33,7 @@ fn a_request_says_by_itself_where_it_is_rendered() {
     pipeline.check_backend(Backend::Auto).unwrap();
     let cpu = FrameRequest { backend: Backend::Cpu, ..request.clone() };
     assert!(!pipeline.render(&cpu).unwrap().stats.on_gpu);
-    let judge = FrameRequest { backend: Backend::Gpu, draw: TetDraw::Reference, ..request };
+    let judge = FrameRequest { backend: Backend::Gpu, ..request.with_draw(TetDraw::Reference) };
     assert!(!pipeline.render(&judge).unwrap().stats.on_gpu);
 }
 
@@ -157,7 +157,7 @@ mod gpu {
     fn lose_in_the_middle(draw: TetDraw) {
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
-        let request = FrameRequest { backend: Backend::Gpu, draw, ..request };
+        let request = FrameRequest { backend: Backend::Gpu, ..request.with_draw(draw) };
         let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
         let mut animate = |name: &str, lost_after: Option<usize>| {
             let mut restarts = Vec::new();
@@ -217,7 +217,7 @@ mod gpu {
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
         let mut frame = |draw: TetDraw, backend: Backend| {
-            pipeline.render(&FrameRequest { draw, backend, ..request.clone() }).unwrap().clone()
+            pipeline.render(&FrameRequest { backend, ..request.clone().with_draw(draw) }).unwrap().clone()
         };
         let cells = frame(TetDraw::Raycast, Backend::Gpu);
         for _ in 0..2 {
@@ -250,13 +250,13 @@ fn tables_come_to_the_renderer_ready_made_and_are_changed_where_the_transfer_fun
     let temp = tempfile::tempdir().unwrap();
     let (mut pipeline, request) = jet(temp.path());
     let with_node = |at: f64, tau: f64| {
-        let mut nodes = request.table.over_scalars().nodes().to_vec();
+        let mut nodes = request.tets().unwrap().table.over_scalars().nodes().to_vec();
         let scalar = nodes[0].scalar + at * (nodes[nodes.len() - 1].scalar - nodes[0].scalar);
         let place = nodes.partition_point(|n| n.scalar < scalar);
         nodes[place].tau = tau;
         Arc::new(tetreel::node_table::NodeTable::new(nodes).unwrap()).into()
     };
-    let looked_up = FrameRequest { optics: OpticsKind::Table3d, ..request.clone() };
+    let looked_up = request.clone().with_tets(|tets| tets.optics = OpticsKind::Table3d);
     let mut built = |request: &FrameRequest| {
         let job = pipeline.prepare(request).unwrap();
         assert!(job.prepared.is_some(), "it is made where cells are ordered");
@@ -270,10 +270,10 @@ fn tables_come_to_the_renderer_ready_made_and_are_changed_where_the_transfer_fun
     assert_eq!(built(&looked_up), all);
     // Another step, another camera: the same table.
     assert_eq!(built(&FrameRequest { time: 1.into(), ..looked_up.clone() }), 0);
-    let late = built(&FrameRequest { table: with_node(0.9, 3.0), ..looked_up.clone() });
+    let late = built(&looked_up.clone().with_tets(|tets| tets.table = with_node(0.9, 3.0)));
     assert!(late > 0 && late < all / 2, "{late} of {all}");
     for optics in [OpticsKind::Exact, OpticsKind::Partial] {
-        assert_eq!(built(&FrameRequest { optics, ..request.clone() }), 0);
+        assert_eq!(built(&request.clone().with_tets(|tets| tets.optics = optics)), 0);
     }
     // The count comes out with the frame, from the pipeline with stages of their own too.
     let series = Arc::new(Series::open(&Store::open(temp.path().join("jet.zarr")).unwrap(), None).unwrap());

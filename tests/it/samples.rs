@@ -99,7 +99,7 @@ fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_
         let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
         let table = table_for(&pipeline, "viridis@0:0.02,1:0.5");
         let last = again.times().len() - 1;
-        let request = FrameRequest { draw: TetDraw::Raycast, ..FrameRequest::new(last, camera, table, (32, 32)) };
+        let request = FrameRequest::new(last, camera, table, (32, 32)).with_draw(TetDraw::Raycast);
         assert!(pipeline.render(&request).unwrap().planes.color.pixels.iter().any(|p| p[3] > 0.0), "{name}");
     }
 }

@@ -53,13 +53,21 @@ fn bits(frame: &Frame) -> (Vec<[u32; 4]>, Vec<u32>) {
 }
 
 fn with(request: &FrameRequest, draw: TetDraw, skip: Skip) -> FrameRequest {
-    FrameRequest { draw, skip, backend: Backend::Cpu, ..request.clone() }
+    FrameRequest { skip, backend: Backend::Cpu, ..request.clone().with_draw(draw) }
 }
 
 /// The same request with a thousandth more extinction: what comparisons with `RMSE_MAX` have to notice.
 fn thicker(request: &FrameRequest) -> FrameRequest {
-    let nodes = request.table.over_scalars().nodes().iter().map(|n| Node { tau: 1.001 * n.tau, ..*n }).collect();
-    FrameRequest { table: Arc::new(NodeTable::new(nodes).unwrap()).into(), ..request.clone() }
+    let nodes = request
+        .tets()
+        .unwrap()
+        .table
+        .over_scalars()
+        .nodes()
+        .iter()
+        .map(|n| Node { tau: 1.001 * n.tau, ..*n })
+        .collect();
+    request.clone().with_tets(|tets| tets.table = Arc::new(NodeTable::new(nodes).unwrap()).into())
 }
 
 /// All switches but one, for each of them.
@@ -82,7 +90,8 @@ fn real_series_are_drawn_alike_with_and_without_skipping() {
             let table = table_for(&pipeline, tf);
             for (step, camera) in (0..pipeline.times().len()).zip(cameras(pipeline.mesh().positions.world_bounds())) {
                 for optics in OpticsKind::ALL {
-                    let request = FrameRequest { optics, ..FrameRequest::new(step, camera, table.clone(), (96, 80)) };
+                    let request = FrameRequest::new(step, camera, table.clone(), (96, 80));
+                    let request = request.with_tets(|tets| tets.optics = optics);
                     let name = format!("{of:?}, {tf}, step {step}, {optics}");
                     let off = pipeline.render(&with(&request, TetDraw::Raycast, Skip::NONE)).unwrap().clone();
                     let on = pipeline.render(&with(&request, TetDraw::Raycast, Skip::ALL)).unwrap().clone();

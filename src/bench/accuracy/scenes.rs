@@ -66,7 +66,7 @@ pub fn scenes<E: From<CameraError>>(
             };
             let (table, source) = table(tf, step)?;
             let request = FrameRequest::new(step, camera, table, size_px);
-            all.push(AccuracyScene { name, request: FrameRequest { formula: Some(source), ..request } });
+            all.push(AccuracyScene { name, request: request.with_tets(|tets| tets.formula = Some(source)) });
         }
     }
     Ok(all)

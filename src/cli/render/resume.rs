@@ -56,9 +56,9 @@ impl Fingerprints {
     ) -> anyhow::Result<String> {
         let mut hash = self.common.clone();
         // A table over more than the scalar would be megabytes of text.
-        let table = request.table.over_scalars().clone().into();
-        hash.update(serde_json::to_vec(&(FrameRequest { table, ..request.clone() }, attributes))?);
-        if let Some(grid) = request.table.joint() {
+        let short = request.clone().with_tets(|tets| tets.table = tets.table.over_scalars().clone().into());
+        hash.update(serde_json::to_vec(&(short, attributes))?);
+        if let Some(grid) = request.tets().and_then(|tets| tets.table.joint()) {
             hash.update(self.content(grid).to_le_bytes());
             // What its rows are of comes from all steps, also from those that are not shown.
             if grid.rows().len() > 1 {

@@ -53,8 +53,9 @@ impl Session {
                     self.history.add(now, &frame, delivery.is_kept);
                     let (width, height) = delivery.request.size_px;
                     self.ms_per_pixel = Some(frame.stats.ms_render / (width * height) as f64);
-                    if !delivery.is_kept && delivery.request.draw != TetDraw::Reference {
-                        let level = (frame.stats.faces_total > 0).then_some(delivery.request.draw.lod());
+                    let is_judge = delivery.request.tets().is_some_and(|tets| tets.draw == TetDraw::Reference);
+                    if !delivery.is_kept && !is_judge {
+                        let level = (frame.stats.faces_total > 0).then_some(delivery.request.lod());
                         let pixels = width * height;
                         let ms = frame.stats.ms_decode + frame.stats.ms_order + frame.stats.ms_render;
                         self.detail.measured(Measured { level, ms, pixels });
@@ -106,9 +107,9 @@ impl Session {
         let wanted = self.requests.make(&self.look, &series, shown.request.time, size, &mut |lod| lod);
         let Some(wanted) = wanted else { return };
         // All cells are as good as the faces that were chosen.
-        let lod = shown.request.draw.lod().max(wanted.draw.lod());
+        let lod = shown.request.lod().max(wanted.lod());
         let draw = TetDraw::chosen(self.look.mode, FaceDetail { lod, ..self.look.faces });
-        let wanted = FrameRequest { draw, for_window: shown.request.for_window, ..wanted };
+        let wanted = FrameRequest { for_window: shown.request.for_window, ..wanted.with_draw(draw) };
         let is_here = !shown.frame.planes.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));
         if is_due && shown.request.same_view(&wanted) {

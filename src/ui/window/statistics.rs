@@ -80,7 +80,7 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         if stats.faces_total > 0 {
             let share = 100.0 * stats.faces_drawn as f64 / stats.faces_total as f64;
             lines.push(("faces", format!("{} of {} ({share:.1} %)", stats.faces_drawn, stats.faces_total)));
-            lines.push(("level of detail", format!("{:.1} %", 100.0 * shown.request.draw.lod())));
+            lines.push(("level of detail", format!("{:.1} %", 100.0 * shown.request.lod())));
         }
         let place = if stats.on_gpu { "GPU" } else { "CPU" };
         lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
