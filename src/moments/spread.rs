@@ -1,9 +1,9 @@
 //! What the accumulated moments say about each vertex.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What the coefficient of variation is divided by.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum CovDenominator {
     /// max(|mean|, `share` of the series range): finite wherever the mean is near zero. Default: 1 %.
     Floored {

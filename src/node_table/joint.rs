@@ -1,7 +1,7 @@
 //! [`JointTable`]: a transfer function of the scalar and of up to two quantities beside it.
 
 use super::{Node, NodeTable};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A transfer function of three quantities: the scalar; one that vertices have and that is linear in a cell, as the scalar is
@@ -16,7 +16,8 @@ use std::sync::Arc;
 /// Two nodes at one scalar make a step, as in a [`NodeTable`] (at the scalar itself the right one holds), and so do two
 /// layers at one place. Rows have no steps: a ramp between two that are near to each other is one as good as any. Beyond the ends of
 /// an axis values hold on; on an axis with one place the quantity does not matter.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct JointTable {
     scalars: Vec<f64>,
     rows: Vec<f64>,
@@ -25,6 +26,24 @@ pub struct JointTable {
     /// What follows from all of these.
     #[serde(skip)]
     projection: Arc<NodeTable>,
+}
+
+/// A table as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parts {
+    scalars: Vec<f64>,
+    rows: Vec<f64>,
+    layers: Vec<f64>,
+    values: Vec<[f32; 4]>,
+}
+
+impl TryFrom<Parts> for JointTable {
+    type Error = JointTableError;
+
+    fn try_from(Parts { scalars, rows, layers, values }: Parts) -> Result<Self, JointTableError> {
+        Self::new(scalars, rows, layers, values)
+    }
 }
 
 /// An axis of a [`JointTable`].

@@ -12,6 +12,7 @@ pub use transfer_table::TransferTable;
 
 /// One node of a [`NodeTable`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Node {
     /// Scalar value, in the field's unit.
     pub scalar: f64,
@@ -27,8 +28,24 @@ pub struct Node {
 ///
 /// Widgets, ensembles, range maps and opacities are turned into nodes by `transfer`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Nodes")]
 pub struct NodeTable {
     nodes: Vec<Node>,
+}
+
+/// A table as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nodes {
+    nodes: Vec<Node>,
+}
+
+impl TryFrom<Nodes> for NodeTable {
+    type Error = NodeTableError;
+
+    fn try_from(Nodes { nodes }: Nodes) -> Result<Self, NodeTableError> {
+        Self::new(nodes)
+    }
 }
 
 /// Why nodes do not make a table.

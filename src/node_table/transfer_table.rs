@@ -1,20 +1,20 @@
 //! [`TransferTable`]: the transfer function of a request, over whatever quantities.
 
 use super::{JointTable, NodeTable};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A transfer function as a request has it. Cheap to clone; two are compared by address first, since tables are long and mostly the
 /// same one.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TransferTable {
     /// Over the scalar.
-    #[serde(serialize_with = "content")]
+    #[serde(with = "content")]
     Scalar(Arc<NodeTable>),
     /// Also over coefficients of variation (rows) or magnitudes of gradients (layers). Segments are integrated exactly then, whatever
     /// the optics.
-    #[serde(serialize_with = "content")]
+    #[serde(with = "content")]
     Joint(Arc<JointTable>),
 }
 
@@ -60,8 +60,17 @@ impl PartialEq for TransferTable {
 }
 
 /// What the table is, not where.
-fn content<T: Serialize, S: Serializer>(table: &Arc<T>, serializer: S) -> Result<S::Ok, S::Error> {
-    T::serialize(table, serializer)
+mod content {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::sync::Arc;
+
+    pub(super) fn serialize<T: Serialize, S: Serializer>(table: &Arc<T>, serializer: S) -> Result<S::Ok, S::Error> {
+        T::serialize(table, serializer)
+    }
+
+    pub(super) fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(data: D) -> Result<Arc<T>, D::Error> {
+        T::deserialize(data).map(Arc::new)
+    }
 }
 
 #[cfg(test)]

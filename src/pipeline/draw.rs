@@ -1,6 +1,7 @@
 //! How the cells of a frame are drawn: as users name it, as a request has it, and what that comes to.
 
 use super::Sampling;
+use super::text::FaceText;
 use crate::render::KBuffer;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -49,7 +50,8 @@ impl FromStr for RenderMode {
 }
 
 /// Which faces are drawn, and how they come into order.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "FaceText")]
 pub struct FaceDetail {
     /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
     /// are.
@@ -72,7 +74,7 @@ impl Default for FaceDetail {
 }
 
 /// How the cells of a layer are drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TetDraw {
     /// All of them, by the fastest renderer within the accuracy bounds.

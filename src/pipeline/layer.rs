@@ -1,14 +1,15 @@
 //! What a frame shows, layer by layer, as plain data.
 
-use super::TetDraw;
+use super::text::shared;
+use super::{FrameRequest, TetDraw};
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::transfer::TransferSource;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A layer of a frame: a closed set, so that whoever draws, keeps or writes frames knows all that can be asked for.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layer {
     /// The cells of the mesh.
@@ -18,40 +19,48 @@ pub enum Layer {
 /// The cells of a mesh with the scalars of a field.
 ///
 /// Only the volume can be seen yet: [`Surface`] and [`Cut`] have no values and [`Shading`] has one, until something draws more of them.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TetLayer {
     /// Name of the field, as the series has it ([`StoredField::name`](crate::store::StoredField::name)); `None`: that of the series,
     /// whichever it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
     /// Transfer function over the field's scalars.
     pub table: TransferTable,
     /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
-    #[serde(serialize_with = "content")]
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "shared")]
     pub formula: Option<Arc<TransferSource>>,
     /// How segments are integrated; the reference does it in its own way.
+    #[serde(default)]
     pub optics: OpticsKind,
     /// Isosurfaces in the cells.
+    #[serde(default)]
     pub surfaces: Vec<Surface>,
     /// Cuts through the cells.
+    #[serde(default)]
     pub cuts: Vec<Cut>,
     /// Light on surfaces and cuts.
+    #[serde(default)]
     pub shading: Shading,
     /// Whether the volume is drawn.
+    #[serde(default = "volume")]
     pub volume: bool,
     /// How the cells are drawn.
+    #[serde(default)]
     pub draw: TetDraw,
 }
 
 /// An isosurface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Surface {}
 
 /// A cut through cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cut {}
 
 /// Light on surfaces and cuts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Shading {
     /// None: colours are those of the transfer function.
@@ -77,12 +86,12 @@ impl TetLayer {
     }
 }
 
-/// What the source is, not where.
-fn content<S: Serializer>(source: &Option<Arc<TransferSource>>, serializer: S) -> Result<S::Ok, S::Error> {
-    source.as_deref().serialize(serializer)
+/// What a text means that does not say.
+fn volume() -> bool {
+    true
 }
 
-/// Why there is no frame of a request, whatever the series holds.
+/// Why there is no frame of a request, whatever the series holds, or no request of a text.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// Two layers of cells.
@@ -101,6 +110,15 @@ pub enum RequestError {
         /// Name of the field that the series is of.
         played: String,
     },
+    /// A text that this program does not know.
+    #[error("version {0} of a request's text is not known; this program reads {known}", known = FrameRequest::TEXT_VERSION)]
+    Version(u32),
+    /// A text that is none, with its place.
+    #[error("the text of the request: {0}")]
+    BadText(String),
+    /// A request that has no text that could be read.
+    #[error("the request has no text: {0}")]
+    NoText(String),
 }
 
 #[cfg(test)]

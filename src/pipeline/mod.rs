@@ -26,6 +26,7 @@ mod stages;
 mod steps;
 #[cfg(test)]
 pub(crate) mod test_series;
+mod text;
 mod time;
 #[cfg(feature = "gpu")]
 mod window_gpu;

@@ -5,12 +5,13 @@ use crate::error::FileResult;
 use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
 use crate::moments::{CovDenominator, Moments};
 use crate::task::Cancel;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How faces are ranked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Sampling {
     /// At random, more densely where leaving faces out shows: one ranking for all steps ([`sampling_density`]).
     #[default]

@@ -1,32 +1,36 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
+use super::text::{as_text, size_px};
 use super::{Backend, FrameTime, Layer, RequestError, TetDraw, TetLayer};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
 use crate::render::RenderError;
 use crate::visibility::Skip;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-/// All that a frame of a series depends on. Plain data: cheap to clone, and what it serialises to tells it from others.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// All that a frame of a series depends on. Plain data: cheap to clone, and text and back ([`Self::to_text`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FrameRequest {
     /// Zero-based step of the store, or a moment between two.
     pub time: FrameTime,
     /// Where from.
     pub camera: Camera,
     /// Width and height in pixels.
+    #[serde(deserialize_with = "size_px::deserialize")]
     pub size_px: (usize, usize),
     /// What is seen; nothing without a layer.
     pub layers: Vec<Layer>,
     /// Where it is rendered.
+    #[serde(default)]
     pub backend: Backend,
     /// Whether it is for a window: a frame that is rendered on the window's GPU (`WindowGpu`) stays
     /// there. What it shows is the same.
     #[serde(skip)]
     pub for_window: bool,
     /// What may be left out. What it shows is the same.
-    #[serde(skip)]
+    #[serde(default, with = "as_text")]
     pub skip: Skip,
 }
 
@@ -86,6 +90,17 @@ impl FrameRequest {
             }
             _ => Ok(Some(layer)),
         }
+    }
+
+    /// The same picture, without what says how it comes about: where it is rendered, what is left out on the way, whether it is for a
+    /// window, and unless the judge asks for it what the table was made from. The text of this tells pictures apart.
+    #[must_use]
+    pub fn without_hints(self) -> Self {
+        let (backend, for_window, skip) = Default::default();
+        let without_formula = |tets: &mut TetLayer| {
+            tets.formula.take_if(|_| tets.draw != TetDraw::Reference);
+        };
+        Self { backend, for_window, skip, ..self.with_tets(without_formula) }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.

@@ -1,14 +1,17 @@
 //! The moment that a frame shows.
 
+use super::text::TimeText;
 use crate::field::TimeAxis;
 use crate::store::StoredField;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The moment that a frame shows: a step, or a linear mixture of two.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "TimeText")]
 pub struct FrameTime {
     step: usize,
     /// The other step and its weight, in (0, 1).
+    #[serde(skip_serializing_if = "Option::is_none")]
     toward: Option<(usize, f64)>,
 }
 

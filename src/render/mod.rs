@@ -31,7 +31,7 @@ pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
 pub use layers::{LayerFragment, LayerFragments};
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -84,7 +84,8 @@ pub struct RenderJob {
 
 /// How a renderer that draws faces brings the fragments of a pixel into order: faces come sorted by their centroids, which
 /// is nearly the order of their fragments, and a buffer of the `k` nearest of them does the rest (dissertation 6.1.3).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct KBuffer {
     /// Fragments that a pixel holds back before the nearest is composited, 2..=32.
     pub k: u8,

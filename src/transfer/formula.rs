@@ -11,10 +11,11 @@ use super::range::MappedRange;
 use super::range_map::RangeMap;
 use super::table::OpacityKind;
 use super::tolerance::Lengths;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a table was made from: plain data.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TransferSource {
     /// The function, and the scalars that it covers.
     pub content: TransferContent,
@@ -25,7 +26,8 @@ pub struct TransferSource {
 }
 
 /// A transfer function or blended ones.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum TransferContent {
     /// One function over a range.
     Function {
@@ -39,18 +41,30 @@ pub enum TransferContent {
 }
 
 /// An ensemble whose members are functions of the scalar, on its way to another one.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BlendedEnsembles {
     /// The ensemble, with the range maps that its members have.
     pub ensemble: Ensemble,
     /// The next one, and how much there is of it, 0..=1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toward: Option<(Ensemble, f64)>,
     /// Whether colours are weighted by opacity between both.
     pub colors: ColorWeighting,
-    /// Smallest and largest scalar of the series.
+    /// Smallest and largest scalar of the series; NaN, and left out of texts, if there is none.
+    #[serde(default = "unknown", skip_serializing_if = "is_unknown")]
     pub series: (f64, f64),
-    /// Smallest and largest scalar of the step shown.
+    /// Smallest and largest scalar of the step shown; likewise.
+    #[serde(default = "unknown", skip_serializing_if = "is_unknown")]
     pub step: (f64, f64),
+}
+
+fn unknown() -> (f64, f64) {
+    (f64::NAN, f64::NAN)
+}
+
+fn is_unknown((lo, hi): &(f64, f64)) -> bool {
+    lo.is_nan() && hi.is_nan()
 }
 
 /// A transfer function, ready to be evaluated.

@@ -37,10 +37,28 @@ const LOG_FLOOR: f64 = 1e-6;
 
 /// The scalars that the axis 0..=1 of a transfer function covers: linear or log-spaced from `lo` to `hi`, `lo` < `hi`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "RangeText")]
 pub struct MappedRange {
     lo: f64,
     hi: f64,
     log: bool,
+}
+
+/// A range as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RangeText {
+    lo: f64,
+    hi: f64,
+    log: bool,
+}
+
+impl TryFrom<RangeText> for MappedRange {
+    type Error = TransferError;
+
+    fn try_from(RangeText { lo, hi, log }: RangeText) -> Result<Self, TransferError> {
+        Self::new(lo, hi, log)
+    }
 }
 
 impl MappedRange {

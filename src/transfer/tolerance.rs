@@ -34,6 +34,7 @@ pub const JOINT_TOLERANCE: f64 = 1.0 / 4096.0;
 
 /// The lengths that a table is made for, in world units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Lengths {
     /// The length that opacities refer to.
     pub unit_distance: f64,

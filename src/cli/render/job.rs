@@ -1,7 +1,7 @@
 //! Frames of a plan, from the pipeline to their files.
 
 use super::plan::{Plan, PlannedFrame};
-use super::resume::{self, Fingerprints};
+use super::resume::{self, Fingerprints, Found};
 use super::sink::{Sink, Target};
 use super::{FrameRecord, Origin};
 use crate::cli::progress::Terminal;
@@ -73,7 +73,7 @@ impl Job<'_> {
         let frames = &self.plan.frames;
         let mut records = Vec::with_capacity(frames.len());
         let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
-        let (mut asked, mut refused) = (0, None);
+        let (mut asked, mut refused, mut has_older) = (0, None, false);
         // What was asked for last, and how it comes about.
         let mut last: Option<(Origin, FrameRequest)> = None;
         // A moment that is held while nothing moves is rendered once.
@@ -83,6 +83,13 @@ impl Job<'_> {
             while refused.is_none() && asked < frames.len() && on_their_way.len() < AHEAD {
                 match self.ask(asked, last.as_ref(), pipelined, scene) {
                     Ok((pending, request)) => {
+                        if pending.replaces_older && !has_older {
+                            let file = pending.file.display();
+                            terminal.say(&format!(
+                                "{file} was rendered by an older tetreel: it is rendered anew, as are others like it"
+                            ));
+                            has_older = true;
+                        }
                         last = Some((pending.origin, request));
                         on_their_way.push_back(pending);
                     }
@@ -130,11 +137,14 @@ impl Job<'_> {
         let series = scene.pipeline.series();
         let fingerprint = |f: &Fingerprints| f.of(planned, &request, &attributes, series, scene.cancel());
         let fingerprint = self.fingerprints.as_ref().map(fingerprint).transpose()?;
-        let is_done = self.resume && fingerprint.as_ref().is_some_and(|f| resume::is_done(&file, f));
+        let found = match &fingerprint {
+            Some(fingerprint) if self.resume => resume::find(&file, fingerprint),
+            _ => Found::Other,
+        };
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
         let is_same = |other: &FrameRequest| other.time == request.time && other.same_view(&request);
         let origin = match last {
-            _ if is_done => Origin::Kept,
+            _ if found == Found::Frame => Origin::Kept,
             Some((Origin::Rendered | Origin::Repeated, other)) if is_same(other) => Origin::Repeated,
             _ => Origin::Rendered,
         };
@@ -142,7 +152,8 @@ impl Job<'_> {
             // Few are on their way: there is room for this one.
             pipelined.push(request.clone()).context("more frames were asked for than the pipeline takes")?;
         }
-        Ok((Pending { index, attributes, scale, file, origin }, request))
+        let replaces_older = found == Found::Older;
+        Ok((Pending { index, attributes, scale, file, origin, replaces_older }, request))
     }
 }
 
@@ -160,6 +171,8 @@ struct Pending {
     scale: Option<(ColorMap, MappedRange)>,
     file: PathBuf,
     origin: Origin,
+    /// Whether a frame of an older version is in its place.
+    replaces_older: bool,
 }
 
 impl Pending {

@@ -1,9 +1,9 @@
 //! `--resume`: which frames are there already.
 //!
-//! Every image has the fingerprint of what made it: a SHA-256 over the version of tetreel, the request (camera, transfer
-//! function as nodes, size, mode, moment), what the file says of itself (time, field, units), the content of the mesh, of the
-//! steps shown and of what is looked at beside them, and how it is written. A file with the same fingerprint that can be read to
-//! its end is the frame that would be rendered.
+//! Every image has the fingerprint of what made it: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request
+//! without its [hints](FrameRequest::without_hints), what the file says of itself (time, field, units), the content of the mesh,
+//! of the steps shown and of what is looked at beside them, and how it is written. A file with the same fingerprint that can be
+//! read to its end is the frame that would be rendered.
 
 use super::plan::{Plan, PlannedFrame};
 use crate::cli::Interrupted;
@@ -45,7 +45,7 @@ impl Fingerprints {
         }
     }
 
-    /// The fingerprint of a frame, hexadecimal.
+    /// The fingerprint of a frame: a version, a colon, hexadecimal digits.
     pub(super) fn of(
         &self,
         frame: &PlannedFrame,
@@ -57,7 +57,8 @@ impl Fingerprints {
         let mut hash = self.common.clone();
         // A table over more than the scalar would be megabytes of text.
         let short = request.clone().with_tets(|tets| tets.table = tets.table.over_scalars().clone().into());
-        hash.update(serde_json::to_vec(&(short, attributes))?);
+        hash.update(short.without_hints().to_text()?);
+        hash.update(serde_json::to_vec(attributes)?);
         if let Some(grid) = request.tets().and_then(|tets| tets.table.joint()) {
             hash.update(self.content(grid).to_le_bytes());
             // What its rows are of comes from all steps, also from those that are not shown.
@@ -70,7 +71,8 @@ impl Fingerprints {
             let at = self.steps.binary_search_by_key(&step, |(step, _)| *step);
             hash.update(at.map_or(0, |i| self.steps[i].1).to_le_bytes());
         }
-        Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+        let digits: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(format!("{VERSION}:{digits}"))
     }
 
     fn content(&self, grid: &Arc<JointTable>) -> u32 {
@@ -91,9 +93,33 @@ impl Fingerprints {
     }
 }
 
-/// Whether `file` is a complete image with this fingerprint. A file that cannot be read is none.
-pub(super) fn is_done(file: &Path, fingerprint: &str) -> bool {
-    file.is_file() && read_fingerprint(file).is_ok_and(|found| found.as_deref() == Some(fingerprint))
+/// Version of fingerprints: another one says nothing of what the frame is. The first one was not written.
+const VERSION: u32 = 2;
+
+/// What is in the place of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    /// The frame.
+    Frame,
+    /// An image that an older version has rendered, and nobody knows of what.
+    Older,
+    /// Nothing, or something else. A file that cannot be read is that.
+    Other,
+}
+
+/// Whether `file` is a complete image with this fingerprint.
+pub(super) fn find(file: &Path, fingerprint: &str) -> Found {
+    let found = Some(file).filter(|file| file.is_file()).and_then(|file| read_fingerprint(file).ok().flatten());
+    match found {
+        None => Found::Other,
+        Some(found) if found == fingerprint => Found::Frame,
+        Some(found) if version_of(&found) < VERSION => Found::Older,
+        Some(_) => Found::Other,
+    }
+}
+
+fn version_of(fingerprint: &str) -> u32 {
+    fingerprint.split_once(':').map_or(1, |(version, _)| version.parse().unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tetreel::camera::Camera;
-use tetreel::image::{RgbaImage, compare, read_png};
+use tetreel::export::still::{FrameAttributes, OutputFrame, StillOptions, write_still};
+use tetreel::image::{Planes, RgbaImage, compare, read_png};
 
 /// Whether there are ffmpeg and ffprobe.
 fn has_ffmpeg() -> bool {
@@ -342,6 +343,31 @@ fn resume_keeps_what_the_same_request_made_and_renders_the_rest() {
     // Other data under the same name.
     place.ok(&["synth", "slab", "-o", "slab.zarr", "--cells", "3000", "--steps", "5", "--overwrite"]);
     assert_eq!(again(&[]), ["rendered"; 5]);
+}
+
+#[test]
+fn frames_of_an_older_tetreel_are_rendered_anew_which_is_said_once() {
+    let place = Place::with_slab();
+    let args = render(&["-o", "f_%d.png", "--resume", "--stats", "stats.json"]);
+    place.ok(&args);
+    let frame = |i: usize| place.path(&format!("f_{i}.png"));
+    let whole = files(place.0.path());
+    for i in 1..3 {
+        // As they were signed before fingerprints had a version.
+        let extras = [(FrameAttributes::FINGERPRINT.to_owned(), "0123456789abcdef".repeat(4))].into();
+        let attributes = FrameAttributes { extras, ..Default::default() };
+        let planes = Planes { color: read_png(&frame(i)).unwrap(), ..Default::default() };
+        write_still(&frame(i), &OutputFrame { planes, attributes }, &StillOptions::default()).unwrap();
+    }
+    let run = place.run(&args);
+    assert_eq!(run.code, Some(0), "{}", run.err);
+    let said = "f_1.png was rendered by an older tetreel: it is rendered anew";
+    assert!(run.err.contains(said) && run.err.matches("older").count() == 1, "{}", run.err);
+    assert_eq!(origins(&place), ["kept", "rendered", "rendered", "kept", "kept"]);
+    for i in 0..STEPS {
+        assert_eq!(std::fs::read(frame(i)).unwrap(), whole[&frame(i)], "{i}");
+    }
+    assert!(!place.run(&args).err.contains("older"));
 }
 
 #[cfg(target_os = "linux")]

@@ -1,0 +1,267 @@
+//! Requests as text: JSON with a version, to be sent, kept and told from each other.
+//!
+//! What is read is checked where it stands: tables by their constructors, sizes and shares by what they mean, so that every error
+//! has a line and a column. What is written can be read: a number that JSON has no text for is an error that names its place.
+
+use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, TetDraw};
+use crate::camera::CameraError;
+use crate::render::RenderError;
+use crate::short::Short;
+use serde::{Deserialize, Serialize};
+use serde_json::ser::Formatter;
+use std::io::{self, Write};
+
+/// What is written.
+#[derive(Serialize)]
+struct Written<'a> {
+    version: u32,
+    frame: &'a FrameRequest,
+}
+
+/// What is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Read {
+    #[serde(rename = "version")]
+    _version: u32,
+    frame: FrameRequest,
+}
+
+/// What is looked at first: a later version may say more, and other things.
+#[derive(Deserialize)]
+struct Head {
+    version: u32,
+}
+
+impl FrameRequest {
+    /// Version of the text that is written; others are refused.
+    pub const TEXT_VERSION: u32 = 1;
+
+    /// The request as text, which [`Self::from_text`] reads back as the same request. Whether it is for a window is not in it: that
+    /// window is here.
+    ///
+    /// # Errors
+    /// If a number is not finite, or the request is one that would not be read.
+    pub fn to_text(&self) -> Result<String, RequestError> {
+        let no_text = |problem: String| RequestError::NoText(problem);
+        check_size(self.size_px).map_err(|error| no_text(error.to_string()))?;
+        for Layer::Tets(layer) in &self.layers {
+            if let TetDraw::Faces(detail) = layer.draw {
+                check_detail(&detail).map_err(no_text)?;
+            }
+        }
+        let mut text = Vec::new();
+        let mut serializer = serde_json::Serializer::with_formatter(&mut text, Places::default());
+        let written = Written { version: Self::TEXT_VERSION, frame: self };
+        written.serialize(&mut serializer).map_err(|error| no_text(error.to_string()))?;
+        String::from_utf8(text).map_err(|error| no_text(error.to_string()))
+    }
+
+    /// Reads a request from its text.
+    ///
+    /// # Errors
+    /// If the text is of another version, no JSON, or says what cannot be asked for: with line and column.
+    pub fn from_text(text: &str) -> Result<Self, RequestError> {
+        let bad_text = |error: serde_json::Error| RequestError::BadText(error.to_string());
+        let Head { version } = serde_json::from_str(text).map_err(bad_text)?;
+        if version != Self::TEXT_VERSION {
+            return Err(RequestError::Version(version));
+        }
+        Ok(serde_json::from_str::<Read>(text).map_err(bad_text)?.frame)
+    }
+}
+
+/// An image has pixels.
+fn check_size((width, height): (usize, usize)) -> Result<(), CameraError> {
+    if width == 0 || height == 0 { Err(CameraError::NoPixels(width, height)) } else { Ok(()) }
+}
+
+/// A level of detail is a share, and a buffer has its bounds.
+fn check_detail(detail: &FaceDetail) -> Result<(), String> {
+    let FaceDetail { lod, k_buffer, .. } = detail;
+    if lod.is_finite() && !(0.0..=1.0).contains(lod) {
+        return Err(format!("a level of detail of {}; it is a share, 0 to 1", Short(*lod)));
+    }
+    if !(2..=32).contains(&k_buffer.k) {
+        return Err(RenderError::BadK(k_buffer.k).to_string());
+    }
+    Ok(())
+}
+
+/// Where in the text the writer is. Nothing in a request is null: what is none is left out, and serde_json writes null for numbers
+/// that are not finite.
+#[derive(Default)]
+struct Places {
+    path: Vec<Place>,
+    is_in_key: bool,
+}
+
+enum Place {
+    Key(String),
+    Element(usize),
+}
+
+impl Places {
+    fn name(&self) -> String {
+        let name = |place: &Place| match place {
+            Place::Key(key) => format!(".{key}"),
+            Place::Element(index) => format!("[{index}]"),
+        };
+        self.path.iter().map(name).collect::<String>().trim_start_matches('.').to_owned()
+    }
+}
+
+impl Formatter for Places {
+    fn write_null<W: ?Sized + Write>(&mut self, _: &mut W) -> io::Result<()> {
+        Err(io::Error::new(io::ErrorKind::InvalidData, format!("{} is not finite", self.name())))
+    }
+
+    fn begin_array<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.path.push(Place::Element(0));
+        writer.write_all(b"[")
+    }
+
+    fn begin_array_value<W: ?Sized + Write>(&mut self, writer: &mut W, is_first: bool) -> io::Result<()> {
+        if is_first {
+            return Ok(());
+        }
+        if let Some(Place::Element(index)) = self.path.last_mut() {
+            *index += 1;
+        }
+        writer.write_all(b",")
+    }
+
+    fn end_array<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.path.pop();
+        writer.write_all(b"]")
+    }
+
+    fn begin_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.path.push(Place::Key(String::new()));
+        writer.write_all(b"{")
+    }
+
+    fn begin_object_key<W: ?Sized + Write>(&mut self, writer: &mut W, is_first: bool) -> io::Result<()> {
+        self.is_in_key = true;
+        if let Some(Place::Key(key)) = self.path.last_mut() {
+            key.clear();
+        }
+        if is_first { Ok(()) } else { writer.write_all(b",") }
+    }
+
+    fn write_string_fragment<W: ?Sized + Write>(&mut self, writer: &mut W, fragment: &str) -> io::Result<()> {
+        if let (true, Some(Place::Key(key))) = (self.is_in_key, self.path.last_mut()) {
+            key.push_str(fragment);
+        }
+        writer.write_all(fragment.as_bytes())
+    }
+
+    fn end_object_key<W: ?Sized + Write>(&mut self, _: &mut W) -> io::Result<()> {
+        self.is_in_key = false;
+        Ok(())
+    }
+
+    fn end_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.path.pop();
+        writer.write_all(b"}")
+    }
+}
+
+/// A size that has pixels.
+pub(super) mod size_px {
+    use super::check_size;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer};
+
+    pub(in crate::pipeline) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<(usize, usize), D::Error> {
+        let size = <(usize, usize)>::deserialize(data)?;
+        check_size(size).map(|()| size).map_err(D::Error::custom)
+    }
+}
+
+/// A value by its text.
+pub(super) mod as_text {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+    use std::fmt::Display;
+    use std::str::FromStr;
+
+    pub(in crate::pipeline) fn serialize<T: Display, S: Serializer>(
+        value: &T,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(value)
+    }
+
+    pub(in crate::pipeline) fn deserialize<'de, T, D>(data: D) -> Result<T, D::Error>
+    where
+        T: FromStr<Err: Display>,
+        D: Deserializer<'de>,
+    {
+        String::deserialize(data)?.parse().map_err(D::Error::custom)
+    }
+}
+
+/// What a shared value is, not where; left out if there is none.
+pub(super) mod shared {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::sync::Arc;
+
+    pub(in crate::pipeline) fn serialize<T: Serialize, S: Serializer>(
+        value: &Option<Arc<T>>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        value.as_deref().serialize(serializer)
+    }
+
+    pub(in crate::pipeline) fn deserialize<'de, T, D>(data: D) -> Result<Option<Arc<T>>, D::Error>
+    where
+        T: Deserialize<'de>,
+        D: Deserializer<'de>,
+    {
+        Ok(Option::deserialize(data)?.map(Arc::new))
+    }
+}
+
+/// A moment as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimeText {
+    step: usize,
+    #[serde(default)]
+    toward: Option<(usize, f64)>,
+}
+
+impl TryFrom<TimeText> for FrameTime {
+    type Error = String;
+
+    fn try_from(TimeText { step, toward }: TimeText) -> Result<Self, String> {
+        let Some((next, weight)) = toward else { return Ok(step.into()) };
+        let between = Self::between(step, next, weight);
+        let problem = || format!("no moment lies between steps {step} and {next} at {}; 0.5 is halfway", Short(weight));
+        if between.toward() == toward { Ok(between) } else { Err(problem()) }
+    }
+}
+
+/// Faces to draw as they are read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FaceText {
+    lod: f64,
+    #[serde(default)]
+    sampling: super::Sampling,
+    #[serde(default)]
+    k_buffer: crate::render::KBuffer,
+}
+
+impl TryFrom<FaceText> for FaceDetail {
+    type Error = String;
+
+    fn try_from(FaceText { lod, sampling, k_buffer }: FaceText) -> Result<Self, String> {
+        let detail = Self { lod, sampling, k_buffer };
+        check_detail(&detail).map(|()| detail)
+    }
+}
+
+#[cfg(test)]
+#[path = "text_tests.rs"]
+mod tests;

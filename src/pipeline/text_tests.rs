@@ -1,0 +1,255 @@
+//! Requests there and back, and texts that are none.
+
+use super::*;
+use crate::camera::{Camera, Projection};
+use crate::moments::CovDenominator;
+use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
+use crate::optics::OpticsKind;
+use crate::pipeline::{Backend, Sampling, TetLayer};
+use crate::render::KBuffer;
+use crate::transfer::{
+    BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
+    TransferSource,
+};
+use crate::visibility::Skip;
+use glam::DVec3;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// Any finite number, of all magnitudes.
+fn number() -> impl Strategy<Value = f64> {
+    use prop::num::f64::{NEGATIVE, NORMAL, POSITIVE, SUBNORMAL, ZERO};
+    NORMAL | SUBNORMAL | ZERO | POSITIVE | NEGATIVE
+}
+
+fn finite() -> impl Strategy<Value = f64> {
+    number().prop_filter("finite", |x| x.is_finite())
+}
+
+fn camera() -> impl Strategy<Value = Camera> {
+    let point = || prop::array::uniform3(finite()).prop_map(DVec3::from);
+    let projection = prop_oneof![
+        finite().prop_map(|view_angle| Projection::Perspective { view_angle }),
+        finite().prop_map(|scale| Projection::Parallel { scale }),
+    ];
+    (point(), point(), point(), projection, finite()).prop_map(|(position, focal_point, view_up, projection, near)| {
+        Camera { position, focal_point, view_up, projection, near }
+    })
+}
+
+fn table() -> impl Strategy<Value = TransferTable> {
+    let scalar = prop::collection::vec((finite(), prop::array::uniform4(0.0..=1.0_f64)), 1..9).prop_map(|mut nodes| {
+        nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        nodes.dedup_by_key(|node| node.0);
+        let node = |(scalar, [r, g, b, tau]): (f64, [f64; 4])| Node { scalar, rgb: [r, g, b], tau: 1e3 * tau };
+        TransferTable::from(Arc::new(NodeTable::new(nodes.into_iter().map(node).collect()).unwrap()))
+    });
+    let joint = prop::collection::vec(prop::array::uniform4(0.0..=1.0_f32), 12).prop_map(|values| {
+        let table = JointTable::new(vec![-1.5, 0.1, 0.1], vec![0.0, 1e-3], vec![0.0, 7.25], values);
+        TransferTable::from(Arc::new(table.unwrap()))
+    });
+    prop_oneof![scalar, joint]
+}
+
+/// An ensemble of one member with all that members have.
+fn ensemble(name: &str, weight: f64) -> Ensemble {
+    let text = r#"{"name": "e", "members": [{"name": "m", "weight": 0.5, "range": "step", "map": {"points": [[0.25, 0.5]]},
+        "function": {"transfer-function": {"color_map": "viridis", "points": [[0, 0.1], [1, 0.7]]}}}]}"#;
+    let mut ensemble: Ensemble = serde_json::from_str(text).unwrap();
+    (ensemble.name, ensemble.members[0].weight) = (name.to_owned(), weight);
+    ensemble
+}
+
+fn formula() -> impl Strategy<Value = Arc<TransferSource>> {
+    let function =
+        (prop::sample::select(vec!["gray@0:0,1:1", "inferno@0:0,0.3:0.25,1:0.4"]), -3.0..0.0_f64, 1e-9..1e9_f64)
+            .prop_map(|(text, lo, hi)| TransferContent::Function {
+                function: TransferFunction::parse(text).unwrap(),
+                range: MappedRange::new(lo, hi, false).unwrap(),
+            });
+    let known = prop_oneof![Just((-1.0, 0.1 + 0.2)), Just((0.0, f64::MAX))];
+    let blended =
+        (0.0..=1.0_f64, prop::option::of(0.0..=1.0_f64), ".{0,9}", known).prop_map(|(weight, share, name, series)| {
+            let toward = share.map(|share| (ensemble("next", 1.0), share));
+            let (ensemble, colors) = (ensemble(&name, weight), ColorWeighting::Opacity);
+            TransferContent::Ensembles(Box::new(BlendedEnsembles { ensemble, toward, colors, series, step: series }))
+        });
+    (prop_oneof![function, blended], 1e-9..1e9_f64).prop_map(|(content, unit)| {
+        Arc::new(TransferSource { content, kind: OpacityKind::Alpha, lengths: Lengths::of_unit_distance(unit) })
+    })
+}
+
+fn draw() -> impl Strategy<Value = TetDraw> {
+    let texts = ["error", "random", "global", "plain", "regular", "logarithmic:3", "greedy:40"];
+    let named = prop::sample::select(texts.to_vec()).prop_map(|text| text.parse::<Sampling>().unwrap());
+    let floored = (0.0..=1.0_f64).prop_map(|share| Sampling::Global(CovDenominator::Floored { share }));
+    let faces = (0.0..=1.0_f64, prop_oneof![named, floored], 2..=32_u8, prop::bool::ANY).prop_map(
+        |(lod, sampling, k, exact_order)| {
+            TetDraw::Faces(FaceDetail { lod, sampling, k_buffer: KBuffer { k, exact_order } })
+        },
+    );
+    prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces]
+}
+
+fn layer() -> impl Strategy<Value = Layer> {
+    let field = prop::option::of(".{0,12}");
+    let optics = prop::sample::select(OpticsKind::ALL.to_vec());
+    (field, table(), prop::option::of(formula()), optics, prop::bool::ANY, draw()).prop_map(
+        |(field, table, formula, optics, volume, draw)| {
+            Layer::Tets(TetLayer { field, formula, optics, volume, draw, ..TetLayer::new(table) })
+        },
+    )
+}
+
+fn time() -> impl Strategy<Value = FrameTime> {
+    let between = (any::<usize>(), any::<usize>(), 0.0..1.0_f64);
+    prop_oneof![any::<usize>().prop_map(FrameTime::from), between.prop_map(|(a, b, w)| FrameTime::between(a, b, w))]
+}
+
+fn request() -> impl Strategy<Value = FrameRequest> {
+    let backend = prop::sample::select(vec![Backend::Auto, Backend::Cpu, Backend::Gpu]);
+    let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "clear-cells,outside"]);
+    let layers = prop::collection::vec(layer(), 0..3);
+    (time(), camera(), (1..usize::MAX, 1..9000_usize), layers, backend, skip).prop_map(
+        |(time, camera, size_px, layers, backend, skip)| {
+            let skip = skip.parse::<Skip>().unwrap();
+            FrameRequest { time, camera, size_px, layers, backend, skip, for_window: false }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn a_request_is_the_same_after_a_round_trip_and_so_is_its_text(request in request()) {
+        let text = request.to_text().unwrap();
+        let read = FrameRequest::from_text(&text).unwrap();
+        prop_assert_eq!(read.to_text().unwrap(), text);
+        prop_assert_eq!(read, request);
+    }
+}
+
+/// One that says everything.
+fn plain() -> FrameRequest {
+    let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
+    let node = |scalar| Node { scalar, rgb: [0.5; 3], tau: 1.0 };
+    let table = NodeTable::new(vec![node(0.0), node(1.0), node(2.0)]).unwrap();
+    FrameRequest::new(FrameTime::between(3, 4, 0.25), camera, Arc::new(table), (640, 480))
+        .with_draw(TetDraw::Faces(FaceDetail { lod: 0.5, ..FaceDetail::ALL }))
+}
+
+fn refused(text: &str) -> String {
+    FrameRequest::from_text(text).unwrap_err().to_string()
+}
+
+#[test]
+fn what_is_not_said_is_as_by_default() {
+    let text = r#"{"version": 1, "frame": {"time": {"step": 3}, "size_px": [8, 9],
+        "camera": {"position": [1, 2, 3], "focal_point": [0, 0, 0], "view_up": [0, 0, 1], "projection": {"parallel": {"scale": 2}}, "near": 0},
+        "layers": [{"tets": {"table": {"scalar": {"nodes": [{"scalar": 0, "rgb": [1, 1, 1], "tau": 1}]}}}}]}}"#;
+    let read = FrameRequest::from_text(text).unwrap();
+    let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0; 3], tau: 1.0 }]).unwrap();
+    assert_eq!(read, FrameRequest::new(3, read.camera, Arc::new(table), (8, 9)));
+}
+
+#[test]
+fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
+    let text = plain().to_text().unwrap();
+    assert_eq!(FrameRequest::from_text(&text).unwrap(), plain());
+    for (from, to, words) in [
+        ("\"version\":1", "\"version\":2", &["version 2", "reads 1"][..]),
+        ("\"version\":1,", "", &["version"]),
+        ("[640,480]", "[0,480]", &["0 x 480 pixels"]),
+        ("[640,480]", "[-1,480]", &["-1"]),
+        ("\"tets\"", "\"points\"", &["points", "tets"]),
+        ("\"surfaces\":[]", "\"surfaces\":[\"iso\"]", &["iso"]),
+        ("\"volume\":true", "\"volume\":true,\"more\":1", &["more"]),
+        ("\"near\":0.0", "\"near\":NaN", &["line 1 column"]),
+        ("\"near\":0.0", "\"near\":null", &["null"]),
+        ("\"near\":0.0", "\"near\":1e999", &["out of range"]),
+        ("\"scalar\":1.0", "\"scalar\":-1.0", &["node 1 lies before"]),
+        ("\"scalar\":1.0", "\"scalar\":0.0,\"more\":0", &["more"]),
+        ("\"tau\":1.0", "\"tau\":-1.0", &["node 0", "negative"]),
+        ("\"scalar\":2.0", "\"scalar\":1e400", &["out of range"]),
+        ("\"lod\":0.5", "\"lod\":1.5", &["a level of detail of 1.5"]),
+        ("\"k\":8", "\"k\":1", &["a buffer of 1"]),
+        ("[4,0.25]", "[4,1.0]", &["between steps 3 and 4 at 1"]),
+        ("\"backend\":\"auto\"", "\"backend\":\"fpga\"", &["fpga"]),
+        ("\"skip\":\"all\"", "\"skip\":\"everything\"", &["'everything' cannot be skipped"]),
+    ] {
+        assert!(text.contains(from), "{from}: {text}");
+        let said = refused(&text.replacen(from, to, 1));
+        assert!(words.iter().all(|word| said.contains(word)), "{to}: {said}");
+        assert!(to.contains("version\":2") || said.contains("line 1 column"), "{to}: {said}");
+    }
+    let third = text.replace("\"scalar\":1.0", "\"scalar\":0.0").replace("\"scalar\":2.0", "\"scalar\":0.0");
+    assert!(refused(&third).contains("node 2 is the third at one scalar"));
+    let joint = Arc::new(JointTable::new(vec![0.0, 1.0], vec![0.0], vec![0.0], vec![[0.5; 4]; 2]).unwrap());
+    let text = plain().with_tets(|tets| tets.table = joint.into()).to_text().unwrap();
+    let said = refused(&text.replace("\"scalars\":[0.0,1.0]", "\"scalars\":[1.0,0.0]"));
+    assert!(said.contains("place 1 of the Scalar axis") && said.contains("line 1 column"), "{said}");
+    assert!(refused(&text[..text.len() - 1]).contains("EOF"));
+}
+
+#[test]
+fn a_request_that_could_not_be_read_has_no_text() {
+    let no_text = |request: FrameRequest| request.to_text().unwrap_err().to_string();
+    let mut request = plain();
+    request.camera.position.y = f64::NAN;
+    assert!(no_text(request).contains("frame.camera.position[1] is not finite"));
+    let source = |unit_distance| TransferSource {
+        content: TransferContent::Function {
+            function: TransferFunction::parse("gray@0:1").unwrap(),
+            range: MappedRange::new(0.0, 1.0, false).unwrap(),
+        },
+        kind: OpacityKind::Alpha,
+        lengths: Lengths::new(unit_distance, 1.0),
+    };
+    let infinite = plain().with_tets(|tets| tets.formula = Some(Arc::new(source(f64::INFINITY))));
+    assert!(no_text(infinite).contains("frame.layers[0].tets.formula.lengths.unit_distance is not finite"));
+    assert!(no_text(FrameRequest { size_px: (3, 0), ..plain() }).contains("3 x 0 pixels"));
+    let detail =
+        |lod: f64, k| TetDraw::Faces(FaceDetail { lod, k_buffer: KBuffer { k, ..KBuffer::USUAL }, ..FaceDetail::ALL });
+    assert!(no_text(plain().with_draw(detail(f64::NAN, 8))).contains("tets.draw.faces.lod is not finite"));
+    assert!(no_text(plain().with_draw(detail(-0.5, 8))).contains("a level of detail of -0.5"));
+    assert!(no_text(plain().with_draw(detail(0.5, 33))).contains("a buffer of 33"));
+}
+
+#[test]
+fn a_series_without_a_finite_value_has_no_range_in_a_text() {
+    let none = (f64::NAN, f64::NAN);
+    let (ensemble, colors) = (ensemble("e", 1.0), ColorWeighting::Plain);
+    let blended = BlendedEnsembles { ensemble, toward: None, colors, series: none, step: none };
+    let content = TransferContent::Ensembles(Box::new(blended));
+    let source = TransferSource { content, kind: OpacityKind::Alpha, lengths: Lengths::of_unit_distance(1.0) };
+    let text = plain().with_tets(|tets| tets.formula = Some(Arc::new(source))).to_text().unwrap();
+    let read = FrameRequest::from_text(&text).unwrap();
+    let Some(TransferContent::Ensembles(blended)) = read.tets().unwrap().formula.as_ref().map(|f| &f.content) else {
+        panic!("{text}");
+    };
+    assert!(blended.series.0.is_nan() && blended.step.1.is_nan());
+    assert_eq!(read.to_text().unwrap(), text);
+}
+
+#[test]
+fn what_does_not_change_the_picture_is_left_out_of_what_tells_pictures_apart() {
+    let source = |unit: f64| {
+        let range = MappedRange::new(0.0, 1.0, false).unwrap();
+        let content = TransferContent::Function { function: TransferFunction::parse("gray@0:1").unwrap(), range };
+        Some(Arc::new(TransferSource { content, kind: OpacityKind::Alpha, lengths: Lengths::of_unit_distance(unit) }))
+    };
+    let text = |request: &FrameRequest| request.clone().without_hints().to_text().unwrap();
+    let of_formula = |unit| plain().with_tets(|tets| tets.formula = source(unit));
+    for same in [
+        FrameRequest { backend: Backend::Gpu, ..plain() },
+        FrameRequest { skip: Skip::NONE, ..plain() },
+        FrameRequest { for_window: true, ..plain() },
+        of_formula(1.0),
+    ] {
+        assert_eq!(text(&same), text(&plain()));
+    }
+    assert_ne!(text(&plain().with_draw(TetDraw::Auto)), text(&plain()));
+    let judged = [1.0, 2.0].map(|unit| text(&of_formula(unit).with_draw(TetDraw::Reference)));
+    assert_ne!(judged[0], judged[1], "the judge looks at the formula");
+}
