@@ -40,6 +40,7 @@ const MUTANTS: &[(&str, u64)] = &[
     ("camera", 500),
     ("tf_text", 500),
     ("options", 800),
+    ("request", 800),
     ("command_line", 600),
 ];
 
@@ -100,6 +101,7 @@ replayed! {
     any_text_is_a_camera_or_an_error: "camera";
     any_text_is_a_transfer_function_or_an_error: "tf_text";
     any_text_is_an_option_or_an_error: "options";
+    any_text_is_a_request_or_an_error: "request";
     any_words_are_a_command_line_or_an_error: "command_line";
 }
 

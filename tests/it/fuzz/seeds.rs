@@ -11,6 +11,7 @@ use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use tetreel::camera::Camera;
 use tetreel::codec::vq::{Search, VqEncoder, VqOptions};
 use tetreel::codec::{ChunkSink, Encoder, seal};
@@ -19,8 +20,12 @@ use tetreel::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use tetreel::image::{DepthImage, ExrColor, ExrValue, PngDepth, RgbaImage, write_exr, write_png_with_texts};
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
+use tetreel::node_table::{JointTable, Node, NodeTable};
+use tetreel::pipeline::{FaceDetail, FrameRequest, FrameTime, TetDraw};
 use tetreel::task::{Cancel, Silent};
-use tetreel::transfer::{RangePolicy, TransferFunction};
+use tetreel::transfer::{
+    Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource,
+};
 use tetreel::ui::settings::{SavedLook, Settings, SettingsFile};
 
 fn put(to: &Path, target: &str, name: &str, bytes: &[u8]) {
@@ -36,6 +41,7 @@ fn write_all(to: &Path) {
     images(to);
     transfer_functions(to);
     texts(to);
+    requests(to);
 }
 
 /// Names of the seeds in a folder, each with that of its target.
@@ -386,5 +392,26 @@ fn texts(to: &Path) {
         for (i, text) in list.iter().enumerate() {
             put(to, target, &format!("text_{i:02}"), text.as_bytes());
         }
+    }
+}
+
+fn requests(to: &Path) {
+    let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
+    let node = |scalar| Node { scalar, rgb: [0.25, 0.5, 1.0], tau: 3.0 };
+    let nodes = NodeTable::new([0.0, 0.5, 0.5, 2.0].map(node).to_vec()).unwrap();
+    let joint = JointTable::new(vec![0.0, 1.0], vec![0.0, 0.5], vec![0.0], vec![[0.5; 4]; 4]).unwrap();
+    let content = TransferContent::Function {
+        function: TransferFunction::parse("gray@0:0,1:0.5").unwrap(),
+        range: MappedRange::new(0.0, 2.0, false).unwrap(),
+    };
+    let source = TransferSource { content, kind: OpacityKind::Alpha, lengths: Lengths::of_unit_distance(0.25) };
+    let scalar = FrameRequest::new(3, camera, Arc::new(nodes), (64, 48));
+    let joint = FrameRequest::new(FrameTime::between(1, 2, 0.25), camera, Arc::new(joint), (1, 1));
+    for (name, request) in [
+        ("scalar", scalar.clone().with_tets(|tets| tets.field = Some("velocity:mag".to_owned()))),
+        ("joint", joint.with_draw(TetDraw::Faces(FaceDetail { lod: 0.5, ..FaceDetail::ALL }))),
+        ("judged", scalar.with_tets(|tets| (tets.formula, tets.draw) = (Some(Arc::new(source)), TetDraw::Reference))),
+    ] {
+        put(to, "request", name, request.to_text().unwrap().as_bytes());
     }
 }

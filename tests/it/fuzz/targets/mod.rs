@@ -45,6 +45,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "camera", run: texts::camera },
     Target { name: "tf_text", run: texts::tf_text },
     Target { name: "options", run: texts::options },
+    Target { name: "request", run: texts::request },
     Target { name: "command_line", run: texts::command_line },
 ];
 

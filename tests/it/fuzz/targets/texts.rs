@@ -16,7 +16,7 @@ use tetreel::field::FieldSelector;
 use tetreel::image::{ExrColor, PngDepth};
 use tetreel::ingest::{FieldUnits, StepRange};
 use tetreel::optics::OpticsKind;
-use tetreel::pipeline::{Backend, RenderMode, Sampling};
+use tetreel::pipeline::{Backend, FrameRequest, RenderMode, Sampling};
 use tetreel::synth::SeriesName;
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, RangePolicy, TransferFunction, build_node_table};
 use tetreel::visibility::Skip;
@@ -73,6 +73,15 @@ pub fn tf_text(bytes: &[u8]) -> Outcome {
     }
     let tf = TransferFunction::parse(&text).map_err(|e| e.to_string())?;
     check_transfer_function(&tf);
+    Ok(())
+}
+
+/// A frame's request; what is read is written as what is read as the same.
+pub fn request(bytes: &[u8]) -> Outcome {
+    let read = FrameRequest::from_text(&text_of(bytes)).map_err(|e| e.to_string())?;
+    let text = read.to_text().map_err(|e| e.to_string())?;
+    // As text, since a range that is not known is no number.
+    assert_eq!(FrameRequest::from_text(&text).unwrap().to_text(), Ok(text));
     Ok(())
 }
 
