@@ -3,9 +3,23 @@
 // No pixel.
 const NO_BOX: vec4<i32> = vec4<i32>(1, 0, 1, 0);
 
-// First and last column and row (inclusive) of the pixels whose rays may meet the triangle in front of the eye; empty if x > y
-// or z > w. `last`: last column and row of the image.
-fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex, last: vec2<i32>) -> vec4<i32> {
+// First place in the plane whose pixel is not before these; behind its last one if there is none.
+fn first_from(pixel: vec2<i32>) -> vec2<i32> {
+    let stride = vec2<i32>(params.stride_px);
+    let size = vec2<i32>(params.size_px);
+    let next = min((pixel + stride - vec2(1)) / stride, size - vec2(1));
+    return select(next, size, pixel >= vec2<i32>(params.image_px));
+}
+
+// All places in the plane.
+fn whole_plane() -> vec4<i32> {
+    return vec4(0, i32(params.size_px.x) - 1, 0, i32(params.size_px.y) - 1);
+}
+
+// First and last column and row (inclusive) of the places in the plane whose rays may meet the triangle in front of the eye; empty if
+// x > y or z > w.
+fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec4<i32> {
+    let last = vec2<i32>(params.image_px) - vec2(1);
     var w = vec3(1.0);
     if (params.flags & PERSPECTIVE) != 0u {
         w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
@@ -24,7 +38,9 @@ fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex, last: vec2<i32>) -> vec
     // Clamped before conversion: infinities are not integers.
     let first = vec2(clamp(ceil(columns.x), 0.0, end.x + 1.0), clamp(ceil(rows.x), 0.0, end.y + 1.0));
     let final_ = vec2(clamp(floor(columns.y), -1.0, end.x), clamp(floor(rows.y), -1.0, end.y));
-    return vec4(i32(first.x), i32(final_.x), i32(first.y), i32(final_.y));
+    let from_ = first_from(vec2<i32>(first));
+    let to = first_from(vec2<i32>(final_) + vec2(1)) - vec2(1);
+    return vec4(from_.x, to.x, from_.y, to.y);
 }
 
 // Least and greatest value / w over the part of a triangle in front of the eye.

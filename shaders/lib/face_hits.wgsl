@@ -124,6 +124,7 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     let c = vertices[face.ids.z];
     let at_eye = reaches_eye(a, b, c);
     let middle = vec2((box.x + box.y) / 2u, (box.z + box.w) / 2u);
+    let middle_px = vec2<i32>(pixel_at(middle));
     let ray = ray_through(middle);
     let p = vec4<f32>(shear(ray, a));
     let q = vec4<f32>(shear(ray, b));
@@ -134,16 +135,16 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     let per_dy = vec3(h.y * r.x - h.z * q.x, h.z * p.x - h.x * r.x, h.x * q.x - h.y * p.x) * (2.0 * params.pitch.z);
     // A bound on all sheared coordinates in the box, whose square times 2^-18 is more than all rounding above: six products of
     // at most that square each, and their factors, are rounded by 2^-24 of themselves at most four times.
-    let steps = vec2<f32>(vec2(box.y, box.w) - vec2(box.x, box.z)) + 1.0;
+    let steps = vec2<f32>(pixel_at(vec2(box.y, box.w)) - pixel_at(vec2(box.x, box.z))) + 1.0;
     let wide = 2.0 * (steps.x * params.pitch.x + steps.y * params.pitch.z) * abs(h);
     let reaches = vec3(dot(abs(p.xy), vec2(1.0)), dot(abs(q.xy), vec2(1.0)), dot(abs(r.xy), vec2(1.0))) + wide;
     let far_reach = max(max(reaches.x, reaches.y), reaches.z);
     let certain = far_reach * far_reach * (1.0 / 262144.0);
     for (var y = box.z; y <= box.w; y++) {
         // Rows go down, the plane's y goes up.
-        let in_row = at - f32(i32(y) - i32(middle.y)) * per_dy;
+        let in_row = at - f32(i32(pixel_at(vec2(0u, y)).y) - middle_px.y) * per_dy;
         for (var x = box.x; x <= box.y; x++) {
-            let e = in_row + f32(i32(x) - i32(middle.x)) * per_dx;
+            let e = in_row + f32(i32(pixel_at(vec2(x, 0u)).x) - middle_px.x) * per_dx;
             let least = min(min(e.x, e.y), e.z);
             let most = max(max(e.x, e.y), e.z);
             // Two of different signs, beyond doubt.
@@ -177,14 +178,13 @@ fn is_at_eye(v: ViewVertex) -> bool {
 
 // The box of a face, the same in all bands.
 fn box_of(face: Face) -> vec4<i32> {
-    let last = vec2<i32>(params.size_px) - vec2(1);
     let a = vertices[face.ids.x];
     let b = vertices[face.ids.y];
     let c = vertices[face.ids.z];
     if (params.flags & PERSPECTIVE) != 0u && (is_at_eye(a) || is_at_eye(b) || is_at_eye(c)) {
-        return vec4(0, last.x, 0, last.y);
+        return whole_plane();
     }
-    return face_box(a, b, c, last);
+    return face_box(a, b, c);
 }
 
 // A face whose box has more pixels than this is cut into pieces, one a tile: else one thread would keep all others waiting.

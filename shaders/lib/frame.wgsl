@@ -14,10 +14,13 @@ struct Params {
     // Scalars are seen as (scalar - offset) * scale.
     scalar_offset: f32,
     scalar_scale: f32,
-    // Pixels per row, rows.
+    // Pixels per row of the plane that is rendered, rows of it.
     size_px: vec2<u32>,
     // Tiles per row, rows of tiles.
     tiles: vec2<u32>,
+    // Pixels per row of the image, rows of it; those whose column and row are multiples of the stride, or the last, make the plane.
+    image_px: vec2<u32>,
+    stride_px: vec2<u32>,
     // Depth of the near distance, counted from the pivot.
     near: f32,
     vertex_count: u32,
@@ -37,6 +40,11 @@ struct Params {
     unused: u32,
     // Zero, which no compiler knows.
     zero: u32,
+}
+
+// The pixel at a place in the plane that is rendered.
+fn pixel_at(place: vec2<u32>) -> vec2<u32> {
+    return min(place * params.stride_px, params.image_px - vec2(1u));
 }
 
 // Flags.

@@ -1,10 +1,9 @@
 // Pixel boxes of items. CPU twin: render/cpu/raycast/entries.rs, `TileBins::fill`.
 
-// First and last column and row (inclusive) of the pixels whose rays may meet the item; empty if x > y or z > w.
+// First and last column and row (inclusive) of the places in the plane whose rays may meet the item; empty if x > y or z > w.
 fn item_box(item: u32) -> vec4<i32> {
-    let last = vec2<i32>(params.size_px) - vec2(1);
     if item >= params.face_count {
-        return vec4(0, last.x, 0, last.y);
+        return whole_plane();
     }
     let cell = items[item] >> 2u;
     for (var i = 0u; i < params.eye_count; i++) {
@@ -20,7 +19,7 @@ fn item_box(item: u32) -> vec4<i32> {
     if is_back_facing(a, b, c) {
         return NO_BOX;
     }
-    return face_box(a, b, c, last);
+    return face_box(a, b, c);
 }
 
 // Whether every ray sees the triangle from behind, beyond doubt.

@@ -15,9 +15,9 @@ struct Ray {
     origin: f64,
 }
 
-// The ray of a pixel as if it were as long as deep, its depths counted from the pivot.
-fn ray_through(pixel: vec2<u32>) -> Ray {
-    let n = vec2<f32>(2 * vec2<i32>(pixel) + 1 - vec2<i32>(params.size_px));
+// The ray of the pixel at a place in the plane, as if it were as long as deep, its depths counted from the pivot.
+fn ray_through(place: vec2<u32>) -> Ray {
+    let n = vec2<f32>(2 * vec2<i32>(pixel_at(place)) + 1 - vec2<i32>(params.image_px));
     let x = f64(n.x) * (f64(params.pitch.x) + f64(params.pitch.y));
     let y = f64(-n.y) * (f64(params.pitch.z) + f64(params.pitch.w));
     return Ray(x, y, 1.0, f64(params.pivot));

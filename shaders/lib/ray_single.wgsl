@@ -31,9 +31,9 @@ fn plane_coordinate(n: f32, pitch: vec2<f32>) -> vec2<f32> {
     return vec2(first, (product - first) + rest);
 }
 
-// The ray of a pixel as if it were as long as deep, its depths counted from the pivot.
-fn ray_through(pixel: vec2<u32>) -> Ray {
-    let n = vec2<f32>(2 * vec2<i32>(pixel) + 1 - vec2<i32>(params.size_px));
+// The ray of the pixel at a place in the plane, as if it were as long as deep, its depths counted from the pivot.
+fn ray_through(place: vec2<u32>) -> Ray {
+    let n = vec2<f32>(2 * vec2<i32>(pixel_at(place)) + 1 - vec2<i32>(params.image_px));
     let origin = leading(params.pivot);
     let x = plane_coordinate(n.x, params.pitch.xy);
     let y = plane_coordinate(-n.y, params.pitch.zw);

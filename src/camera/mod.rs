@@ -3,11 +3,13 @@
 //! World: right-handed, +Z up. View: x right, y up, w forward (depth along the viewing direction); the eye is the origin.
 
 mod framing;
+mod lattice;
 mod motion;
 mod path;
 mod text;
 mod view;
 
+pub use lattice::Lattice;
 pub use motion::Axis;
 pub use view::View;
 

@@ -1,6 +1,6 @@
 //! From a camera to the view frame and the rays of its pixels.
 
-use super::{Camera, CameraError, Projection, unit};
+use super::{Camera, CameraError, Lattice, Projection, unit};
 use glam::DVec3;
 
 /// An orthonormal view frame and the image plane of a given size in pixels.
@@ -25,10 +25,12 @@ pub struct View {
     pub half_width: f64,
     /// Half height, as `half_width`.
     pub half_height: f64,
-    /// Pixels per row.
+    /// Pixels per row of the image.
     pub width_px: usize,
-    /// Rows.
+    /// Rows of the image.
     pub height_px: usize,
+    /// The pixels that rays are cast for.
+    pub lattice: Lattice,
 }
 
 /// Below this sine between viewing direction and up (sqrt of the f64 rounding unit) the cross product has lost half of its
@@ -71,6 +73,7 @@ impl Camera {
             half_height,
             width_px,
             height_px,
+            lattice: Lattice::ALL,
         })
     }
 
@@ -107,6 +110,17 @@ impl Camera {
 }
 
 impl View {
+    /// Width and height of the plane that is rendered: pixels of the lattice per row, and rows of it.
+    pub fn plane_px(&self) -> (usize, usize) {
+        (self.lattice.count(self.width_px), self.lattice.count(self.height_px))
+    }
+
+    /// Whether a ray is cast for a pixel.
+    #[inline]
+    pub fn renders(&self, column: usize, row: usize) -> bool {
+        self.lattice.has(column, self.width_px) && self.lattice.has(row, self.height_px)
+    }
+
     /// Image-plane coordinates of the centre of pixel (`px_i`, `px_j`): column from the left, row from the top.
     pub fn ray(&self, px_i: usize, px_j: usize) -> (f64, f64) {
         self.ray_at(px_i as f64 + 0.5, px_j as f64 + 0.5)

@@ -209,9 +209,10 @@ mod tests {
     fn another_view_or_another_series_finds_nothing_and_leaves_nothing() {
         let pool = FramePool::default();
         let (series, other_series) = (test_series::jet(), test_series::jet());
-        let others: [fn(&mut FrameRequest); 4] = [
+        let others: [fn(&mut FrameRequest); 5] = [
             |r| r.camera.position.x += 1e-9,
             |r| r.size_px.0 += 1,
+            |r| r.samples = crate::pipeline::SampleSet::Lattice { stride_px: std::num::NonZeroUsize::MIN },
             |r| *r = r.clone().with_draw(crate::pipeline::TetDraw::Reference),
             |r| {
                 let mut nodes = nodes_of(r);

@@ -21,6 +21,7 @@ mod queue;
 mod ranges;
 mod rankings;
 mod request;
+mod samples;
 mod series;
 mod stages;
 mod steps;
@@ -39,6 +40,7 @@ pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
 pub use request::{FrameRequest, PipelineError};
+pub use samples::SampleSet;
 pub use series::Series;
 pub use time::FrameTime;
 #[cfg(feature = "gpu")]

@@ -153,7 +153,8 @@ impl Order {
         cancel: &Cancel,
     ) -> Result<Ordered, PipelineError> {
         let started = Instant::now();
-        let view = request.camera.view(request.size_px.0, request.size_px.1)?;
+        let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
+        view.lattice = request.samples.lattice();
         let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
         let Decoded { layer, by, scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;

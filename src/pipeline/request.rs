@@ -1,7 +1,7 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
 use super::text::{as_text, size_px};
-use super::{Backend, FrameTime, Layer, RequestError, TetDraw, TetLayer};
+use super::{Backend, FrameTime, Layer, RequestError, SampleSet, TetDraw, TetLayer};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
@@ -22,6 +22,9 @@ pub struct FrameRequest {
     pub size_px: (usize, usize),
     /// What is seen; nothing without a layer.
     pub layers: Vec<Layer>,
+    /// The pixels that are rendered; the planes of the frame have these.
+    #[serde(default)]
+    pub samples: SampleSet,
     /// Where it is rendered.
     #[serde(default)]
     pub backend: Backend,
@@ -45,8 +48,8 @@ impl FrameRequest {
         size_px: (usize, usize),
     ) -> Self {
         let layers = vec![Layer::Tets(TetLayer::new(table))];
-        let (backend, for_window, skip) = Default::default();
-        Self { time: time.into(), camera, size_px, layers, backend, for_window, skip }
+        let (samples, backend, for_window, skip) = Default::default();
+        Self { time: time.into(), camera, size_px, layers, samples, backend, for_window, skip }
     }
 
     /// The layer of cells, if there is one.
@@ -105,7 +108,7 @@ impl FrameRequest {
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.backend, r.for_window, r.skip);
+        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.samples, r.backend, r.for_window, r.skip);
         let is_alike = |(Layer::Tets(a), Layer::Tets(b)): (&Layer, &Layer)| a.looks_like(b);
         rest(self) == rest(other) && std::iter::zip(&self.layers, &other.layers).all(is_alike)
     }

@@ -5,7 +5,7 @@ use crate::camera::{Camera, Projection};
 use crate::moments::CovDenominator;
 use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, Sampling, TetLayer};
+use crate::pipeline::{Backend, SampleSet, Sampling, TetLayer};
 use crate::render::KBuffer;
 use crate::transfer::{
     BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
@@ -14,6 +14,7 @@ use crate::transfer::{
 use crate::visibility::Skip;
 use glam::DVec3;
 use proptest::prelude::*;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 /// Any finite number, of all magnitudes.
@@ -110,10 +111,12 @@ fn request() -> impl Strategy<Value = FrameRequest> {
     let backend = prop::sample::select(vec![Backend::Auto, Backend::Cpu, Backend::Gpu]);
     let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "clear-cells,outside"]);
     let layers = prop::collection::vec(layer(), 0..3);
-    (time(), camera(), (1..usize::MAX, 1..9000_usize), layers, backend, skip).prop_map(
-        |(time, camera, size_px, layers, backend, skip)| {
+    let lattice = |stride| SampleSet::Lattice { stride_px: NonZeroUsize::new(stride).unwrap() };
+    let samples = prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice)];
+    (time(), camera(), (1..usize::MAX, 1..9000_usize), layers, samples, backend, skip).prop_map(
+        |(time, camera, size_px, layers, samples, backend, skip)| {
             let skip = skip.parse::<Skip>().unwrap();
-            FrameRequest { time, camera, size_px, layers, backend, skip, for_window: false }
+            FrameRequest { time, camera, size_px, layers, samples, backend, skip, for_window: false }
         },
     )
 }
@@ -175,6 +178,9 @@ fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
         ("\"lod\":0.5", "\"lod\":1.5", &["a level of detail of 1.5"]),
         ("\"k\":8", "\"k\":1", &["a buffer of 1"]),
         ("[4,0.25]", "[4,1.0]", &["between steps 3 and 4 at 1"]),
+        ("\"samples\":\"all\"", "\"samples\":\"some\"", &["some", "lattice"]),
+        ("\"samples\":\"all\"", "\"samples\":{\"lattice\":{\"stride_px\":0}}", &["0", "nonzero"]),
+        ("\"samples\":\"all\"", "\"samples\":{\"lattice\":{\"stride\":2}}", &["stride"]),
         ("\"backend\":\"auto\"", "\"backend\":\"fpga\"", &["fpga"]),
         ("\"skip\":\"all\"", "\"skip\":\"everything\"", &["'everything' cannot be skipped"]),
     ] {

@@ -149,7 +149,7 @@ mod tests {
         type Job = (RenderJob, usize);
 
         fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<Self::Job>, RenderError> {
-            frame.clear(job.view.width_px, job.view.height_px);
+            frame.clear(job.view.plane_px());
             Ok((job.active.count() > 0).then_some((job, 0)))
         }
 

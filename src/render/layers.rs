@@ -16,7 +16,7 @@ pub struct LayerFragment {
     pub rgba: [f32; 4],
 }
 
-/// The fragments of all pixels of an image.
+/// The fragments of all pixels of a plane that is rendered.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayerFragments {
     /// For each pixel, row by row from the top, where its fragments end; they begin where those of the pixel before end.
@@ -26,10 +26,10 @@ pub struct LayerFragments {
 }
 
 impl LayerFragments {
-    /// Lists for an image of `pixels` pixels from (pixel, fragment) pairs, which come layer by layer.
+    /// Lists for a plane of `pixels` pixels from (pixel, fragment) pairs, which come layer by layer.
     ///
     /// # Errors
-    /// If a pixel is beyond the image, or a depth, colour or opacity is not a number between its bounds.
+    /// If a pixel is beyond the plane, or a depth, colour or opacity is not a number between its bounds.
     pub fn new(pixels: usize, found: impl IntoIterator<Item = (u32, LayerFragment)>) -> Result<Self, RenderError> {
         let mut found: Vec<(u32, LayerFragment)> = found.into_iter().collect();
         for &(pixel, LayerFragment { depth, rgba }) in &found {
@@ -49,7 +49,7 @@ impl LayerFragments {
         Ok(Self { ends, fragments: found.into_iter().map(|(_, fragment)| fragment).collect() })
     }
 
-    /// Pixels of the image.
+    /// Pixels of the plane.
     pub fn pixels(&self) -> usize {
         self.ends.len()
     }
@@ -129,7 +129,7 @@ impl Ahead for NothingAhead {
 /// The fragments of a job, for rays in the local coordinates of its mesh.
 pub(in crate::render) struct JobLayers<'a> {
     fragments: &'a LayerFragments,
-    width_px: usize,
+    view: &'a View,
     /// Local depth before which nothing is seen.
     near: f64,
     local_per_world: f64,
@@ -137,11 +137,18 @@ pub(in crate::render) struct JobLayers<'a> {
 
 impl<'a> JobLayers<'a> {
     /// Those of a job with this local view.
-    pub(in crate::render) fn of(job: &'a RenderJob, view: &View) -> Option<Self> {
+    pub(in crate::render) fn of(job: &'a RenderJob, view: &'a View) -> Option<Self> {
         let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
         let local_per_world = 1.0 / job.mesh.positions.scale;
         let fragments = job.fragments.as_deref()?;
-        Some(Self { fragments, width_px: view.width_px, near, local_per_world })
+        Some(Self { fragments, view, near, local_per_world })
+    }
+
+    /// Those of a pixel that a ray is cast for.
+    fn of_pixel(&self, column: usize, row: usize) -> &[LayerFragment] {
+        let View { width_px, height_px, lattice, .. } = *self.view;
+        let place = lattice.first_from(row, height_px) * lattice.count(width_px) + lattice.first_from(column, width_px);
+        self.fragments.of_pixel(place)
     }
 }
 
@@ -153,15 +160,16 @@ impl Layers for JobLayers<'_> {
     const ANY: bool = true;
 
     fn ahead(&self, column: usize, row: usize) -> FragmentsAhead<'_> {
-        let rest = self.fragments.of_pixel(row * self.width_px + column);
+        let rest = self.of_pixel(column, row);
         let local_per_world = self.local_per_world;
         let hidden = rest.partition_point(|fragment| fragment.depth * local_per_world < self.near);
         FragmentsAhead { rest: &rest[hidden..], local_per_world }
     }
 
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
-        let is_empty = |row: usize, column: usize| self.fragments.of_pixel(row * self.width_px + column).is_empty();
-        rows.into_iter().any(|row| columns.clone().any(|column| !is_empty(row, column)))
+        let has_some =
+            |column: usize, row: usize| self.view.renders(column, row) && !self.of_pixel(column, row).is_empty();
+        rows.into_iter().any(|row| columns.clone().any(|column| has_some(column, row)))
     }
 }
 

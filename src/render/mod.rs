@@ -253,7 +253,8 @@ impl RenderJob {
         if self.active.universe() != cells {
             return Err(RenderError::CellCount { set: self.active.universe(), cells });
         }
-        let expected = self.view.width_px * self.view.height_px;
+        let (columns, rows) = self.view.plane_px();
+        let expected = columns * rows;
         match self.fragments.as_ref().map(|fragments| fragments.pixels()) {
             Some(given) if given != expected => return Err(RenderError::LayerPixels { given, expected }),
             _ => {}
@@ -299,7 +300,7 @@ pub struct Frame {
 
 impl Frame {
     /// Makes all pixels transparent, in the memory that there is.
-    fn clear(&mut self, width_px: usize, height_px: usize) {
+    fn clear(&mut self, (width_px, height_px): (usize, usize)) {
         #[cfg(feature = "gpu")]
         {
             self.texture = None;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tetreel::camera::Camera;
 use tetreel::codec::BlockCache;
 use tetreel::ingest::{AppendOptions, CodecChoice, IngestOptions, append, ingest};
-use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, Series, TetDraw};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, Pipelined, PipelinedOptions, SampleSet, Series, TetDraw};
 use tetreel::playback::{Clock, Command, Mode, Player};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
@@ -46,6 +46,24 @@ fn without_the_feature_a_gpu_is_refused_and_auto_is_the_cpu() {
     assert!(refused.to_string().contains("built without the feature gpu"), "{refused}");
     assert!(pipeline.check_backend(Backend::Gpu).is_err());
     assert!(!pipeline.render(&request).unwrap().stats.on_gpu);
+}
+
+#[test]
+fn a_lattice_of_pixels_is_a_part_of_the_whole_frame_and_nothing_is_kept_for_the_other() {
+    let temp = tempfile::tempdir().unwrap();
+    let (mut pipeline, request) = jet(temp.path());
+    let request = FrameRequest { backend: Backend::Cpu, time: 5.into(), ..request };
+    let stride_px = std::num::NonZeroUsize::new(7).unwrap();
+    let some = FrameRequest { samples: SampleSet::Lattice { stride_px }, ..request.clone() };
+    let whole = pipeline.render(&request).unwrap().planes.clone();
+    let color = pipeline.render(&some).unwrap().planes.color.clone();
+    assert_eq!((color.width, color.height), (15, 10));
+    for (at, pixel) in color.pixels.iter().enumerate() {
+        let (column, row) = ((7 * (at % 15)).min(95), (7 * (at / 15)).min(63));
+        assert_eq!(*pixel, whole.color.pixels[96 * row + column]);
+    }
+    assert!(color.pixels.iter().any(|pixel| pixel[3] > 0.0));
+    assert_eq!(pipeline.render(&request).unwrap().planes, whole);
 }
 
 const LONG: Duration = Duration::from_secs(60);

@@ -2,7 +2,7 @@
 
 use super::super::{Frame, Planes, RenderJob};
 use super::ray::ViewVertex;
-use crate::camera::View;
+use crate::camera::{Lattice, View};
 use crate::stats::FrameStats;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -29,13 +29,14 @@ pub(super) struct TileGrid {
     pub(super) rows: usize,
     width: usize,
     height: usize,
+    lattice: Lattice,
 }
 
 impl TileGrid {
     /// The tiles of a view's image.
     pub(super) fn of(view: &View) -> Self {
         let (width, height) = (view.width_px, view.height_px);
-        Self { columns: width.div_ceil(TILE_PX), rows: height.div_ceil(TILE_PX), width, height }
+        Self { columns: width.div_ceil(TILE_PX), rows: height.div_ceil(TILE_PX), width, height, lattice: view.lattice }
     }
 
     pub(super) fn tile_count(&self) -> usize {
@@ -174,29 +175,38 @@ impl<S: Default + Send> Tiles<S> {
     }
 }
 
-/// Copies the tiles in some places of their order into the planes; `depth_scale` is the world length of a local one.
+/// Copies the pixels of the lattice from the tiles in some places of their order into the planes; `depth_scale` is the world length of a
+/// local one.
 fn copy_tiles(planes: &mut Planes, order: &TileOrder, tile_pixels: &[TilePixel], done: Range<usize>, depth_scale: f64) {
-    let (grid, width) = (order.grid, planes.color.width);
+    let (grid, lattice) = (order.grid, order.grid.lattice);
     if done.is_empty() {
         return;
     }
-    let color = planes.color.pixels.par_chunks_mut(width * TILE_PX);
-    let depth = planes.depth.pixels.par_chunks_mut(width * TILE_PX);
-    color.zip(depth).zip(order.places.par_chunks(grid.columns)).enumerate().for_each(
-        |(y, ((color, depth), places))| {
-            for (x, &place) in places.iter().enumerate().filter(|(_, place)| done.contains(&(**place as usize))) {
-                let rect = grid.rect(y * grid.columns + x);
-                let pixels = &tile_pixels[place as usize * TILE_PX * TILE_PX..];
-                for (row, line) in pixels.chunks_exact(rect.width).take(rect.height).enumerate() {
-                    let at = row * width + rect.x;
-                    for (i, pixel) in line.iter().enumerate() {
-                        color[at + i] = pixel.rgba;
-                        depth[at + i] = (pixel.depth * depth_scale) as f32;
-                    }
-                }
+    let rows = planes
+        .color
+        .pixels
+        .par_chunks_mut(planes.color.width)
+        .zip(planes.depth.pixels.par_chunks_mut(planes.depth.width))
+        .enumerate();
+    rows.with_min_len(TILE_PX).for_each(|(row, (color, depth))| {
+        let row = lattice.pixel(row, grid.height);
+        let tiles = row / TILE_PX * grid.columns..(row / TILE_PX + 1) * grid.columns;
+        for (tile, &place) in tiles.clone().zip(&order.places[tiles]) {
+            let place = place as usize;
+            if !done.contains(&place) {
+                continue;
             }
-        },
-    );
+            let rect = grid.rect(tile);
+            let line = &tile_pixels[place * TILE_PX * TILE_PX + row % TILE_PX * rect.width..][..rect.width];
+            let [from, to] = [rect.x, rect.x + rect.width].map(|pixel| lattice.first_from(pixel, grid.width));
+            let out = color[from..to].iter_mut().zip(&mut depth[from..to]);
+            for (at, (color, depth)) in (from..).zip(out) {
+                let pixel = &line[lattice.pixel(at, grid.width) - rect.x];
+                *color = pixel.rgba;
+                *depth = (pixel.depth * depth_scale) as f32;
+            }
+        }
+    });
 }
 
 /// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
@@ -255,7 +265,7 @@ mod tests {
     use super::*;
 
     /// 3 x 2 tiles, those at the right and at the bottom not whole.
-    const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30 };
+    const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30, lattice: Lattice::ALL };
 
     fn tiles(order: &TileOrder) -> Vec<u32> {
         order.turns.iter().map(|turn| turn.tile).collect()

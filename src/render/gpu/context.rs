@@ -197,10 +197,10 @@ impl Context {
     /// As [`Self::check`], and whether shaders know what the job has.
     pub(super) fn check_job(&self, job: &RenderJob) -> Result<(), RenderError> {
         self.check()?;
-        match job.fragments {
-            None => Ok(()),
-            Some(_) => Err(self.beyond("cells together with fragments of other layers".to_owned())),
+        if job.fragments.is_some() {
+            return Err(self.beyond("cells together with fragments of other layers".to_owned()));
         }
+        Ok(())
     }
 
     /// Makes resources; what the device has no memory or no room for becomes an error instead of a fault.

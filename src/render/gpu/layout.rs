@@ -155,10 +155,14 @@ pub struct Params {
     pub scalar_offset: f32,
     /// See `scalar_offset`.
     pub scalar_scale: f32,
-    /// Pixels per row, rows.
+    /// Pixels per row of the plane that is rendered, rows of it.
     pub size_px: [u32; 2],
     /// Tiles per row, rows of tiles.
     pub tiles: [u32; 2],
+    /// Pixels per row of the image, rows of it.
+    pub image_px: [u32; 2],
+    /// Pixels from one of the plane to the next, in both directions.
+    pub stride_px: [u32; 2],
     /// Depth of the near distance, counted from the pivot.
     pub near: f32,
     /// Vertices of the mesh.
@@ -208,6 +212,7 @@ impl Params {
         if reach.is_nan() || reach >= 1e18 {
             return None;
         }
+        let (columns, rows) = view.plane_px();
         let middle = -view.forward.dot(view.eye);
         let pivot = if view.perspective && middle > PIVOT_DEPTH_MIN { middle as f32 } else { 0.0 };
         let (near, perspective) = if view.perspective {
@@ -221,8 +226,11 @@ impl Params {
             axes,
             pitch: [x[0], x[1], y[0], y[1]],
             depth_origin: origin,
-            size_px: [view.width_px as u32, view.height_px as u32],
-            tiles: [view.width_px.div_ceil(TILE_PX) as u32, view.height_px.div_ceil(TILE_PX) as u32],
+            size_px: [columns as u32, rows as u32],
+            tiles: [columns.div_ceil(TILE_PX) as u32, rows.div_ceil(TILE_PX) as u32],
+            image_px: [view.width_px as u32, view.height_px as u32],
+            // One beyond the image is as good as its size, and products of places with it stay small.
+            stride_px: [view.lattice.stride_px().min(view.width_px.max(view.height_px)) as u32; 2],
             near,
             pivot,
             flags: perspective,

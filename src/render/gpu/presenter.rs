@@ -27,13 +27,13 @@ impl Presenter {
         job: &RenderJob,
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
-        let size_px = (job.view.width_px, job.view.height_px);
+        let size_px = job.view.plane_px();
         let last = frame.texture.take();
         if !job.for_window || !context.is_of_window() {
-            frame.clear(size_px.0, size_px.1);
+            frame.clear(size_px);
             return Ok(());
         }
-        frame.clear(0, 0);
+        frame.clear((0, 0));
         if self.present.is_none() {
             self.present = Some(Pipeline::new(context, Stage::Present, NO_RECORDS)?);
         }

@@ -259,6 +259,8 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         scalar_scale,
         size_px,
         tiles,
+        image_px,
+        stride_px,
         near,
         vertex_count,
         face_count,

@@ -26,6 +26,7 @@ use crate::render::medium::Segment;
 use clip::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// Cells that are clipped between two looks at the flag that cancels.
@@ -73,7 +74,7 @@ impl LayerRenderer for Judge {
         }
         frame.stats.by_formula = job.formula.is_some();
         let view = job.local_view();
-        frame.clear(view.width_px, view.height_px);
+        frame.clear(view.plane_px());
         let positions = &job.mesh.positions.local;
         let to_view = |v: u32| {
             let d = positions[v as usize].as_dvec3() - view.eye;
@@ -91,7 +92,7 @@ impl LayerRenderer for Judge {
     fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
         let Frame { planes, stats, .. } = frame;
-        let (width, height) = (judged.view.width_px, judged.view.height_px);
+        let (width, height) = judged.view.plane_px();
         let bands = height.div_ceil(BAND_ROWS);
         let batch = 2 * rayon::current_num_threads();
         while judged.next_band < bands && !judged.job.cancel.is_cancelled() {
@@ -117,7 +118,7 @@ impl LayerRenderer for Judge {
 fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let _turn = active.job.thread_limit.turn();
     let (view, scale) = (&active.view, active.job.mesh.positions.scale);
-    let width = view.width_px;
+    let (width, _) = view.plane_px();
     let rows = first_row..first_row + pixels.len() / width;
     // It has been made before, when the job began.
     let formula = active.job.formula.as_ref().and_then(|source| source.formula().ok());
@@ -126,9 +127,14 @@ fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], de
         if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
             return 0;
         }
-        for j in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
-            for column in cell.columns.clone() {
-                let (px, py) = view.ray(column, j);
+        let in_plane = |of: &Range<usize>, pixels: usize| {
+            view.lattice.first_from(of.start, pixels)..view.lattice.first_from(of.end, pixels)
+        };
+        let (columns, of_cell) = (in_plane(&cell.columns, view.width_px), in_plane(&cell.rows, view.height_px));
+        for j in of_cell.start.max(rows.start)..of_cell.end.min(rows.end) {
+            for column in columns.clone() {
+                let at = (view.lattice.pixel(column, view.width_px), view.lattice.pixel(j, view.height_px));
+                let (px, py) = view.ray(at.0, at.1);
                 if let Some(segment) = cell.clip(view, scale, px, py) {
                     segments.push((((j - first_row) * width + column) as u32, segment));
                 }

@@ -10,6 +10,7 @@ mod joint;
 #[cfg(feature = "gpu")]
 mod joint_gpu;
 mod joint_orders;
+mod lattice;
 mod layers;
 mod partial;
 mod raycast;

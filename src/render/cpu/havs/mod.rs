@@ -145,7 +145,7 @@ impl LayerRenderer for FaceTiles {
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<FaceJob>, RenderError> {
         let drawn = checked_faces(&job)?;
         let view = job.local_view();
-        frame.clear(view.width_px, view.height_px);
+        frame.clear(view.plane_px());
         let table = self.tables.get(&job);
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
         let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();

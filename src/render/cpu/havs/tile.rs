@@ -137,7 +137,7 @@ impl<M: Medium<Light = Light>, Y: Layers, L: Lanes> NullaryFnOnce for RenderTile
         if Y::ANY {
             for (pixel, light) in lights.iter_mut().enumerate() {
                 let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-                if column < rect.width && row < rect.height {
+                if rays.rendered[row] >> column & 1 == 1 {
                     *light = scene.ray(rect.x + column, rect.y + row);
                 }
             }
@@ -239,8 +239,8 @@ struct OpenPixels {
 
 impl OpenPixels {
     fn new(rays: &TileRays) -> Self {
-        let Bounds { x0, x1, y0, y1 } = rays.bounds;
-        Self { rows: [u16::MAX; TILE_PX], count: (x1 - x0) * (y1 - y0), furthest: f64::NEG_INFINITY }
+        let count = rays.rendered.iter().map(|row| row.count_ones() as usize).sum();
+        Self { rows: rays.rendered, count, furthest: f64::NEG_INFINITY }
     }
 
     /// A pixel has become opaque, at this depth.
@@ -315,6 +315,9 @@ fn begin_at_eye<M: Medium<Light = Light>, Y: Layers>(
     let (room, Bounds { x0, x1, y0, y1 }) = (scene.room(), rays.bounds);
     for &cell in scene.eye_cells {
         for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
+            if !scene.view.renders(column, row) {
+                continue;
+            }
             let pixel = (row - y0) * TILE_PX + column - x0;
             let count = &mut scratch.counts[pixel];
             // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.

@@ -30,7 +30,7 @@ pub(super) mod lists;
 
 use super::ray::{Ray, ViewVertex, crossing};
 use super::tiles::TILE_PX;
-use crate::camera::View;
+use crate::camera::{Lattice, View};
 use boxes::{Bounds, least, most};
 use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use lists::TileFace;
@@ -51,6 +51,10 @@ pub(super) struct TileRays {
     block_dy: [[f32; BLOCK]; TILE_PX],
     /// Largest |dx| and |dy|.
     reach: [f64; 2],
+    /// For each row the pixels that rays are cast for: a bit per column.
+    pub(super) rendered: [u16; TILE_PX],
+    /// Whether those are all.
+    all_rendered: bool,
 }
 
 impl TileRays {
@@ -70,7 +74,13 @@ impl TileRays {
         let at = |of: &[f64; TILE_PX], i: usize| of[i.min(TILE_PX - 1)] as f32;
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
-        Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach }
+        let Bounds { x0, x1, y0, y1 } = bounds;
+        let mut rendered = [0u16; TILE_PX];
+        for (rendered, row) in rendered.iter_mut().zip(y0..y1) {
+            *rendered = (x0..x1).fold(0, |bits, column| bits | u16::from(view.renders(column, row)) << (column - x0));
+        }
+        let all_rendered = view.lattice == Lattice::ALL;
+        Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
 }
 
@@ -251,7 +261,15 @@ impl Faces {
             let dx = &rays.block_dx[column % TILE_PX];
             let mut row = top;
             while row < bottom {
-                let asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
+                let mut asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
+                if !rays.all_rendered {
+                    let in_row = |row: usize| u32::from(rays.rendered[row % TILE_PX] >> (column % TILE_PX)) & 0xff;
+                    asked &= in_row(row) | in_row(row + 1) << COLUMNS;
+                    if asked == 0 {
+                        row += BLOCK / COLUMNS;
+                        continue;
+                    }
+                }
                 let dy = &rays.block_dy[row % TILE_PX];
                 let mut some = [0.0; BLOCK];
                 for l in 0..BLOCK {

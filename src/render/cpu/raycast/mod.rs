@@ -148,7 +148,7 @@ impl LayerRenderer for CellWalk {
 
     fn begin(&mut self, mut job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
         let view = job.local_view();
-        frame.clear(view.width_px, view.height_px);
+        frame.clear(view.plane_px());
         let table = self.tables.get(&job);
         let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();
         let everything_clear = nothing_visible || job.cancel.is_cancelled();

@@ -88,7 +88,11 @@ impl Entries<'_> {
     fn find_at_eye(&self, rect: PixelRect, found: &mut Vec<PixelStart>) {
         for &cell in self.eye_cells {
             for pixel in 0..rect.width * rect.height {
-                let ray = Ray::of_pixel(self.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+                let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+                if !self.view.renders(column, row) {
+                    continue;
+                }
+                let ray = Ray::of_pixel(self.view, column, row);
                 if let Some(EyeCell { entry, opposite, .. }) = EyeCell::new(self.topology, self.vertices, &ray, cell) {
                     found.push((pixel as u32, Start { depth: entry.depth, cell, opposite }));
                 }

@@ -110,8 +110,10 @@ fn without_cells<M: Medium<Light = Light>, L: Layers>(
     pixels: &mut [TilePixel],
 ) {
     for (pixel, out) in pixels.iter_mut().enumerate().take(rect.width * rect.height) {
-        let ahead = layers.ahead(rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-        *out = RayLight::<M::Ray, _>::new(scene.near_distance(), ahead).pixel();
+        let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        if scene.view.renders(column, row) {
+            *out = RayLight::<M::Ray, _>::new(scene.near_distance(), layers.ahead(column, row)).pixel();
+        }
     }
 }
 

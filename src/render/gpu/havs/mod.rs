@@ -323,7 +323,7 @@ impl LayerRenderer for FaceLists {
         self.bands.clear();
         if self.scene.table.is_clear(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
             // All pixels are clear, and here.
-            frame.clear(view.width_px, view.height_px);
+            frame.clear(view.plane_px());
             return Ok(None);
         }
         self.presenter.prepare(&self.context, &job, frame)?;

@@ -210,7 +210,7 @@ impl LayerRenderer for CellWalk {
         let mut params = eye::params(&self.context, &view)?;
         if self.scene.table.is_clear(&job) || job.active.count() == 0 {
             // All pixels are clear, and here.
-            frame.clear(view.width_px, view.height_px);
+            frame.clear(view.plane_px());
             return Ok(None);
         }
         let job = RenderJob { active: self.choice.cells(&job), ..job };
