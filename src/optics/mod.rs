@@ -123,6 +123,8 @@ pub struct Accumulator {
     rgba: Vec4,
     /// Transmittance.
     pub transmittance: f32,
+    /// Depth of the first visible place, as far as whoever knows depths has said it; infinite before.
+    pub visible_from: f64,
 }
 
 /// A ray is stopped when less than this shines through: what lies behind can change no channel by more than 2^-17,
@@ -131,7 +133,7 @@ pub const OPAQUE_TRANSMITTANCE: f32 = 1.0 / 131_072.0;
 
 impl Accumulator {
     /// Nothing gathered, everything shines through.
-    pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0 };
+    pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0, visible_from: f64::INFINITY };
 
     /// Whether what lies behind no longer matters; see [`OPAQUE_TRANSMITTANCE`].
     #[inline]

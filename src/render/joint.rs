@@ -1,9 +1,10 @@
 //! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them, and the medium that it is.
 
 use super::RenderError;
-use super::medium::{Light, Medium, NoTable, Segment};
+use super::medium::{Medium, NoTable, Segment};
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
+use crate::optics::Accumulator;
 use crate::optics::joint::JointSegment;
 use std::sync::Arc;
 
@@ -62,16 +63,16 @@ impl<'a> JointMedium<'a> {
 
 impl Medium for JointMedium<'_> {
     type Ray = ();
-    type Light = Light;
+    type Light = Accumulator;
     type Table = NoTable;
     const HAS_VALUES: bool = true;
 
     #[inline(never)]
-    fn pass(&self, (): &mut (), segment: &Segment, light: &mut Light) -> u32 {
+    fn pass(&self, (): &mut (), segment: &Segment, light: &mut Accumulator) -> u32 {
         let Segment { cell, depth: [enter, exit], scalar, value, .. } = *segment;
         let [from, to] = segment.shares();
         let line = JointSegment::new(&self.scene.table, scalar, value, self.scene.cell_value(cell));
-        let pieces = line.composite(from, to, segment.length() * self.scale, &mut light.gathered) as u32;
+        let pieces = line.composite(from, to, segment.length() * self.scale, light) as u32;
         if pieces > 0 && light.visible_from == f64::INFINITY {
             let share = line.first_visible(from, to);
             light.visible_from = share.map_or(f64::INFINITY, |share| enter + share * (exit - enter));

@@ -7,19 +7,6 @@
 use crate::optics::exact::ExactTable;
 use crate::optics::{Accumulator, Integrator};
 
-/// Light that a fast renderer has gathered along a ray.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Light {
-    pub(in crate::render) gathered: Accumulator,
-    /// Depth of the first visible place; infinite if there was none.
-    pub(in crate::render) visible_from: f64,
-}
-
-impl Light {
-    /// Nothing gathered.
-    pub(in crate::render) const NONE: Self = Self { gathered: Accumulator::CLEAR, visible_from: f64::INFINITY };
-}
-
 /// The part of a ray inside a cell, or what is left of that. Scalars and values are linear in depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::render) struct Segment {
@@ -150,15 +137,15 @@ pub(in crate::render) struct ScalarMedium<'a, I>(pub(in crate::render) &'a I);
 impl<I: Integrator> Medium for ScalarMedium<'_, I> {
     /// The place in the table at which the last segment ended.
     type Ray = Option<I::Place>;
-    type Light = Light;
+    type Light = Accumulator;
     type Table = I;
     const HAS_VALUES: bool = false;
 
     #[inline(always)]
-    fn pass(&self, place: &mut Option<I::Place>, segment: &Segment, light: &mut Light) -> u32 {
+    fn pass(&self, place: &mut Option<I::Place>, segment: &Segment, light: &mut Accumulator) -> u32 {
         let [from, to] = segment.scalars();
         let place = place.get_or_insert_with(|| self.0.enter(from));
-        let pieces = self.0.segment(place, from, to, segment.length(), &mut light.gathered) as u32;
+        let pieces = self.0.segment(place, from, to, segment.length(), light) as u32;
         if pieces > 0 && light.visible_from == f64::INFINITY {
             light.visible_from = first_visible(self.0, (segment.part[0], from), (segment.part[1], to));
         }
@@ -171,11 +158,11 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
         place: &mut Option<I::Place>,
         from: f64,
         run: impl Iterator<Item = Segment>,
-        light: &mut Light,
+        light: &mut Accumulator,
     ) -> u32 {
         let place = place.get_or_insert_with(|| self.0.enter(from));
         let ends = run.map(|segment| (segment.scalar[1], segment.length()));
-        self.0.segments(place, from, ends, &mut light.gathered) as u32
+        self.0.segments(place, from, ends, light) as u32
     }
 
     #[inline(always)]

@@ -4,14 +4,15 @@
 //! place in the table is the same whether the ray has come to it through clear cells or begins there.
 
 use super::super::layers::Ahead;
-use super::super::medium::{Light, Medium, Segment};
+use super::super::medium::{Medium, Segment};
 use super::tiles::TilePixel;
+use crate::optics::Accumulator;
 use glam::Vec4;
 
 /// The light of a ray. `R` is what its medium knows of it, `A` the fragments of other layers that it has not met yet.
 #[derive(Clone, Copy)]
 pub(super) struct RayLight<R, A> {
-    light: Light,
+    light: Accumulator,
     ray: R,
     ahead: A,
     /// Depth up to which the ray has been composited, or the near distance.
@@ -27,7 +28,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     /// A ray that sees nothing nearer than this.
     #[inline(always)]
     pub(super) fn new(near_distance: f64, ahead: A) -> Self {
-        let (light, ray) = (Light::NONE, R::default());
+        let (light, ray) = (Accumulator::CLEAR, R::default());
         Self { light, ray, ahead, front: near_distance, composited: false, segments: 0, out_of_order: 0 }
     }
 
@@ -40,7 +41,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     /// Goes on along a segment: composites what is left of it behind what there is, unless nothing behind can be seen. Fragments of
     /// other layers up to its end are composited in their places.
     #[inline(always)]
-    pub(super) fn go_on<M: Medium<Ray = R, Light = Light>>(&mut self, medium: &M, segment: Segment) {
+    pub(super) fn go_on<M: Medium<Ray = R, Light = Accumulator>>(&mut self, medium: &M, segment: Segment) {
         let mut rest = segment;
         while let Some((depth, rgba)) = self.ahead.take_before(segment.part[1]) {
             let (near, behind) = rest.split(depth);
@@ -54,7 +55,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     }
 
     #[inline(always)]
-    fn pass<M: Medium<Ray = R, Light = Light>>(&mut self, medium: &M, mut segment: Segment) {
+    fn pass<M: Medium<Ray = R, Light = Accumulator>>(&mut self, medium: &M, mut segment: Segment) {
         let [from, to] = segment.part;
         let is_forward = to > from;
         if !is_forward || self.is_opaque() {
@@ -78,7 +79,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
 
     /// Goes on along whole segments that follow each other up to depth `to`, before all fragments that are ahead.
     #[inline(always)]
-    pub(super) fn go_on_in_run<M: Medium<Ray = R, Light = Light>>(
+    pub(super) fn go_on_in_run<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
         medium: &M,
         from_scalar: f64,
@@ -92,7 +93,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     /// Depth up to which [`Self::go_on_in_run`] is faster than one segment after the other, of a ray that has seen something before;
     /// minus infinity if it is nowhere.
     #[inline(always)]
-    pub(super) fn runs_up_to<M: Medium<Ray = R, Light = Light>>(&self, medium: &M) -> f64 {
+    pub(super) fn runs_up_to<M: Medium<Ray = R, Light = Accumulator>>(&self, medium: &M) -> f64 {
         let is_fast = medium.is_fast_in_runs(&self.ray) && self.light.visible_from < f64::INFINITY && !self.is_opaque();
         if is_fast { self.ahead.next_depth() } else { f64::NEG_INFINITY }
     }
@@ -102,7 +103,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         if self.is_opaque() || rgba == [0.0; 4] {
             return;
         }
-        self.light.gathered.add_premultiplied(Vec4::from_array(rgba), rgba[3]);
+        self.light.add_premultiplied(Vec4::from_array(rgba), rgba[3]);
         self.light.visible_from = self.light.visible_from.min(depth);
         (self.front, self.composited) = (self.front.max(depth), true);
     }
@@ -110,7 +111,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     /// Whether nothing behind can be seen.
     #[inline(always)]
     pub(super) fn is_opaque(&self) -> bool {
-        self.light.gathered.is_opaque()
+        self.light.is_opaque()
     }
 
     /// What the ray has seen at its end: the fragments that are still ahead lie behind all cells.
@@ -119,6 +120,6 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         while let Some((depth, rgba)) = self.ahead.take_before(f64::INFINITY) {
             self.meet(depth, rgba);
         }
-        TilePixel { rgba: self.light.gathered.pixel(), depth: self.light.visible_from }
+        TilePixel { rgba: self.light.pixel(), depth: self.light.visible_from }
     }
 }

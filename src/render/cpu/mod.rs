@@ -10,15 +10,16 @@ mod values;
 
 use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
-use super::medium::{Light, Medium, ScalarMedium};
+use super::medium::{Medium, ScalarMedium};
 use super::{OpticsTable, RenderJob};
 use crate::camera::View;
+use crate::optics::Accumulator;
 
 /// A piece of work that is compiled for each medium, and for frames with and without other layers.
 trait ForMedium {
     type Output;
 
-    fn run<M: Medium<Light = Light>, L: Layers>(self, medium: &M, layers: &L) -> Self::Output;
+    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> Self::Output;
 }
 
 /// Does it for what is in the cells of a job, whose transfer function has been prepared as `table`, and the layers beside it.

@@ -1,12 +1,14 @@
 //! Compositing the fragments of a ray.
 
-use super::super::super::layers::Ahead;
-use super::super::super::medium::{Light, Medium, Segment};
+use super::super::super::layers::{Ahead, NothingAhead};
+use super::super::super::medium::{Medium, Segment};
 use super::super::light::RayLight;
 use super::super::tiles::TilePixel;
 use super::super::values::ValuesOnRay;
 use super::fragment::Fragment;
 use crate::mesh::NONE;
+use crate::optics::Accumulator;
+use crate::optics::exact::ExactRay;
 
 /// What is the same for all fragments of a ray.
 pub(super) struct RayOptics<'a, M> {
@@ -62,7 +64,11 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// Goes on to a fragment that ought not to lie in front of the last one.
     #[inline(always)]
-    pub(super) fn advance<M: Medium<Ray = R, Light = Light>>(&mut self, optics: &RayOptics<'_, M>, to: &Fragment) {
+    pub(super) fn advance<M: Medium<Ray = R, Light = Accumulator>>(
+        &mut self,
+        optics: &RayOptics<'_, M>,
+        to: &Fragment,
+    ) {
         if to.depth < self.last.0 {
             if to.near != self.far || to.depth < self.last.0 - optics.tie {
                 self.out_of_order += 1;
@@ -87,7 +93,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// Goes on to all of these fragments, one after the other: the same as [`Self::advance`] for each.
     #[inline(always)]
-    pub(super) fn advance_all<M: Medium<Ray = R, Light = Light>>(
+    pub(super) fn advance_all<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
         optics: &RayOptics<'_, M>,
         to: &[Fragment],
@@ -112,7 +118,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// How many of the fragments follow one behind the other through active cells, where they are composited together.
     #[inline(always)]
-    fn run_length<M: Medium<Ray = R, Light = Light>>(
+    fn run_length<M: Medium<Ray = R, Light = Accumulator>>(
         &self,
         optics: &RayOptics<'_, M>,
         fragments: &[Fragment],
@@ -132,7 +138,11 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// Goes on along a run of fragments (at least one); false, and in a state of no meaning, if the ray becomes opaque.
     #[inline(always)]
-    fn advance_run<M: Medium<Ray = R, Light = Light>>(&mut self, optics: &RayOptics<'_, M>, run: &[Fragment]) -> bool {
+    fn advance_run<M: Medium<Ray = R, Light = Accumulator>>(
+        &mut self,
+        optics: &RayOptics<'_, M>,
+        run: &[Fragment],
+    ) -> bool {
         let Some(end) = run.last() else { return false };
         let (mut from, mut far, mut is_broken) = (self.last, self.far, false);
         let segments = run.iter().map(|to| {
@@ -149,7 +159,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// Goes through one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if
     /// the ray ends within it.
-    pub(super) fn follow<'f, M: Medium<Ray = R, Light = Light>>(
+    pub(super) fn follow<'f, M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
         optics: &RayOptics<'_, M>,
         path: impl Iterator<Item = &'f Fragment>,
@@ -171,7 +181,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
 
     /// Composites the gap from the last fragment to this one.
     #[inline(always)]
-    fn composite<M: Medium<Ray = R, Light = Light>>(&mut self, optics: &RayOptics<'_, M>, to: &Fragment) {
+    fn composite<M: Medium<Ray = R, Light = Accumulator>>(&mut self, optics: &RayOptics<'_, M>, to: &Fragment) {
         self.light.go_on(optics.values.medium, optics.segment(self.last, self.far, to));
     }
 
@@ -188,3 +198,6 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         self.light.pixel()
     }
 }
+
+// A tile has 256 of them beside its fragments in the cache.
+const _: () = assert!(size_of::<FragmentRay<Option<ExactRay>, NothingAhead>>() <= 128);

@@ -52,7 +52,7 @@ mod sides;
 mod tile;
 
 use super::super::layers::Layers;
-use super::super::medium::{Light, Medium};
+use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
@@ -61,6 +61,7 @@ use super::raycast::entries::cells_at_eye;
 use super::tiles::{TILE_PX, Tiles};
 use super::{ForMedium, for_medium};
 use crate::camera::View;
+use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
 use crate::visibility::DrawnFaces;
 use bins::FaceBins;
@@ -181,14 +182,14 @@ struct Slice<'a> {
 impl ForMedium for Slice<'_> {
     type Output = bool;
 
-    fn run<M: Medium<Light = Light>, L: Layers>(self, medium: &M, layers: &L) -> bool {
+    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> bool {
         self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
     }
 }
 
 impl FaceTiles {
     /// Renders tiles of a job for about `budget`; whether those were the last.
-    fn render_tiles<M: Medium<Light = Light>, L: Layers>(
+    fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
         active: &FaceJob,
         (medium, layers): (&M, &L),

@@ -1,7 +1,7 @@
 //! Pixels for which a buffer of k fragments was not enough, from all of their fragments.
 
 use super::super::super::layers::Layers;
-use super::super::super::medium::{Light, Medium};
+use super::super::super::medium::Medium;
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::Lanes;
 use super::super::raster::{FACES_AT_ONCE, TileRays};
@@ -11,6 +11,7 @@ use super::fragment::{Fragment, sort_all};
 use super::light::FragmentRay;
 use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
+use crate::optics::Accumulator;
 
 /// Pixels that are resolved at a time: bounds the memory.
 const PIXELS_AT_ONCE: u32 = 64;
@@ -21,7 +22,7 @@ const PIXELS_AT_ONCE: u32 = 64;
 /// an exit, and depths order the paths alone, as in the ray caster.
 #[cold]
 #[inline(never)]
-pub(super) fn resolve_again<'s, M: Medium<Light = Light>, Y: Layers, L: Lanes>(
+pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
     scene: &'s Scene<'_, M, Y>,
     tile: usize,
@@ -68,7 +69,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Light>, Y: Layers, L: Lanes>(
 }
 
 /// All fragments of the pixels `wanted`, in the order of the list.
-fn collect<M: Medium<Light = Light>, Y: Layers, L: Lanes>(
+fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
     scene: &Scene<'_, M, Y>,
     tile: usize,

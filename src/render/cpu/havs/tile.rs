@@ -1,7 +1,7 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
 use super::super::super::layers::{Ahead, Layers};
-use super::super::super::medium::{Light, Medium};
+use super::super::super::medium::Medium;
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
@@ -17,6 +17,7 @@ use super::light::{FragmentRay, RayOptics};
 use super::resolve::resolve_again;
 use crate::camera::View;
 use crate::mesh::{NONE, Topology};
+use crate::optics::Accumulator;
 use crate::render::KBuffer;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -41,7 +42,7 @@ pub(super) struct Scene<'a, M, Y> {
     pub(super) cancel: &'a Cancel,
 }
 
-impl<M: Medium<Light = Light>, Y: Layers> Scene<'_, M, Y> {
+impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// Fragments that a pixel has room for.
     fn room(&self) -> usize {
         usize::from(self.k_buffer.k) + BATCH
@@ -124,7 +125,7 @@ pub(super) struct RenderTile<'a, M, Y, L: Lanes> {
     pub(super) pixels: &'a mut [TilePixel],
 }
 
-impl<M: Medium<Light = Light>, Y: Layers, L: Lanes> NullaryFnOnce for RenderTile<'_, M, Y, L> {
+impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for RenderTile<'_, M, Y, L> {
     type Output = FrameStats;
 
     #[inline(always)]
@@ -171,7 +172,7 @@ impl<M: Medium<Light = Light>, Y: Layers, L: Lanes> NullaryFnOnce for RenderTile
 
 /// Faces in the order of the list, fragments through a buffer of k.
 #[inline(always)]
-fn draw_in_list_order<'s, M: Medium<Light = Light>, Y: Layers, L: Lanes>(
+fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
     scene: &'s Scene<'_, M, Y>,
     tile: usize,
@@ -271,7 +272,7 @@ impl<'a> FaceQueue<'a> {
     /// only opaque pixels could see are left out; in exact order they must lie behind what has been composited, too, or the pixel is
     /// to be drawn again.
     #[inline(always)]
-    fn take<M: Medium<Light = Light>, Y: Layers>(
+    fn take<M: Medium<Light = Accumulator>, Y: Layers>(
         &mut self,
         scene: &Scene<'a, M, Y>,
         tile: usize,
@@ -307,7 +308,7 @@ impl<'a> FaceQueue<'a> {
 
 /// The first fragments of rays that begin within the active cells.
 #[inline(never)]
-fn begin_at_eye<M: Medium<Light = Light>, Y: Layers>(
+fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     scene: &Scene<'_, M, Y>,
     rays: &TileRays,
     scratch: &mut TileScratch,
@@ -334,7 +335,7 @@ fn begin_at_eye<M: Medium<Light = Light>, Y: Layers>(
 /// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns how many
 /// fragments had arrived.
 #[inline(always)]
-fn let_go<M: Medium<Light = Light>, Y: Layers, A: Ahead>(
+fn let_go<M: Medium<Light = Accumulator>, Y: Layers, A: Ahead>(
     scene: &Scene<'_, M, Y>,
     rays: &TileRays,
     scratch: &mut TileScratch,

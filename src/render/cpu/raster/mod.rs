@@ -75,10 +75,10 @@ impl TileRays {
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
         let Bounds { x0, x1, y0, y1 } = bounds;
-        let mut rendered = [0u16; TILE_PX];
-        for (rendered, row) in rendered.iter_mut().zip(y0..y1) {
-            *rendered = (x0..x1).fold(0, |bits, column| bits | u16::from(view.renders(column, row)) << (column - x0));
-        }
+        let has = |pixel: usize, pixels: usize| view.lattice.has(pixel, pixels);
+        let in_row = (x0..x1).fold(0, |bits, x| bits | u16::from(has(x, view.width_px)) << (x - x0));
+        let row = |j: usize| y0 + j < y1 && has(y0 + j, view.height_px);
+        let rendered = std::array::from_fn(|j| if row(j) { in_row } else { 0 });
         let all_rendered = view.lattice == Lattice::ALL;
         Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }

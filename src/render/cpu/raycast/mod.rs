@@ -43,7 +43,7 @@ mod starts;
 mod walk;
 
 use super::super::layers::Layers;
-use super::super::medium::{Light, Medium};
+use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
@@ -51,6 +51,7 @@ use super::tiles::Tiles;
 use super::{ForMedium, for_medium};
 use crate::camera::View;
 use crate::mesh::Mesh;
+use crate::optics::Accumulator;
 use crate::optics::table3d::Table3dResolution;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -181,14 +182,14 @@ struct Slice<'a> {
 impl ForMedium for Slice<'_> {
     type Output = bool;
 
-    fn run<M: Medium<Light = Light>, L: Layers>(self, medium: &M, layers: &L) -> bool {
+    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> bool {
         self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
     }
 }
 
 impl CellWalk {
     /// Renders tiles of a job for about `budget`; whether those were the last.
-    fn render_tiles<M: Medium<Light = Light>, L: Layers>(
+    fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
         walk: &WalkJob,
         (medium, layers): (&M, &L),

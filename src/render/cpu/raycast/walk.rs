@@ -1,7 +1,7 @@
 //! From an entry through the active cells to the exit.
 
 use super::super::super::layers::{Ahead, Layers, NoLayers};
-use super::super::super::medium::{Light, Medium, Segment};
+use super::super::super::medium::{Medium, Segment};
 use super::super::light::RayLight;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use super::super::tiles::{PixelRect, TilePixel};
@@ -12,6 +12,7 @@ use super::path::{self, REPLACED, TURNED};
 use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
 use crate::mesh::Mesh;
+use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::visibility::CellSet;
@@ -47,7 +48,7 @@ pub(super) struct TileScratch {
 
 /// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost. Not `portable`: with the widest
 /// vectors that this processor has.
-pub(super) fn render_tile<M: Medium<Light = Light>, L: Layers>(
+pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     portable: bool,
     scene: &Scene<'_, M>,
     layers: &L,
@@ -103,7 +104,7 @@ pub(super) fn render_tile<M: Medium<Light = Light>, L: Layers>(
 }
 
 /// What the rays of a tile see if they meet no cell.
-fn without_cells<M: Medium<Light = Light>, L: Layers>(
+fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     scene: &Scene<'_, M>,
     layers: &L,
     rect: PixelRect,
@@ -118,7 +119,7 @@ fn without_cells<M: Medium<Light = Light>, L: Layers>(
 }
 
 /// Walks the rays of a tile, one after the other.
-fn walk_one_by_one<M: Medium<Light = Light>, L: Layers>(
+fn walk_one_by_one<M: Medium<Light = Accumulator>, L: Layers>(
     scene: &Scene<'_, M>,
     layers: &L,
     rect: PixelRect,
@@ -166,7 +167,7 @@ struct Walk<'a, R, A> {
 
 impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
     /// A ray at its first start (there is one).
-    fn new<M: Medium<Ray = R, Light = Light>>(
+    fn new<M: Medium<Ray = R, Light = Accumulator>>(
         scene: &Scene<'_, M>,
         ray: Ray,
         light: RayLight<R, A>,
@@ -201,7 +202,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
     }
 
     /// Goes to the start of the next path, if there is one.
-    fn next_path<M: Medium<Ray = R, Light = Light>>(&mut self, scene: &Scene<'_, M>) -> bool {
+    fn next_path<M: Medium<Ray = R, Light = Accumulator>>(&mut self, scene: &Scene<'_, M>) -> bool {
         let Some(((_, start), rest)) = self.starts.split_first() else { return false };
         self.starts = rest;
         (self.cell, self.opposite) = (start.cell, start.opposite);
@@ -223,7 +224,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
 
     /// Walks through one cell; false at the end of the ray.
     #[inline(always)]
-    fn step<M: Medium<Ray = R, Light = Light>>(&mut self, scene: &Scene<'_, M>) -> bool {
+    fn step<M: Medium<Ray = R, Light = Accumulator>>(&mut self, scene: &Scene<'_, M>) -> bool {
         self.steps += 1;
         let topology = &scene.mesh.topology;
         let tet = &topology.tets[self.cell as usize];
