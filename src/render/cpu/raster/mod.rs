@@ -84,6 +84,21 @@ impl TileRays {
     }
 }
 
+impl TileRays {
+    /// Brings the pixels of a list that rays are cast for to its begin, in their order; returns how many.
+    #[cold]
+    #[inline(never)]
+    fn keep_rendered(&self, list: &mut [u32]) -> usize {
+        let mut kept = 0;
+        for i in 0..list.len() {
+            let pixel = list[i] as usize;
+            list[kept] = list[i];
+            kept += usize::from(self.rendered[pixel / TILE_PX] >> (pixel % TILE_PX) & 1);
+        }
+        kept
+    }
+}
+
 /// Where a ray passes through a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hit {
@@ -216,7 +231,10 @@ impl Faces {
         let i = i % FACES_AT_ONCE;
         let [front, behind] = self.faces[i].cells;
         let certain_above = [self.certain[i]; EIGHT];
-        let candidates = self.candidates(lanes, i, rays, list);
+        let mut candidates = self.candidates(lanes, i, rays, list);
+        if !rays.all_rendered {
+            candidates = rays.keep_rendered(&mut list[..candidates]);
+        }
         let mut first = 0;
         while first < candidates {
             let pixels = list[first..].first_chunk().unwrap_or(&[0; EIGHT]);
@@ -261,15 +279,7 @@ impl Faces {
             let dx = &rays.block_dx[column % TILE_PX];
             let mut row = top;
             while row < bottom {
-                let mut asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
-                if !rays.all_rendered {
-                    let in_row = |row: usize| u32::from(rays.rendered[row % TILE_PX] >> (column % TILE_PX)) & 0xff;
-                    asked &= in_row(row) | in_row(row + 1) << COLUMNS;
-                    if asked == 0 {
-                        row += BLOCK / COLUMNS;
-                        continue;
-                    }
-                }
+                let asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
                 let dy = &rays.block_dy[row % TILE_PX];
                 let mut some = [0.0; BLOCK];
                 for l in 0..BLOCK {
