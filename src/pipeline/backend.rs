@@ -124,17 +124,19 @@ impl Renderers {
             DrawnBy::Faces(_) => Some(Primitive::Faces),
             DrawnBy::Reference => None,
         };
-        if let Some(primitive) = primitive {
+        if primitive.is_some() {
             self.check(backend)?;
-            #[cfg(feature = "gpu")]
-            if self.gpu.is_wanted(backend)? {
-                match self.gpu.draw(&job, primitive, backend) {
-                    Ok(false) => return Ok(None),
-                    Ok(true) => return Ok(self.gpu.renderer_in_use(primitive)),
-                    Err(error) if backend == Backend::Gpu => return Err(error),
-                    // The CPU can do it, and the GPU has noted why it did not.
-                    Err(_) => {}
-                }
+        }
+        #[cfg(feature = "gpu")]
+        if let Some(primitive) = primitive
+            && self.gpu.is_wanted(backend)?
+        {
+            match self.gpu.draw(&job, primitive, backend) {
+                Ok(false) => return Ok(None),
+                Ok(true) => return Ok(self.gpu.renderer_in_use(primitive)),
+                Err(error) if backend == Backend::Gpu => return Err(error),
+                // The CPU can do it, and the GPU has noted why it did not.
+                Err(_) => {}
             }
         }
         let renderer: &mut dyn Renderer = match primitive {
