@@ -41,7 +41,7 @@
 //! 4. The list is kept in its order, with corners and cells, as long as it is drawn; tiles have copies of their faces.
 //!    Both for the sake of memory read in order ([`bins`]).
 //! 5. The fragments of a pixel that leave its buffer together are integrated together: weights of colours side by side
-//!    ([`Integrator::segments`]).
+//!    ([`Medium::pass_run`]).
 //! 6. It is compiled for the widest registers that the processor has; the image is the same.
 
 mod bins;

@@ -31,7 +31,7 @@
 //!
 //! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
 //! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
-//! ([`light`]).
+//! ([`light`](super::light)).
 
 pub(in crate::render) mod entries;
 #[cfg(target_arch = "x86_64")]
