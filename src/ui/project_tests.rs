@@ -375,7 +375,9 @@ fn an_ensemble_that_cannot_be_had_is_said_and_shows_nothing() {
         go_to(&mut desk, 1);
         assert_eq!(desk.shown().request.time, FrameTime::from(1), "it goes on");
         press(&mut desk, '1');
-        assert!(desk.session.thumbnail(Some(2)).is_none());
+        let picture = wait_for("small picture", || desk.session.thumbnail(Some(2)));
+        let nothing = over_background(&vec![[0.0; 4]; picture.size[0] * picture.size[1]], [0.0; 3]);
+        assert_eq!(picture.pixels, nothing);
     }
 }
 
