@@ -4,6 +4,7 @@
 //! a transfer function of the scalar ([`ScalarMedium`]) or of more ([`JointMedium`](super::joint::JointMedium)); the
 //! [reference](mod@super::reference) has its own, in float64.
 
+use crate::mesh::NONE;
 use crate::optics::exact::ExactTable;
 use crate::optics::{Accumulator, Integrator};
 
@@ -20,16 +21,29 @@ pub(in crate::render) struct Segment {
     pub(in crate::render) value: [f64; 2],
     /// Depths between which light passes: all of `depth`, or a part of it.
     pub(in crate::render) part: [f64; 2],
+    /// Scalars at the ends of `part`.
+    pub(in crate::render) part_scalar: [f64; 2],
     /// Length of the ray per unit of depth.
     pub(in crate::render) length_per_depth: f64,
 }
 
 impl Segment {
+    /// The whole way through a cell.
+    #[inline(always)]
+    pub(in crate::render) fn new(
+        cell: u32,
+        depth: [f64; 2],
+        scalar: [f64; 2],
+        value: [f64; 2],
+        length_per_depth: f64,
+    ) -> Self {
+        Self { cell, depth, scalar, value, part: depth, part_scalar: scalar, length_per_depth }
+    }
+
     /// The segment between two (depth, scalar) places, for media that ask for no more: neither cell nor values are known.
     #[inline(always)]
     pub(in crate::render) fn of_scalars(from: (f64, f64), to: (f64, f64), length_per_depth: f64) -> Self {
-        let (depth, scalar) = ([from.0, to.0], [from.1, to.1]);
-        Self { cell: crate::mesh::NONE, depth, scalar, value: [0.0; 2], part: depth, length_per_depth }
+        Self::new(NONE, [from.0, to.0], [from.1, to.1], [0.0; 2], length_per_depth)
     }
 
     /// What is left of it from a depth on, if there is something.
@@ -41,40 +55,32 @@ impl Segment {
     /// What lies before a depth in front of its far end, if there is something, and what lies behind.
     #[inline(always)]
     pub(in crate::render) fn split(self, depth: f64) -> (Option<Self>, Self) {
-        let [near, far] = self.part;
-        if near < depth {
-            (Some(Self { part: [near, depth], ..self }), Self { part: [depth, far], ..self })
-        } else {
-            (None, self)
+        let ([near, far], [near_scalar, far_scalar]) = (self.part, self.part_scalar);
+        if near >= depth {
+            return (None, self);
         }
+        let scalar = between(self.scalar, self.share(depth));
+        let before = Self { part: [near, depth], part_scalar: [near_scalar, scalar], ..self };
+        (Some(before), Self { part: [depth, far], part_scalar: [scalar, far_scalar], ..self })
+    }
+
+    /// A depth as a share of the way through the cell.
+    #[inline(always)]
+    fn share(&self, depth: f64) -> f64 {
+        (depth - self.depth[0]) / (self.depth[1] - self.depth[0])
     }
 
     /// The ends of what is left as shares of the way through the cell.
-    #[inline(always)]
     pub(in crate::render) fn shares(&self) -> [f64; 2] {
-        let Self { depth: [enter, exit], part: [near, far], .. } = *self;
-        let share = |depth: f64| (depth - enter) / (exit - enter);
-        [if near == enter { 0.0 } else { share(near) }, if far == exit { 1.0 } else { share(far) }]
-    }
-
-    /// Scalars at the ends of what is left.
-    #[inline(always)]
-    pub(in crate::render) fn scalars(&self) -> [f64; 2] {
-        self.at_ends(self.scalar)
+        let ([enter, exit], [near, far]) = (self.depth, self.part);
+        [if near == enter { 0.0 } else { self.share(near) }, if far == exit { 1.0 } else { self.share(far) }]
     }
 
     /// The quantity of vertices at the ends of what is left.
-    #[inline(always)]
-    pub(in crate::render) fn values(&self) -> [f64; 2] {
-        self.at_ends(self.value)
-    }
-
-    /// What is linear in depth and has these values at both ends of the cell, at the ends of what is left.
-    #[inline(always)]
-    fn at_ends(&self, [enter, exit]: [f64; 2]) -> [f64; 2] {
+    pub(in crate::render) fn part_value(&self) -> [f64; 2] {
         let [near, far] = self.shares();
-        let at = |share: f64| enter + share * (exit - enter);
-        [if near == 0.0 { enter } else { at(near) }, if far == 1.0 { exit } else { at(far) }]
+        let value = |share: f64| between(self.value, share);
+        [if near == 0.0 { self.value[0] } else { value(near) }, if far == 1.0 { self.value[1] } else { value(far) }]
     }
 
     /// Length of what is left.
@@ -82,6 +88,12 @@ impl Segment {
     pub(in crate::render) fn length(&self) -> f64 {
         (self.part[1] - self.part[0]) * self.length_per_depth
     }
+}
+
+/// What has these values at both ends of the way through a cell, at a share of it.
+#[inline(always)]
+fn between([enter, exit]: [f64; 2], share: f64) -> f64 {
+    enter + share * (exit - enter)
 }
 
 /// What rays pass through in cells.
@@ -143,7 +155,7 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
 
     #[inline(always)]
     fn pass(&self, place: &mut Option<I::Place>, segment: &Segment, light: &mut Accumulator) -> u32 {
-        let [from, to] = segment.scalars();
+        let [from, to] = segment.part_scalar;
         let place = place.get_or_insert_with(|| self.0.enter(from));
         let pieces = self.0.segment(place, from, to, segment.length(), light) as u32;
         if pieces > 0 && light.visible_from == f64::INFINITY {

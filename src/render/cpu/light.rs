@@ -68,7 +68,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
                 self.out_of_order += u32::from(self.composited);
                 return;
             }
-            segment.part[0] = self.front;
+            segment = segment.split(self.front).1;
         }
         let pieces = medium.pass(&mut self.ray, &segment, &mut self.light);
         if pieces > 0 {

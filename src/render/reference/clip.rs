@@ -73,14 +73,9 @@ impl Cell {
             values[0] + (1..4).map(rise).sum::<f64>()
         };
         let at_ends = |values: &[f64; 4]| [between(values, near), between(values, far)];
-        Some(Segment {
-            cell: self.number,
-            depth: [near, far],
-            scalar: at_ends(&self.scalars),
-            value: at_ends(&self.vertex_values),
-            part: [near, far],
-            length_per_depth: view.length_per_depth(px, py) * scale,
-        })
+        let length_per_depth = view.length_per_depth(px, py) * scale;
+        let (scalar, value) = (at_ends(&self.scalars), at_ends(&self.vertex_values));
+        Some(Segment::new(self.number, [near, far], scalar, value, length_per_depth))
     }
 }
 

@@ -54,7 +54,7 @@ impl Medium for Formula<'_> {
 }
 
 fn add_segment(sum: &mut Sum, formula: &Formula, segment: &Segment) {
-    let ([near, far], [from, to], length) = (segment.scalars(), segment.part, segment.length());
+    let ([near, far], [from, to], length) = (segment.part_scalar, segment.part, segment.length());
     let mut walk = Walk { sum, formula, near, rise: far - near, length };
     if near == far {
         walk.constant(0.0, 1.0, from);

@@ -37,7 +37,7 @@ impl<'a> Transfer<'a> {
     pub(in crate::render) fn pieces(self, segment: &Segment) -> Vec<(Node, Node, f64)> {
         match self {
             Self::Scalar(table) => {
-                let [near, far] = segment.scalars();
+                let [near, far] = segment.part_scalar;
                 pieces(table, near, far)
             }
             Self::Joint(scene) => joint::pieces(scene, segment),

@@ -8,7 +8,7 @@ use crate::render::medium::Segment;
 /// diagonal of a rectangle: values at both ends of each piece, as seen from inside of it, and its share of the length.
 pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, f64)> {
     let (table, cell_value) = (&scene.table, scene.cell_value(segment.cell));
-    let (scalars, values) = (segment.scalars(), segment.values());
+    let (scalars, values) = (segment.part_scalar, segment.part_value());
     let scalar = |u: f64| scalars[0] + u * (scalars[1] - scalars[0]);
     let value = |u: f64| values[0] + u * (values[1] - values[0]);
     let meets = |axis: &[f64], near: f64, far: f64| -> Vec<f64> {

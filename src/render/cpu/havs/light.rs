@@ -30,7 +30,7 @@ impl<M: Medium> RayOptics<'_, M> {
             [0.0; 2]
         };
         let length_per_depth = self.values.ray.length_per_depth;
-        Segment { cell: far, depth, scalar: [from.1, to.scalar], value, part: depth, length_per_depth }
+        Segment::new(far, depth, [from.1, to.scalar], value, length_per_depth)
     }
 }
 

@@ -258,15 +258,9 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         let neighbour = topology.neighbours[self.cell as usize][exit & 3];
         let here = hit(edges, &p, &q, &new);
         let value = self.value_here(scene.medium);
-        let depth = [self.last.0, here.0];
-        let segment = Segment {
-            cell: self.cell,
-            depth,
-            scalar: [self.last.1, here.1],
-            value: [self.last_value, value],
-            part: depth,
-            length_per_depth: self.ray.length_per_depth,
-        };
+        let (depth, scalar) = ([self.last.0, here.0], [self.last.1, here.1]);
+        let values = [self.last_value, value];
+        let segment = Segment::new(self.cell, depth, scalar, values, self.ray.length_per_depth);
         self.light.go_on(scene.medium, segment);
         (self.last, self.last_value) = (here, value);
         if scene.early_termination && self.light.is_opaque() {

@@ -326,7 +326,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             } else {
                 let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
                 let (_, behind) = Segment::of_scalars(from, to, 0.0).split(self.front[lane]);
-                (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.scalars()[0]);
+                (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.part_scalar[0]);
             }
         }
         if hidden != 0 {
