@@ -115,6 +115,11 @@ impl View {
         (self.lattice.count(self.width_px), self.lattice.count(self.height_px))
     }
 
+    /// Depth before which rays see nothing: a perspective camera sees nothing behind its eye, a parallel one has no eye.
+    pub fn near_depth(&self) -> f64 {
+        if self.perspective { self.near.max(0.0) } else { f64::NEG_INFINITY }
+    }
+
     /// Whether a ray is cast for a pixel.
     #[inline]
     pub fn renders(&self, column: usize, row: usize) -> bool {

@@ -39,7 +39,7 @@ impl LayerFragments {
             }
         }
         // Stable: equal ones stay in the order of their layers.
-        found.sort_by(|(a, at), (b, bt)| a.cmp(b).then(at.depth.total_cmp(&bt.depth)));
+        found.sort_by(|(a, of_a), (b, of_b)| a.cmp(b).then(of_a.depth.total_cmp(&of_b.depth)));
         let mut ends = Vec::with_capacity(pixels);
         for pixel in 0..pixels {
             let begin = ends.last().map_or(0, |&end| end as usize);
@@ -138,7 +138,7 @@ pub(in crate::render) struct JobLayers<'a> {
 impl<'a> JobLayers<'a> {
     /// Those of a job with this local view.
     pub(in crate::render) fn of(job: &'a RenderJob, view: &'a View) -> Option<Self> {
-        let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        let near = view.near_depth();
         let local_per_world = 1.0 / job.mesh.positions.scale;
         let fragments = job.fragments.as_deref()?;
         Some(Self { fragments, view, near, local_per_world })

@@ -121,7 +121,7 @@ impl Ray {
             let (a, b) = (&a.segment, &b.segment);
             a.part[0].total_cmp(&b.part[0]).then(a.part[1].total_cmp(&b.part[1]))
         });
-        let mut front = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+        let mut front = view.near_depth();
         found.retain_mut(|on_ray| {
             let Some(left) = on_ray.segment.behind(front) else { return false };
             front = left.part[1];

@@ -144,7 +144,7 @@ fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], de
     segments.sort_by(|a, b| {
         a.0.cmp(&b.0).then(a.1.part[0].total_cmp(&b.1.part[0])).then(a.1.part[1].total_cmp(&b.1.part[1]))
     });
-    let near = if view.perspective { view.near.max(0.0) } else { f64::NEG_INFINITY };
+    let near = view.near_depth();
     let mut of_pixels = segments.chunk_by(|a, b| a.0 == b.0).peekable();
     for pixel in 0..pixels.len() {
         if active.job.cancel.is_cancelled() {

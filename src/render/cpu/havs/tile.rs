@@ -48,14 +48,9 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         usize::from(self.k_buffer.k) + BATCH
     }
 
-    /// Near distance, or where a ray in parallel projection begins.
-    pub(super) fn near_distance(&self) -> f64 {
-        if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
-    }
-
     /// The ray of a pixel before its first fragment.
     pub(super) fn ray(&self, column: usize, row: usize) -> FragmentRay<M::Ray, Y::Ahead<'_>> {
-        FragmentRay::new(self.near_distance(), self.layers.ahead(column, row))
+        FragmentRay::new(self.view.near_depth(), self.layers.ahead(column, row))
     }
 
     pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, M> {
@@ -134,7 +129,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
         let rect = scene.bins.grid.rect(tile);
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
         let rays = TileRays::new(scene.view, bounds);
-        let mut lights = [FragmentRay::new(scene.near_distance(), Y::Ahead::NONE); PIXELS];
+        let mut lights = [FragmentRay::new(scene.view.near_depth(), Y::Ahead::NONE); PIXELS];
         if Y::ANY {
             for (pixel, light) in lights.iter_mut().enumerate() {
                 let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);

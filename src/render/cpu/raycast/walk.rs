@@ -31,13 +31,6 @@ pub(super) struct Scene<'a, M> {
     pub(super) early_termination: bool,
 }
 
-impl<M> Scene<'_, M> {
-    /// Depth before which rays see nothing.
-    pub(super) fn near_distance(&self) -> f64 {
-        if self.view.perspective { self.view.near.max(0.0) } else { f64::NEG_INFINITY }
-    }
-}
-
 /// Buffers of a tile, used again from tile to tile.
 #[derive(Default)]
 pub(super) struct TileScratch {
@@ -113,7 +106,7 @@ fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     for (pixel, out) in pixels.iter_mut().enumerate().take(rect.width * rect.height) {
         let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
         if scene.view.renders(column, row) {
-            *out = RayLight::<M::Ray, _>::new(scene.near_distance(), layers.ahead(column, row)).pixel();
+            *out = RayLight::<M::Ray, _>::new(scene.view.near_depth(), layers.ahead(column, row)).pixel();
         }
     }
 }
@@ -131,7 +124,7 @@ fn walk_one_by_one<M: Medium<Light = Accumulator>, L: Layers>(
         let pixel = starts[0].0 as usize;
         let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
         let ray = Ray::of_pixel(scene.view, column, row);
-        let light = RayLight::new(scene.near_distance(), layers.ahead(column, row));
+        let light = RayLight::new(scene.view.near_depth(), layers.ahead(column, row));
         let mut walk = Walk::new(scene, ray, light, starts);
         let most = starts.len() * scene.mesh.topology.tets.len();
         while walk.step(scene) {

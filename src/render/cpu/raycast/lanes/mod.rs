@@ -71,11 +71,11 @@ impl<M, I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, M, I, L> {
         let rays = Rays { scene, rect, rest: starts };
         match table.as_exact() {
             Some(table) => {
-                let mut lights = ExactLights::new(Optics { lanes, table }, scene.near_distance());
+                let mut lights = ExactLights::new(Optics { lanes, table }, scene.view.near_depth());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
             None => {
-                let mut lights = EachLight::new(table, scene.near_distance());
+                let mut lights = EachLight::new(table, scene.view.near_depth());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
         }
