@@ -9,7 +9,6 @@ use super::weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
-use std::num::NonZeroU32;
 
 /// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
@@ -146,28 +145,24 @@ impl ExactTable {
 /// What is known of a ray's place in the table: the interval, and the values at the scalar where its last segment ended.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactRay {
-    /// One more than the index of the interval: an `Option` of it needs no more room.
-    number: NonZeroU32,
+    interval: usize,
+    /// Whether that is clear. An `Option` of the place needs no more room as long as it has a `bool`.
+    clear: bool,
     here: Optical,
 }
 
-/// See [`ExactRay::number`].
-#[inline(always)]
-fn number_of(interval: usize) -> NonZeroU32 {
-    NonZeroU32::MIN.saturating_add(interval as u32)
-}
-
 impl ExactRay {
-    #[inline(always)]
-    fn interval(&self) -> usize {
-        self.number.get() as usize - 1
-    }
-
     /// A ray that enters the volume at a place with this scalar.
     #[inline]
     pub fn enter(table: &ExactTable, scalar: f64) -> Self {
         let interval = table.interval_at(scalar);
-        Self { number: number_of(interval), here: table.intervals[interval].at(scalar) }
+        Self::in_interval(&table.intervals, interval, scalar)
+    }
+
+    #[inline]
+    fn in_interval(intervals: &[Interval], interval: usize, scalar: f64) -> Self {
+        let &Interval { clear, .. } = &intervals[interval];
+        Self { interval, clear, here: intervals[interval].at(scalar) }
     }
 
     /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
@@ -184,7 +179,7 @@ impl ExactRay {
     #[inline(always)]
     fn split(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, into: &mut impl TakePiece) {
         let intervals = table.intervals.as_slice();
-        let interval = &intervals[self.interval()];
+        let interval = &intervals[self.interval];
         // The usual case: no node on the way.
         if s1 < interval.hi && s1 > interval.lo && s0 < interval.hi {
             self.piece(interval, s1, length, into);
@@ -198,7 +193,7 @@ impl ExactRay {
     fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) -> bool {
         let near = self.here;
         self.here = interval.at(to);
-        if !interval.clear {
+        if !self.clear {
             let (far, length) = (self.here, length as f32);
             // Rounding may leave a tiny negative extinction where a ramp reaches zero.
             let [near_depth, far_depth] = [near, far].map(|end| (end.tau() * length).max(0.0));
@@ -217,35 +212,35 @@ impl ExactRay {
         let mut rest = length;
         if s1 >= s0 {
             // At a node the side that the ray goes to holds; a constant segment takes the right one.
-            while s >= intervals[self.interval()].hi {
-                self.move_to(intervals, self.interval() + 1, s);
+            while s >= intervals[self.interval].hi {
+                self.move_to(intervals, self.interval + 1, s);
             }
             let per_scalar = if s1 > s0 { length / (s1 - s0) } else { 0.0 };
-            while s1 > intervals[self.interval()].hi {
-                let interval = &intervals[self.interval()];
+            while s1 > intervals[self.interval].hi {
+                let interval = &intervals[self.interval];
                 if !self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into) {
                     return self.leave_out_rest(intervals, s1);
                 }
                 s = interval.hi;
                 rest = (s1 - s) * per_scalar;
-                self.move_to(intervals, self.interval() + 1, s);
+                self.move_to(intervals, self.interval + 1, s);
             }
         } else {
-            while s <= intervals[self.interval()].lo {
-                self.move_to(intervals, self.interval() - 1, s);
+            while s <= intervals[self.interval].lo {
+                self.move_to(intervals, self.interval - 1, s);
             }
             let per_scalar = length / (s0 - s1);
-            while s1 < intervals[self.interval()].lo {
-                let interval = &intervals[self.interval()];
+            while s1 < intervals[self.interval].lo {
+                let interval = &intervals[self.interval];
                 if !self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into) {
                     return self.leave_out_rest(intervals, s1);
                 }
                 s = interval.lo;
                 rest = (s - s1) * per_scalar;
-                self.move_to(intervals, self.interval() - 1, s);
+                self.move_to(intervals, self.interval - 1, s);
             }
         }
-        self.piece(&intervals[self.interval()], s1, rest, into);
+        self.piece(&intervals[self.interval], s1, rest, into);
     }
 
     /// Goes to the end of a segment of which nothing more is seen.
@@ -257,8 +252,7 @@ impl ExactRay {
     /// Crosses a node: values may jump.
     #[inline]
     fn move_to(&mut self, intervals: &[Interval], interval: usize, scalar: f64) {
-        self.number = number_of(interval);
-        self.here = intervals[interval].at(scalar);
+        *self = Self::in_interval(intervals, interval, scalar);
     }
 }
 
