@@ -66,6 +66,12 @@ impl CellSet {
         self.words[cell as usize / 64] >> (cell % 64) & 1 == 1
     }
 
+    /// 1 if `cell` is in the set, else 0; so is what is no cell ([`NONE`](crate::mesh::NONE)).
+    #[inline]
+    pub(super) fn bit(&self, cell: u32) -> u64 {
+        self.words.get(cell as usize / 64).map_or(0, |word| word >> (cell % 64) & 1)
+    }
+
     /// Puts `cell` in or out.
     pub fn set(&mut self, cell: u32, member: bool) {
         let bit = 1 << (cell % 64);

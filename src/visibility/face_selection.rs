@@ -1,7 +1,6 @@
 //! Which faces a frame draws.
 
 use super::parts::CHUNK;
-use crate::mesh::NONE;
 use crate::visibility::CellSet;
 use rayon::prelude::*;
 
@@ -77,15 +76,16 @@ impl FaceSelection {
     pub fn set_boundary_of(&mut self, active: &CellSet, face_cells: &[[u32; 2]], inner: &mut Self) {
         self.clear(face_cells.len());
         inner.clear(face_cells.len());
-        let is_active = |cell: u32| cell != NONE && active.contains(cell);
         let words = self.words.par_chunks_mut(CHUNK / 64).zip(inner.words.par_chunks_mut(CHUNK / 64));
         words.zip(face_cells.par_chunks(CHUNK)).for_each(|((boundary, inner), face_cells)| {
             for ((boundary, inner), face_cells) in boundary.iter_mut().zip(inner).zip(face_cells.chunks(64)) {
-                for (bit, &[a, b]) in face_cells.iter().enumerate() {
-                    let [a, b] = [a, b].map(is_active);
-                    *boundary |= u64::from(a != b) << bit;
-                    *inner |= u64::from(a && b) << bit;
+                let (mut one, mut both) = (0, 0);
+                for (place, &cells) in face_cells.iter().enumerate() {
+                    let [a, b] = cells.map(|cell| active.bit(cell));
+                    one |= (a ^ b) << place;
+                    both |= (a & b) << place;
                 }
+                (*boundary, *inner) = (one, both);
             }
         });
     }
