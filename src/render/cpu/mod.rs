@@ -11,30 +11,72 @@ mod values;
 use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
 use super::medium::{Medium, ScalarMedium};
-use super::{OpticsTable, RenderJob};
+use super::{Frame, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
+use std::time::Duration;
 
-/// A piece of work that is compiled for each medium, and for frames with and without other layers.
-trait ForMedium {
-    type Output;
-
-    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> Self::Output;
+/// What every renderer of tiles knows of its job.
+struct TileJob {
+    job: RenderJob,
+    view: View,
+    /// The transfer function.
+    table: OpticsTable,
 }
 
-/// Does it for what is in the cells of a job, whose transfer function has been prepared as `table`, and the layers beside it.
-fn for_medium<W: ForMedium>(job: &RenderJob, view: &View, table: &OpticsTable, work: W) -> W::Output {
-    match JobLayers::of(job, view) {
-        None => with_layers(job, table, &NoLayers, work),
-        Some(layers) => with_layers(job, table, &layers, work),
+impl TileJob {
+    /// Begins a job with a clear frame.
+    fn new(job: RenderJob, tables: &mut OpticsTables, frame: &mut Frame) -> Self {
+        let view = job.local_view();
+        frame.clear(view.plane_px());
+        let table = tables.get(&job);
+        Self { job, view, table }
+    }
+
+    /// Whether nothing is to be seen, or nobody waits for it.
+    fn is_clear(&self) -> bool {
+        let cells_are_clear = self.table.is_clear() || self.job.active.count() == 0;
+        cells_are_clear && self.job.fragments.is_none() || self.job.cancel.is_cancelled()
     }
 }
 
-fn with_layers<W: ForMedium, L: Layers>(job: &RenderJob, table: &OpticsTable, layers: &L, work: W) -> W::Output {
-    match (&job.grid, table) {
-        (Some(scene), _) => work.run(&JointMedium::new(scene, &job.mesh), layers),
-        (None, OpticsTable::Exact(table)) => work.run(&ScalarMedium(&**table), layers),
-        (None, OpticsTable::Table3d(table)) => work.run(&ScalarMedium(&**table), layers),
-        (None, OpticsTable::Partial(table)) => work.run(&ScalarMedium(&**table), layers),
+/// A renderer of tiles, compiled for each medium, and for frames with and without other layers.
+trait RenderTiles {
+    type Job;
+
+    fn tile_job(job: &Self::Job) -> &TileJob;
+
+    /// Renders tiles of a job for about `budget`; whether those were the last.
+    fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
+        &mut self,
+        job: &Self::Job,
+        in_cells_and_beside: (&M, &L),
+        budget: Duration,
+        frame: &mut Frame,
+    ) -> bool;
+
+    /// The same for what is in the cells of the job, and the layers beside it.
+    fn render(&mut self, job: &Self::Job, budget: Duration, frame: &mut Frame) -> bool {
+        let TileJob { job: of, view, .. } = Self::tile_job(job);
+        match JobLayers::of(of, view) {
+            None => self.render_with(job, &NoLayers, budget, frame),
+            Some(layers) => self.render_with(job, &layers, budget, frame),
+        }
+    }
+
+    fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
+        let TileJob { job: of, table, .. } = Self::tile_job(job);
+        match (&of.grid, table) {
+            (Some(scene), _) => self.render_tiles(job, (&JointMedium::new(scene, &of.mesh), layers), budget, frame),
+            (None, OpticsTable::Exact(table)) => {
+                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
+            }
+            (None, OpticsTable::Table3d(table)) => {
+                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
+            }
+            (None, OpticsTable::Partial(table)) => {
+                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
+            }
+        }
     }
 }

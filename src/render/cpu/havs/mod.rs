@@ -53,13 +53,13 @@ mod tile;
 
 use super::super::layers::Layers;
 use super::super::medium::Medium;
-use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
+use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::raycast::EYE_TOLERANCE;
 use super::raycast::entries::cells_at_eye;
 use super::tiles::{TILE_PX, Tiles};
-use super::{ForMedium, for_medium};
+use super::{RenderTiles, TileJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
@@ -93,10 +93,8 @@ pub struct FaceTiles {
 
 /// A job of [`FaceTiles`].
 pub struct FaceJob {
-    job: RenderJob,
+    tiles: TileJob,
     is_complete: bool,
-    view: View,
-    table: OpticsTable,
     eye_cells: Vec<u32>,
     tie: f64,
 }
@@ -145,70 +143,54 @@ impl LayerRenderer for FaceTiles {
 
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<FaceJob>, RenderError> {
         let drawn = checked_faces(&job)?;
-        let view = job.local_view();
-        frame.clear(view.plane_px());
-        let table = self.tables.get(&job);
+        let tiles = TileJob::new(job, &mut self.tables, frame);
+        let TileJob { job, view, .. } = &tiles;
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
-        let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();
-        let everything_clear = nothing_visible || job.cancel.is_cancelled();
         let mut eye_cells = Vec::new();
-        if everything_clear {
+        if tiles.is_clear() {
             self.bins.clear();
         } else {
-            self.place_faces(&job, &view, &drawn);
-            eye_cells = cells_at_eye(&job, &view, EYE_TOLERANCE);
+            self.place_faces(job, view, &drawn);
+            eye_cells = cells_at_eye(job, view, EYE_TOLERANCE);
             frame.stats.faces_drawn = drawn.faces.len() as u64;
         }
         self.tiles.begin(self.bins.grid, job.skip.costly_first);
         // The mesh lies within a local box of diameter 2 sqrt(3).
         let tie = fragment::tie(view.eye.length() + 2.0);
-        Ok(Some(FaceJob { job, is_complete: drawn.is_complete, view, table, eye_cells, tie }))
+        Ok(Some(FaceJob { tiles, is_complete: drawn.is_complete, eye_cells, tie }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut FaceJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        let slice = Slice { renderer: self, job, budget, frame };
-        Ok(for_medium(&job.job, &job.view, &job.table, slice))
+        Ok(self.render(job, budget, frame))
     }
 }
 
-/// Tiles of a job for about a budget; says whether those were the last.
-struct Slice<'a> {
-    renderer: &'a mut FaceTiles,
-    job: &'a FaceJob,
-    budget: Duration,
-    frame: &'a mut Frame,
-}
+impl RenderTiles for FaceTiles {
+    type Job = FaceJob;
 
-impl ForMedium for Slice<'_> {
-    type Output = bool;
-
-    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> bool {
-        self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
+    fn tile_job(job: &FaceJob) -> &TileJob {
+        &job.tiles
     }
-}
 
-impl FaceTiles {
-    /// Renders tiles of a job for about `budget`; whether those were the last.
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        active: &FaceJob,
+        FaceJob { tiles: TileJob { job, view, .. }, is_complete, eye_cells, tie }: &FaceJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
-        let job = &active.job;
         let scene = Scene {
             topology: &job.mesh.topology,
             vertices: &self.vertices,
             bins: &self.bins,
-            view: &active.view,
+            view,
             medium,
             layers,
-            eye_cells: &active.eye_cells,
+            eye_cells,
             k_buffer: job.k_buffer,
-            is_complete: active.is_complete,
+            is_complete: *is_complete,
             early_termination: job.skip.opaque,
-            tie: active.tie,
+            tie: *tie,
             cancel: &job.cancel,
         };
         let portable = self.portable;

@@ -44,11 +44,11 @@ mod walk;
 
 use super::super::layers::Layers;
 use super::super::medium::Medium;
-use super::super::{Frame, FrameRun, LayerRenderer, OpticsTable, OpticsTables, RenderError, RenderJob};
+use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
 use super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::ray::{self, ViewVertex};
 use super::tiles::Tiles;
-use super::{ForMedium, for_medium};
+use super::{RenderTiles, TileJob};
 use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::optics::Accumulator;
@@ -90,9 +90,7 @@ pub struct CellWalk {
 
 /// A job of [`CellWalk`].
 pub struct WalkJob {
-    job: RenderJob,
-    view: View,
-    table: OpticsTable,
+    tiles: TileJob,
     eye_cells: Vec<u32>,
 }
 
@@ -147,70 +145,53 @@ impl CellWalk {
 impl LayerRenderer for CellWalk {
     type Job = WalkJob;
 
-    fn begin(&mut self, mut job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
-        let view = job.local_view();
-        frame.clear(view.plane_px());
-        let table = self.tables.get(&job);
-        let nothing_visible = (table.is_clear() || job.active.count() == 0) && job.fragments.is_none();
-        let everything_clear = nothing_visible || job.cancel.is_cancelled();
+    fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
+        let mut tiles = TileJob::new(job, &mut self.tables, frame);
         let mut eye_cells = Vec::new();
-        if everything_clear {
+        if tiles.is_clear() {
             self.bins.clear();
         } else {
-            job.active = self.choice.cells(&job);
-            eye_cells = entries::cells_at_eye(&job, &view, EYE_TOLERANCE);
-            self.place_entries(&job, &view, &eye_cells, &mut frame.stats);
+            tiles.job.active = self.choice.cells(&tiles.job);
+            eye_cells = entries::cells_at_eye(&tiles.job, &tiles.view, EYE_TOLERANCE);
+            self.place_entries(&tiles.job, &tiles.view, &eye_cells, &mut frame.stats);
         }
-        self.tiles.begin(self.bins.grid, job.skip.costly_first);
-        Ok(Some(WalkJob { job, view, table, eye_cells }))
+        self.tiles.begin(self.bins.grid, tiles.job.skip.costly_first);
+        Ok(Some(WalkJob { tiles, eye_cells }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        let slice = Slice { renderer: self, job, budget, frame };
-        Ok(for_medium(&job.job, &job.view, &job.table, slice))
+        Ok(self.render(job, budget, frame))
     }
 }
 
-/// Tiles of a job for about a budget; says whether those were the last.
-struct Slice<'a> {
-    renderer: &'a mut CellWalk,
-    job: &'a WalkJob,
-    budget: Duration,
-    frame: &'a mut Frame,
-}
+impl RenderTiles for CellWalk {
+    type Job = WalkJob;
 
-impl ForMedium for Slice<'_> {
-    type Output = bool;
-
-    fn run<M: Medium<Light = Accumulator>, L: Layers>(self, medium: &M, layers: &L) -> bool {
-        self.renderer.render_tiles(self.job, (medium, layers), self.budget, self.frame)
+    fn tile_job(job: &WalkJob) -> &TileJob {
+        &job.tiles
     }
-}
 
-impl CellWalk {
-    /// Renders tiles of a job for about `budget`; whether those were the last.
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        walk: &WalkJob,
+        WalkJob { tiles: TileJob { job, view, .. }, eye_cells }: &WalkJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
-        let job = &walk.job;
         let scene = Scene {
             mesh: &job.mesh,
             active: &job.active,
             all_active: job.active.count() == job.active.universe(),
-            view: &walk.view,
+            view,
             medium,
             vertices: &self.vertices,
             scalars: &job.scalars,
             entries: Entries {
                 topology: &job.mesh.topology,
-                view: &walk.view,
+                view,
                 vertices: &self.vertices,
                 bins: &self.bins,
-                eye_cells: &walk.eye_cells,
+                eye_cells,
                 portable: self.portable,
             },
             early_termination: job.skip.opaque,
