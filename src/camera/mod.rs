@@ -12,6 +12,7 @@ mod view;
 pub use lattice::Lattice;
 pub use motion::Axis;
 pub use view::View;
+pub(crate) use view::check_size;
 
 use crate::short::Short;
 use glam::DVec3;
@@ -73,6 +74,9 @@ pub enum CameraError {
     /// An image without pixels.
     #[error("an image of {0} x {1} pixels has no pixels")]
     NoPixels(usize, usize),
+    /// An image of more pixels than can be numbered.
+    #[error("an image of {0} x {1} pixels is too large: {max} pixels are the most", max = u32::MAX)]
+    TooManyPixels(usize, usize),
     /// A part of the camera's text cannot be read.
     #[error("camera '{part}': {problem}")]
     BadText {

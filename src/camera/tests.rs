@@ -96,6 +96,10 @@ fn impossible_cameras_are_errors() {
     ));
     assert_eq!(fails(|c| c.projection = Projection::Parallel { scale: 0.0 }), CameraError::BadScale(0.0));
     assert_eq!(camera().view(0, 4), Err(CameraError::NoPixels(0, 4)));
+    assert!(camera().view(65_537, 65_535).is_ok());
+    for (width, height) in [(65_536, 65_536), (usize::MAX, 2), (2, usize::MAX)] {
+        assert_eq!(camera().view(width, height), Err(CameraError::TooManyPixels(width, height)));
+    }
     assert_eq!(
         fails(|c| {
             c.position.x = -f64::MAX;

@@ -44,11 +44,9 @@ impl Camera {
     ///
     /// # Errors
     /// If a field is not finite, position and focal point coincide, the angle is outside (0, 180), the parallel scale or
-    /// the near distance is out of range, or the image has no pixels.
+    /// the near distance is out of range, or the image has no pixels or more than [`u32::MAX`].
     pub fn view(&self, width_px: usize, height_px: usize) -> Result<View, CameraError> {
-        if width_px == 0 || height_px == 0 {
-            return Err(CameraError::NoPixels(width_px, height_px));
-        }
+        check_size((width_px, height_px))?;
         let (forward, right) = self.forward_and_right()?;
         let half_height = self.half_height()?;
         let half_width = half_height * (width_px as f64 / height_px as f64);
@@ -106,6 +104,15 @@ impl Camera {
         // Z and Y cannot both be parallel to one direction.
         let right = right.map(DVec3::normalize).ok_or(CameraError::NoDirection)?;
         Ok((forward, right))
+    }
+}
+
+/// Whether there can be an image of this width and height.
+pub(crate) fn check_size((width_px, height_px): (usize, usize)) -> Result<(), CameraError> {
+    match width_px.checked_mul(height_px) {
+        Some(0) => Err(CameraError::NoPixels(width_px, height_px)),
+        Some(pixels) if u32::try_from(pixels).is_ok() => Ok(()),
+        _ => Err(CameraError::TooManyPixels(width_px, height_px)),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::test_series::{jet, logged};
 use super::*;
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::image::PlaneSamples;
 use crate::node_table::{Node, NodeTable};
@@ -256,11 +256,11 @@ fn a_step_that_cannot_be_read_is_an_error_of_its_frame_in_its_place() {
 }
 
 #[test]
-fn a_panic_in_any_stage_is_an_error_of_its_frame_and_the_next_one_is_right() {
+fn what_fails_or_panics_is_an_error_of_its_frame_and_the_next_one_is_right() {
     let (series, log) = logged(6);
     log.panic_at(1);
     let pipelined = start(&series, &options(2, 1 << 20));
-    // More pixels than there can be, for the renderer; a view that takes a panic to refuse would do for the second stage.
+    // More pixels than there can be, for the second stage.
     let too_large = FrameRequest { size_px: (1 << 31, 1 << 31), ..step(&series, 2) };
     let asked = [step(&series, 0), step(&series, 1), step(&series, 2), too_large, step(&series, 3)];
     for request in &asked {
@@ -277,7 +277,9 @@ fn a_panic_in_any_stage_is_an_error_of_its_frame_and_the_next_one_is_right() {
     assert!(
         matches!(&results[1], Err(PipelineError::Panicked { stage: "decode", message }) if message.contains("step 1"))
     );
-    assert!(matches!(&results[3], Err(PipelineError::Panicked { stage: "render", .. })), "{:?}", results[3]);
+    assert!(
+        matches!(&results[3], Err(PipelineError::Camera(CameraError::TooManyPixels(_, height))) if *height == 1 << 31)
+    );
     let said = results[1].as_ref().unwrap_err().to_string();
     assert!(said.contains("decode") && said.contains("report"), "{said}");
 }

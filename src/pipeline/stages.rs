@@ -181,3 +181,21 @@ fn render(
     shared.kept().put(series, request, &frame);
     Ok((frame, false))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_of_any_stage_is_an_error_that_names_it() {
+        let plain = guarded::<()>("order", || panic!("what it says"));
+        let formatted = guarded::<()>("render", || panic!("number {}", 7));
+        for (result, stage, says) in [(plain, "order", "what it says"), (formatted, "render", "number 7")] {
+            assert!(has_panicked(&result));
+            let said = result.unwrap_err().to_string();
+            assert!(said.contains(stage) && said.contains(says), "{said}");
+        }
+        assert!(!has_panicked(&guarded("order", || Ok(()))));
+        assert!(!has_panicked(&guarded("order", || Err::<(), _>(PipelineError::Cancelled))));
+    }
+}

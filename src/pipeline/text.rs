@@ -4,7 +4,7 @@
 //! has a line and a column. What is written can be read: a number that JSON has no text for is an error that names its place.
 
 use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, TetDraw};
-use crate::camera::CameraError;
+use crate::camera::check_size;
 use crate::render::RenderError;
 use crate::short::Short;
 use serde::{Deserialize, Serialize};
@@ -69,11 +69,6 @@ impl FrameRequest {
         }
         Ok(serde_json::from_str::<Read>(text).map_err(bad_text)?.frame)
     }
-}
-
-/// An image has pixels.
-fn check_size((width, height): (usize, usize)) -> Result<(), CameraError> {
-    if width == 0 || height == 0 { Err(CameraError::NoPixels(width, height)) } else { Ok(()) }
 }
 
 /// A level of detail is a share, and a buffer has its bounds.

@@ -113,7 +113,7 @@ fn request() -> impl Strategy<Value = FrameRequest> {
     let layers = prop::collection::vec(layer(), 0..3);
     let lattice = |stride| SampleSet::Lattice { stride_px: NonZeroUsize::new(stride).unwrap() };
     let samples = prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice)];
-    (time(), camera(), (1..usize::MAX, 1..9000_usize), layers, samples, backend, skip).prop_map(
+    (time(), camera(), (1..400_000_usize, 1..9000_usize), layers, samples, backend, skip).prop_map(
         |(time, camera, size_px, layers, samples, backend, skip)| {
             let skip = skip.parse::<Skip>().unwrap();
             FrameRequest { time, camera, size_px, layers, samples, backend, skip, for_window: false }
