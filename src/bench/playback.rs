@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Frames that are timed together. The first of them finds nothing prepared: its decoding and ordering overlap nothing.
-const BURST: usize = 2;
+const BURST: usize = 30;
 
 /// Rounds before the clock starts: caches, page tables, lazy initialisation.
 const WARM_UP: usize = 2;
@@ -43,8 +43,11 @@ pub struct PlaybackRun {
     pub codec: String,
     /// Threads in use.
     pub threads: usize,
-    /// Two frames of successive steps, prepared while others are rendered (B), beside the same view of the first of them,
-    /// rendered twice more (A).
+    /// Frames timed together; 2 in reports that do not say it.
+    #[serde(default = "frames_of_old_reports")]
+    pub frames: usize,
+    /// As many frames of successive steps, prepared while others are rendered (B), beside the same view of the first of them, rendered
+    /// as often (A).
     pub pipelined: Paired,
     /// The same with one stage after the other (B).
     pub sequential: Paired,
@@ -57,9 +60,9 @@ pub struct PlaybackRun {
 pub struct SeekTimes {
     /// Milliseconds from the request to the frame.
     pub ms: Spread,
-    /// The same over decode, order and render of that frame.
+    /// The same over what all stages took for that frame.
     pub ratio: Spread,
-    /// The same minus decode, order and render: above all the time until the frame that was being rendered has stopped.
+    /// The same minus that: above all the time until the frame that was being rendered has stopped.
     pub beyond_ms: Spread,
 }
 
@@ -74,7 +77,11 @@ pub enum PlaybackBenchError {
     Threads(#[from] io::Error),
 }
 
-/// The three ways to render two frames.
+fn frames_of_old_reports() -> usize {
+    2
+}
+
+/// The three ways to render some frames.
 struct Ways {
     request: FrameRequest,
     steps: usize,
@@ -134,6 +141,7 @@ fn record(
         backend: if ways.on_gpu { "gpu" } else { "cpu" }.to_owned(),
         codec: series.field().codec.clone(),
         threads: rayon::current_num_threads(),
+        frames: BURST,
         pipelined,
         sequential,
         seek,
@@ -184,7 +192,7 @@ impl Ways {
     /// Renders some steps; whether on the GPU.
     fn burst(&self, pipelined: &Pipelined, steps: impl IntoIterator<Item = usize>) -> Result<bool, PipelineError> {
         for step in steps {
-            // A burst is much shorter than the queue.
+            // A burst is shorter than the queue.
             let _ = pipelined.push(self.request(step));
         }
         let mut on_gpu = false;
@@ -233,7 +241,7 @@ impl Ways {
             if let Some(delivery) = self.moving.wait(LONG) {
                 let took = milliseconds(started);
                 let stats = delivery.frame?.stats.clone();
-                let worked = stats.ms_decode + stats.ms_order + stats.ms_render;
+                let worked = stats.ms_worked();
                 ms.push(took);
                 ratios.push(took / worked.max(f64::MIN_POSITIVE));
                 beyond.push(took - worked);

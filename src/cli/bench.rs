@@ -27,7 +27,7 @@ pub(super) struct Args {
     /// of one segment by optics and size of the table (docs/accuracy.md); playback: moving time beside standing still, and seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
-    /// Frames measured in each run (accuracy: of each path and scene); of playback pairs, and seeks
+    /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Write the record to a JSON file
@@ -170,8 +170,20 @@ impl fmt::Display for Table<'_> {
 fn heading(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     writeln!(
         f,
-        "{:16} {:>10} {:12} {:9} {:>7} {:>9} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
-        "dataset", "cells", "moves", "size", "backend", "ms/frame", "p95", "decode", "order", "fps", "rmse", "max"
+        "{:16} {:>10} {:12} {:9} {:>7} {:>9} {:>8} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}",
+        "dataset",
+        "cells",
+        "moves",
+        "size",
+        "backend",
+        "ms/frame",
+        "p95",
+        "decode",
+        "order",
+        "place",
+        "fps",
+        "rmse",
+        "max"
     )
 }
 
@@ -181,12 +193,12 @@ fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     writeln!(f, "{}, {} cells, {width}x{height}, {}, codec {}", run.dataset, run.cells, run.backend, run.codec)?;
     for (name, p) in [("pipelined", &run.pipelined), ("one stage after the other", &run.sequential)] {
         let (ratio, [lo, hi]) = (p.ratio, p.interval);
-        let times = format!("{:.1} ms for two frames, {:.1} standing still", p.b.median, p.a.median);
+        let times = format!("{:.1} ms for {} frames, {:.1} standing still", p.b.median, run.frames, p.a.median);
         writeln!(f, "  time moves, {name}: {ratio:.3} (95 % in {lo:.3} to {hi:.3}, {} pairs); {times}", p.pairs)?;
     }
     let SeekTimes { ms, ratio, beyond_ms } = &run.seek;
     let quartiles = format!("quartiles {:.3} to {:.3}; {:.2} ms more", ratio.q1, ratio.q3, beyond_ms.median);
-    writeln!(f, "  seeks: {:.1} ms, {:.3} of decode + order + render ({quartiles})", ms.median, ratio.median)
+    writeln!(f, "  seeks: {:.1} ms, {:.3} of all its stages ({quartiles})", ms.median, ratio.median)
 }
 
 fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {
@@ -202,7 +214,7 @@ fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {
     };
     writeln!(
         f,
-        "{:16} {:>10} {:12} {:9} {:>7} {:>9.1} {:>8.1} {:>8.2} {:>8.1} {:>7.1} {:>9} {:>9}",
+        "{:16} {:>10} {:12} {:9} {:>7} {:>9.1} {:>8.1} {:>8.2} {:>8.1} {:>8.1} {:>7.1} {:>9} {:>9}",
         run.dataset,
         run.cells,
         moves,
@@ -212,6 +224,7 @@ fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {
         run.ms.p95,
         run.ms.decode,
         run.ms.order,
+        run.ms.place,
         run.fps,
         error(|e| e.rmse),
         error(|e| e.max)

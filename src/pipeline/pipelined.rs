@@ -105,6 +105,7 @@ impl Pipelined {
             kept: Arc::new(Mutex::new(FrameCache::new(options.frame_cache_bytes))),
             pool: FramePool::default(),
             thread_limit: ThreadLimit::none(),
+            was_on_cpu: Arc::default(),
         };
         let preparing = Arc::new(pool(options, "prepare")?);
         let has_its_own = options.threads.is_some() || options.give_way;
@@ -119,9 +120,10 @@ impl Pipelined {
                     let (shared, preparing) = (shared.clone(), preparing.clone());
                     move || decode_all(decode, &shared, &preparing, &to_order)
                 })?,
-                order: Builder::new()
-                    .name("order".to_owned())
-                    .spawn(move || order_all(order, &preparing, &from_decode, &to_render))?,
+                order: Builder::new().name("order".to_owned()).spawn({
+                    let shared = shared.clone();
+                    move || order_all(order, &shared, &preparing, &from_decode, &to_render)
+                })?,
                 render: Builder::new().name("render".to_owned()).spawn({
                     let shared = shared.clone();
                     move || render_all(renderers, &shared, rendering.as_ref(), &from_order, &to_owner, &delivered)

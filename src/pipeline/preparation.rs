@@ -10,6 +10,7 @@ use crate::lod::Selector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
+use crate::render::cpu::Placer;
 use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -138,9 +139,21 @@ pub(super) struct Order {
     /// Here rather than where it is drawn: a table takes longer than a frame.
     tables: OpticsTables,
     gradients: Gradients,
+    placer: Placer,
 }
 
 impl Order {
+    /// Places what is to be drawn on the CPU in its view, while the renderer is busy with the frame before.
+    pub(super) fn place_ahead(&mut self, Ordered { job, by }: &mut Ordered) {
+        match by {
+            DrawnBy::Reference => {}
+            DrawnBy::Raycast | DrawnBy::Faces(_) => {
+                let table = self.tables.get(job);
+                self.placer.place(job, &table);
+            }
+        }
+    }
+
     /// The job of a request whose scalars are there: its view and its active cells.
     ///
     /// # Errors

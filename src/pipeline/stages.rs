@@ -3,18 +3,19 @@
 //! Requests pass all three stages in the order in which they were asked for, whatever becomes of them: an error is handed on
 //! and comes out where the frame would have. A panic is an error of its frame; its stage begins afresh with the next one.
 
-use super::PipelineError;
 use super::backend::Renderers;
 use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order, Ordered};
 use super::queue::{Queue, Ticket};
+use super::{Backend, PipelineError};
 use crate::slowdown::{Slow, waste};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
 use rayon::ThreadPool;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What all stages know.
@@ -24,9 +25,20 @@ pub(super) struct Shared {
     pub(super) kept: Arc<Mutex<FrameCache>>,
     pub(super) pool: FramePool,
     pub(super) thread_limit: ThreadLimit,
+    /// Whether the last frame was drawn on the CPU.
+    pub(super) was_on_cpu: Arc<AtomicBool>,
 }
 
 impl Shared {
+    /// Whether a frame will be drawn on the CPU; with [`Backend::Auto`] probably, if the last one was.
+    fn will_be_on_cpu(&self, backend: Backend) -> bool {
+        match backend {
+            Backend::Cpu => true,
+            Backend::Gpu => false,
+            Backend::Auto => self.was_on_cpu.load(Ordering::Relaxed),
+        }
+    }
+
     fn kept(&self) -> MutexGuard<'_, FrameCache> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -97,6 +109,7 @@ pub(super) fn decode_all(
 /// The second stage, until the first one is through.
 pub(super) fn order_all(
     mut order: Order,
+    shared: &Shared,
     threads: &ThreadPool,
     from: &Receiver<Passed<Decoded>>,
     to: &Sender<Passed<Ordered>>,
@@ -106,7 +119,13 @@ pub(super) fn order_all(
         let ordered = decoded.and_then(|content| match content {
             Content::Kept(frame) => Ok(Content::Kept(frame)),
             Content::New(decoded) => guarded("order", || {
-                let run = || order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel);
+                let run = || {
+                    let mut ordered = order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel)?;
+                    if shared.will_be_on_cpu(ticket.request.backend) {
+                        order.place_ahead(&mut ordered);
+                    }
+                    Ok(ordered)
+                };
                 threads.install(run).map(Content::New)
             }),
         });
@@ -177,7 +196,9 @@ fn render(
         Some(threads) => threads.install(work),
         None => work(),
     };
-    let frame = shared.pool.share(rendered?.ok_or(PipelineError::Cancelled)?);
+    let frame = rendered?.ok_or(PipelineError::Cancelled)?;
+    shared.was_on_cpu.store(!frame.stats.on_gpu, Ordering::Relaxed);
+    let frame = shared.pool.share(frame);
     shared.kept().put(series, request, &frame);
     Ok((frame, false))
 }

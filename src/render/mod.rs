@@ -69,6 +69,8 @@ pub struct RenderJob {
     pub optics: OpticsKind,
     /// The transfer function prepared for these optics, if that has been done; a renderer does it itself otherwise.
     pub prepared: Option<PreparedOptics>,
+    /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
+    pub placed: Option<cpu::Placed>,
     /// What may be left out; the image is the same.
     pub skip: Skip,
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
@@ -233,6 +235,7 @@ impl RenderJob {
             formula: None,
             optics: OpticsKind::default(),
             prepared: None,
+            placed: None,
             skip: Skip::default(),
             cancel: Cancel::default(),
             thread_limit: ThreadLimit::default(),

@@ -84,8 +84,12 @@ pub struct FrameStats {
     pub ms_gpu_walk: Option<f64>,
     /// Milliseconds spent decoding.
     pub ms_decode: f64,
-    /// Milliseconds spent on active cells, view transform and entries.
+    /// Milliseconds spent on active cells, faces in order, and tables.
     pub ms_order: f64,
+    /// Milliseconds in which the CPU placed cells or faces in the view: view transform, entries, and what each tile looks at.
+    pub ms_place: f64,
+    /// Milliseconds until the renderer had begun: room for pixels, and what is sent to the GPU.
+    pub ms_begin: f64,
     /// Milliseconds spent walking and compositing.
     pub ms_render: f64,
     /// Milliseconds that threads had nothing to do while others rendered, all of them together.
@@ -95,6 +99,11 @@ pub struct FrameStats {
 }
 
 impl FrameStats {
+    /// Milliseconds that all stages took.
+    pub fn ms_worked(&self) -> f64 {
+        self.ms_decode + self.ms_order + self.ms_place + self.ms_begin + self.ms_render
+    }
+
     /// Adds the counts of a part of the frame (a tile). Times are those of the whole frame and stay.
     pub fn add_counts(&mut self, part: &FrameStats) {
         self.entries += part.entries;
@@ -107,5 +116,9 @@ impl FrameStats {
         self.out_of_order += part.out_of_order;
         self.broken_paths += part.broken_paths;
         self.faces_hidden += part.faces_hidden;
+        self.entry_faces += part.entry_faces;
+        self.entry_lists_kept += part.entry_lists_kept;
+        self.clusters_outside += part.clusters_outside;
+        self.vertices_not_transformed += part.vertices_not_transformed;
     }
 }

@@ -28,7 +28,11 @@ impl History {
     /// A frame was shown.
     pub(super) fn add(&mut self, at: Duration, frame: &SharedFrame, is_kept: bool) {
         let stats = &frame.stats;
-        let ms = if is_kept { [0.0; 3] } else { [stats.ms_decode, stats.ms_order, stats.ms_render] };
+        let ms = if is_kept {
+            [0.0; 3]
+        } else {
+            [stats.ms_decode, stats.ms_order + stats.ms_place, stats.ms_begin + stats.ms_render]
+        };
         self.push(at, ms);
     }
 

@@ -2,6 +2,7 @@
 
 pub mod havs;
 mod light;
+mod place;
 mod raster;
 mod ray;
 pub mod raycast;
@@ -14,6 +15,7 @@ use super::medium::{Medium, ScalarMedium};
 use super::{Frame, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
+pub use place::{Placed, Placer};
 use std::time::Duration;
 
 /// What every renderer of tiles knows of its job.
@@ -33,11 +35,15 @@ impl TileJob {
         Self { job, view, table }
     }
 
-    /// Whether nothing is to be seen, or nobody waits for it.
     fn is_clear(&self) -> bool {
-        let cells_are_clear = self.table.is_clear() || self.job.active.count() == 0;
-        cells_are_clear && self.job.fragments.is_none() || self.job.cancel.is_cancelled()
+        is_clear(&self.job, &self.table)
     }
+}
+
+/// Whether nothing is to be seen of a job with this transfer function, or nobody waits for it.
+fn is_clear(job: &RenderJob, table: &OpticsTable) -> bool {
+    let cells_are_clear = table.is_clear() || job.active.count() == 0;
+    cells_are_clear && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 
 /// A renderer of tiles, compiled for each medium, and for frames with and without other layers.

@@ -23,7 +23,7 @@ pub(super) fn params(context: &Context, local_view: &View) -> Result<Params, Ren
 
 /// Active cells that may be the first on a ray.
 pub(super) fn cells(job: &RenderJob, local_view: &View) -> Vec<u32> {
-    cells_at_eye(job, local_view, EYE_TOLERANCE)
+    cells_at_eye(&job.mesh, &job.active, local_view, EYE_TOLERANCE)
 }
 
 /// On which side of the faces of a cell the eye is, exactly: bit i if it is outside face i, bit 4 + i if it is strictly

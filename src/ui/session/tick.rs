@@ -57,7 +57,7 @@ impl Session {
                     if !delivery.is_kept && !is_judge {
                         let level = (frame.stats.faces_total > 0).then_some(delivery.request.lod());
                         let pixels = width * height;
-                        let ms = frame.stats.ms_decode + frame.stats.ms_order + frame.stats.ms_render;
+                        let ms = frame.stats.ms_worked();
                         self.detail.measured(Measured { level, ms, pixels });
                     }
                     self.shown = Some(Shown { frame, request: delivery.request, is_kept: delivery.is_kept });

@@ -74,8 +74,8 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         let (width, height) = shown.request.size_px;
         let ms = |ms: f64| format!("{ms:.1} ms");
         lines.push(("decode", ms(stats.ms_decode)));
-        lines.push(("order", ms(stats.ms_order)));
-        lines.push(("render", ms(stats.ms_render)));
+        lines.push(("order", ms(stats.ms_order + stats.ms_place)));
+        lines.push(("render", ms(stats.ms_begin + stats.ms_render)));
         lines.push(("image", format!("{width} x {height}")));
         if stats.faces_total > 0 {
             let share = 100.0 * stats.faces_drawn as f64 / stats.faces_total as f64;

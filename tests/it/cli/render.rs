@@ -167,8 +167,11 @@ fn a_trace_shows_that_frames_are_prepared_while_others_are_rendered() {
         };
         of("B").into_iter().zip(of("E")).collect::<Vec<_>>()
     };
-    let (decode, order, render) = (spans("decode"), spans("order"), spans("render"));
-    assert_eq!([decode.len(), order.len(), render.len()], [STEPS; 3]);
+    let [decode, order, placing, render, begin] = ["decode", "order", "place", "render", "begin"].map(spans);
+    assert_eq!([&decode, &order, &placing, &render, &begin].map(Vec::len), [STEPS; 5]);
+    let is_within = |(inner, outer): (&(f64, f64), &(f64, f64))| outer.0 <= inner.0 && inner.1 <= outer.1;
+    assert!(placing.iter().zip(&order).all(is_within), "placed before the renderer has it: {placing:?} {order:?}");
+    assert!(begin.iter().zip(&render).all(is_within));
     for frame in 0..STEPS {
         assert!(decode[frame].1 <= order[frame].0 && order[frame].1 <= render[frame].0, "a frame passes all stages");
     }

@@ -23,7 +23,6 @@ const CHUNKS_MAX: usize = 128;
 #[derive(Debug, Default)]
 pub(super) struct FaceBins {
     pub(super) grid: TileGrid,
-    list: List,
     chunks: Vec<Chunk>,
     used: usize,
     /// One for each thread.
@@ -34,17 +33,12 @@ pub(super) struct FaceBins {
 
 /// The faces of a list in its order, kept as long as the list is drawn: in the mesh they lie anywhere in memory.
 #[derive(Debug, Default)]
-struct List {
+pub(super) struct FaceList {
     of: Option<(Arc<Mesh>, Arc<DrawnFaces>, Arc<CellSet>)>,
     faces: Vec<ListedFace>,
 }
 
 impl FaceBins {
-    /// No tiles: nothing can be seen.
-    pub(super) fn clear(&mut self) {
-        (self.grid, self.used) = (TileGrid::default(), 0);
-    }
-
     pub(super) fn chunk_count(&self) -> usize {
         self.used
     }
@@ -60,7 +54,13 @@ impl FaceBins {
     }
 
     /// Sorts the faces of a job, `drawn`, into the tiles; some of them if it is cancelled.
-    pub(super) fn fill(&mut self, source: BoxSource<'_>, sides: &Sides, job: &RenderJob, drawn: &Arc<DrawnFaces>) {
+    pub(super) fn fill(
+        &mut self,
+        source: BoxSource<'_>,
+        (list, sides): (&mut FaceList, &Sides),
+        job: &RenderJob,
+        drawn: &Arc<DrawnFaces>,
+    ) {
         self.grid = TileGrid::of(source.view);
         let (grid, count) = (self.grid, drawn.faces.len());
         let length = count.div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
@@ -70,9 +70,9 @@ impl FaceBins {
         }
         self.seen.resize_with(rayon::current_num_threads(), Mutex::default);
         let seen = &self.seen;
-        let find = self.list.begin(job, drawn).then_some((&job.mesh.topology, &*job.active, sides));
+        let find = list.begin(job, drawn).then_some((&job.mesh.topology, &*job.active, sides));
         let chunks = self.chunks[..self.used].par_iter_mut();
-        let faces = self.list.faces.par_chunks_mut(length).zip(drawn.faces.par_chunks(length));
+        let faces = list.faces.par_chunks_mut(length).zip(drawn.faces.par_chunks(length));
         chunks.zip(faces).for_each(|(chunk, (faces, drawn))| {
             if job.cancel.is_cancelled() {
                 return chunk.fill(source, grid, &[], &mut Vec::new());
@@ -89,7 +89,7 @@ impl FaceBins {
         });
         if job.cancel.is_cancelled() {
             // Perhaps before all were found.
-            self.list.of = None;
+            list.of = None;
         }
         self.nearest_from.clear();
         self.nearest_from.resize(self.used + 1, f32::INFINITY);
@@ -99,7 +99,7 @@ impl FaceBins {
     }
 }
 
-impl List {
+impl FaceList {
     /// Makes room for the faces `drawn` of a job; whether they are still to be found.
     fn begin(&mut self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> bool {
         let is_kept = self.of.as_ref().is_some_and(|(mesh, faces, active)| {

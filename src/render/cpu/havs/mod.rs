@@ -47,6 +47,7 @@
 mod bins;
 mod fragment;
 mod light;
+mod place;
 mod resolve;
 mod sides;
 mod tile;
@@ -54,20 +55,14 @@ mod tile;
 use super::super::layers::Layers;
 use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
-use super::raster::boxes::{self, BoxSource, ScreenPoint};
-use super::ray::{self, ViewVertex};
-use super::raycast::EYE_TOLERANCE;
-use super::raycast::entries::cells_at_eye;
 use super::tiles::{TILE_PX, Tiles};
 use super::{RenderTiles, TileJob};
-use crate::camera::View;
 use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
 use crate::visibility::DrawnFaces;
-use bins::FaceBins;
+pub(in crate::render::cpu) use place::{FacePlacer, FacesInView};
 use pulp::{Arch, Scalar, Simd};
 use rayon::prelude::*;
-use sides::Sides;
 #[cfg(feature = "gpu")]
 pub(in crate::render) use sides::is_outward;
 use std::sync::Arc;
@@ -80,10 +75,7 @@ pub type Havs = FrameRun<FaceTiles>;
 /// Draws faces tile by tile, on the CPU.
 #[derive(Default)]
 pub struct FaceTiles {
-    vertices: Vec<ViewVertex>,
-    screen: Vec<ScreenPoint>,
-    sides: Sides,
-    bins: FaceBins,
+    placer: FacePlacer,
     tiles: Tiles<TileScratch>,
     /// For jobs that come without.
     tables: OpticsTables,
@@ -95,7 +87,7 @@ pub struct FaceTiles {
 pub struct FaceJob {
     tiles: TileJob,
     is_complete: bool,
-    eye_cells: Vec<u32>,
+    in_view: Arc<FacesInView>,
     tie: f64,
 }
 
@@ -108,18 +100,6 @@ impl Havs {
     /// The same renderer without instructions that only newer processors have; its images are the same.
     pub fn portable() -> Self {
         Self::of(FaceTiles { portable: true, ..FaceTiles::default() })
-    }
-}
-
-impl FaceTiles {
-    /// View coordinates, places in the image, and the faces of each tile.
-    fn place_faces(&mut self, job: &RenderJob, view: &View, drawn: &Arc<DrawnFaces>) {
-        ray::transform(view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, &mut self.vertices);
-        boxes::project(view, &self.vertices, None, &job.cancel, &mut self.screen);
-        self.sides.update(&job.mesh);
-        let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
-        self.bins.fill(source, &self.sides, job, drawn);
-        waste(Slow::Raster, drawn.faces.len());
     }
 }
 
@@ -142,22 +122,24 @@ impl LayerRenderer for FaceTiles {
     type Job = FaceJob;
 
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<FaceJob>, RenderError> {
-        let drawn = checked_faces(&job)?;
+        let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
         let tiles = TileJob::new(job, &mut self.tables, frame);
         let TileJob { job, view, .. } = &tiles;
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
-        let mut eye_cells = Vec::new();
+        let mut in_view = Arc::default();
         if tiles.is_clear() {
-            self.bins.clear();
+            checked_faces(job)?;
         } else {
-            self.place_faces(job, view, &drawn);
-            eye_cells = cells_at_eye(job, view, EYE_TOLERANCE);
+            in_view = match job.placed.as_ref().and_then(|placed| placed.faces(job, &drawn)) {
+                Some(faces) => faces,
+                None => self.placer.place(job, view, &drawn, &mut frame.stats)?,
+            };
             frame.stats.faces_drawn = drawn.faces.len() as u64;
         }
-        self.tiles.begin(self.bins.grid, job.skip.costly_first);
+        self.tiles.begin(in_view.bins.grid, job.skip.costly_first);
         // The mesh lies within a local box of diameter 2 sqrt(3).
         let tie = fragment::tie(view.eye.length() + 2.0);
-        Ok(Some(FaceJob { tiles, is_complete: drawn.is_complete, eye_cells, tie }))
+        Ok(Some(FaceJob { tiles, is_complete: drawn.is_complete, in_view, tie }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut FaceJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -174,19 +156,19 @@ impl RenderTiles for FaceTiles {
 
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        FaceJob { tiles: TileJob { job, view, .. }, is_complete, eye_cells, tie }: &FaceJob,
+        FaceJob { tiles: TileJob { job, view, .. }, is_complete, in_view, tie }: &FaceJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
         let scene = Scene {
             topology: &job.mesh.topology,
-            vertices: &self.vertices,
-            bins: &self.bins,
+            vertices: &in_view.vertices,
+            bins: &in_view.bins,
             view,
             medium,
             layers,
-            eye_cells,
+            eye_cells: &in_view.eye_cells,
             k_buffer: job.k_buffer,
             is_complete: *is_complete,
             early_termination: job.skip.opaque,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// For each face whether the ray that sees its corners, ascending, counter-clockwise enters its first cell: a bit. Depends
 /// on the mesh alone, and is kept from frame to frame.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct Sides {
     of: Option<Arc<Mesh>>,
     bits: Vec<u64>,

@@ -5,7 +5,6 @@
 //! own for all tiles, filled by one thread. A tile reads the chunks one after the other: the order is that of the cells,
 //! however many threads there are.
 
-use super::super::super::RenderJob;
 use super::super::raster::boxes::{Bounds, BoxSource};
 use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists};
 use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
@@ -97,12 +96,12 @@ pub(in crate::render::cpu) fn face_of(topology: &Topology, cell: u32, opposite: 
 /// behind the eye where it enters the cell and not where it leaves it; both are computed as for any other face, so that
 /// entries in front of the eye and starts around it complement each other. `tolerance`, local units, is more than view
 /// coordinates are rounded by: a cell too many only costs time.
-pub(in crate::render) fn cells_at_eye(job: &RenderJob, local_view: &View, tolerance: f64) -> Vec<u32> {
+pub(in crate::render) fn cells_at_eye(mesh: &Mesh, active: &CellSet, local_view: &View, tolerance: f64) -> Vec<u32> {
     // The local box lies within [-1, 1]: an eye outside needs no search.
     if !local_view.perspective || local_view.eye.abs().max_element() > 1.0 + tolerance {
         return Vec::new();
     }
-    job.mesh.cells_near(local_view.eye, tolerance).into_iter().filter(|&c| job.active.contains(c)).collect()
+    mesh.cells_near(local_view.eye, tolerance).into_iter().filter(|&cell| active.contains(cell)).collect()
 }
 
 /// Where a ray passes through a cell with the eye in it.
@@ -192,12 +191,6 @@ pub(super) struct EntryBins {
 }
 
 impl EntryBins {
-    /// No tiles: nothing can be seen.
-    pub(super) fn clear(&mut self) {
-        self.grid = TileGrid::default();
-        self.parts.clear();
-    }
-
     /// The entry faces of a tile, chunk by chunk.
     pub(super) fn faces(&self, tile: usize) -> impl Iterator<Item = &[TileFace]> {
         self.chunks[..self.parts.len()].iter().map(move |chunk| chunk.faces(tile))

@@ -38,6 +38,7 @@ pub(in crate::render) mod entries;
 mod lanes;
 mod outside;
 mod path;
+mod place;
 pub(in crate::render) mod skips;
 mod starts;
 mod walk;
@@ -45,21 +46,12 @@ mod walk;
 use super::super::layers::Layers;
 use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
-use super::raster::boxes::{self, BoxSource, ScreenPoint};
-use super::ray::{self, ViewVertex};
 use super::tiles::Tiles;
 use super::{RenderTiles, TileJob};
-use crate::camera::View;
-use crate::mesh::Mesh;
 use crate::optics::Accumulator;
 use crate::optics::table3d::Table3dResolution;
-use crate::slowdown::{Slow, waste};
-use crate::stats::FrameStats;
-use crate::visibility::{Clusters, NeededClusters};
-use entries::{EntryBins, EntryFaces};
-use skips::CellChoice;
+pub(in crate::render::cpu) use place::{CellPlacer, CellsInView};
 use starts::Entries;
-use std::sync::Arc;
 use std::time::Duration;
 use walk::{Scene, TileScratch};
 
@@ -73,14 +65,7 @@ pub type Raycast = FrameRun<CellWalk>;
 /// Walks from cell to cell, on the CPU.
 #[derive(Default)]
 pub struct CellWalk {
-    vertices: Vec<ViewVertex>,
-    screen: Vec<ScreenPoint>,
-    entry_faces: EntryFaces,
-    choice: CellChoice,
-    bins: EntryBins,
-    /// Those of the last mesh.
-    clusters: Option<(Arc<Mesh>, Clusters)>,
-    needed: NeededClusters,
+    placer: CellPlacer,
     tiles: Tiles<TileScratch>,
     /// For jobs that come without.
     tables: OpticsTables,
@@ -91,7 +76,7 @@ pub struct CellWalk {
 /// A job of [`CellWalk`].
 pub struct WalkJob {
     tiles: TileJob,
-    eye_cells: Vec<u32>,
+    in_view: CellsInView,
 }
 
 impl Raycast {
@@ -112,51 +97,21 @@ impl Raycast {
     }
 }
 
-impl CellWalk {
-    /// View coordinates, and where rays may enter; counts what that saved.
-    fn place_entries(&mut self, job: &RenderJob, view: &View, eye_cells: &[u32], saved: &mut FrameStats) {
-        let knows_outside = job.skip.outside && outside::may_be_left_out(&job.mesh, view, eye_cells);
-        if knows_outside {
-            if self.clusters.as_ref().is_none_or(|(of, _)| !Arc::ptr_eq(of, &job.mesh)) {
-                self.clusters = Some((job.mesh.clone(), Clusters::new(&job.mesh)));
-            }
-            if let Some((_, clusters)) = &self.clusters {
-                clusters.needed(view, &job.active, &mut self.needed);
-                saved.clusters_outside = self.needed.outside;
-                let not_needed = (0..).zip(&self.needed.vertices).filter(|(_, needed)| !**needed);
-                saved.vertices_not_transformed = not_needed.map(|(at, _)| clusters.vertices_in(at) as u64).sum();
-            }
-        }
-        let vertices = knows_outside.then_some(&*self.needed.vertices);
-        let local = &job.mesh.positions.local;
-        ray::transform(view, local, &job.scalars, vertices, &job.cancel, &mut self.vertices);
-        boxes::project(view, &self.vertices, vertices, &job.cancel, &mut self.screen);
-        let kept = self.entry_faces.update(&job.mesh, &job.active, job.skip.unchanged, &job.cancel);
-        saved.entry_lists_kept = u64::from(kept);
-        let source = BoxSource { view, vertices: &self.vertices, screen: &self.screen };
-        let cells = knows_outside.then_some(&*self.needed.cells);
-        self.bins.fill(source, &self.entry_faces, cells, &job.cancel);
-        waste(Slow::Entries, job.active.universe());
-        waste(Slow::LargeMeshes, job.active.universe().saturating_sub(500_000));
-        saved.entry_faces = self.entry_faces.count() as u64;
-    }
-}
-
 impl LayerRenderer for CellWalk {
     type Job = WalkJob;
 
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
-        let mut tiles = TileJob::new(job, &mut self.tables, frame);
-        let mut eye_cells = Vec::new();
-        if tiles.is_clear() {
-            self.bins.clear();
+        let tiles = TileJob::new(job, &mut self.tables, frame);
+        let TileJob { job, view, .. } = &tiles;
+        let in_view = if tiles.is_clear() {
+            CellsInView::nothing(&job.active)
         } else {
-            tiles.job.active = self.choice.cells(&tiles.job);
-            eye_cells = entries::cells_at_eye(&tiles.job, &tiles.view, EYE_TOLERANCE);
-            self.place_entries(&tiles.job, &tiles.view, &eye_cells, &mut frame.stats);
-        }
-        self.tiles.begin(self.bins.grid, tiles.job.skip.costly_first);
-        Ok(Some(WalkJob { tiles, eye_cells }))
+            let placed = job.placed.as_ref().and_then(|placed| placed.cells(job));
+            placed.unwrap_or_else(|| self.placer.place(job, view, &mut frame.stats))
+        };
+        frame.stats.add_counts(in_view.counts());
+        self.tiles.begin(in_view.lists.bins.grid, job.skip.costly_first);
+        Ok(Some(WalkJob { tiles, in_view }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -173,25 +128,25 @@ impl RenderTiles for CellWalk {
 
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        WalkJob { tiles: TileJob { job, view, .. }, eye_cells }: &WalkJob,
+        WalkJob { tiles: TileJob { job, view, .. }, in_view: CellsInView { cells, lists } }: &WalkJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
         let scene = Scene {
             mesh: &job.mesh,
-            active: &job.active,
-            all_active: job.active.count() == job.active.universe(),
+            active: cells,
+            all_active: cells.count() == cells.universe(),
             view,
             medium,
-            vertices: &self.vertices,
+            vertices: &lists.vertices,
             scalars: &job.scalars,
             entries: Entries {
                 topology: &job.mesh.topology,
                 view,
-                vertices: &self.vertices,
-                bins: &self.bins,
-                eye_cells,
+                vertices: &lists.vertices,
+                bins: &lists.bins,
+                eye_cells: &lists.eye_cells,
                 portable: self.portable,
             },
             early_termination: job.skip.opaque,

@@ -1,0 +1,185 @@
+//! Cells and faces in their view: what can be worked out of a job before its renderer is free.
+
+use super::havs::{FacePlacer, FacesInView};
+use super::is_clear;
+use super::raycast::{CellPlacer, CellsInView};
+use crate::camera::View;
+use crate::mesh::Mesh;
+use crate::render::{OpticsTable, RenderJob};
+use crate::visibility::{CellSet, DrawnFaces};
+use std::sync::Arc;
+
+/// The cells of a job in its view, or its faces, to be given to it: [`RenderJob::placed`].
+#[derive(Clone, Debug)]
+pub struct Placed {
+    mesh: Arc<Mesh>,
+    scalars: Arc<Vec<f32>>,
+    active: Arc<CellSet>,
+    view: View,
+    in_view: InView,
+}
+
+#[derive(Clone, Debug)]
+enum InView {
+    Cells(CellsInView),
+    Faces(Arc<DrawnFaces>, Arc<FacesInView>),
+}
+
+impl Placed {
+    fn is_of(&self, job: &RenderJob) -> bool {
+        Arc::ptr_eq(&self.mesh, &job.mesh)
+            && Arc::ptr_eq(&self.scalars, &job.scalars)
+            && Arc::ptr_eq(&self.active, &job.active)
+            && self.view == job.view
+    }
+
+    /// The cells, if they are those of the job.
+    pub(super) fn cells(&self, job: &RenderJob) -> Option<CellsInView> {
+        match &self.in_view {
+            InView::Cells(cells) => self.is_of(job).then(|| cells.clone()),
+            InView::Faces(..) => None,
+        }
+    }
+
+    /// The faces `drawn`, if they are those of the job.
+    pub(super) fn faces(&self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> Option<Arc<FacesInView>> {
+        match &self.in_view {
+            InView::Faces(of, faces) if Arc::ptr_eq(of, drawn) => self.is_of(job).then(|| faces.clone()),
+            InView::Faces(..) | InView::Cells(_) => None,
+        }
+    }
+}
+
+/// Places the cells and faces of jobs that are to be drawn on the CPU, from job to job.
+#[derive(Debug, Default)]
+pub struct Placer {
+    cells: CellPlacer,
+    faces: FacePlacer,
+}
+
+impl Placer {
+    /// Places the cells of a job, or its faces if it has some, unless nothing is to be seen or the job is at fault. `table` is its
+    /// transfer function.
+    pub fn place(&mut self, job: &mut RenderJob, table: &OpticsTable) {
+        if is_clear(job, table) || job.check().is_err() {
+            return;
+        }
+        let view = job.local_view();
+        let mut stats = std::mem::take(&mut job.stats);
+        let in_view = match job.faces.clone() {
+            None => Some(InView::Cells(self.cells.place(job, &view, &mut stats))),
+            // The renderer says what is wrong with them.
+            Some(drawn) => {
+                let placed = self.faces.place(job, &view, &drawn, &mut stats);
+                placed.ok().map(|faces| InView::Faces(drawn, faces))
+            }
+        };
+        job.stats = stats;
+        job.placed = in_view.map(|in_view| Placed {
+            mesh: job.mesh.clone(),
+            scalars: job.scalars.clone(),
+            active: job.active.clone(),
+            view: job.view,
+            in_view,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::havs::Havs;
+    use super::super::raycast::Raycast;
+    use super::*;
+    use crate::camera::Camera;
+    use crate::mesh::test_meshes::kuhn_grid;
+    use crate::node_table::{Node, NodeTable};
+    use crate::render::{Frame, OpticsTables, Renderer, testing};
+
+    fn all_faces(mesh: &Mesh) -> Arc<DrawnFaces> {
+        Arc::new(DrawnFaces { faces: (0..mesh.topology.faces.len() as u32).collect(), is_complete: true })
+    }
+
+    /// One for each renderer.
+    fn jobs() -> [RenderJob; 2] {
+        let mesh = Arc::new(Mesh::build(kuhn_grid([3; 3])).unwrap().0);
+        let camera = Camera::default_for(mesh.positions.world_bounds()).unwrap();
+        let node = |scalar, red| Node { scalar, rgb: [red, 1.0, 1.0 - red], tau: 0.4 };
+        let table = Arc::new(NodeTable::new(vec![node(0.0, 0.0), node(1.0, 1.0)]).unwrap());
+        let scalars = (0..mesh.positions.local.len()).map(|v| (v % 7) as f32 / 6.0).collect();
+        let cells = testing::job(&mesh, scalars, &camera, (40, 23), table);
+        let faces = RenderJob { faces: Some(all_faces(&mesh)), ..cells.clone() };
+        [cells, faces]
+    }
+
+    fn placed(job: &RenderJob) -> RenderJob {
+        let (mut job, table) = (job.clone(), OpticsTables::default().get(job));
+        Placer::default().place(&mut job, &table);
+        job
+    }
+
+    fn frame(job: &RenderJob) -> Frame {
+        let mut renderer: Box<dyn Renderer> =
+            if job.faces.is_some() { Box::new(Havs::new()) } else { Box::new(Raycast::new()) };
+        renderer.render(job.clone()).unwrap().clone()
+    }
+
+    #[test]
+    fn what_was_placed_ahead_is_drawn_to_the_bit_and_not_placed_again() {
+        for job in jobs() {
+            let (ahead, expected) = (placed(&job), frame(&job));
+            let drawn = frame(&ahead);
+            assert!(drawn.planes == expected.planes && drawn.planes.color.pixels.iter().any(|p| p[3] > 0.0));
+            assert_eq!(drawn.stats.ms_place, ahead.stats.ms_place);
+            assert!(ahead.stats.ms_place > 0.0 && expected.stats.ms_place > 0.0);
+            let counts = |frame: &Frame| (frame.stats.entry_faces, frame.stats.faces_drawn);
+            assert_eq!(counts(&drawn), counts(&expected));
+        }
+    }
+
+    #[test]
+    fn what_was_placed_for_another_job_is_placed_anew() {
+        let changes: [fn(&mut RenderJob); 4] = [
+            |job| job.view.eye.x += 0.25,
+            |job| job.scalars = Arc::new(job.scalars.iter().map(|s| 1.0 - s).collect()),
+            |job| {
+                let half = CellSet::of(job.active.universe(), |cell| cell.is_multiple_of(2));
+                job.active = Arc::new(half);
+            },
+            |job| {
+                if let Some(drawn) = &mut job.faces {
+                    *drawn = Arc::new(DrawnFaces { faces: drawn.faces[1..].to_vec(), is_complete: false });
+                } else {
+                    job.faces = Some(all_faces(&job.mesh));
+                }
+            },
+        ];
+        for job in jobs() {
+            for (number, change) in changes.iter().enumerate() {
+                let mut ahead = placed(&job);
+                change(&mut ahead);
+                let drawn = frame(&ahead);
+                assert_eq!(drawn.planes, frame(&RenderJob { placed: None, ..ahead.clone() }).planes, "{number}");
+                assert!(drawn.stats.ms_place > ahead.stats.ms_place, "{number}");
+                // Faces are drawn as exactly as cells: only then the picture may be the same.
+                assert!(drawn.planes != frame(&job).planes || number == 3, "{number}: the test can fail");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_placed_of_what_cannot_be_drawn_or_seen() {
+        for job in jobs() {
+            let clear = Arc::new(NodeTable::clear());
+            let cancelled = job.clone();
+            let faults = [
+                RenderJob { table: clear, ..job.clone() },
+                RenderJob { scalars: Arc::new(vec![0.0]), ..job.clone() },
+                RenderJob { active: Arc::new(CellSet::none(job.active.universe())), ..job.clone() },
+                RenderJob { faces: Some(Arc::new(DrawnFaces { faces: vec![u32::MAX], is_complete: false })), ..job },
+            ];
+            assert!(faults.iter().all(|job| placed(job).placed.is_none()));
+            cancelled.cancel.cancel();
+            assert!(placed(&cancelled).placed.is_none());
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! The cells of a job in its view: vertices in view coordinates, and where rays may enter.
+
+use super::super::raster::boxes::{self, BoxSource, ScreenPoint};
+use super::super::ray::{self, ViewVertex};
+use super::EYE_TOLERANCE;
+use super::entries::{EntryBins, EntryFaces, cells_at_eye};
+use super::outside;
+use super::skips::CellChoice;
+use crate::camera::View;
+use crate::mesh::Mesh;
+use crate::render::RenderJob;
+use crate::slowdown::{Slow, waste};
+use crate::stats::FrameStats;
+use crate::visibility::{CellSet, Clusters, NeededClusters, Pool};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Cells in a view.
+#[derive(Clone, Debug)]
+pub(in crate::render::cpu) struct CellsInView {
+    /// The cells that rays go through.
+    pub(super) cells: Arc<CellSet>,
+    pub(super) lists: Arc<EntryLists>,
+}
+
+/// Where rays enter the cells of a view, in memory that goes round.
+#[derive(Debug, Default)]
+pub(super) struct EntryLists {
+    /// Those that may be looked at.
+    pub(super) vertices: Vec<ViewVertex>,
+    pub(super) bins: EntryBins,
+    pub(super) eye_cells: Vec<u32>,
+    /// What that counted.
+    counts: FrameStats,
+}
+
+impl CellsInView {
+    /// Nothing to be seen of these cells.
+    pub(super) fn nothing(cells: &Arc<CellSet>) -> Self {
+        Self { cells: cells.clone(), lists: Arc::default() }
+    }
+
+    pub(super) fn counts(&self) -> &FrameStats {
+        &self.lists.counts
+    }
+}
+
+/// Places the cells of one job after the other.
+#[derive(Debug, Default)]
+pub(in crate::render::cpu) struct CellPlacer {
+    choice: CellChoice,
+    screen: Vec<ScreenPoint>,
+    entry_faces: EntryFaces,
+    /// Those of the last mesh.
+    clusters: Option<(Arc<Mesh>, Clusters)>,
+    needed: NeededClusters,
+    pool: Pool<EntryLists>,
+}
+
+impl CellPlacer {
+    /// The cells of a job in its local view, some of them if it is cancelled; adds the time to the statistics.
+    pub(in crate::render::cpu) fn place(
+        &mut self,
+        job: &RenderJob,
+        view: &View,
+        stats: &mut FrameStats,
+    ) -> CellsInView {
+        let _span = tracing::info_span!("place").entered();
+        let started = Instant::now();
+        let cells = self.choice.cells(job);
+        let Self { screen, entry_faces, clusters, needed, pool, .. } = self;
+        let lists = pool.make(|lists| {
+            lists.counts = FrameStats::default();
+            lists.eye_cells = cells_at_eye(&job.mesh, &cells, view, EYE_TOLERANCE);
+            let knows_outside = job.skip.outside && outside::may_be_left_out(&job.mesh, view, &lists.eye_cells);
+            if knows_outside {
+                find_needed(job, view, &cells, (clusters, needed), &mut lists.counts);
+            }
+            let vertices = knows_outside.then_some(&*needed.vertices);
+            let local = &job.mesh.positions.local;
+            ray::transform(view, local, &job.scalars, vertices, &job.cancel, &mut lists.vertices);
+            boxes::project(view, &lists.vertices, vertices, &job.cancel, screen);
+            let kept = entry_faces.update(&job.mesh, &cells, job.skip.unchanged, &job.cancel);
+            lists.counts.entry_lists_kept = u64::from(kept);
+            let source = BoxSource { view, vertices: &lists.vertices, screen };
+            lists.bins.fill(source, entry_faces, knows_outside.then_some(&*needed.cells), &job.cancel);
+            lists.counts.entry_faces = entry_faces.count() as u64;
+        });
+        waste(Slow::Entries, cells.universe());
+        waste(Slow::LargeMeshes, cells.universe().saturating_sub(500_000));
+        stats.ms_place += started.elapsed().as_secs_f64() * 1e3;
+        CellsInView { cells, lists }
+    }
+}
+
+/// Which clusters of cells and vertices may be looked at, and what that saves.
+fn find_needed(
+    job: &RenderJob,
+    view: &View,
+    cells: &CellSet,
+    (clusters, needed): (&mut Option<(Arc<Mesh>, Clusters)>, &mut NeededClusters),
+    saved: &mut FrameStats,
+) {
+    let of_mesh = clusters.take().filter(|(of, _)| Arc::ptr_eq(of, &job.mesh));
+    let (_, clusters) = clusters.insert(of_mesh.unwrap_or_else(|| (job.mesh.clone(), Clusters::new(&job.mesh))));
+    clusters.needed(view, cells, needed);
+    saved.clusters_outside = needed.outside;
+    let not_needed = (0..).zip(&needed.vertices).filter(|(_, needed)| !**needed);
+    saved.vertices_not_transformed = not_needed.map(|(at, _)| clusters.vertices_in(at) as u64).sum();
+}
