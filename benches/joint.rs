@@ -89,7 +89,7 @@ fn with_joint_table(job: &RenderJob, rows: usize, layers: usize) -> Result<Rende
         vertex_values: Some(Arc::new(vertex_values)),
         cell_values: Some(Arc::new(cell_values)),
     };
-    Ok(RenderJob { table: projection, grid: Some(scene), ..job.clone() })
+    Ok(RenderJob { table: projection, joint: Some(scene), ..job.clone() })
 }
 
 fn scene() -> Result<RenderJob, Box<dyn Error>> {

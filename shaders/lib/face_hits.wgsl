@@ -51,7 +51,7 @@ struct FaceHit {
     // As `Params` counts, as a sum of two.
     depth: vec2<f32>,
     scalar: f32,
-    // In a grid, the quantity of vertices.
+    // With a joint table, the quantity of vertices.
     value: f32,
 }
 

@@ -46,7 +46,7 @@ const FACE_WORDS: u32 = 5u;
 // enters the cell.
 const EYE_WORDS: u32 = 6u;
 // FRAGMENT_PAIRS, the pairs of words of a fragment, comes from the composition. Depth as a sum of two; scalar, rank; cell left,
-// cell entered; in a grid, the quantity of vertices and nothing.
+// cell entered; with a joint table, the quantity of vertices and nothing.
 const JOINT_PAIRS: u32 = 4u;
 // Words of a piece of a large face: its place in the list, a tile.
 const PIECE_WORDS: u32 = 2u;

@@ -5,7 +5,7 @@ struct Stored {
     depth: vec2<u32>,
     scalar_rank: vec2<u32>,
     cells: vec2<u32>,
-    // In a grid, the quantity of vertices and nothing.
+    // With a joint table, the quantity of vertices and nothing.
     value: vec2<u32>,
 }
 
@@ -60,7 +60,7 @@ fn depth_at(slot: u32) -> vec2<f32> {
     return bitcast<vec2<f32>>(pair(slot, 0u));
 }
 
-// The quantity of vertices at a fragment, in a grid.
+// The quantity of vertices at a fragment, with a joint table.
 fn value_at(slot: u32) -> f32 {
     if FRAGMENT_PAIRS == JOINT_PAIRS {
         return bitcast<f32>(pair(slot, 3u).x);

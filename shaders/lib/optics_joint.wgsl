@@ -59,13 +59,13 @@ fn medium_begin(value: f32) {
 // The ray passes through a cell to a place with this quantity of vertices.
 fn medium_pass(cell: u32, value: f32) {
     values = vec2(values.y, value);
-    layers = vec2(grid.values);
+    layers = vec2(joint.values);
     layer_share = 0.0;
-    if cell < grid.cell_count {
-        let pair = table[grid.cells + cell / 2u];
+    if cell < joint.cell_count {
+        let pair = table[joint.cells + cell / 2u];
         let place = select(pair.zw, pair.xy, (cell & 1u) == 0u);
         let below = u32(place.x);
-        layers = grid.values + grid.layer_values * vec2(below, below + u32(place.y > 0.0));
+        layers = joint.values + joint.layer_values * vec2(below, below + u32(place.y > 0.0));
         layer_share = place.y;
     }
 }
@@ -96,8 +96,8 @@ fn find_side(first: u32, count: u32, at: f32) -> Side {
 
 // The ray is at a place with this scalar, after a gap.
 fn optics_enter(scalar: f32) {
-    column = find_side(grid.scalar_intervals, grid.scalar_count, scalar);
-    row = find_side(grid.row_intervals, grid.row_count, values.x);
+    column = find_side(joint.scalar_intervals, joint.scalar_count, scalar);
+    row = find_side(joint.row_intervals, joint.row_count, values.x);
 }
 
 // At a line the side that the ray goes to holds; where nothing changes, the upper one.
@@ -156,7 +156,7 @@ fn place_after(way: Way, side: Side, share: f32, leaves: bool, is_end: bool, out
 }
 
 fn corner(x: u32, y: u32) -> vec4<f32> {
-    let at = grid.columns * y + x;
+    let at = joint.columns * y + x;
     let below = table[layers.x + at];
     if layers.y == layers.x {
         return below;
@@ -205,8 +205,8 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
 fn optics_segment(s0: f32, s1: f32, length: f32) {
     var x = Way(vec2(s0, s1), abs(s1 - s0), s1 >= s0, 0.0);
     var y = Way(values, abs(values.y - values.x), values.y >= values.x, 0.0);
-    column = turn(column, grid.scalar_intervals, s0, x.up);
-    row = turn(row, grid.row_intervals, values.x, y.up);
+    column = turn(column, joint.scalar_intervals, s0, x.up);
+    row = turn(row, joint.row_intervals, values.x, y.up);
     // Where there is no triangle all is as below the diagonal: (1, 0) is its corner.
     x.place = place_in(column, s0, 1.0);
     y.place = place_in(row, values.x, 0.0);
@@ -245,11 +245,11 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
         x.place = far.x;
         y.place = far.y;
         if leaves_x {
-            column = side_of(grid.scalar_intervals, select(column.number - 1u, column.number + 1u, x.up));
+            column = side_of(joint.scalar_intervals, select(column.number - 1u, column.number + 1u, x.up));
             x.place = select(select(1.0, 0.0, x.up), 1.0, column.range.z == 0.0);
         }
         if leaves_y {
-            row = side_of(grid.row_intervals, select(row.number - 1u, row.number + 1u, y.up));
+            row = side_of(joint.row_intervals, select(row.number - 1u, row.number + 1u, y.up));
             y.place = select(select(1.0, 0.0, y.up), 0.0, row.range.z == 0.0);
         }
     }

@@ -57,7 +57,7 @@ impl Beyond {
 }
 
 fn joint_values_of(job: &RenderJob) -> usize {
-    job.grid.as_ref().map_or(0, |scene| scene.table.values().len())
+    job.joint.as_ref().map_or(0, |scene| scene.table.values().len())
 }
 
 /// Faces that a job draws.

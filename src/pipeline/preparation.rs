@@ -182,7 +182,7 @@ impl Order {
             }
             DrawnBy::Raycast | DrawnBy::Reference => (None, KBuffer::default()),
         };
-        let grid = match layer.table.joint() {
+        let joint = match layer.table.joint() {
             None => None,
             Some(table) => {
                 let scene = series.joint_scene(table, &scalars, &mut self.gradients, cancel)?;
@@ -193,10 +193,10 @@ impl Order {
             compressed,
             // Nobody goes through cells whose scalars are not there.
             finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
-            // A grid is integrated exactly: nothing is to be prepared for other optics.
-            optics: if grid.is_some() { OpticsKind::Exact } else { layer.optics },
-            formula: layer.formula.filter(|_| grid.is_none()),
-            grid,
+            // A joint table is integrated exactly: nothing is to be prepared for other optics.
+            optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
+            formula: layer.formula.filter(|_| joint.is_none()),
+            joint,
             faces,
             k_buffer,
             skip: request.skip,

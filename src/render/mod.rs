@@ -60,7 +60,7 @@ pub struct RenderJob {
     /// The transfer function, if it is of more than the scalar; `table` is then its
     /// [projection](crate::node_table::JointTable::projection), for whatever leaves out where nothing is to be seen. Segments are
     /// integrated exactly then, whatever the optics.
-    pub grid: Option<JointScene>,
+    pub joint: Option<JointScene>,
     /// What other layers of the frame put before, between and behind the cells; `None` if there are none.
     pub fragments: Option<Arc<LayerFragments>>,
     /// What the table was made from, for the reference alone; without it that integrates the table.
@@ -230,7 +230,7 @@ impl RenderJob {
             k_buffer: KBuffer::default(),
             view,
             table,
-            grid: None,
+            joint: None,
             fragments: None,
             formula: None,
             optics: OpticsKind::default(),
@@ -262,12 +262,12 @@ impl RenderJob {
             Some(given) if given != expected => return Err(RenderError::LayerPixels { given, expected }),
             _ => {}
         }
-        self.grid.as_ref().map_or(Ok(()), |grid| grid.check(&self.mesh))
+        self.joint.as_ref().map_or(Ok(()), |joint| joint.check(&self.mesh))
     }
 
-    /// The job with the optics that it is rendered with: exact ones for a grid.
+    /// The job with the optics that it is rendered with: exact ones for a joint table.
     fn with_optics_of_joint_table(mut self) -> Self {
-        if self.grid.is_some() {
+        if self.joint.is_some() {
             self.optics = OpticsKind::Exact;
         }
         self

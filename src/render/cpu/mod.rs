@@ -72,7 +72,7 @@ trait RenderTiles {
 
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, table, .. } = Self::tile_job(job);
-        match (&of.grid, table) {
+        match (&of.joint, table) {
             (Some(scene), _) => self.render_tiles(job, (&JointMedium::new(scene, &of.mesh), layers), budget, frame),
             (None, OpticsTable::Exact(table)) => {
                 self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)

@@ -92,7 +92,7 @@ pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// In view coordinates; in a grid, behind them the quantity of vertices.
+    /// In view coordinates; with a joint table, behind them the quantity of vertices.
     pub(super) vertices: GrowingBuffer,
     values: Option<VertexValues>,
 }
@@ -128,20 +128,20 @@ impl VertexBuffers {
         Ok((made, sent))
     }
 
-    /// Brings the quantity of vertices to the GPU unless it is there, if the job has a grid; after [`Self::upload`]. Returns whether
+    /// Brings the quantity of vertices to the GPU unless it is there, if the job has one; after [`Self::upload`]. Returns whether
     /// the buffer was made, and the bytes sent.
     pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
-        let Some(grid) = &job.grid else { return Ok((false, 0)) };
+        let Some(scene) = &job.joint else { return Ok((false, 0)) };
         let vertices = job.mesh.positions.local.len();
         let first = VIEW_VERTEX_BYTES * vertices as u64;
         // Whole view vertices: they are an array.
         let bytes = (4 * vertices as u64).next_multiple_of(VIEW_VERTEX_BYTES);
         let made = self.vertices.reserve(context, first + bytes).inspect_err(|_| self.of = None)?;
-        if !made && self.values.as_ref().is_some_and(|values| values.is_of(grid)) {
+        if !made && self.values.as_ref().is_some_and(|values| values.is_of(scene)) {
             return Ok((false, 0));
         }
         self.values = None;
-        let (values, words) = VertexValues::of(grid, vertices);
+        let (values, words) = VertexValues::of(scene, vertices);
         let sent = self.vertices.write(context, first, bytemuck::cast_slice(&words))?;
         self.values = Some(values);
         Ok((made, sent))

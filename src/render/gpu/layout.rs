@@ -61,7 +61,7 @@ pub const EYE_WORDS: usize = 6;
 /// Bytes of a fragment: depth as a sum of two, scalar, rank, the cells left and entered.
 pub const FRAGMENT_BYTES: u64 = 24;
 
-/// Bytes of a fragment in a grid: the quantity of vertices, too, and nothing.
+/// Bytes of a fragment with a joint table: the quantity of vertices, too, and nothing.
 pub const JOINT_FRAGMENT_BYTES: u64 = 32;
 
 /// Words of a piece of a large face: its place in the list, a tile.
@@ -244,7 +244,7 @@ impl Params {
     }
 }
 
-/// Where the parts of a grid are in the buffer of the table, in vectors of four (`shaders/lib/optics_joint.wgsl`).
+/// Where the parts of a joint table are in the buffer of the table, in vectors of four (`shaders/lib/optics_joint.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct JointParams {

@@ -115,7 +115,7 @@ impl Resource {
             Self::FaceParams => ("face_params", "parameters of the faces", Uniform("FaceParams")),
             Self::VqStep => ("step", "parameters of the step", Uniform("VqStep")),
             Self::Table3dParams => ("table3d", "parameters of the table", Uniform("Table3dParams")),
-            Self::JointParams => ("grid", "parameters of the table", Uniform("JointParams")),
+            Self::JointParams => ("joint", "parameters of the table", Uniform("JointParams")),
             Self::Block => ("block", "compressed block", Storage("u32")),
             Self::Positions => ("positions", "positions", Storage("f32")),
             Self::Scalars => ("scalars", "scalars", Storage("f32")),

@@ -37,7 +37,7 @@ pub enum FragmentKind {
 impl FragmentKind {
     /// What fragments of a job have.
     pub fn of(job: &RenderJob) -> Self {
-        if job.grid.is_some() { Self::Joint } else { Self::Plain }
+        if job.joint.is_some() { Self::Joint } else { Self::Plain }
     }
 
     /// Bytes of a fragment.
@@ -69,7 +69,7 @@ impl Gathering {
 
     /// How those of a job are.
     pub fn of(job: &RenderJob) -> Self {
-        if job.grid.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
+        if job.joint.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
     }
 
     /// Where it finds the transfer function.
@@ -302,8 +302,8 @@ mod lib {
     pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
     pub(super) const PARTIAL: &str = include_str!("../../../shaders/lib/optics_partial.wgsl");
     pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
-    pub(super) const GRID: &str = include_str!("../../../shaders/lib/optics_joint.wgsl");
-    pub(super) const NO_GRID: &str = include_str!("../../../shaders/lib/no_joint.wgsl");
+    pub(super) const JOINT: &str = include_str!("../../../shaders/lib/optics_joint.wgsl");
+    pub(super) const NO_JOINT: &str = include_str!("../../../shaders/lib/no_joint.wgsl");
     pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
     pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");
     pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
@@ -317,10 +317,10 @@ mod lib {
 /// A stage that integrates along rays.
 fn gathering(how: Gathering, precision: Precision) -> String {
     let optics = match how {
-        Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_GRID].concat(),
-        Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_GRID].concat(),
-        Gathering::Scalar(OpticsKind::Table3d) => [lib::TABLE3D, lib::NO_GRID].concat(),
-        Gathering::Joint => [lib::WEIGHTS, lib::GRID].concat(),
+        Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_JOINT].concat(),
+        Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_JOINT].concat(),
+        Gathering::Scalar(OpticsKind::Table3d) => [lib::TABLE3D, lib::NO_JOINT].concat(),
+        Gathering::Joint => [lib::WEIGHTS, lib::JOINT].concat(),
     };
     [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
 }

@@ -21,7 +21,7 @@ pub(super) struct Table {
     /// What a joint table does.
     joint_params: GrowingBuffer,
     interval_count: u32,
-    grid: JointBuffers,
+    joint: JointBuffers,
 }
 
 impl Table {
@@ -33,7 +33,7 @@ impl Table {
             table3d_params: GrowingBuffer::new(Resource::Table3dParams),
             joint_params: GrowingBuffer::new(Resource::JointParams),
             interval_count: 0,
-            grid: JointBuffers::default(),
+            joint: JointBuffers::default(),
         }
     }
 
@@ -60,13 +60,13 @@ impl Table {
         (params.scalar_offset, params.scalar_scale) = (map.offset as f32, map.scale as f32);
         let mut made = self.table3d_params.reserve(context, size_of::<Table3dParams>() as u64)?;
         made |= self.joint_params.reserve(context, size_of::<JointParams>() as u64)?;
-        if let Some(scene) = &job.grid {
+        if let Some(scene) = &job.joint {
             self.sent = None;
             let buffers = [&mut self.buffer, &mut self.joint_params];
-            let (new, bytes_sent) = self.grid.update(context, job, scene, map, buffers)?;
+            let (new, bytes_sent) = self.joint.update(context, job, scene, map, buffers)?;
             return Ok((made || new, bytes_sent));
         }
-        self.grid.forget();
+        self.joint.forget();
         let mut bytes_sent = 0;
         let table = self.tables.get(job);
         let is_there = self.sent.as_ref().is_some_and(|(seen, sent)| *seen == map && sent.is_same(&table));

@@ -28,7 +28,7 @@ impl Cell {
     pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
         let tet = job.mesh.topology.tets[number as usize];
         let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
-        let vertex_values = job.grid.as_ref().map_or([0.0; 4], |scene| tet.map(|v| scene.vertex_value(v)));
+        let vertex_values = job.joint.as_ref().map_or([0.0; 4], |scene| tet.map(|v| scene.vertex_value(v)));
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];

@@ -29,7 +29,7 @@ pub(in crate::render) enum Transfer<'a> {
 
 impl<'a> Transfer<'a> {
     pub(in crate::render) fn of(job: &'a RenderJob) -> Self {
-        job.grid.as_ref().map_or(Self::Scalar(&job.table), Self::Joint)
+        job.joint.as_ref().map_or(Self::Scalar(&job.table), Self::Joint)
     }
 
     /// The segment, cut so that all is linear on each piece: colour and extinction at both ends of each, as seen from inside

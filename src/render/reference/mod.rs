@@ -11,7 +11,7 @@
 //!    the last one ended. A point of the ray is in one cell.
 //! 3. A segment is split where the formula of the transfer function has a knot, and integrated by the definition
 //!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. With a table it is split at its nodes, in
-//!    a grid at all lines of that.
+//!    a joint table at all lines of its rectangles.
 //!
 //! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 

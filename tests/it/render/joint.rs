@@ -22,7 +22,7 @@ pub fn with_joint_table(
     let projection = table.projection().clone();
     let scene =
         JointScene { table: Arc::new(table), vertex_values: vertex.map(Arc::new), cell_values: cell.map(Arc::new) };
-    RenderJob { table: projection, grid: Some(scene), ..job.clone() }
+    RenderJob { table: projection, joint: Some(scene), ..job.clone() }
 }
 
 /// A table of these axes with `value` at each (scalar, row, layer).
@@ -102,18 +102,18 @@ fn every_renderer_agrees_with_the_reference_in_two_and_three_dimensions() {
 fn the_comparison_notices_one_vertex_and_one_cell() {
     for (name, job) in jobs(5, PERSPECTIVE) {
         let judge = reference(&job);
-        let grid = job.grid.clone().unwrap();
+        let scene = job.joint.clone().unwrap();
         let mut others = Vec::new();
-        if let Some(values) = &grid.vertex_values {
+        if let Some(values) = &scene.vertex_values {
             let mut values = (**values).clone();
             let nearest = (0..values.len()).min_by(|&a, &b| {
                 let from_eye = |v: usize| job.mesh.positions.world(v).distance(job.view.eye);
                 from_eye(a).total_cmp(&from_eye(b))
             });
             values[nearest.unwrap()] += 0.3;
-            others.push(JointScene { vertex_values: Some(Arc::new(values)), ..grid.clone() });
+            others.push(JointScene { vertex_values: Some(Arc::new(values)), ..scene.clone() });
         }
-        if let Some(values) = &grid.cell_values {
+        if let Some(values) = &scene.cell_values {
             let mut values = (**values).clone();
             let nearest = (0..values.len()).min_by(|&a, &b| {
                 let corner = |c: usize| job.mesh.topology.tets[c].map(|v| job.mesh.positions.world(v as usize));
@@ -122,10 +122,10 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
             });
             let nearest = nearest.unwrap();
             values[nearest] = if values[nearest] > 0.0 { -0.5 } else { 0.5 };
-            others.push(JointScene { cell_values: Some(Arc::new(values)), ..grid });
+            others.push(JointScene { cell_values: Some(Arc::new(values)), ..scene });
         }
-        for grid in others {
-            let other = RenderJob { grid: Some(grid), ..job.clone() };
+        for scene in others {
+            let other = RenderJob { joint: Some(scene), ..job.clone() };
             for image in [raycast(&other), havs(&with_all_faces(&other)).planes.color, reference(&other)] {
                 let (rmse, max) = difference(&image, &judge);
                 assert!(rmse > 1e-5 && max > 1e-3, "{name}: rmse {rmse:.1e}, max {max:.1e}");
@@ -238,10 +238,10 @@ fn a_quantity_of_cells_is_the_same_in_all_of_a_cell() {
     assert_all_agree("cells", &job);
     // A layer half way between is half of both.
     let half =
-        with_joint_table(&job, job.grid.clone().unwrap().table.as_ref().clone(), None, Some(vec![0.5; cells.len()]));
+        with_joint_table(&job, job.joint.clone().unwrap().table.as_ref().clone(), None, Some(vec![0.5; cells.len()]));
     let thin = super::table(&[(-1.5, [0.1, 0.3, 0.45], 0.0), (1.5, [0.1, 0.3, 0.45], 1.5)]);
     let alpha = |image: RgbaImage| RgbaImage { pixels: image.pixels.iter().map(|p| [p[3]; 4]).collect(), ..image };
-    let thin = RenderJob { table: Arc::new(thin), grid: None, ..job };
+    let thin = RenderJob { table: Arc::new(thin), joint: None, ..job };
     assert_within("half", &alpha(reference(&half)), &alpha(reference(&thin)));
 }
 
@@ -260,7 +260,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
         let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
         let job = with_joint_table(&constant, table, Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
-        let flat = RenderJob { table: Arc::new(flat), grid: None, ..job.clone() };
+        let flat = RenderJob { table: Arc::new(flat), joint: None, ..job.clone() };
         assert_within("reference", &reference(&job), &reference(&flat));
         assert_within("ray caster", &raycast(&job), &reference(&flat));
         assert_within("faces", &havs(&with_all_faces(&job)).planes.color, &reference(&flat));
@@ -316,8 +316,8 @@ fn tables_of_one_node_and_narrow_and_opaque_ones_are_drawn() {
 fn what_is_left_out_changes_no_bit() {
     for (name, job) in jobs(6, PERSPECTIVE) {
         // Clear below 0.
-        let grid = job.grid.clone().unwrap();
-        let table = &grid.table;
+        let scene = job.joint.clone().unwrap();
+        let table = &scene.table;
         let scalars = table.scalars().to_vec();
         let columns = scalars.len();
         let places = (0..table.layers().len()).flat_map(|l| (0..table.rows().len()).map(move |r| (l, r)));
@@ -325,7 +325,7 @@ fn what_is_left_out_changes_no_bit() {
             |i: usize, r: usize, l: usize| if table.scalars()[i] < 0.0 { [0.0; 4] } else { table.value(i, r, l) };
         let values = places.flat_map(|(l, r)| (0..columns).map(move |i| value(i, r, l))).collect();
         let cut = JointTable::new(scalars, table.rows().to_vec(), table.layers().to_vec(), values).unwrap();
-        let [vertex, cell] = [&grid.vertex_values, &grid.cell_values].map(|v| v.as_ref().map(|v| (**v).clone()));
+        let [vertex, cell] = [&scene.vertex_values, &scene.cell_values].map(|v| v.as_ref().map(|v| (**v).clone()));
         let all = RenderJob { skip: Skip::NONE, ..with_joint_table(&job, cut, vertex, cell) };
         let mut visible = CellSet::none(all.active.universe());
         for cell in 0..all.active.universe() as u32 {

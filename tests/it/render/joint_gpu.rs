@@ -55,7 +55,7 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
     for (name, job) in jobs(5, PERSPECTIVE) {
         let judge = reference(&job);
         let before = both(&job);
-        let grid = job.grid.clone().unwrap();
+        let scene = job.joint.clone().unwrap();
         let nearest = |count: usize, place: &dyn Fn(usize) -> DVec3| {
             let from_eye = |i: &usize| place(*i).distance(job.view.eye);
             (0..count).min_by(|a, b| from_eye(a).total_cmp(&from_eye(b))).unwrap()
@@ -71,21 +71,21 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
                 Arc::new(values)
             })
         };
-        let vertices = JointScene { vertex_values: changed(&grid.vertex_values, vertex, 0.3), ..grid.clone() };
-        let cells = JointScene { cell_values: changed(&grid.cell_values, cell, 0.6), ..grid.clone() };
+        let vertices = JointScene { vertex_values: changed(&scene.vertex_values, vertex, 0.3), ..scene.clone() };
+        let cells = JointScene { cell_values: changed(&scene.cell_values, cell, 0.6), ..scene.clone() };
         for (what, other, differs) in
-            [("a vertex", vertices, grid.vertex_values.is_some()), ("a cell", cells, grid.cell_values.is_some())]
+            [("a vertex", vertices, scene.vertex_values.is_some()), ("a cell", cells, scene.cell_values.is_some())]
         {
-            let other = RenderJob { grid: Some(other), ..job.clone() };
+            let other = RenderJob { joint: Some(other), ..job.clone() };
             if differs {
                 assert_noticed(&format!("{name}, {what}"), &reference(&other), &judge);
                 assert_both_agree(&format!("{name}, {what}"), &other);
             }
         }
-        // And back again, through a job without a grid.
-        let plain = RenderJob { grid: None, optics: OpticsKind::Table3d, ..job.clone() };
+        // And back again, through a job without a joint table.
+        let plain = RenderJob { joint: None, optics: OpticsKind::Table3d, ..job.clone() };
         assert!(
-            both(&plain).iter().zip(&before).all(|((_, plain), (_, grid))| plain.planes.color != grid.planes.color),
+            both(&plain).iter().zip(&before).all(|((_, plain), (_, joint))| plain.planes.color != joint.planes.color),
             "{name}"
         );
         for ((path, now), (_, before)) in both(&job).iter().zip(&before) {
@@ -136,7 +136,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
         let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), (**table.projection()).clone());
         let values = Some(Arc::new(vec![1.0; cells]));
         let scene = JointScene { table: table.clone(), vertex_values: None, cell_values: values };
-        RenderJob { grid: Some(scene), ..plain }
+        RenderJob { joint: Some(scene), ..plain }
     });
     // The sixth is where the table of five cells left off.
     let [five, six] = &jobs;
@@ -157,8 +157,8 @@ fn one_row_and_one_layer_give_the_image_of_the_node_table() {
     let scalars = nodes.iter().map(|n| n.scalar).collect();
     let table = JointTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
     let other = with_joint_table(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
-    for ((path, grid), (_, plain)) in both(&other).into_iter().zip(both(&base)) {
-        let (rmse, max) = difference(&grid.planes.color, &plain.planes.color);
+    for ((path, joint), (_, plain)) in both(&other).into_iter().zip(both(&base)) {
+        let (rmse, max) = difference(&joint.planes.color, &plain.planes.color);
         eprintln!("{path}: rmse {rmse:.1e}, max {max:.1e}");
         // The same pieces, lengths rounded in another way: a share of the segment instead of one of its scalars.
         assert!(rmse < 1e-6 && max < 2e-5, "{path}: rmse {rmse:.1e}, max {max:.1e}");
@@ -236,7 +236,7 @@ fn constant_fields_on_the_places_of_the_axes_have_their_right_sides() {
         let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
         let job = with_joint_table(&constant, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
-        let flat = reference(&RenderJob { table: Arc::new(flat), grid: None, ..job.clone() });
+        let flat = reference(&RenderJob { table: Arc::new(flat), joint: None, ..job.clone() });
         for (path, frame) in both(&job) {
             assert_within(path, &frame.planes.color, &flat);
         }
@@ -330,9 +330,9 @@ fn a_steady_frame_makes_and_sends_nothing_anew() {
     let again = renderer.render(job.clone()).unwrap().stats.bytes_uploaded;
     assert_eq!((context.resources_created(), again), (made, 0), "{first} bytes before");
     // Another table of the same shape: its values alone.
-    let mut grid = job.grid.clone().unwrap();
-    grid.table = Arc::new(noisy(&SCALARS, &ROWS, &LAYERS, 77));
-    let other = RenderJob { table: grid.table.projection().clone(), grid: Some(grid), ..job };
+    let mut scene = job.joint.clone().unwrap();
+    scene.table = Arc::new(noisy(&SCALARS, &ROWS, &LAYERS, 77));
+    let other = RenderJob { table: scene.table.projection().clone(), joint: Some(scene), ..job };
     let sent = renderer.render(other.clone()).unwrap().stats.bytes_uploaded;
     assert!(sent > 0 && sent < 16 * 400, "{sent} of {first} bytes");
     assert_within("another table", &renderer.render(other.clone()).unwrap().planes.color, &reference(&other));
