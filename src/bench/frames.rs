@@ -114,10 +114,7 @@ pub(super) fn describe(
     let cells = mesh.topology.tets.len() as u64;
     let tets = request.tets();
     let drawn_by = tets.map_or(DrawnBy::Raycast, |tets| tets.draw.drawn_by());
-    let k_buffer = match drawn_by {
-        DrawnBy::Faces(detail) => Some(detail.k_buffer),
-        DrawnBy::Raycast | DrawnBy::Reference => None,
-    };
+    let k_buffer = drawn_by.faces().map(|detail| detail.k_buffer);
     // The reference integrates exactly whatever was asked for.
     let optics = tets.filter(|_| drawn_by != DrawnBy::Reference).map_or(OpticsKind::Exact, |tets| tets.optics);
     BenchRun {
@@ -130,10 +127,8 @@ pub(super) fn describe(
         size: [request.size_px.0 as u32, request.size_px.1 as u32],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
         mode: match drawn_by {
-            DrawnBy::Reference if measured.iter().all(|stats| stats.by_formula) => "reference",
-            DrawnBy::Reference => "reference-table",
-            DrawnBy::Faces(_) => "havs",
-            DrawnBy::Raycast => "raycast",
+            DrawnBy::Reference if !measured.iter().all(|stats| stats.by_formula) => "reference-table",
+            by => by.name(),
         }
         .to_owned(),
         lod: request.lod(),

@@ -2,7 +2,8 @@
 
 use super::Sampling;
 use super::text::FaceText;
-use crate::render::KBuffer;
+use crate::render::{KBuffer, RenderError};
+use crate::short::Short;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -65,6 +66,18 @@ pub struct FaceDetail {
 impl FaceDetail {
     /// All faces, as by default.
     pub const ALL: Self = Self { lod: 1.0, sampling: Sampling::Error, k_buffer: KBuffer::USUAL };
+
+    /// A level of detail is a share, and a buffer has its bounds.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let Self { lod, k_buffer, .. } = self;
+        if lod.is_finite() && !(0.0..=1.0).contains(lod) {
+            return Err(format!("a level of detail of {}; it is a share, 0 to 1", Short(*lod)));
+        }
+        if !(2..=32).contains(&k_buffer.k) {
+            return Err(RenderError::BadK(k_buffer.k).to_string());
+        }
+        Ok(())
+    }
 }
 
 impl Default for FaceDetail {
@@ -131,6 +144,25 @@ pub enum DrawnBy {
     Faces(FaceDetail),
     /// The judge.
     Reference,
+}
+
+impl DrawnBy {
+    /// The name of the [`RenderMode`] that chooses it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raycast => "raycast",
+            Self::Faces(_) => "havs",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// The faces that it draws, if it draws faces.
+    pub fn faces(self) -> Option<FaceDetail> {
+        match self {
+            Self::Faces(detail) => Some(detail),
+            Self::Raycast | Self::Reference => None,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -16,6 +16,32 @@ pub enum Layer {
     Tets(TetLayer),
 }
 
+impl Layer {
+    /// The layer of cells, if it is that.
+    pub fn tets(&self) -> Option<&TetLayer> {
+        let Self::Tets(layer) = self;
+        Some(layer)
+    }
+
+    /// The same to be changed.
+    pub(super) fn tets_mut(&mut self) -> Option<&mut TetLayer> {
+        let Self::Tets(layer) = self;
+        Some(layer)
+    }
+
+    /// Whether both show the same.
+    pub(super) fn looks_like(&self, other: &Self) -> bool {
+        let (Self::Tets(layer), Self::Tets(other)) = (self, other);
+        layer.looks_like(other)
+    }
+
+    /// Why it cannot be drawn, whatever the series holds.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let Self::Tets(layer) = self;
+        layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
+    }
+}
+
 /// The cells of a mesh with the scalars of a field.
 ///
 /// Only the volume can be seen yet: [`Surface`] and [`Cut`] have no values and [`Shading`] has one, until something draws more of them.
@@ -76,7 +102,7 @@ impl TetLayer {
     }
 
     /// Whether both show the same: only the judge asks for the formula.
-    pub(super) fn looks_like(&self, other: &Self) -> bool {
+    fn looks_like(&self, other: &Self) -> bool {
         let is_judge = self.draw == TetDraw::Reference;
         let Self { field, table, formula, optics, surfaces, cuts, shading, volume, draw } = self;
         (field, surfaces, cuts) == (&other.field, &other.surfaces, &other.cuts)

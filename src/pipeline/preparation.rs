@@ -145,12 +145,9 @@ pub(super) struct Order {
 impl Order {
     /// Places what is to be drawn on the CPU in its view, while the renderer is busy with the frame before.
     pub(super) fn place_ahead(&mut self, Ordered { job, by }: &mut Ordered) {
-        match by {
-            DrawnBy::Reference => {}
-            DrawnBy::Raycast | DrawnBy::Faces(_) => {
-                let table = self.tables.get(job);
-                self.placer.place(job, &table);
-            }
+        if *by != DrawnBy::Reference {
+            let table = self.tables.get(job);
+            self.placer.place(job, &table);
         }
     }
 
@@ -175,12 +172,12 @@ impl Order {
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients) = Default::default();
         }
-        let (faces, k_buffer) = match by {
-            DrawnBy::Faces(detail) => {
+        let (faces, k_buffer) = match by.faces() {
+            Some(detail) => {
                 let selection = self.selected(series, request.time.step(), detail, &active, cancel)?;
                 (Some(self.sorted(series, &view, &selection, cancel, &mut stats)?), detail.k_buffer)
             }
-            DrawnBy::Raycast | DrawnBy::Reference => (None, KBuffer::default()),
+            None => (None, KBuffer::default()),
         };
         let joint = match layer.table.joint() {
             None => None,

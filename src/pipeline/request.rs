@@ -54,13 +54,13 @@ impl FrameRequest {
 
     /// The layer of cells, if there is one.
     pub fn tets(&self) -> Option<&TetLayer> {
-        self.layers.iter().map(|Layer::Tets(layer)| layer).next()
+        self.layers.iter().find_map(Layer::tets)
     }
 
     /// The request with its layer of cells changed, if there is one.
     #[must_use]
     pub fn with_tets(mut self, change: impl FnOnce(&mut TetLayer)) -> Self {
-        if let Some(Layer::Tets(layer)) = self.layers.first_mut() {
+        if let Some(layer) = self.layers.iter_mut().find_map(Layer::tets_mut) {
             change(layer);
         }
         self
@@ -82,7 +82,7 @@ impl FrameRequest {
     /// # Errors
     /// If there are two, or it is of another field.
     pub(super) fn tets_of(&self, played: &str) -> Result<Option<&TetLayer>, RequestError> {
-        let mut layers = self.layers.iter().map(|Layer::Tets(layer)| layer).enumerate();
+        let mut layers = self.layers.iter().enumerate().filter_map(|(at, layer)| Some((at, layer.tets()?)));
         let Some((first, layer)) = layers.next() else { return Ok(None) };
         if let Some((second, _)) = layers.next() {
             return Err(RequestError::TwoOfCells { first, second });
@@ -109,8 +109,7 @@ impl FrameRequest {
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
         let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.samples, r.backend, r.for_window, r.skip);
-        let is_alike = |(Layer::Tets(a), Layer::Tets(b)): (&Layer, &Layer)| a.looks_like(b);
-        rest(self) == rest(other) && std::iter::zip(&self.layers, &other.layers).all(is_alike)
+        rest(self) == rest(other) && std::iter::zip(&self.layers, &other.layers).all(|(a, b)| a.looks_like(b))
     }
 }
 

@@ -3,9 +3,8 @@
 //! What is read is checked where it stands: tables by their constructors, sizes and shares by what they mean, so that every error
 //! has a line and a column. What is written can be read: a number that JSON has no text for is an error that names its place.
 
-use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, TetDraw};
+use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError};
 use crate::camera::check_size;
-use crate::render::RenderError;
 use crate::short::Short;
 use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
@@ -45,11 +44,7 @@ impl FrameRequest {
     pub fn to_text(&self) -> Result<String, RequestError> {
         let no_text = |problem: String| RequestError::NoText(problem);
         check_size(self.size_px).map_err(|error| no_text(error.to_string()))?;
-        for Layer::Tets(layer) in &self.layers {
-            if let TetDraw::Faces(detail) = layer.draw {
-                check_detail(&detail).map_err(no_text)?;
-            }
-        }
+        self.layers.iter().try_for_each(Layer::check).map_err(no_text)?;
         let mut text = Vec::new();
         let mut serializer = serde_json::Serializer::with_formatter(&mut text, Places::default());
         let written = Written { version: Self::TEXT_VERSION, frame: self };
@@ -69,18 +64,6 @@ impl FrameRequest {
         }
         Ok(serde_json::from_str::<Read>(text).map_err(bad_text)?.frame)
     }
-}
-
-/// A level of detail is a share, and a buffer has its bounds.
-fn check_detail(detail: &FaceDetail) -> Result<(), String> {
-    let FaceDetail { lod, k_buffer, .. } = detail;
-    if lod.is_finite() && !(0.0..=1.0).contains(lod) {
-        return Err(format!("a level of detail of {}; it is a share, 0 to 1", Short(*lod)));
-    }
-    if !(2..=32).contains(&k_buffer.k) {
-        return Err(RenderError::BadK(k_buffer.k).to_string());
-    }
-    Ok(())
 }
 
 /// Where in the text the writer is. Nothing in a request is null: what is none is left out, and serde_json writes null for numbers
@@ -253,7 +236,7 @@ impl TryFrom<FaceText> for FaceDetail {
 
     fn try_from(FaceText { lod, sampling, k_buffer }: FaceText) -> Result<Self, String> {
         let detail = Self { lod, sampling, k_buffer };
-        check_detail(&detail).map(|()| detail)
+        detail.check().map(|()| detail)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::camera::{Camera, Projection};
 use crate::moments::CovDenominator;
 use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, SampleSet, Sampling, TetLayer};
+use crate::pipeline::{Backend, SampleSet, Sampling, TetDraw, TetLayer};
 use crate::render::KBuffer;
 use crate::transfer::{
     BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
