@@ -74,7 +74,7 @@ struct State {
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     state: Mutex<State>,
-    /// Something waits, a preparation is over, or the queue is closed.
+    /// Something waits or is not wanted any more, a preparation is over, or the queue is closed.
     changed: Condvar,
 }
 
@@ -101,6 +101,7 @@ impl Queue {
     /// No request is wanted any more.
     pub(super) fn clear(&self) {
         self.state().drop_requests(Before::DropAll);
+        self.changed.notify_all();
     }
 
     /// Frames that are wanted and have not been taken.
@@ -126,6 +127,22 @@ impl Queue {
                 state.preparing.push((ticket.id, ticket.cancel.clone()));
                 state.preparing_max = state.preparing_max.max(state.preparing.len());
                 return Some(ticket);
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Waits until a request that is being prepared is the next to be rendered of those that are still wanted; false if it is not
+    /// wanted itself.
+    pub(super) fn wait_to_be_next(&self, ticket: &Ticket) -> bool {
+        let mut state = self.state();
+        loop {
+            if ticket.cancel.is_cancelled() {
+                return false;
+            }
+            let next = state.preparing.iter().find(|(_, cancel)| !cancel.is_cancelled());
+            if next.is_none_or(|(id, _)| *id == ticket.id) {
+                return true;
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -187,5 +204,50 @@ impl State {
             cancel.cancel();
             self.wanted.retain(|&wanted| wanted != id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_series::jet;
+    use super::*;
+    use crate::camera::Camera;
+    use crate::node_table::NodeTable;
+    use crossbeam::channel::{RecvTimeoutError, bounded};
+    use std::time::Duration;
+
+    /// What ends the wait of the second of two requests that are prepared, and how it ends.
+    fn wait_ends(end: impl FnOnce(&Queue, &Ticket, &FrameRequest)) -> bool {
+        let (series, queue) = (jet(), Queue::default());
+        let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+        let request = FrameRequest::new(0, camera, Arc::new(NodeTable::clear()), (8, 8));
+        for _ in 0..PREPARATIONS {
+            queue.push(series.clone(), request.clone(), Before::Keep).unwrap();
+        }
+        let [first, second] = [queue.next().unwrap(), queue.next().unwrap()];
+        assert!(queue.wait_to_be_next(&first));
+        std::thread::scope(|scope| {
+            let (to, ended) = bounded(1);
+            let queue = &queue;
+            scope.spawn(move || to.send(queue.wait_to_be_next(&second)));
+            assert_eq!(ended.recv_timeout(Duration::from_millis(20)), Err(RecvTimeoutError::Timeout));
+            end(queue, &first, &request);
+            ended.recv_timeout(Duration::from_secs(60)).unwrap()
+        })
+    }
+
+    #[test]
+    fn a_prepared_request_waits_for_those_before_it_as_long_as_they_are_wanted() {
+        assert!(wait_ends(|queue, first, _| assert!(queue.begin_render(first))));
+        // The renderer has nothing to do: the first one is kept, the second is not.
+        assert!(!wait_ends(|queue, _, request| {
+            queue.push(jet(), request.clone(), Before::DropPrepared).unwrap();
+        }));
+        assert!(!wait_ends(|queue, _, _| queue.clear()));
+        assert!(!wait_ends(|queue, _, _| queue.close()));
+        assert!(wait_ends(|queue, first, _| {
+            first.cancel.cancel();
+            queue.changed.notify_all();
+        }));
     }
 }

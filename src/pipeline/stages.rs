@@ -119,14 +119,13 @@ pub(super) fn order_all(
         let ordered = decoded.and_then(|content| match content {
             Content::Kept(frame) => Ok(Content::Kept(frame)),
             Content::New(decoded) => guarded("order", || {
-                let run = || {
-                    let mut ordered = order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel)?;
-                    if shared.will_be_on_cpu(ticket.request.backend) {
-                        order.place_ahead(&mut ordered);
-                    }
-                    Ok(ordered)
-                };
-                threads.install(run).map(Content::New)
+                let run = || order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel);
+                let mut ordered = threads.install(run)?;
+                // One frame is placed ahead, no more: the lists of faces are large.
+                if shared.will_be_on_cpu(ticket.request.backend) && shared.queue.wait_to_be_next(&ticket) {
+                    threads.install(|| order.place_ahead(&mut ordered));
+                }
+                Ok(Content::New(ordered))
             }),
         });
         waste(Slow::Pipelined, ticket.series.mesh.topology.tets.len());
