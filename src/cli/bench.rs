@@ -24,7 +24,7 @@ pub(super) struct Args {
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
     /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, and the error
-    /// of one segment by optics and size of the table (docs/accuracy.md); playback: moving time beside standing still, and seeks; all: all of them
+    /// of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks
@@ -193,7 +193,7 @@ fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     writeln!(f, "{}, {} cells, {width}x{height}, {}, codec {}", run.dataset, run.cells, run.backend, run.codec)?;
     for (name, p) in [("pipelined", &run.pipelined), ("one stage after the other", &run.sequential)] {
         let (ratio, [lo, hi]) = (p.ratio, p.interval);
-        let times = format!("{:.1} ms for {} frames, {:.1} standing still", p.b.median, run.frames, p.a.median);
+        let times = format!("{:.1} ms for {} frames, {:.1} with each step twice", p.b.median, run.frames, p.a.median);
         writeln!(f, "  time moves, {name}: {ratio:.3} (95 % in {lo:.3} to {hi:.3}, {} pairs); {times}", p.pairs)?;
     }
     let SeekTimes { ms, ratio, beyond_ms } = &run.seek;
