@@ -85,13 +85,13 @@ fn frames_of_old_reports() -> usize {
 struct Ways {
     request: FrameRequest,
     steps: usize,
-    still: Pipelined,
+    held: Pipelined,
     moving: Pipelined,
     sequential: Pipeline,
     on_gpu: bool,
 }
 
-/// Plays and stands still in turn, and seeks; `progress` hears of each pair and of each seek. `open` makes pipelines of one
+/// Plays at two speeds in turn, and seeks; `progress` hears of each pair and of each seek. `open` makes pipelines of one
 /// series that are set up alike.
 ///
 /// # Errors
@@ -107,7 +107,7 @@ pub fn run_playback(
     let series = sequential.series().clone();
     let steps = series.times().len();
     let mut ways =
-        Ways { request: bench.request.clone(), steps, still: start()?, moving: start()?, sequential, on_gpu: false };
+        Ways { request: bench.request.clone(), steps, held: start()?, moving: start()?, sequential, on_gpu: false };
     let (mut pipelined, mut one_by_one) = (Timings::default(), Timings::default());
     for round in 0..WARM_UP + bench.pairs.max(1) {
         if cancel.is_cancelled() {
@@ -167,7 +167,7 @@ impl Ways {
             ms[way] = match way {
                 0 => {
                     let started = Instant::now();
-                    self.on_gpu = self.burst(&self.still, steps.clone().flat_map(|step| [step; 2]))?;
+                    self.on_gpu = self.burst(&self.held, steps.clone().flat_map(|step| [step; 2]))?;
                     milliseconds(started)
                 }
                 1 => {

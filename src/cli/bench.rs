@@ -187,7 +187,7 @@ fn heading(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     )
 }
 
-/// Moving over standing still, with both sides, and seeks.
+/// Moving time over time that moves half as often, with both sides, and seeks.
 fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     let [width, height] = run.size;
     writeln!(f, "{}, {} cells, {width}x{height}, {}, codec {}", run.dataset, run.cells, run.backend, run.codec)?;
