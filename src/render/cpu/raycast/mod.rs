@@ -1,6 +1,6 @@
 //! Ray casting by cell walk: per pixel, from face to face through the active cells.
 //!
-//! 1. **view transform** ([`ray`]): vertices to view coordinates, once per frame.
+//! 1. **view transform** ([`ray`](super::ray)): vertices to view coordinates, once per frame.
 //! 2. **entries** ([`entries`], [`starts`]): faces between an active cell and an inactive one or the outside, binned into
 //!    tiles; per pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
 //!    mechanism.
@@ -9,7 +9,7 @@
 //! **Why no ray is lost or doubled.** A pixel's ray is made the origin of a plane by shearing the vertices along it; a
 //! face is hit if the origin lies in its sheared triangle. Sheared coordinates are a function of vertex and pixel alone, so
 //! all cells see the same planar points, and the sign of an edge function of two of them is exact, with zeros decided by
-//! shifting the ray by (d, d^2), d -> 0 ([`ray::accurate_edge`]). Of the four sheared faces of a tet, generic points lie
+//! shifting the ray by (d, d^2), d -> 0 ([`accurate_edge`](super::ray::accurate_edge)). Of the four sheared faces of a tet, generic points lie
 //! in none or in two with opposite orientation (the boundary of a tet is a closed surface: its degree over any point of
 //! the plane is zero). So the faces hit by a ray pair up inside each tet: they form paths from a front-facing to a back-facing face of
 //! the active sub-complex's surface, each walk ends there, whatever rounding does to the shape of slivers, and entries
