@@ -6,11 +6,13 @@ mod framing;
 mod lattice;
 mod motion;
 mod path;
+mod samples;
 mod text;
 mod view;
 
 pub use lattice::Lattice;
 pub use motion::Axis;
+pub use samples::{PixelSet, PixelSetError, Samples};
 pub use view::View;
 pub(crate) use view::check_size;
 

@@ -288,3 +288,49 @@ proptest! {
         prop_assert!(back.position.distance(camera().position) < ROUNDING);
     }
 }
+
+/// Which pixels of a view are rendered, where, by what it says pixel by pixel.
+fn rendered_one_by_one(view: &View) -> Vec<(usize, usize, usize)> {
+    let pixels = (0..view.height_px).flat_map(|row| (0..view.width_px).map(move |column| (column, row)));
+    let rendered: Vec<_> = pixels.filter(|&(column, row)| view.renders(column, row)).collect();
+    let places: Vec<usize> = match &view.samples {
+        Samples::Lattice(_) => (0..rendered.len()).collect(),
+        Samples::Pixels(set) => {
+            let place = |pixel| (0..set.len()).find(|&place| set.pixel(place) == pixel).unwrap();
+            rendered.iter().map(|&pixel| place(pixel)).collect()
+        }
+    };
+    rendered.into_iter().zip(places).map(|((column, row), place)| (column, row, place)).collect()
+}
+
+#[test]
+fn rows_of_a_view_have_its_pixels_at_their_places_in_the_plane() {
+    let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
+    let lattice = |stride| Samples::Lattice(Lattice::new(std::num::NonZeroUsize::new(stride).unwrap()));
+    let listed = |pixels: &[u32]| Samples::Pixels(std::sync::Arc::new(PixelSet::new((11, 7), pixels).unwrap()));
+    let all_samples = [lattice(1), lattice(3), lattice(4), lattice(100), listed(&[76, 0, 13, 12, 40]), listed(&[5])];
+    for samples in all_samples {
+        let view = View { samples, ..camera.view(11, 7).unwrap() };
+        let expected = rendered_one_by_one(&view);
+        let (columns, rows) = view.plane_px();
+        assert_eq!(expected.len(), columns * rows);
+        for (from, to) in [(0, 11), (2, 9), (4, 4), (7, 8)] {
+            for (first, end) in [(0, 7), (1, 4), (3, 3)] {
+                let is_in = |&&(column, row, _): &&(usize, usize, usize)| {
+                    (from..to).contains(&column) && (first..end).contains(&row)
+                };
+                let found: Vec<_> = (first..end)
+                    .flat_map(|row| view.rendered_in(row, from..to).map(move |(column, place)| (column, row, place)))
+                    .collect();
+                assert_eq!(found, expected.iter().filter(is_in).copied().collect::<Vec<_>>(), "{:?}", view.samples);
+                assert_eq!(view.renders_some_in(from..to, first..end), !found.is_empty());
+            }
+        }
+        for places in [0..columns * rows, 0..1, columns * rows - 1..columns * rows, 0..0] {
+            let rows = view.rows_of(places.clone());
+            let of_places = expected.iter().filter(|(.., place)| places.contains(place));
+            assert!(of_places.clone().all(|(_, row, _)| rows.contains(row)), "{places:?} of {:?}", view.samples);
+            assert!(rows.len() <= view.height_px);
+        }
+    }
+}

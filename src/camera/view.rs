@@ -1,13 +1,14 @@
 //! From a camera to the view frame and the rays of its pixels.
 
-use super::{Camera, CameraError, Lattice, Projection, unit};
+use super::{Camera, CameraError, Projection, Samples, unit};
 use glam::DVec3;
+use std::ops::Range;
 
 /// An orthonormal view frame and the image plane of a given size in pixels.
 ///
 /// The ray of image-plane point (px, py) is, in view coordinates, `(px * w, py * w, w)` (perspective) or `(px, py, w)`
 /// (parallel) over depth w; a step dw in depth is a length of [`View::length_per_depth`] * dw.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// The eye, world.
     pub eye: DVec3,
@@ -30,7 +31,7 @@ pub struct View {
     /// Rows of the image.
     pub height_px: usize,
     /// The pixels that rays are cast for.
-    pub lattice: Lattice,
+    pub samples: Samples,
 }
 
 /// Below this sine between viewing direction and up (sqrt of the f64 rounding unit) the cross product has lost half of its
@@ -71,7 +72,7 @@ impl Camera {
             half_height,
             width_px,
             height_px,
-            lattice: Lattice::ALL,
+            samples: Samples::ALL,
         })
     }
 
@@ -117,9 +118,12 @@ pub(crate) fn check_size((width_px, height_px): (usize, usize)) -> Result<(), Ca
 }
 
 impl View {
-    /// Width and height of the plane that is rendered: pixels of the lattice per row, and rows of it.
+    /// Width and height of the plane that is rendered: pixels of the lattice per row and rows of it, or one row of listed pixels.
     pub fn plane_px(&self) -> (usize, usize) {
-        (self.lattice.count(self.width_px), self.lattice.count(self.height_px))
+        match &self.samples {
+            Samples::Lattice(lattice) => (lattice.count(self.width_px), lattice.count(self.height_px)),
+            Samples::Pixels(pixels) => (pixels.len(), 1),
+        }
     }
 
     /// Depth before which rays see nothing: a perspective camera sees nothing behind its eye, a parallel one has no eye.
@@ -130,7 +134,49 @@ impl View {
     /// Whether a ray is cast for a pixel.
     #[inline]
     pub fn renders(&self, column: usize, row: usize) -> bool {
-        self.lattice.has(column, self.width_px) && self.lattice.has(row, self.height_px)
+        match &self.samples {
+            Samples::Lattice(lattice) => lattice.has(column, self.width_px) && lattice.has(row, self.height_px),
+            Samples::Pixels(pixels) => pixels.in_row(row, column..column + 1).next().is_some(),
+        }
+    }
+
+    /// The pixels that rays are cast for in some columns of a row, from left to right: their columns and their places in the plane.
+    pub fn rendered_in(&self, row: usize, columns: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
+        let (width, height) = (self.width_px, self.height_px);
+        let (of_lattice, of_set) = match &self.samples {
+            Samples::Lattice(lattice) => {
+                let of_row = lattice.first_from(row, height) * lattice.count(width);
+                let found = lattice.has(row, height).then(|| {
+                    let places = lattice.first_from(columns.start, width)..lattice.first_from(columns.end, width);
+                    places.map(move |at| (lattice.pixel(at, width), of_row + at))
+                });
+                (found, None)
+            }
+            Samples::Pixels(pixels) => (None, Some(pixels.in_row(row, columns))),
+        };
+        of_lattice.into_iter().flatten().chain(of_set.into_iter().flatten())
+    }
+
+    /// Whether rays are cast for pixels in a rectangle.
+    pub fn renders_some_in(&self, columns: Range<usize>, mut rows: Range<usize>) -> bool {
+        rows.any(|row| self.rendered_in(row, columns.clone()).next().is_some())
+    }
+
+    /// The rows of the image that the pixels at some places in the plane are in, and perhaps others between them.
+    pub fn rows_of(&self, places: Range<usize>) -> Range<usize> {
+        match &self.samples {
+            Samples::Lattice(lattice) => {
+                let columns = lattice.count(self.width_px);
+                let end = places.end.div_ceil(columns);
+                let end = if end == 0 { 0 } else { lattice.pixel(end - 1, self.height_px) + 1 };
+                lattice.pixel(places.start / columns, self.height_px)..end
+            }
+            Samples::Pixels(pixels) => {
+                let row = |place| pixels.pixel(place).1;
+                let (first, last) = (places.clone().map(row).min(), places.map(row).max());
+                first.zip(last).map_or(0..0, |(first, last)| first..last + 1)
+            }
+        }
     }
 
     /// Image-plane coordinates of the centre of pixel (`px_i`, `px_j`): column from the left, row from the top.

@@ -231,6 +231,7 @@ impl Gpu {
                 | RenderError::JointValueCount { .. }
                 | RenderError::BadLayerFragment { .. }
                 | RenderError::LayerPixels { .. }
+                | RenderError::SampleSize { .. }
                 | RenderError::BadK(_) => return Err(error),
             }
         }

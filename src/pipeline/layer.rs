@@ -2,6 +2,7 @@
 
 use super::text::shared;
 use super::{FrameRequest, TetDraw};
+use crate::camera::PixelSetError;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::transfer::TransferSource;
@@ -136,6 +137,9 @@ pub enum RequestError {
         /// Name of the field that the series is of.
         played: String,
     },
+    /// Listed pixels that are none of the image's.
+    #[error("the pixels of the request: {0}")]
+    Pixels(#[from] PixelSetError),
     /// A text that this program does not know.
     #[error("version {0} of a request's text is not known; this program reads {known}", known = FrameRequest::TEXT_VERSION)]
     Version(u32),

@@ -164,7 +164,7 @@ impl Order {
     ) -> Result<Ordered, PipelineError> {
         let started = Instant::now();
         let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
-        view.lattice = request.samples.lattice();
+        view.samples = request.samples.samples(request.size_px)?;
         let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
         let Decoded { layer, by, scalars, compressed, known, mut stats, .. } = decoded;
         stats.cells_classified = classified;

@@ -108,8 +108,10 @@ impl FrameRequest {
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.samples, r.backend, r.for_window, r.skip);
-        rest(self) == rest(other) && std::iter::zip(&self.layers, &other.layers).all(|(a, b)| a.looks_like(b))
+        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.backend, r.for_window, r.skip);
+        rest(self) == rest(other)
+            && self.samples == other.samples
+            && std::iter::zip(&self.layers, &other.layers).all(|(a, b)| a.looks_like(b))
     }
 }
 

@@ -1,11 +1,13 @@
 //! Which pixels of an image rays are cast for.
 
-use crate::camera::Lattice;
+use super::RequestError;
+use crate::camera::{Lattice, PixelSet, Samples};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 /// The pixels of an image that rays are cast for. What a ray sees does not depend on which others are cast.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum SampleSet {
     /// All of them.
@@ -17,14 +19,35 @@ pub enum SampleSet {
         /// Pixels from one to the next.
         stride_px: NonZeroUsize,
     },
+    /// These, row times the width of the image plus column, in any order and each once: a plane of one row, which has their order.
+    /// Rendered on the CPU.
+    Pixels(#[serde(with = "pixels")] Arc<[u32]>),
 }
 
 impl SampleSet {
-    /// The set as renderers have it.
-    pub fn lattice(self) -> Lattice {
-        match self {
-            Self::All => Lattice::ALL,
-            Self::Lattice { stride_px } => Lattice::new(stride_px),
-        }
+    /// The set as renderers have it, for an image of this width and height.
+    ///
+    /// # Errors
+    /// If pixels are listed that the image does not have, one twice, or none.
+    pub fn samples(&self, size_px: (usize, usize)) -> Result<Samples, RequestError> {
+        Ok(match self {
+            Self::All => Samples::ALL,
+            Self::Lattice { stride_px } => Samples::Lattice(Lattice::new(*stride_px)),
+            Self::Pixels(pixels) => Samples::Pixels(Arc::new(PixelSet::new(size_px, pixels)?)),
+        })
+    }
+}
+
+/// A shared list by what is in it.
+mod pixels {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::sync::Arc;
+
+    pub(super) fn serialize<S: Serializer>(pixels: &Arc<[u32]>, serializer: S) -> Result<S::Ok, S::Error> {
+        pixels.as_ref().serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<Arc<[u32]>, D::Error> {
+        Ok(Vec::deserialize(data)?.into())
     }
 }

@@ -44,6 +44,7 @@ impl FrameRequest {
     pub fn to_text(&self) -> Result<String, RequestError> {
         let no_text = |problem: String| RequestError::NoText(problem);
         check_size(self.size_px).map_err(|error| no_text(error.to_string()))?;
+        self.samples.samples(self.size_px).map_err(|error| no_text(error.to_string()))?;
         self.layers.iter().try_for_each(Layer::check).map_err(no_text)?;
         let mut text = Vec::new();
         let mut serializer = serde_json::Serializer::with_formatter(&mut text, Places::default());
@@ -55,14 +56,18 @@ impl FrameRequest {
     /// Reads a request from its text.
     ///
     /// # Errors
-    /// If the text is of another version, no JSON, or says what cannot be asked for: with line and column.
+    /// If the text is of another version, no JSON, or says what cannot be asked for: with line and column, pixels with their place in
+    /// the list.
     pub fn from_text(text: &str) -> Result<Self, RequestError> {
         let bad_text = |error: serde_json::Error| RequestError::BadText(error.to_string());
         let Head { version } = serde_json::from_str(text).map_err(bad_text)?;
         if version != Self::TEXT_VERSION {
             return Err(RequestError::Version(version));
         }
-        Ok(serde_json::from_str::<Read>(text).map_err(bad_text)?.frame)
+        let Read { frame, .. } = serde_json::from_str(text).map_err(bad_text)?;
+        // Only now is it known of which image they are.
+        frame.samples.samples(frame.size_px)?;
+        Ok(frame)
     }
 }
 

@@ -14,6 +14,7 @@ use crate::transfer::{
 use crate::visibility::Skip;
 use glam::DVec3;
 use proptest::prelude::*;
+use std::collections::HashSet;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
@@ -113,8 +114,15 @@ fn request() -> impl Strategy<Value = FrameRequest> {
     let layers = prop::collection::vec(layer(), 0..3);
     let lattice = |stride| SampleSet::Lattice { stride_px: NonZeroUsize::new(stride).unwrap() };
     let samples = prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice)];
+    let pixels = prop::collection::hash_set(0..u32::MAX, 1..20);
+    let samples = (samples, prop::option::of(pixels));
     (time(), camera(), (1..400_000_usize, 1..9000_usize), layers, samples, backend, skip).prop_map(
-        |(time, camera, size_px, layers, samples, backend, skip)| {
+        |(time, camera, size_px, layers, (samples, pixels), backend, skip)| {
+            let of_image = |pixels: HashSet<u32>| {
+                let all = (size_px.0 * size_px.1) as u32;
+                pixels.into_iter().map(|pixel| pixel % all).collect::<HashSet<u32>>().into_iter().collect()
+            };
+            let samples = pixels.map_or(samples, |pixels| SampleSet::Pixels(of_image(pixels)));
             let skip = skip.parse::<Skip>().unwrap();
             FrameRequest { time, camera, size_px, layers, samples, backend, skip, for_window: false }
         },
@@ -196,6 +204,25 @@ fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
     let said = refused(&text.replace("\"scalars\":[0.0,1.0]", "\"scalars\":[1.0,0.0]"));
     assert!(said.contains("place 1 of the Scalar axis") && said.contains("line 1 column"), "{said}");
     assert!(refused(&text[..text.len() - 1]).contains("EOF"));
+}
+
+#[test]
+fn pixels_that_are_not_those_of_the_image_are_refused_by_their_place() {
+    let listed = |pixels: &[u32]| FrameRequest { samples: SampleSet::Pixels(pixels.into()), ..plain() };
+    let text = listed(&[307_199, 0]).to_text().unwrap();
+    assert!(text.contains("\"samples\":{\"pixels\":[307199,0]}"), "{text}");
+    assert_eq!(FrameRequest::from_text(&text).unwrap(), listed(&[307_199, 0]));
+    for (pixels, words) in [
+        ("[307200,0]", "pixel 307200 at place 0 of the list lies beyond an image of 640 x 480 pixels"),
+        ("[7,307199,7]", "pixel 7 is at places 0 and 2"),
+        ("[]", "no pixels"),
+        ("[-1]", "-1"),
+        ("[0.5]", "0.5"),
+    ] {
+        let said = refused(&text.replace("[307199,0]", pixels));
+        assert!(said.contains(words), "{pixels}: {said}");
+    }
+    assert!(listed(&[1, 1]).to_text().unwrap_err().to_string().contains("at places 0 and 1"));
 }
 
 #[test]

@@ -144,11 +144,10 @@ impl<'a> JobLayers<'a> {
         Some(Self { fragments, view, near, local_per_world })
     }
 
-    /// Those of a pixel that a ray is cast for.
+    /// Those of a pixel; none if no ray is cast for it.
     fn of_pixel(&self, column: usize, row: usize) -> &[LayerFragment] {
-        let View { width_px, height_px, lattice, .. } = *self.view;
-        let place = lattice.first_from(row, height_px) * lattice.count(width_px) + lattice.first_from(column, width_px);
-        self.fragments.of_pixel(place)
+        let place = self.view.rendered_in(row, column..column + 1).next();
+        place.map_or(&[], |(_, place)| self.fragments.of_pixel(place))
     }
 }
 
@@ -167,9 +166,8 @@ impl Layers for JobLayers<'_> {
     }
 
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
-        let has_some =
-            |column: usize, row: usize| self.view.renders(column, row) && !self.of_pixel(column, row).is_empty();
-        rows.into_iter().any(|row| columns.clone().any(|column| has_some(column, row)))
+        let has_some = |(_, place)| !self.fragments.of_pixel(place).is_empty();
+        rows.into_iter().any(|row| self.view.rendered_in(row, columns.clone()).any(has_some))
     }
 }
 

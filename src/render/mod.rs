@@ -17,7 +17,7 @@ pub mod reference;
 #[cfg(test)]
 pub(crate) mod testing;
 
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::codec::vq::VqBlock;
 pub use crate::image::Planes;
 use crate::mesh::Mesh;
@@ -156,6 +156,14 @@ pub enum RenderError {
         /// Colour and opacity given.
         rgba: [f32; 4],
     },
+    /// Listed pixels and image do not belong together.
+    #[error("pixels of an image of {} x {} pixels for one of {} x {}", given.0, given.1, expected.0, expected.1)]
+    SampleSize {
+        /// Columns and rows of the image that they are of.
+        given: (usize, usize),
+        /// Those of the image to be rendered.
+        expected: (usize, usize),
+    },
     /// Fragments of other layers and image do not belong together.
     #[error("fragments of other layers for {given} pixels in an image of {expected}")]
     LayerPixels {
@@ -247,7 +255,7 @@ impl RenderJob {
     /// Checks that the parts belong together.
     ///
     /// # Errors
-    /// If scalars, active cells or quantities beside the scalar are of another mesh.
+    /// If scalars, active cells or quantities beside the scalar are of another mesh, or pixels or fragments of another image.
     pub fn check(&self) -> Result<(), RenderError> {
         let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
         if self.scalars.len() != vertices {
@@ -255,6 +263,13 @@ impl RenderJob {
         }
         if self.active.universe() != cells {
             return Err(RenderError::CellCount { set: self.active.universe(), cells });
+        }
+        let size_px = (self.view.width_px, self.view.height_px);
+        match &self.view.samples {
+            Samples::Pixels(pixels) if pixels.size_px() != size_px => {
+                return Err(RenderError::SampleSize { given: pixels.size_px(), expected: size_px });
+            }
+            _ => {}
         }
         let (columns, rows) = self.view.plane_px();
         let expected = columns * rows;
@@ -278,7 +293,7 @@ impl RenderJob {
     pub fn local_view(&self) -> View {
         let positions = &self.mesh.positions;
         let per_scale = 1.0 / positions.scale;
-        let mut view = self.view;
+        let mut view = self.view.clone();
         view.eye = (view.eye - positions.origin) * per_scale;
         view.near *= per_scale;
         if !view.perspective {

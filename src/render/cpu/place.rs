@@ -79,7 +79,7 @@ impl Placer {
             mesh: job.mesh.clone(),
             scalars: job.scalars.clone(),
             active: job.active.clone(),
-            view: job.view,
+            view: job.view.clone(),
             in_view,
         });
     }

@@ -2,7 +2,7 @@
 
 use super::super::{Frame, Planes, RenderJob};
 use super::ray::ViewVertex;
-use crate::camera::{Lattice, View};
+use crate::camera::{Lattice, PixelSet, Samples, View};
 use crate::stats::FrameStats;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -29,14 +29,13 @@ pub(super) struct TileGrid {
     pub(super) rows: usize,
     width: usize,
     height: usize,
-    lattice: Lattice,
 }
 
 impl TileGrid {
     /// The tiles of a view's image.
     pub(super) fn of(view: &View) -> Self {
         let (width, height) = (view.width_px, view.height_px);
-        Self { columns: width.div_ceil(TILE_PX), rows: height.div_ceil(TILE_PX), width, height, lattice: view.lattice }
+        Self { columns: width.div_ceil(TILE_PX), rows: height.div_ceil(TILE_PX), width, height }
     }
 
     pub(super) fn tile_count(&self) -> usize {
@@ -142,7 +141,7 @@ impl<S: Default + Send> Tiles<S> {
         render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> FrameStats + Sync,
     ) -> bool {
         let started = Instant::now();
-        let (first, scratch) = (self.next, &self.scratch);
+        let (first, scratch, grid) = (self.next, &self.scratch, self.order.grid);
         let goes_on = || started.elapsed() < budget && !job.cancel.is_cancelled();
         let counts = self.pixels[first * TILE_PX * TILE_PX..]
             .chunks_exact_mut(TILE_PX * TILE_PX)
@@ -157,7 +156,10 @@ impl<S: Default + Send> Tiles<S> {
                 let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
                 let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
                 let begun = Instant::now();
-                let counts = render_tile(*tile as usize, &mut scratch, pixels);
+                let rect = grid.rect(*tile as usize);
+                let is_rendered = job.view.renders_some_in(rect.x..rect.x + rect.width, rect.y..rect.y + rect.height);
+                let counts =
+                    if is_rendered { render_tile(*tile as usize, &mut scratch, pixels) } else { FrameStats::default() };
                 *nanos = begun.elapsed().as_nanos() as u64;
                 counts
             })
@@ -169,44 +171,81 @@ impl<S: Default + Send> Tiles<S> {
         let all_ms = started.elapsed().as_secs_f64() * 1e3 * rayon::current_num_threads() as f64;
         frame.stats.add_counts(&counts);
         frame.stats.ms_idle += (all_ms - busy_nanos as f64 * 1e-6).max(0.0);
-        let scale = job.mesh.positions.scale;
-        copy_tiles(&mut frame.planes, &self.order, &self.pixels, first..self.next, scale);
+        let done = TilesDone {
+            order: &self.order,
+            pixels: &self.pixels,
+            done: first..self.next,
+            depth_scale: job.mesh.positions.scale,
+        };
+        match &job.view.samples {
+            Samples::Lattice(lattice) => done.copy_lattice(*lattice, &mut frame.planes),
+            Samples::Pixels(pixels) => done.copy_pixels(pixels, &mut frame.planes),
+        }
         self.next * TILE_PX * TILE_PX >= self.pixels.len()
     }
 }
 
-/// Copies the pixels of the lattice from the tiles in some places of their order into the planes; `depth_scale` is the world length of a
-/// local one.
-fn copy_tiles(planes: &mut Planes, order: &TileOrder, tile_pixels: &[TilePixel], done: Range<usize>, depth_scale: f64) {
-    let (grid, lattice) = (order.grid, order.grid.lattice);
-    if done.is_empty() {
-        return;
-    }
-    let rows = planes
-        .color
-        .pixels
-        .par_chunks_mut(planes.color.width)
-        .zip(planes.depth.pixels.par_chunks_mut(planes.depth.width))
-        .enumerate();
-    rows.with_min_len(TILE_PX).for_each(|(row, (color, depth))| {
-        let row = lattice.pixel(row, grid.height);
-        let tiles = row / TILE_PX * grid.columns..(row / TILE_PX + 1) * grid.columns;
-        for (tile, &place) in tiles.clone().zip(&order.places[tiles]) {
-            let place = place as usize;
-            if !done.contains(&place) {
-                continue;
-            }
-            let rect = grid.rect(tile);
-            let line = &tile_pixels[place * TILE_PX * TILE_PX + row % TILE_PX * rect.width..][..rect.width];
-            let [from, to] = [rect.x, rect.x + rect.width].map(|pixel| lattice.first_from(pixel, grid.width));
-            let out = color[from..to].iter_mut().zip(&mut depth[from..to]);
-            for (at, (color, depth)) in (from..).zip(out) {
-                let pixel = &line[lattice.pixel(at, grid.width) - rect.x];
-                *color = pixel.rgba;
-                *depth = (pixel.depth * depth_scale) as f32;
-            }
+/// Tiles in some places of their order.
+struct TilesDone<'a> {
+    order: &'a TileOrder,
+    /// The pixels of all tiles.
+    pixels: &'a [TilePixel],
+    /// Their places.
+    done: Range<usize>,
+    /// World length of a local depth.
+    depth_scale: f64,
+}
+
+impl TilesDone<'_> {
+    /// Copies the pixels of a lattice into the planes.
+    fn copy_lattice(&self, lattice: Lattice, planes: &mut Planes) {
+        let grid = self.order.grid;
+        if self.done.is_empty() {
+            return;
         }
-    });
+        let rows = planes
+            .color
+            .pixels
+            .par_chunks_mut(planes.color.width)
+            .zip(planes.depth.pixels.par_chunks_mut(planes.depth.width))
+            .enumerate();
+        rows.with_min_len(TILE_PX).for_each(|(row, (color, depth))| {
+            let row = lattice.pixel(row, grid.height);
+            let tiles = row / TILE_PX * grid.columns..(row / TILE_PX + 1) * grid.columns;
+            for (tile, &place) in tiles.clone().zip(&self.order.places[tiles]) {
+                let place = place as usize;
+                if !self.done.contains(&place) {
+                    continue;
+                }
+                let rect = grid.rect(tile);
+                let line = &self.pixels[place * TILE_PX * TILE_PX + row % TILE_PX * rect.width..][..rect.width];
+                let [from, to] = [rect.x, rect.x + rect.width].map(|pixel| lattice.first_from(pixel, grid.width));
+                let out = color[from..to].iter_mut().zip(&mut depth[from..to]);
+                for (at, (color, depth)) in (from..).zip(out) {
+                    let pixel = &line[lattice.pixel(at, grid.width) - rect.x];
+                    *color = pixel.rgba;
+                    *depth = (pixel.depth * self.depth_scale) as f32;
+                }
+            }
+        });
+    }
+
+    /// Copies listed pixels into the planes, which have one row of them.
+    fn copy_pixels(&self, pixels: &PixelSet, planes: &mut Planes) {
+        let grid = self.order.grid;
+        let planes = planes.color.pixels.par_iter_mut().zip(&mut planes.depth.pixels).enumerate();
+        planes.with_min_len(TILE_PX * TILE_PX).for_each(|(at, (color, depth))| {
+            let (column, row) = pixels.pixel(at);
+            let tile = row / TILE_PX * grid.columns + column / TILE_PX;
+            let place = self.order.places[tile] as usize;
+            if self.done.contains(&place) {
+                let in_tile = row % TILE_PX * grid.rect(tile).width + column % TILE_PX;
+                let pixel = &self.pixels[place * TILE_PX * TILE_PX + in_tile];
+                *color = pixel.rgba;
+                *depth = (pixel.depth * self.depth_scale) as f32;
+            }
+        });
+    }
 }
 
 /// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
@@ -265,7 +304,7 @@ mod tests {
     use super::*;
 
     /// 3 x 2 tiles, those at the right and at the bottom not whole.
-    const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30, lattice: Lattice::ALL };
+    const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30 };
 
     fn tiles(order: &TileOrder) -> Vec<u32> {
         order.turns.iter().map(|turn| turn.tile).collect()
@@ -303,7 +342,8 @@ mod tests {
             .collect();
         let mut planes = Planes::default();
         planes.clear(40, 30);
-        copy_tiles(&mut planes, &order, &pixels, 2..4, 0.5);
+        let done = TilesDone { order: &order, pixels: &pixels, done: 2..4, depth_scale: 0.5 };
+        done.copy_lattice(Lattice::ALL, &mut planes);
         for (at, (color, depth)) in planes.color.pixels.iter().zip(&planes.depth.pixels).enumerate() {
             let (x, y) = (at % 40, at / 40);
             let (tile, rect) = (x / 16 + y / 16 * 3, GRID.rect(x / 16 + y / 16 * 3));
@@ -313,5 +353,12 @@ mod tests {
             assert_eq!(*color, if is_done { [expected; 4] } else { [0.0; 4] }, "{x}, {y}");
             assert_eq!(*depth, if is_done { 0.5 * expected } else { f32::INFINITY }, "{x}, {y}");
         }
+        // All of them listed, from the last to the first.
+        let backwards = PixelSet::new((40, 30), &(0..40 * 30).rev().collect::<Vec<u32>>()).unwrap();
+        let mut listed = Planes::default();
+        listed.clear(40 * 30, 1);
+        done.copy_pixels(&backwards, &mut listed);
+        assert!(listed.color.pixels.iter().rev().eq(&planes.color.pixels));
+        assert!(listed.depth.pixels.iter().rev().eq(&planes.depth.pixels));
     }
 }

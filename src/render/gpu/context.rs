@@ -1,5 +1,6 @@
 //! A GPU: adapter, device and queue, and what befell them.
 
+use crate::camera::Samples;
 use crate::render::{RenderError, RenderJob};
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -199,6 +200,9 @@ impl Context {
         self.check()?;
         if job.fragments.is_some() {
             return Err(self.beyond("cells together with fragments of other layers".to_owned()));
+        }
+        if let Samples::Pixels(_) = job.view.samples {
+            return Err(self.beyond("a list of pixels".to_owned()));
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What the CPU and the shaders share, as plain data. `shaders/lib/frame.wgsl` has the same structs; a test compares sizes
 //! and offsets with those of the compiled shader.
 
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -190,9 +190,8 @@ pub struct Params {
 }
 
 impl Params {
-    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`], or the view so wide
-    /// that single precision does not hold its coordinates. `view` is in
-    /// local coordinates.
+    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`], the view so wide that
+    /// single precision does not hold its coordinates, or rays are cast for listed pixels. `view` is in local coordinates.
     pub fn of_view(view: &View) -> Option<Self> {
         if view.eye.abs().max_element() > EYE_DISTANCE_MAX {
             return None;
@@ -212,6 +211,7 @@ impl Params {
         if reach.is_nan() || reach >= 1e18 {
             return None;
         }
+        let Samples::Lattice(lattice) = view.samples else { return None };
         let (columns, rows) = view.plane_px();
         let middle = -view.forward.dot(view.eye);
         let pivot = if view.perspective && middle > PIVOT_DEPTH_MIN { middle as f32 } else { 0.0 };
@@ -230,7 +230,7 @@ impl Params {
             tiles: [columns.div_ceil(TILE_PX) as u32, rows.div_ceil(TILE_PX) as u32],
             image_px: [view.width_px as u32, view.height_px as u32],
             // One beyond the image is as good as its size, and products of places with it stay small.
-            stride_px: [view.lattice.stride_px().min(view.width_px.max(view.height_px)) as u32; 2],
+            stride_px: [lattice.stride_px().min(view.width_px.max(view.height_px)) as u32; 2],
             near,
             pivot,
             flags: perspective,

@@ -21,12 +21,11 @@ pub(super) mod integrate;
 mod joint;
 
 use super::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::render::medium::Segment;
 use clip::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// Cells that are clipped between two looks at the flag that cancels.
@@ -34,6 +33,9 @@ const CELLS_AT_ONCE: usize = 1024;
 
 /// Rows of a band.
 const BAND_ROWS: usize = 8;
+
+/// Pixels of a band of listed ones.
+const BAND_PIXELS: usize = 4096;
 
 /// By how much, in barycentric coordinates, cells are inflated: far above f64's rounding of them on anything but slivers of
 /// 1:10^5, far below what an image can show.
@@ -55,6 +57,8 @@ pub struct JudgedJob {
     job: RenderJob,
     view: View,
     cells: Vec<Cell>,
+    /// Pixels of a band.
+    band: usize,
     next_band: usize,
 }
 
@@ -86,25 +90,28 @@ impl LayerRenderer for Judge {
             .filter(|&c| job.active.contains(c))
             .filter_map(|c| Cell::new(&job, &view, c, topology.tets[c as usize].map(to_view)))
             .collect();
-        Ok(Some(JudgedJob { job, view, cells, next_band: 0 }))
+        let band = match view.samples {
+            Samples::Lattice(_) => BAND_ROWS * view.plane_px().0,
+            Samples::Pixels(_) => BAND_PIXELS,
+        };
+        Ok(Some(JudgedJob { job, view, cells, band, next_band: 0 }))
     }
 
     fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
         let Frame { planes, stats, .. } = frame;
-        let (width, height) = judged.view.plane_px();
-        let bands = height.div_ceil(BAND_ROWS);
+        let (pixels, band) = (planes.color.pixels.len(), judged.band);
+        let bands = pixels.div_ceil(band);
         let batch = 2 * rayon::current_num_threads();
         while judged.next_band < bands && !judged.job.cancel.is_cancelled() {
             let range = judged.next_band..(judged.next_band + batch).min(bands);
             judged.next_band = range.end;
-            let (rows_at, rows_end) = (range.start * BAND_ROWS, (range.end * BAND_ROWS).min(height));
-            let (pixels_at, band) = (rows_at * width..rows_end * width, (BAND_ROWS * width).max(1));
+            let pixels_at = range.start * band..(range.end * band).min(pixels);
             stats.steps += planes.color.pixels[pixels_at.clone()]
                 .par_chunks_mut(band)
                 .zip(planes.depth.pixels[pixels_at].par_chunks_mut(band))
                 .enumerate()
-                .map(|(i, (pixels, depths))| render_band(judged, (range.start + i) * BAND_ROWS, pixels, depths))
+                .map(|(i, (pixels, depths))| render_band(judged, (range.start + i) * band, pixels, depths))
                 .sum::<u64>();
             if slice_started.elapsed() >= budget {
                 break;
@@ -114,12 +121,12 @@ impl LayerRenderer for Judge {
     }
 }
 
-/// Renders the rows from `first_row` on, unless the job is cancelled; returns the number of segments.
-fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
+/// Renders the pixels from place `first` of the plane on, unless the job is cancelled; returns the number of segments.
+fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let _turn = active.job.thread_limit.turn();
     let (view, scale) = (&active.view, active.job.mesh.positions.scale);
-    let (width, _) = view.plane_px();
-    let rows = first_row..first_row + pixels.len() / width;
+    let places = first..first + pixels.len();
+    let rows = view.rows_of(places.clone());
     // It has been made before, when the job began.
     let formula = active.job.formula.as_ref().and_then(|source| source.formula().ok());
     let mut segments: Vec<(u32, Segment)> = Vec::new();
@@ -127,16 +134,13 @@ fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], de
         if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
             return 0;
         }
-        let in_plane = |of: &Range<usize>, pixels: usize| {
-            view.lattice.first_from(of.start, pixels)..view.lattice.first_from(of.end, pixels)
-        };
-        let (columns, of_cell) = (in_plane(&cell.columns, view.width_px), in_plane(&cell.rows, view.height_px));
-        for j in of_cell.start.max(rows.start)..of_cell.end.min(rows.end) {
-            for column in columns.clone() {
-                let at = (view.lattice.pixel(column, view.width_px), view.lattice.pixel(j, view.height_px));
-                let (px, py) = view.ray(at.0, at.1);
-                if let Some(segment) = cell.clip(view, scale, px, py) {
-                    segments.push((((j - first_row) * width + column) as u32, segment));
+        for row in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
+            for (column, place) in view.rendered_in(row, cell.columns.clone()) {
+                let (px, py) = view.ray(column, row);
+                if places.contains(&place)
+                    && let Some(segment) = cell.clip(view, scale, px, py)
+                {
+                    segments.push(((place - first) as u32, segment));
                 }
             }
         }
@@ -151,7 +155,7 @@ fn render_band(active: &JudgedJob, first_row: usize, pixels: &mut [[f32; 4]], de
             return 0;
         }
         let of_pixel = of_pixels.next_if(|of_pixel| of_pixel[0].0 as usize == pixel).unwrap_or_default();
-        let fragments = active.job.fragments.as_ref().map_or(&[][..], |f| f.of_pixel(first_row * width + pixel));
+        let fragments = active.job.fragments.as_ref().map_or(&[][..], |f| f.of_pixel(first + pixel));
         let before_near = fragments.iter().take_while(|fragment| fragment.depth / scale < near).count();
         let fragments = &fragments[before_near..];
         if of_pixel.is_empty() && fragments.is_empty() {

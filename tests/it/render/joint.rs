@@ -376,7 +376,7 @@ fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
     let base = flat(sample(&base.mesh, |p| 0.7 * p.x - 0.2 * p.y + 0.3 * p.z));
     let vertex = sample(&base.mesh, |p| 0.3 * p.x + 0.5 * p.y - 0.4 * p.z);
     let eye = camera(DVec3::new(0.6, 0.7, 0.5), PERSPECTIVE).view(48, 48).unwrap();
-    for view in [base.view, eye] {
+    for view in [base.view.clone(), eye] {
         let base = RenderJob { view, ..base.clone() };
         let job = with_joint_table(&base, noisy(&SCALARS, &ROWS, &[0.0], 2), Some(vertex.clone()), None);
         let judge = reference(&job);

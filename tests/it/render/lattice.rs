@@ -1,4 +1,4 @@
-//! A lattice of pixels: what is rendered of it is what a whole image has there.
+//! A lattice of pixels, or a list: what is rendered of it is what a whole image has there.
 
 use super::formula::{field, function, job_of};
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
@@ -6,7 +6,7 @@ use super::joint::{LAYERS, ROWS, SCALARS, noisy, with_joint_table};
 use super::*;
 use crate::meshes::{noise, sample};
 use std::num::NonZeroUsize;
-use tetreel::camera::Lattice;
+use tetreel::camera::{Lattice, PixelSet, Samples};
 use tetreel::image::Planes;
 use tetreel::optics::OpticsKind;
 use tetreel::render::{LayerFragment, LayerFragments};
@@ -22,8 +22,13 @@ fn of_lattice(whole: &Planes, stride: usize) -> Planes {
     let (width, height) = (whole.color.width, whole.color.height);
     let has = |at: usize, pixels: usize| at.is_multiple_of(stride) || at == pixels - 1;
     let at: Vec<usize> = (0..width * height).filter(|&i| has(i % width, width) && has(i / width, height)).collect();
+    at_pixels(whole, &at, ((width - 1).div_ceil(stride) + 1, (height - 1).div_ceil(stride) + 1))
+}
+
+/// Some pixels of a whole image as planes of another size.
+fn at_pixels(whole: &Planes, at: &[usize], (columns, rows): (usize, usize)) -> Planes {
     let mut planes = Planes::default();
-    planes.clear((width - 1).div_ceil(stride) + 1, (height - 1).div_ceil(stride) + 1);
+    planes.clear(columns, rows);
     for (place, &pixel) in at.iter().enumerate() {
         planes.color.pixels[place] = whole.color.pixels[pixel];
         planes.depth.pixels[place] = whole.depth.pixels[pixel];
@@ -34,8 +39,29 @@ fn of_lattice(whole: &Planes, stride: usize) -> Planes {
 
 fn with_lattice(job: &RenderJob, stride: usize) -> RenderJob {
     let mut job = job.clone();
-    job.view.lattice = lattice(stride);
+    job.view.samples = Samples::Lattice(lattice(stride));
     job
+}
+
+/// About one in `every` pixels of an image, as they come: neither in order nor evenly.
+fn some_pixels(job: &RenderJob, every: u64, seed: u64) -> Vec<usize> {
+    let all = job.view.width_px * job.view.height_px;
+    let mut pixels: Vec<usize> = (0..all).filter(|&i| noise(seed, i as u64).abs() * every as f64 <= 1.0).collect();
+    pixels.sort_by(|&a, &b| noise(seed + 1, a as u64).total_cmp(&noise(seed + 1, b as u64)));
+    pixels
+}
+
+fn with_pixels(job: &RenderJob, pixels: &[usize]) -> RenderJob {
+    let mut job = job.clone();
+    let listed: Vec<u32> = pixels.iter().map(|&pixel| pixel as u32).collect();
+    let set = PixelSet::new((job.view.width_px, job.view.height_px), &listed).unwrap();
+    job.view.samples = Samples::Pixels(Arc::new(set));
+    job
+}
+
+/// The pixels of a whole image that a list has.
+fn of_pixels(whole: &Planes, pixels: &[usize]) -> Planes {
+    at_pixels(whole, pixels, (pixels.len(), 1))
 }
 
 fn cpu(name: &str, job: &RenderJob) -> Planes {
@@ -93,6 +119,41 @@ fn a_lattice_has_the_bits_of_the_whole_image_on_the_cpu() {
 }
 
 #[test]
+fn listed_pixels_have_the_bits_of_the_whole_image_on_the_cpu() {
+    for (name, job) in scenes() {
+        let all = job.view.width_px * job.view.height_px;
+        let lists = [
+            some_pixels(&job, 1, 3),
+            some_pixels(&job, 7, 4),
+            some_pixels(&job, 200, 5),
+            vec![0],
+            vec![all - 1, 0, all / 2],
+            (0..all).rev().collect(),
+        ];
+        for path in CPU {
+            let whole = cpu(path, &job);
+            for pixels in &lists {
+                assert!(!pixels.is_empty(), "{name}");
+                let found = cpu(path, &with_pixels(&job, pixels));
+                assert!(found == of_pixels(&whole, pixels), "{name}, {path}, {} pixels", pixels.len());
+            }
+            // Other pixels are other ones.
+            let mut shifted = lists[1].clone();
+            shifted.rotate_left(1);
+            assert!(cpu(path, &with_pixels(&job, &lists[1])) != of_pixels(&whole, &shifted), "{name}, {path}");
+        }
+    }
+}
+
+#[test]
+fn a_list_of_pixels_of_another_image_is_refused() {
+    let (_, mut job) = scenes().swap_remove(0);
+    job.view.samples = Samples::Pixels(Arc::new(PixelSet::new((61, 36), &[5]).unwrap()));
+    let error = Raycast::new().begin(job).unwrap_err();
+    assert_eq!(error.to_string(), "pixels of an image of 61 x 36 pixels for one of 61 x 37");
+}
+
+#[test]
 fn sampled_tables_and_fragments_of_other_layers_are_those_of_the_whole_image() {
     let (_, base) = scenes().swap_remove(1);
     for optics in [OpticsKind::Table3d, OpticsKind::Partial] {
@@ -122,6 +183,11 @@ fn sampled_tables_and_fragments_of_other_layers_are_those_of_the_whole_image() {
         assert!(cpu(path, &job) == of_lattice(&cpu(path, &whole), 4), "{path}");
         assert!(cpu(path, &job) != of_lattice(&cpu(path, &base), 4), "{path}");
     }
+    let listed = some_pixels(&base, 5, 9);
+    let job = RenderJob { fragments: fragments(&listed), ..with_pixels(&base, &listed) };
+    for path in CPU {
+        assert!(cpu(path, &job) == of_pixels(&cpu(path, &whole), &listed), "{path}");
+    }
     // Those of the whole image are too many.
     let error = Raycast::new().begin(with_lattice(&whole, 4)).unwrap_err();
     assert_eq!(error.to_string(), "fragments of other layers for 1584 pixels in an image of 117");
@@ -149,6 +215,25 @@ fn rays_that_are_not_cast_cost_nothing() {
     assert!(12 * some.steps < all.steps && 12 * some.rays_hit < all.rays_hit, "{} of {}", some.steps, all.steps);
     let fragments = |stride: usize| havs(&with_all_faces(&with_lattice(&job, stride))).stats.fragments;
     assert!(12 * fragments(4) < fragments(1));
+    let listed = with_pixels(&job, &some_pixels(&job, 16, 2));
+    let some = Raycast::new().render(listed.clone()).unwrap().stats.clone();
+    assert!(10 * some.steps < all.steps && 10 * some.rays_hit < all.rays_hit, "{} of {}", some.steps, all.steps);
+    assert!(10 * havs(&with_all_faces(&listed)).stats.fragments < fragments(1));
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_list_of_pixels_is_beyond_the_gpu_and_said_so() {
+    let (_, job) = scenes().swap_remove(0);
+    let Some(context) = gpu::context() else { return };
+    let listed = with_pixels(&job, &[7, 3]);
+    let errors = [
+        tetreel::render::gpu::raycast::Raycast::new(context.clone()).begin(listed.clone()).unwrap_err(),
+        tetreel::render::gpu::havs::Havs::new(context).begin(with_all_faces(&listed)).unwrap_err(),
+    ];
+    for error in errors.map(|error| error.to_string()) {
+        assert!(error.contains("cannot render this: a list of pixels; the CPU can (backend cpu)"), "{error}");
+    }
 }
 
 #[cfg(feature = "gpu")]

@@ -43,7 +43,7 @@ fn mirrored(job: &RenderJob, scalars_at: impl Fn(DVec3) -> f64) -> RenderJob {
     mesh.points.iter_mut().for_each(|p| *p = flip(*p));
     let mesh = Arc::new(build(mesh));
     let scalars = sample(&mesh, |p| scalars_at(flip(p)));
-    let mut view = job.view;
+    let mut view = job.view.clone();
     // Of a mirrored frame right is left: columns count the other way.
     (view.eye, view.forward, view.up, view.right) =
         (flip(view.eye), flip(view.forward), flip(view.up), -flip(view.right));
@@ -90,7 +90,7 @@ fn a_scene_in_a_mirror_has_the_mirrored_image() {
 
 /// The job without `margin` pixels at each side; the same rays, but tiles end elsewhere.
 fn cropped(job: &RenderJob, margin: usize) -> RenderJob {
-    let mut view = job.view;
+    let mut view = job.view.clone();
     let (width, height) = (view.width_px - 2 * margin, view.height_px - 2 * margin);
     view.half_width *= width as f64 / view.width_px as f64;
     view.half_height *= height as f64 / view.height_px as f64;

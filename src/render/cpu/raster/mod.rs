@@ -30,7 +30,7 @@ pub(super) mod lists;
 
 use super::ray::{Ray, ViewVertex, crossing};
 use super::tiles::TILE_PX;
-use crate::camera::{Lattice, View};
+use crate::camera::{Samples, View};
 use boxes::{Bounds, least, most};
 use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use lists::TileFace;
@@ -75,11 +75,9 @@ impl TileRays {
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
         let Bounds { x0, x1, y0, y1 } = bounds;
-        let has = |pixel: usize, pixels: usize| view.lattice.has(pixel, pixels);
-        let in_row = (x0..x1).fold(0, |bits, x| bits | u16::from(has(x, view.width_px)) << (x - x0));
-        let row = |j: usize| y0 + j < y1 && has(y0 + j, view.height_px);
-        let rendered = std::array::from_fn(|j| if row(j) { in_row } else { 0 });
-        let all_rendered = view.lattice == Lattice::ALL;
+        let in_row = |row: usize| view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0));
+        let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
+        let all_rendered = view.samples == Samples::ALL;
         Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
 }

@@ -66,7 +66,7 @@ impl Scene {
     /// The same by their definition, with edge functions of a view that is `off` by so many pixels.
     fn defined(&self, prepared: &Prepared, off: f64) -> Vec<Vec<PixelStart>> {
         let (topology, grid) = (&self.mesh.topology, prepared.bins.grid);
-        let mut off_view = self.view;
+        let mut off_view = self.view.clone();
         off_view.half_width *= 1.0 + off / 20.0;
         let mut starts = Vec::new();
         for tile in 0..grid.tile_count() {

@@ -32,7 +32,7 @@ fn other_depths(job: &RenderJob, frame: &Frame, judge: &Frame) -> usize {
     let differ = |a: f32, b: f32| a != b && (a - b).abs() > 2.0 * f32::EPSILON * b.abs() + 1e-14;
     // Behind such a point, by more than depths are rounded, both see the same.
     let touches = |pixel: usize, a: f32, b: f32| {
-        let mut view = job.view;
+        let mut view = job.view.clone();
         view.near = f64::from(a.min(b)) * (1.0 + 1e-6);
         let behind = Raycast::new().render(RenderJob { view, ..job.clone() }).unwrap().planes.depth.pixels[pixel];
         job.view.perspective && !differ(behind, a.max(b))

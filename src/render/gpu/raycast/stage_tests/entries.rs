@@ -134,7 +134,7 @@ fn the_comparison_notices_a_lost_pair_and_a_moved_image() {
     });
     // Of faces seen at a flat angle or from the side no pixel needs their pair.
     assert!(lost.count() > lists.tiles[middle].len() / 4);
-    let wider = View { half_width: view.half_width * 1.1, ..view };
+    let wider = View { half_width: view.half_width * 1.1, ..view.clone() };
     assert!(missing(&lists, &job, &wider).0 > 0);
     let mut shrunk = lists;
     shrunk.tiles.iter_mut().flatten().for_each(|(_, b)| b[2] = b[2].saturating_sub(1).max(b[0]));

@@ -65,7 +65,7 @@ fn the_comparison_notices_a_moved_eye_and_lost_rests() {
         let unit = |p: &glam::Vec3| seen(&view, p.as_dvec3()).length() + view.eye.length();
         let least = mesh.positions.local.iter().map(unit).fold(f64::INFINITY, f64::min);
         let step = 4.0 * BOUND * least * (view.right + view.up);
-        let moved = View { eye: view.eye + step, ..view };
+        let moved = View { eye: view.eye + step, ..view.clone() };
         assert!(largest_error(&vertices, &job, &moved) > BOUND, "{name}: a moved eye");
         // Of x and y seen from far, which are small beside the distance, the first part is right to the bound.
         let rests: &[usize] = if name == "far" { &[5, 6] } else { &[1, 3, 5, 6] };
