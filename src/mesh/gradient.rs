@@ -16,7 +16,7 @@
 //! of magnitudes |x| + |y| + |z|, of which they are some of the terms.
 
 use super::Mesh;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::{Add, Mul, Sub};
 
@@ -59,18 +59,36 @@ impl Mesh {
 
 /// Magnitude of the gradient in a tet, as [`Mesh::gradient_magnitude`], for lengths in the units of the corners.
 pub fn tet_gradient_magnitude(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
-    let [a, b, c, d] = scalars;
-    if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
-        return f64::NAN;
-    }
-    bounded::<f64>(corners, scalars).unwrap_or_else(|| of_sliver(corners, scalars))
+    quotient(corners, scalars).map_or(f64::NAN, |Quotient { numerator, determinant }| {
+        let [x, y, z] = numerator;
+        (x * x + y * y + z * z).sqrt() / determinant.abs()
+    })
+}
+
+/// Gradient in a tet, in units of the scalar per unit of the corners: each component is within 2^-24 of the gradient's length. `None` if a
+/// scalar is not finite, or the tet is so flat that twice the precision of f64 cannot tell.
+pub fn tet_gradient(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<DVec3> {
+    let Quotient { numerator, determinant } = quotient(corners, scalars)?;
+    Some(DVec3::from(numerator) / determinant)
+}
+
+/// The gradient as a quotient; `None` if a scalar is not finite, or the tet too flat.
+fn quotient(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
+    let is_finite = scalars.iter().all(|s| s.is_finite());
+    is_finite.then(|| bounded::<f64>(corners, scalars).or_else(|| of_sliver(corners, scalars))).flatten()
 }
 
 /// Rare, and kept out of the code for the others.
 #[cold]
 #[inline(never)]
-fn of_sliver(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
-    bounded::<Double>(corners, scalars).unwrap_or(f64::NAN)
+fn of_sliver(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
+    bounded::<Double>(corners, scalars)
+}
+
+/// The gradient, undivided.
+struct Quotient {
+    numerator: [f64; 3],
+    determinant: f64,
 }
 
 /// What the gradient is computed in.
@@ -81,16 +99,16 @@ trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self
     fn value(self) -> f64;
 }
 
-/// The magnitude, if its error is known to be small. No product of three differences of f32 leaves the range of f64, nor does
+/// The gradient, if its error is known to be small. No product of three differences of f32 leaves the range of f64, nor does
 /// the square of one.
-fn bounded<N: Number>(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<f64> {
+fn bounded<N: Number>(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
     let [o, p, q, r] = corners;
     let edge = |p: Vec3| [N::difference(p.x, o.x), N::difference(p.y, o.y), N::difference(p.z, o.z)];
     let (a, b, c) = (edge(p), edge(q), edge(r));
     let rise = |i: usize| N::difference(scalars[i], scalars[0]);
     let (ra, rb, rc) = (rise(1), rise(2), rise(3));
     let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
-    let determinant = (a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]).value().abs();
+    let determinant = (a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]).value();
     let along = |i: usize| (ra * bc[i] + rb * ca[i] + rc * ab[i]).value();
     let (x, y, z) = (along(0), along(1), along(2));
     let length = (x * x + y * y + z * z).sqrt();
@@ -99,8 +117,9 @@ fn bounded<N: Number>(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<f64> {
     let (la, lb, lc) = (size(a), size(b), size(c));
     let (ra, rb, rc) = (ra.value().abs(), rb.value().abs(), rc.value().abs());
     let most = N::EIGHT_ROUNDINGS / TOLERANCE;
-    let is_sure = most * (la * lb * lc) <= determinant && most * (ra * lb * lc + rb * lc * la + rc * la * lb) <= length;
-    (is_sure && determinant > 0.0).then(|| length / determinant)
+    let is_sure =
+        most * (la * lb * lc) <= determinant.abs() && most * (ra * lb * lc + rb * lc * la + rc * la * lb) <= length;
+    (is_sure && determinant != 0.0).then_some(Quotient { numerator: [x, y, z], determinant })
 }
 
 fn cross<N: Number>(a: [N; 3], b: [N; 3]) -> [N; 3] {

@@ -22,7 +22,7 @@ mod topology;
 
 pub use error::MeshError;
 pub use geometry::tet_volume;
-pub use gradient::tet_gradient_magnitude;
+pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use positions::Positions;
 pub use report::RepairReport;
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
