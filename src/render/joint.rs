@@ -1,7 +1,7 @@
 //! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them, and the medium that it is.
 
 use super::RenderError;
-use super::medium::{Medium, NoTable, Segment};
+use super::medium::{Medium, Segment};
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
 use crate::optics::Accumulator;
@@ -64,7 +64,6 @@ impl<'a> JointMedium<'a> {
 impl Medium for JointMedium<'_> {
     type Ray = ();
     type Light = Accumulator;
-    type Table = NoTable;
     const HAS_VALUES: bool = true;
 
     #[inline(never)]

@@ -4,7 +4,6 @@
 //! a transfer function of the scalar ([`ScalarMedium`]) or of more ([`JointMedium`](super::joint::JointMedium)); the
 //! [reference](mod@super::reference) has its own, in float64.
 
-use crate::mesh::NONE;
 use crate::optics::exact::ExactTable;
 use crate::optics::{Accumulator, Integrator};
 
@@ -23,27 +22,31 @@ pub(in crate::render) struct Segment {
     pub(in crate::render) part: [f64; 2],
     /// Scalars at the ends of `part`.
     pub(in crate::render) part_scalar: [f64; 2],
-    /// Length of the ray per unit of depth.
+    /// The ray.
+    pub(in crate::render) line: RayLine,
+}
+
+/// The ray of a point of the image plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::render) struct RayLine {
+    /// Coordinates of the point.
+    pub(in crate::render) px: f64,
+    pub(in crate::render) py: f64,
+    /// Length per unit of depth.
     pub(in crate::render) length_per_depth: f64,
 }
 
 impl Segment {
     /// The whole way through a cell.
     #[inline(always)]
-    pub(in crate::render) fn new(
-        cell: u32,
-        depth: [f64; 2],
-        scalar: [f64; 2],
-        value: [f64; 2],
-        length_per_depth: f64,
-    ) -> Self {
-        Self { cell, depth, scalar, value, part: depth, part_scalar: scalar, length_per_depth }
+    pub(in crate::render) fn new(cell: u32, depth: [f64; 2], scalar: [f64; 2], value: [f64; 2], line: RayLine) -> Self {
+        Self { cell, depth, scalar, value, part: depth, part_scalar: scalar, line }
     }
 
-    /// The segment between two (depth, scalar) places, for media that ask for no more: neither cell nor values are known.
+    /// The segment between two (depth, scalar) places in a cell, for media that [have no values](Medium::HAS_VALUES).
     #[inline(always)]
-    pub(in crate::render) fn of_scalars(from: (f64, f64), to: (f64, f64), length_per_depth: f64) -> Self {
-        Self::new(NONE, [from.0, to.0], [from.1, to.1], [0.0; 2], length_per_depth)
+    pub(in crate::render) fn of_scalars(cell: u32, from: (f64, f64), to: (f64, f64), line: RayLine) -> Self {
+        Self::new(cell, [from.0, to.0], [from.1, to.1], [0.0; 2], line)
     }
 
     /// What is left of it from a depth on, if there is something.
@@ -86,7 +89,7 @@ impl Segment {
     /// Length of what is left.
     #[inline(always)]
     pub(in crate::render) fn length(&self) -> f64 {
-        (self.part[1] - self.part[0]) * self.length_per_depth
+        (self.part[1] - self.part[0]) * self.line.length_per_depth
     }
 }
 
@@ -102,9 +105,8 @@ pub(in crate::render) trait Medium: Sync {
     type Ray: Copy + Default;
     /// What light is gathered in.
     type Light;
-    /// The table of scalars that vectors of rays know.
-    type Table: Integrator;
-    /// Whether segments need the quantity of vertices at their ends; renderers do not find it out otherwise.
+    /// Whether segments need the quantity of vertices at their ends; renderers do not find it out otherwise. Rays through media that do
+    /// are walked one by one.
     const HAS_VALUES: bool;
 
     /// Passes light through what is left of a segment; returns the number of pieces that were integrated, 0 if nothing was to be
@@ -136,9 +138,10 @@ pub(in crate::render) trait Medium: Sync {
         0.0
     }
 
-    /// The table, if scalars are all that is asked for.
+    /// The table of a transfer function of the scalar that is integrated exactly, if that is all that it is: vectors of rays know
+    /// it.
     #[inline(always)]
-    fn table(&self) -> Option<&Self::Table> {
+    fn exact_table(&self) -> Option<&ExactTable> {
         None
     }
 }
@@ -150,7 +153,6 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
     /// The place in the table at which the last segment ended.
     type Ray = Option<I::Place>;
     type Light = Accumulator;
-    type Table = I;
     const HAS_VALUES: bool = false;
 
     #[inline(always)]
@@ -183,8 +185,8 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
     }
 
     #[inline(always)]
-    fn table(&self) -> Option<&I> {
-        Some(self.0)
+    fn exact_table(&self) -> Option<&ExactTable> {
+        self.0.as_exact()
     }
 }
 
@@ -196,6 +198,3 @@ pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: (f64, f64
     let share = table.clear_share(from.1, to.1);
     if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
 }
-
-/// The table of a medium that has none.
-pub(in crate::render) type NoTable = ExactTable;

@@ -1,5 +1,6 @@
 //! View transform, and the planar geometry of a ray.
 
+use super::super::medium::RayLine;
 use crate::camera::View;
 use crate::task::Cancel;
 use crate::visibility::Clusters;
@@ -62,11 +63,8 @@ pub(super) fn is_needed(needed: Option<&[bool]>, cluster: usize) -> bool {
 /// The ray of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
-    pub(super) px: f64,
-    pub(super) py: f64,
+    pub(super) line: RayLine,
     pub(super) perspective: bool,
-    /// Length of the ray per unit of depth.
-    pub(super) length_per_depth: f64,
 }
 
 /// A vertex sheared along a ray, which becomes the origin of the plane (x, y).
@@ -82,13 +80,14 @@ impl Ray {
     #[inline]
     pub(super) fn of_pixel(view: &View, i: usize, j: usize) -> Self {
         let (px, py) = view.ray(i, j);
-        Self { px, py, perspective: view.perspective, length_per_depth: view.length_per_depth(px, py) }
+        let line = RayLine { px, py, length_per_depth: view.length_per_depth(px, py) };
+        Self { line, perspective: view.perspective }
     }
 
     #[inline]
     pub(super) fn shear(&self, v: &ViewVertex) -> Sheared {
         let h = if self.perspective { v.w } else { 1.0 };
-        Sheared { x: v.x - self.px * h, y: v.y - self.py * h, w: v.w, s: v.s }
+        Sheared { x: v.x - self.line.px * h, y: v.y - self.line.py * h, w: v.w, s: v.s }
     }
 }
 

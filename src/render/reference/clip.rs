@@ -3,7 +3,7 @@
 use super::{GRAZING_LENGTH, INFLATION};
 use crate::camera::View;
 use crate::render::RenderJob;
-use crate::render::medium::Segment;
+use crate::render::medium::{RayLine, Segment};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -73,9 +73,9 @@ impl Cell {
             values[0] + (1..4).map(rise).sum::<f64>()
         };
         let at_ends = |values: &[f64; 4]| [between(values, near), between(values, far)];
-        let length_per_depth = view.length_per_depth(px, py) * scale;
+        let line = RayLine { px, py, length_per_depth: view.length_per_depth(px, py) * scale };
         let (scalar, value) = (at_ends(&self.scalars), at_ends(&self.vertex_values));
-        Some(Segment::new(self.number, [near, far], scalar, value, length_per_depth))
+        Some(Segment::new(self.number, [near, far], scalar, value, line))
     }
 }
 

@@ -4,7 +4,7 @@
 //! until it makes no difference, by the cubics through four Gauss-Legendre points.
 
 use super::integrate::{END_DEPTH, Sum};
-use crate::render::medium::{Medium, NoTable, Segment};
+use crate::render::medium::{Medium, Segment};
 use crate::transfer::Formula;
 
 /// Four-point Gauss-Legendre on [0, 1]: places and weights.
@@ -44,7 +44,6 @@ type Rates = [f64; 4];
 impl Medium for Formula<'_> {
     type Ray = ();
     type Light = Sum;
-    type Table = NoTable;
     const HAS_VALUES: bool = false;
 
     fn pass(&self, (): &mut (), segment: &Segment, sum: &mut Sum) -> u32 {

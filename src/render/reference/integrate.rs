@@ -2,7 +2,7 @@
 
 use super::joint;
 use crate::node_table::{Node, NodeTable};
-use crate::render::medium::{Medium, NoTable, Segment};
+use crate::render::medium::{Medium, Segment};
 use crate::render::{JointScene, LayerFragment, RenderJob};
 
 /// Ten-point Gauss-Legendre on [-1, 1], positive half.
@@ -48,7 +48,6 @@ impl<'a> Transfer<'a> {
 impl Medium for Transfer<'_> {
     type Ray = ();
     type Light = Sum;
-    type Table = NoTable;
     const HAS_VALUES: bool = true;
 
     fn pass(&self, (): &mut (), segment: &Segment, sum: &mut Sum) -> u32 {
@@ -88,23 +87,23 @@ pub(super) struct Light {
 
 /// Colour, opacity and first visible depth of a ray through a chain of segments and the fragments of other layers, nearest first;
 /// `scale` is the world length of a local one.
-pub(super) fn integrate<M: Medium<Ray = (), Light = Sum>>(
+pub(super) fn integrate<M: Medium<Light = Sum>>(
     medium: &M,
     chain: impl Iterator<Item = Segment>,
     fragments: &[LayerFragment],
     scale: f64,
 ) -> Light {
-    let mut sum = Sum::new();
+    let (mut sum, mut ray) = (Sum::new(), M::Ray::default());
     let mut fragments = fragments.iter().map(|fragment| (fragment.depth / scale, fragment.rgba)).peekable();
     for segment in chain {
         let mut rest = segment;
         while let Some((depth, rgba)) = fragments.next_if(|(depth, _)| *depth < segment.part[1]) {
             let (near, behind) = rest.split(depth);
-            near.iter().for_each(|near| _ = medium.pass(&mut (), near, &mut sum));
+            near.iter().for_each(|near| _ = medium.pass(&mut ray, near, &mut sum));
             sum.add_fragment(depth, rgba);
             rest = behind;
         }
-        medium.pass(&mut (), &rest, &mut sum);
+        medium.pass(&mut ray, &rest, &mut sum);
         if sum.depth_so_far > END_DEPTH {
             return sum.light();
         }
@@ -204,13 +203,15 @@ fn add_piece(rgb: &mut [f64; 3], depth_so_far: &mut f64, from: &Node, to: &Node,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::medium::RayLine;
 
     #[test]
     fn thin_layers_keep_their_relative_opacity() {
         for tau in [1e-300, 1e-18, 1e-9, 1e-3] {
             let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0, 0.5, 0.0], tau }]).unwrap();
             let place = |i: i32| (f64::from(i), 0.1 * f64::from(i));
-            let chain = (0..10).map(|i| Segment::of_scalars(place(i), place(i + 1), 0.1));
+            let line = RayLine { length_per_depth: 0.1, ..RayLine::default() };
+            let chain = (0..10).map(|i| Segment::of_scalars(0, place(i), place(i + 1), line));
             let [red, green, _, alpha] = integrate(&Transfer::Scalar(&table), chain, &[], 1.0).rgba;
             // Ten segments of a tenth: an optical depth of tau. Half of its square is what the first term of the series leaves;
             // to that come roundings of f64 (measured: 2.2e-16 of it, colours 6.7e-16).

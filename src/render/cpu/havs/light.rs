@@ -29,8 +29,7 @@ impl<M: Medium> RayOptics<'_, M> {
         } else {
             [0.0; 2]
         };
-        let length_per_depth = self.values.ray.length_per_depth;
-        Segment::new(far, depth, [from.1, to.scalar], value, length_per_depth)
+        Segment::new(far, depth, [from.1, to.scalar], value, self.values.ray.line)
     }
 }
 

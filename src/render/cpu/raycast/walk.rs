@@ -60,17 +60,16 @@ pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     if starts.is_empty() {
         return stats;
     }
-    let Some(table) = scene.medium.table().filter(|_| !has_layers) else {
+    if M::HAS_VALUES || has_layers {
         walk_one_by_one(scene, layers, rect, starts, pixels, &mut stats);
         return stats;
-    };
+    }
     match if portable { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
             lanes.vectorize(WalkRays {
                 lanes,
                 scene,
-                table,
                 rect,
                 starts,
                 scratch: &mut scratch.lanes,
@@ -83,7 +82,6 @@ pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
             lanes.vectorize(WalkRays {
                 lanes,
                 scene,
-                table,
                 rect,
                 starts,
                 scratch: &mut scratch.lanes,
@@ -253,7 +251,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         let value = self.value_here(scene.medium);
         let (depth, scalar) = ([self.last.0, here.0], [self.last.1, here.1]);
         let values = [self.last_value, value];
-        let segment = Segment::new(self.cell, depth, scalar, values, self.ray.length_per_depth);
+        let segment = Segment::new(self.cell, depth, scalar, values, self.ray.line);
         self.light.go_on(scene.medium, segment);
         (self.last, self.last_value) = (here, value);
         if scene.early_termination && self.light.is_opaque() {

@@ -1,28 +1,30 @@
-//! The light of eight rays, one after the other: for any integrator.
+//! The light of eight rays, one after the other: for any medium of scalars.
 
 use super::super::super::super::layers::NothingAhead;
-use super::super::super::super::medium::{ScalarMedium, Segment};
+use super::super::super::super::medium::{Medium, RayLine, Segment};
 use super::super::super::light::RayLight;
 use super::rows::{Lights, Out, Rows};
 use super::vector::LANES;
-use crate::optics::Integrator;
+use crate::optics::Accumulator;
 
-pub(super) struct EachLight<'a, I: Integrator> {
-    medium: ScalarMedium<'a, I>,
-    lights: [RayLight<Option<I::Place>, NothingAhead>; LANES],
-    length_per_depth: [f64; LANES],
+pub(super) struct EachLight<'a, M: Medium> {
+    medium: &'a M,
+    lights: [RayLight<M::Ray, NothingAhead>; LANES],
+    lines: [RayLine; LANES],
     near_distance: f64,
     opaque: u8,
 }
 
-impl<'a, I: Integrator> EachLight<'a, I> {
-    pub(super) fn new(table: &'a I, near_distance: f64) -> Self {
+impl<'a, M: Medium> EachLight<'a, M> {
+    pub(super) fn new(medium: &'a M, near_distance: f64) -> Self {
         let lights = [RayLight::new(near_distance, NothingAhead); LANES];
-        Self { medium: ScalarMedium(table), lights, length_per_depth: [0.0; LANES], near_distance, opaque: 0 }
+        Self { medium, lights, lines: [RayLine::default(); LANES], near_distance, opaque: 0 }
     }
 }
 
-impl<I: Integrator> Lights for EachLight<'_, I> {
+impl<M: Medium<Light = Accumulator>> Lights for EachLight<'_, M> {
+    const CELLS: bool = true;
+
     #[inline(always)]
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>) {
         let mut ends = rows.ends.iter().peekable();
@@ -39,7 +41,8 @@ impl<I: Integrator> Lights for EachLight<'_, I> {
                 if !goes_on {
                     light.leave();
                 }
-                light.go_on(&self.medium, Segment::of_scalars(from, to, self.length_per_depth[lane]));
+                let cell = rows.cell[row][lane] >> 2;
+                light.go_on(self.medium, Segment::of_scalars(cell, from, to, self.lines[lane]));
                 if light.is_opaque() && self.opaque >> lane & 1 == 0 {
                     self.opaque |= 1 << lane;
                     out.stop_early(rows, lane, row);
@@ -47,14 +50,14 @@ impl<I: Integrator> Lights for EachLight<'_, I> {
             }
             while let Some(end) = ends.next_if(|end| end.row == row) {
                 self.finish(end.lane, out, end.pixel);
-                self.begin(end.lane, end.length_per_depth);
+                self.begin(end.lane, end.line);
             }
         }
     }
 
-    fn begin(&mut self, lane: usize, length_per_depth: f64) {
+    fn begin(&mut self, lane: usize, line: RayLine) {
         self.lights[lane] = RayLight::new(self.near_distance, NothingAhead);
-        self.length_per_depth[lane] = length_per_depth;
+        self.lines[lane] = line;
         self.opaque &= !(1 << lane);
     }
 

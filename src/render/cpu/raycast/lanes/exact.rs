@@ -15,10 +15,11 @@
 //! optical depth have no weight: a lane without a piece is one with such a piece. An opaque ray is one with no
 //! transmittance left.
 
-use super::super::super::super::medium::{Segment, first_visible};
+use super::super::super::super::medium::{RayLine, Segment, first_visible};
 use super::super::super::tiles::TilePixel;
 use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};
+use crate::mesh::NONE;
 use crate::optics::exact::{ExactTable, Interval};
 use crate::optics::{DEPTH_MAX, OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh};
 use pulp::{NullaryFnOnce, cast};
@@ -242,8 +243,8 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
 
     /// What there is of a new ray before its first segment, as far as splitting goes.
     #[inline(always)]
-    fn change_ray(&mut self, lane: usize, length_per_depth: f64) {
-        self.length_per_depth[lane] = length_per_depth;
+    fn change_ray(&mut self, lane: usize, line: RayLine) {
+        self.length_per_depth[lane] = line.length_per_depth;
         self.front[lane] = self.near_distance;
         self.composited &= !(1 << lane);
     }
@@ -325,7 +326,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
                 all |= 1 << lane;
             } else {
                 let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
-                let (_, behind) = Segment::of_scalars(from, to, 0.0).split(self.front[lane]);
+                let (_, behind) = Segment::of_scalars(NONE, from, to, RayLine::default()).split(self.front[lane]);
                 (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.part_scalar[0]);
             }
         }
@@ -511,6 +512,8 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
 }
 
 impl<L: Lanes> Lights for ExactLights<'_, L> {
+    const CELLS: bool = false;
+
     #[inline(always)]
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>) {
         let lanes = self.optics.lanes;
@@ -521,21 +524,21 @@ impl<L: Lanes> Lights for ExactLights<'_, L> {
             while let Some(end) = rows.ends.get(ends)
                 && end.row < row
             {
-                self.change_ray(end.lane, end.length_per_depth);
+                self.change_ray(end.lane, end.line);
                 ends += 1;
             }
             self.split_row(&mut intervals, rows, row, out);
         }
         self.intervals = intervals.store(lanes);
         for end in &rows.ends[ends..] {
-            self.change_ray(end.lane, end.length_per_depth);
+            self.change_ray(end.lane, end.line);
         }
         self.add_steps(rows, out);
         self.pass_ends(rows, rows.count, out);
     }
 
-    fn begin(&mut self, lane: usize, length_per_depth: f64) {
-        self.change_ray(lane, length_per_depth);
+    fn begin(&mut self, lane: usize, line: RayLine) {
+        self.change_ray(lane, line);
     }
 
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize) {

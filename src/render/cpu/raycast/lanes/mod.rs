@@ -16,7 +16,7 @@
 //! last bit. What differs:
 //! 1. Decisions are flags that select; only signs in doubt are decided lane by lane, by the scalar walk's function.
 //! 2. Light is apart from geometry, so that neither waits for the other: [`exact`] composites the segments of eight rays side by
-//!    side, [`each`] one after the other for other integrators.
+//!    side, [`each`] one after the other for other media.
 //! 3. A ray that becomes opaque has gone on for some rows. They are not composited, and not counted as steps.
 
 mod each;
@@ -24,12 +24,13 @@ mod exact;
 mod rows;
 mod vector;
 
+use super::super::super::medium::{Medium, RayLine};
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex};
 use super::super::tiles::{PixelRect, TilePixel};
 use super::path;
 use super::starts::PixelStart;
 use super::walk::{Scene, careful_signs};
-use crate::optics::Integrator;
+use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use each::EachLight;
@@ -47,11 +48,9 @@ pub(super) struct LaneScratch {
 }
 
 /// Walks the rays of a tile.
-pub(super) struct WalkRays<'a, M, I, L: Lanes> {
+pub(super) struct WalkRays<'a, M, L: Lanes> {
     pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, M>,
-    /// That of the medium.
-    pub(super) table: &'a I,
     pub(super) rect: PixelRect,
     /// By pixel and depth.
     pub(super) starts: &'a [PixelStart],
@@ -60,22 +59,22 @@ pub(super) struct WalkRays<'a, M, I, L: Lanes> {
     pub(super) stats: &'a mut FrameStats,
 }
 
-impl<M, I: Integrator, L: Lanes> NullaryFnOnce for WalkRays<'_, M, I, L> {
+impl<M: Medium<Light = Accumulator>, L: Lanes> NullaryFnOnce for WalkRays<'_, M, L> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { lanes, scene, table, rect, starts, scratch, pixels, stats } = self;
+        let Self { lanes, scene, rect, starts, scratch, pixels, stats } = self;
         let rows = &mut *scratch.rows;
         let mut out = Out { pixels, stats, early_termination: scene.early_termination };
         let rays = Rays { scene, rect, rest: starts };
-        match table.as_exact() {
+        match scene.medium.exact_table() {
             Some(table) => {
                 let mut lights = ExactLights::new(Optics { lanes, table }, scene.view.near_depth());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
             None => {
-                let mut lights = EachLight::new(table, scene.view.near_depth());
+                let mut lights = EachLight::new(scene.medium, scene.view.near_depth());
                 walk(lanes, scene, rays, rows, &mut out, &mut lights);
             }
         }
@@ -141,7 +140,7 @@ impl Slots {
         let entry = path::enter(scene, &lane.ray, start.cell, start.opposite);
         debug_assert!(entry.is_some(), "a start is a crossing");
         let Some((ids, Crossing { corners, edges, depth, scalar })) = entry else { return false };
-        (self.px[l], self.py[l]) = (lane.ray.px, lane.ray.py);
+        (self.px[l], self.py[l]) = (lane.ray.line.px, lane.ray.line.py);
         for (i, corner) in corners.iter().enumerate() {
             (self.x[i][l], self.y[i][l], self.w[i][l], self.s[i][l]) = (corner.x, corner.y, corner.w, corner.s);
             (self.reach[i][l], self.edges[i][l], self.ids[i][l]) = (corner.reach(), edges[i], ids[i]);
@@ -278,7 +277,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
     for l in 0..LANES {
         if next_ray(scene, &mut rays, &mut slots, &mut own, l) {
             alive |= 1 << l;
-            lights.begin(l, own[l].map_or(0.0, |lane| lane.ray.length_per_depth));
+            lights.begin(l, line_of(&own[l]));
         }
     }
     while alive != 0 {
@@ -286,7 +285,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
         rows.ends.clear();
         while rows.count < rows::ROWS && alive != 0 {
             let first = rows.count;
-            let stepped = walk_on(lanes, &cells, &mut slots, rows, alive);
+            let stepped = walk_on::<L, K>(lanes, &cells, &mut slots, rows, alive);
             out.stats.steps += (rows.count - first) as u64 * u64::from(alive.count_ones());
             debug_assert!(out.stats.steps <= most as u64, "a path goes through a cell once");
             let mut ended = alive & !stepped.goes_on;
@@ -302,8 +301,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
                 if !next_ray(scene, &mut rays, &mut slots, &mut own, l) {
                     alive &= !(1 << l);
                 }
-                let length_per_depth = own[l].map_or(0.0, |lane| lane.ray.length_per_depth);
-                rows.ends.push(RayEnd { row: rows.count - 1, lane: l, pixel, length_per_depth });
+                rows.ends.push(RayEnd { row: rows.count - 1, lane: l, pixel, line: line_of(&own[l]) });
             }
         }
         lights.composite(rows, out);
@@ -320,9 +318,15 @@ fn walk<'a, M, L: Lanes, K: Lights>(
             if !next_ray(scene, &mut rays, &mut slots, &mut own, l) {
                 alive &= !(1 << l);
             }
-            lights.begin(l, own[l].map_or(0.0, |lane| lane.ray.length_per_depth));
+            lights.begin(l, line_of(&own[l]));
         }
     }
+}
+
+/// The ray in a lane, if there is one.
+#[inline(always)]
+fn line_of(lane: &Option<Lane<'_>>) -> RayLine {
+    lane.map_or_else(RayLine::default, |lane| lane.ray.line)
 }
 
 /// The next ray of the tile takes a lane; false if there is none.
@@ -340,12 +344,15 @@ fn next_ray<'a, M>(
 
 /// Walks on until a path ends or the rows are full, one row at least.
 #[inline(always)]
-fn walk_on<L: Lanes>(lanes: L, cells: &Cells<'_>, slots: &mut Slots, rows: &mut Rows, alive: u8) -> Stepped {
+fn walk_on<L: Lanes, K: Lights>(lanes: L, cells: &Cells<'_>, slots: &mut Slots, rows: &mut Rows, alive: u8) -> Stepped {
     let mut place = Place::load(lanes, slots);
     let stepped = loop {
         let row = rows.count % rows::ROWS;
         rows.from_depth[row] = lanes.store(place.depth);
         rows.from_scalar[row] = lanes.store(place.scalar);
+        if K::CELLS {
+            rows.cell[row] = cast(place.at);
+        }
         let stepped = step(lanes, cells, &mut place, alive);
         rows.to_depth[row] = lanes.store(place.depth);
         rows.to_scalar[row] = lanes.store(place.scalar);

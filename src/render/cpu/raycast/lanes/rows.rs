@@ -1,5 +1,6 @@
 //! What the walk leaves for the light: segments of eight rays, row by row.
 
+use super::super::super::super::medium::RayLine;
 use super::super::super::tiles::TilePixel;
 use super::vector::{Eight, LANES};
 use crate::stats::FrameStats;
@@ -14,6 +15,8 @@ pub(super) struct Rows {
     pub(super) from_scalar: [Eight; ROWS],
     pub(super) to_depth: [Eight; ROWS],
     pub(super) to_scalar: [Eight; ROWS],
+    /// The cells, as in [`CellNeighbour`](crate::mesh::CellNeighbour), for light that [asks for them](Lights::CELLS).
+    pub(super) cell: [[u32; LANES]; ROWS],
     /// Bits of the lanes that have a segment.
     pub(super) alive: [u8; ROWS],
     pub(super) count: usize,
@@ -28,8 +31,8 @@ pub(super) struct RayEnd {
     pub(super) lane: usize,
     /// Of the ray that ends.
     pub(super) pixel: usize,
-    /// Length per depth of the next one.
-    pub(super) length_per_depth: f64,
+    /// The next one.
+    pub(super) line: RayLine,
 }
 
 impl Default for Rows {
@@ -40,6 +43,7 @@ impl Default for Rows {
             from_scalar: zero,
             to_depth: zero,
             to_scalar: zero,
+            cell: [[0; LANES]; ROWS],
             alive: [0; ROWS],
             count: 0,
             ends: Vec::new(),
@@ -77,11 +81,14 @@ impl Out<'_> {
 
 /// The light of eight rays, one in each lane.
 pub(super) trait Lights {
+    /// Whether it asks in which cells segments are.
+    const CELLS: bool;
+
     /// Composites all rows.
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>);
 
     /// Lanes with a ray that has nothing yet.
-    fn begin(&mut self, lane: usize, length_per_depth: f64);
+    fn begin(&mut self, lane: usize, line: RayLine);
 
     /// The light of a ray at its end.
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize);
