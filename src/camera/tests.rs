@@ -314,6 +314,7 @@ fn rows_of_a_view_have_its_pixels_at_their_places_in_the_plane() {
         let expected = rendered_one_by_one(&view);
         let (columns, rows) = view.plane_px();
         assert_eq!(expected.len(), columns * rows);
+        assert!(expected.iter().all(|&(column, row, place)| view.pixel_at(place) == (column, row)));
         for (from, to) in [(0, 11), (2, 9), (4, 4), (7, 8)] {
             for (first, end) in [(0, 7), (1, 4), (3, 3)] {
                 let is_in = |&&(column, row, _): &&(usize, usize, usize)| {

@@ -157,6 +157,18 @@ impl View {
         of_lattice.into_iter().flatten().chain(of_set.into_iter().flatten())
     }
 
+    /// Column and row of the pixel at a place in the plane.
+    pub fn pixel_at(&self, place: usize) -> (usize, usize) {
+        match &self.samples {
+            Samples::Lattice(lattice) => {
+                let columns = lattice.count(self.width_px);
+                let (column, row) = (place % columns, place / columns);
+                (lattice.pixel(column, self.width_px), lattice.pixel(row, self.height_px))
+            }
+            Samples::Pixels(pixels) => pixels.pixel(place),
+        }
+    }
+
     /// Whether rays are cast for pixels in a rectangle.
     pub fn renders_some_in(&self, columns: Range<usize>, mut rows: Range<usize>) -> bool {
         rows.any(|row| self.rendered_in(row, columns.clone()).next().is_some())

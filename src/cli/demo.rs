@@ -67,6 +67,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         adapter: String::new(),
         block_memory: Default::default(),
         optics: Default::default(),
+        surfaces: Default::default(),
         skip: Default::default(),
     };
     let store = Store::open(&store_path)?;

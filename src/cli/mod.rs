@@ -20,6 +20,7 @@ mod render;
 mod scene;
 mod source;
 mod steps;
+mod surfaces;
 mod synth;
 mod trace;
 

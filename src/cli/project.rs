@@ -69,6 +69,10 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
         // These draw all cells.
         (timeline.lod, project.look.lod) = Default::default();
     }
+    if says("iso") {
+        // An option that is given several times adds to what is there.
+        project.look.iso.clear();
+    }
     // The first word is the program's, which may be called anything.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };
     let (before, after) = words.split_at(at + 1);
@@ -129,8 +133,22 @@ fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
 /// What a project says of what is seen, as options.
 fn scene_options(project: &Project) -> Vec<OsString> {
     let Project { data, look, .. } = project;
-    let LookSettings { ensemble: _, opacity_kind, unit_distance, mode, backend, optics, lod, sampling, k, camera } =
-        look;
+    let LookSettings {
+        ensemble: _,
+        opacity_kind,
+        unit_distance,
+        mode,
+        backend,
+        optics,
+        iso,
+        no_volume,
+        shade,
+        light,
+        lod,
+        sampling,
+        k,
+        camera,
+    } = look;
     let mut options = Options(Vec::new());
     options.add("field", data.field.as_ref());
     options.add("opacity-kind", opacity_kind.as_ref());
@@ -138,6 +156,12 @@ fn scene_options(project: &Project) -> Vec<OsString> {
     options.add("mode", mode.as_ref());
     options.add("backend", backend.as_ref());
     options.add("optics", optics.as_ref());
+    iso.iter().for_each(|iso| options.add("iso", Some(iso)));
+    if *no_volume == Some(true) {
+        options.0.push("--no-volume".into());
+    }
+    options.add("shade", shade.as_ref());
+    options.add("light", light.as_ref());
     options.add("lod", lod.as_ref());
     options.add("sampling", sampling.as_ref());
     options.add("k", k.as_ref());

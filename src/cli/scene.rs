@@ -2,6 +2,7 @@
 
 use super::Interrupted;
 use super::progress::unless_interrupted;
+use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
 use crate::export::still::FrameAttributes;
@@ -66,6 +67,8 @@ pub(super) struct SceneArgs {
     /// Integration of a ray's segments: exact, partial (partial pre-integration) or table3d (pre-integrated table); reference has its own
     #[arg(long, value_name = "OPTICS", default_value = "exact")]
     pub(super) optics: OpticsKind,
+    #[command(flatten)]
+    pub(super) surfaces: SurfaceArgs,
     /// What is left out where the image does not need it: all, none, all,-NAME,... or NAME,... of clear-cells, clear-chunks,
     /// opaque, outside, unchanged and costly-first (docs/skipping.md); the image is the same
     #[arg(long, value_name = "WHAT", default_value = "all", allow_hyphen_values = true)]
@@ -265,6 +268,7 @@ impl SceneArgs {
             faces,
             backend: self.backend,
             optics: self.optics,
+            surfaces: self.surfaces.look()?,
             skip: self.skip,
             ..look
         })
@@ -335,6 +339,7 @@ impl Scene {
         let Look { opacity_kind, lengths, .. } = scene.look;
         scene.animation = project
             .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
+        surfaces::check_range(&scene.look.surfaces, scene.pipeline.field())?;
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
@@ -381,7 +386,10 @@ impl Scene {
         let draw = TetDraw::chosen(mode, FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces });
         let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
         let optics = said.optics.unwrap_or(optics);
-        let request = request.with_tets(|tets| (tets.draw, tets.optics, tets.formula) = (draw, optics, formula));
+        let request = request.with_tets(|tets| {
+            (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
+            tets.show(&self.look.surfaces);
+        });
         Ok(FrameRequest { backend, skip, ..request })
     }
 

@@ -5,6 +5,7 @@ use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
+use crate::render::surfaces::{self, Isosurface, SurfaceError, SurfaceShading};
 use crate::transfer::TransferSource;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -39,13 +40,14 @@ impl Layer {
     /// Why it cannot be drawn, whatever the series holds.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self::Tets(layer) = self;
+        surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
         layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
     }
 }
 
 /// The cells of a mesh with the scalars of a field.
 ///
-/// Only the volume can be seen yet: [`Surface`] and [`Cut`] have no values and [`Shading`] has one, until something draws more of them.
+/// [`Cut`] has no values, until something draws them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TetLayer {
@@ -63,13 +65,13 @@ pub struct TetLayer {
     pub optics: OpticsKind,
     /// Isosurfaces in the cells.
     #[serde(default)]
-    pub surfaces: Vec<Surface>,
+    pub surfaces: Vec<Isosurface>,
     /// Cuts through the cells.
     #[serde(default)]
     pub cuts: Vec<Cut>,
     /// Light on surfaces and cuts.
     #[serde(default)]
-    pub shading: Shading,
+    pub shading: SurfaceShading,
     /// Whether the volume is drawn.
     #[serde(default = "volume")]
     pub volume: bool,
@@ -78,28 +80,26 @@ pub struct TetLayer {
     pub draw: TetDraw,
 }
 
-/// An isosurface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Surface {}
-
 /// A cut through cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cut {}
-
-/// Light on surfaces and cuts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Shading {
-    /// None: colours are those of the transfer function.
-    #[default]
-    None,
-}
 
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
         let (field, formula, optics, surfaces, cuts, shading, draw) = Default::default();
         Self { field, table: table.into(), formula, optics, surfaces, cuts, shading, volume: true, draw }
+    }
+
+    /// The same layer with these surfaces, and its volume or not.
+    pub fn show(&mut self, look: &SurfaceLook) {
+        let SurfaceLook { isosurfaces, shading, volume } = look.clone();
+        (self.surfaces, self.shading, self.volume) = (isosurfaces, shading, volume);
+    }
+
+    /// Whether nothing of it is to be seen, whatever the field.
+    pub(super) fn is_empty(&self) -> bool {
+        !self.volume && self.surfaces.is_empty()
     }
 
     /// Whether both show the same: only the judge asks for the formula.
@@ -113,13 +113,31 @@ impl TetLayer {
     }
 }
 
+/// What is to be seen of a field beside colours and opacities of its volume: the part of a [`TetLayer`] that looks have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceLook {
+    /// Isosurfaces in the cells.
+    pub isosurfaces: Vec<Isosurface>,
+    /// Light on them.
+    pub shading: SurfaceShading,
+    /// Whether the volume is drawn.
+    pub volume: bool,
+}
+
+impl Default for SurfaceLook {
+    /// The volume alone.
+    fn default() -> Self {
+        Self { isosurfaces: Vec::new(), shading: SurfaceShading::default(), volume: true }
+    }
+}
+
 /// What a text means that does not say.
 fn volume() -> bool {
     true
 }
 
 /// Why there is no frame of a request, whatever the series holds, or no request of a text.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RequestError {
     /// Two layers of cells.
     #[error("layers {first} and {second} of the request are both of cells (tets); a frame has one of them")]
@@ -140,6 +158,9 @@ pub enum RequestError {
     /// Listed pixels that are none of the image's.
     #[error("the pixels of the request: {0}")]
     Pixels(#[from] PixelSetError),
+    /// Surfaces that there cannot be.
+    #[error("the surfaces of the request: {0}")]
+    Surfaces(#[from] SurfaceError),
     /// A text that this program does not know.
     #[error("version {0} of a request's text is not known; this program reads {known}", known = FrameRequest::TEXT_VERSION)]
     Version(u32),

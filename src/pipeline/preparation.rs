@@ -3,7 +3,7 @@
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, TetLayer};
+use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, RequestError, TetLayer};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
@@ -11,6 +11,7 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
+use crate::render::surfaces::{Normals, SurfaceScene, VertexGradients};
 use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -18,7 +19,7 @@ use crate::task::Cancel;
 use crate::visibility::{
     ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, FaceSelection, Label, Skip,
 };
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 /// What the first stage hands to the second.
@@ -67,11 +68,14 @@ impl Decode {
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
-        let Some(layer) = layer.filter(|layer| layer.volume) else {
+        let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
             return Ok(Blank::of(&mut self.blank, series.vertices()).decoded(by));
         };
-        let clear = self.clear.of(layer, by, request.skip);
-        let needed = if request.skip.clear_chunks { series.needed_chunks(request.time, &clear) } else { None };
+        let layer = in_sight(layer);
+        let clear = self.clear.of(&layer, by, request.skip);
+        // Smooth normals take part of cells in which nothing is to be seen.
+        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer);
+        let needed = if !are_all_needed { series.needed_chunks(request.time, &clear) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
         let scalars = scalars.ok_or(PipelineError::Cancelled)?;
@@ -85,8 +89,27 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer: layer.clone(), by, scalars, compressed, clear, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, clear, known, stats })
     }
+}
+
+/// A layer with the transfer function of what is to be seen of its volume: none, if that is not drawn. Surfaces keep the colours that they
+/// have by the one before.
+fn in_sight(layer: &TetLayer) -> TetLayer {
+    let mut layer = layer.clone();
+    if !layer.volume {
+        let table = layer.table.over_scalars().clone();
+        for surface in &mut layer.surfaces {
+            surface.front.get_or_insert_with(|| table.eval(surface.value).rgb);
+        }
+        static CLEAR: LazyLock<Arc<NodeTable>> = LazyLock::new(|| Arc::new(NodeTable::clear()));
+        (layer.table, layer.formula) = (CLEAR.clone().into(), None);
+    }
+    layer
+}
+
+fn has_smooth_surfaces(layer: &TetLayer) -> bool {
+    !layer.surfaces.is_empty() && layer.shading.normals == Normals::Vertex
 }
 
 /// Cells of which nothing is to be seen, where nothing was asked for: nothing has to be decoded for them, and all renderers draw
@@ -139,6 +162,8 @@ pub(super) struct Order {
     /// Here rather than where it is drawn: a table takes longer than a frame.
     tables: OpticsTables,
     gradients: Gradients,
+    /// For smooth normals of surfaces.
+    vertex_gradients: VertexGradients,
     placer: Placer,
 }
 
@@ -170,7 +195,7 @@ impl Order {
         stats.cells_classified = classified;
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
-            (self.selector, self.depth, self.gradients) = Default::default();
+            (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -186,6 +211,7 @@ impl Order {
                 Some(scene.ok_or(PipelineError::Cancelled)?)
             }
         };
+        let surfaces = self.surfaces(series, &layer, &scalars, &active, cancel)?;
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
@@ -194,6 +220,7 @@ impl Order {
             optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
             formula: layer.formula.filter(|_| joint.is_none()),
             joint,
+            surfaces,
             faces,
             k_buffer,
             skip: request.skip,
@@ -207,6 +234,27 @@ impl Order {
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         Ok(Ordered { job, by })
+    }
+
+    /// The surfaces of a layer, if it has some.
+    fn surfaces(
+        &mut self,
+        series: &Series,
+        layer: &TetLayer,
+        scalars: &Arc<Vec<f32>>,
+        active: &Arc<CellSet>,
+        cancel: &Cancel,
+    ) -> Result<Option<SurfaceScene>, PipelineError> {
+        if layer.surfaces.is_empty() {
+            return Ok(None);
+        }
+        let scene = SurfaceScene::new(&layer.surfaces, layer.shading, layer.table.over_scalars());
+        let scene = scene.map_err(RequestError::from)?;
+        if !scene.lacks_gradients() {
+            return Ok(Some(scene));
+        }
+        let gradients = self.vertex_gradients.update(&series.mesh, scalars, active, cancel);
+        Ok(Some(scene.with_gradients(gradients.ok_or(PipelineError::Cancelled)?)))
     }
 
     /// The transfer function as the renderers read it, the same [`Arc`] until it or its optics change.
@@ -270,11 +318,21 @@ impl Order {
     }
 }
 
-/// Where the table of the last request is clear.
+/// Where nothing of the last request is to be seen.
 #[derive(Debug, Default)]
 struct Clear {
-    last: Option<(Arc<NodeTable>, Option<usize>, Arc<ClearIntervals>)>,
+    last: Option<ClearOf>,
     nowhere: Arc<ClearIntervals>,
+}
+
+/// Intervals, and what they are of.
+#[derive(Debug)]
+struct ClearOf {
+    table: Arc<NodeTable>,
+    /// Samples of a sampled table.
+    samples: Option<usize>,
+    isovalues: Vec<f64>,
+    intervals: Arc<ClearIntervals>,
 }
 
 impl Clear {
@@ -289,16 +347,18 @@ impl Clear {
             OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
         };
         let table = layer.table.over_scalars();
+        let isovalues: Vec<f64> = layer.surfaces.iter().map(|surface| surface.value).collect();
         let is_same =
-            |(last, sampled, _): &&(Arc<NodeTable>, Option<usize>, _)| Arc::ptr_eq(last, table) && *sampled == samples;
-        if let Some((.., clear)) = self.last.as_ref().filter(is_same) {
-            return clear.clone();
+            |last: &&ClearOf| Arc::ptr_eq(&last.table, table) && last.samples == samples && last.isovalues == isovalues;
+        if let Some(last) = self.last.as_ref().filter(is_same) {
+            return last.intervals.clone();
         }
-        let clear = Arc::new(match samples {
+        let of_table = match samples {
             None => ClearIntervals::of(table),
             Some(samples) => ClearIntervals::of_sampled(table, samples),
-        });
-        self.last = Some((table.clone(), samples, clear.clone()));
-        clear
+        };
+        let intervals = Arc::new(of_table.cut_at(&isovalues));
+        self.last = Some(ClearOf { table: table.clone(), samples, isovalues, intervals: intervals.clone() });
+        intervals
     }
 }

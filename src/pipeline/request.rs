@@ -96,14 +96,17 @@ impl FrameRequest {
     }
 
     /// The same picture, without what says how it comes about: where it is rendered, what is left out on the way, whether it is for a
-    /// window, and unless the judge asks for it what the table was made from. The text of this tells pictures apart.
+    /// window, unless the judge asks for it what the table was made from, and the light on surfaces that are not there. The text of this tells pictures apart.
     #[must_use]
     pub fn without_hints(self) -> Self {
         let (backend, for_window, skip) = Default::default();
-        let without_formula = |tets: &mut TetLayer| {
+        let without_hints = |tets: &mut TetLayer| {
             tets.formula.take_if(|_| tets.draw != TetDraw::Reference);
+            if tets.surfaces.is_empty() {
+                tets.shading = Default::default();
+            }
         };
-        Self { backend, for_window, skip, ..self.with_tets(without_formula) }
+        Self { backend, for_window, skip, ..self.with_tets(without_hints) }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.

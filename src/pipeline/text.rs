@@ -67,6 +67,7 @@ impl FrameRequest {
         let Read { frame, .. } = serde_json::from_str(text).map_err(bad_text)?;
         // Only now is it known of which image they are.
         frame.samples.samples(frame.size_px)?;
+        frame.layers.iter().try_for_each(Layer::check).map_err(RequestError::BadText)?;
         Ok(frame)
     }
 }

@@ -7,6 +7,7 @@ use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, SampleSet, Sampling, TetDraw, TetLayer};
 use crate::render::KBuffer;
+use crate::render::surfaces::{Isosurface, Light, Normals, SurfaceShading};
 use crate::transfer::{
     BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
     TransferSource,
@@ -93,12 +94,28 @@ fn draw() -> impl Strategy<Value = TetDraw> {
     prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces]
 }
 
+fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, SurfaceShading)> {
+    let rgb = || prop::option::of(prop::array::uniform3(0.0..=1.0_f64));
+    let surface = (finite(), rgb(), rgb(), 0.0..=1.0_f64).prop_map(|(value, front, back, opacity)| Isosurface {
+        value,
+        front,
+        back,
+        opacity,
+    });
+    let normals = prop::sample::select(vec![Normals::None, Normals::Cell, Normals::Vertex]);
+    let direction = prop::array::uniform3(finite()).prop_filter("a direction", |direction| *direction != [0.0; 3]);
+    let light = prop_oneof![Just(Light::Headlight), direction.prop_map(Light::From)];
+    let shading = (normals, light).prop_map(|(normals, light)| SurfaceShading { normals, light });
+    (prop::collection::vec(surface, 0..4), shading)
+}
+
 fn layer() -> impl Strategy<Value = Layer> {
     let field = prop::option::of(".{0,12}");
     let optics = prop::sample::select(OpticsKind::ALL.to_vec());
-    (field, table(), prop::option::of(formula()), optics, prop::bool::ANY, draw()).prop_map(
-        |(field, table, formula, optics, volume, draw)| {
-            Layer::Tets(TetLayer { field, formula, optics, volume, draw, ..TetLayer::new(table) })
+    (field, table(), prop::option::of(formula()), optics, surfaces(), prop::bool::ANY, draw()).prop_map(
+        |(field, table, formula, optics, (surfaces, shading), volume, draw)| {
+            let layer = TetLayer::new(table);
+            Layer::Tets(TetLayer { field, formula, optics, surfaces, shading, volume, draw, ..layer })
         },
     )
 }
@@ -175,6 +192,8 @@ fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
         ("[640,480]", "[-1,480]", &["-1"]),
         ("\"tets\"", "\"points\"", &["points", "tets"]),
         ("\"surfaces\":[]", "\"surfaces\":[\"iso\"]", &["iso"]),
+        ("\"surfaces\":[]", "\"surfaces\":[{\"value\":0,\"hue\":1}]", &["hue"]),
+        ("\"normals\":\"cell\"", "\"normals\":\"face\"", &["face", "vertex"]),
         ("\"volume\":true", "\"volume\":true,\"more\":1", &["more"]),
         ("\"near\":0.0", "\"near\":NaN", &["line 1 column"]),
         ("\"near\":0.0", "\"near\":null", &["null"]),
@@ -247,6 +266,9 @@ fn a_request_that_could_not_be_read_has_no_text() {
     assert!(no_text(plain().with_draw(detail(f64::NAN, 8))).contains("tets.draw.faces.lod is not finite"));
     assert!(no_text(plain().with_draw(detail(-0.5, 8))).contains("a level of detail of -0.5"));
     assert!(no_text(plain().with_draw(detail(0.5, 33))).contains("a buffer of 33"));
+    let of_surfaces = |surfaces: &[Isosurface]| plain().with_tets(|tets| tets.surfaces = surfaces.to_vec());
+    assert!(no_text(of_surfaces(&[Isosurface::new(1.0); 33])).contains("33 isosurfaces"));
+    assert!(no_text(of_surfaces(&[Isosurface::new(f64::NAN)])).contains("isovalues are finite"));
 }
 
 #[test]
@@ -283,6 +305,13 @@ fn what_does_not_change_the_picture_is_left_out_of_what_tells_pictures_apart() {
         assert_eq!(text(&same), text(&plain()));
     }
     assert_ne!(text(&plain().with_draw(TetDraw::Auto)), text(&plain()));
+    let lit = |surfaces: &[Isosurface], normals| {
+        let shading = SurfaceShading { normals, ..Default::default() };
+        text(&plain().with_tets(|tets| (tets.surfaces, tets.shading) = (surfaces.to_vec(), shading)))
+    };
+    assert_eq!(lit(&[], Normals::Vertex), text(&plain()), "nothing is lit");
+    let one = [Isosurface::new(0.5)];
+    assert!(lit(&one, Normals::Vertex) != lit(&one, Normals::Cell) && lit(&one, Normals::Cell) != text(&plain()));
     let judged = [1.0, 2.0].map(|unit| text(&of_formula(unit).with_draw(TetDraw::Reference)));
     assert_ne!(judged[0], judged[1], "the judge looks at the formula");
 }

@@ -5,6 +5,7 @@ use crate::camera::Camera;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
+use crate::render::surfaces::{Light, Normals};
 use crate::timeline::Keyframed;
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
 use serde::de::Error;
@@ -44,6 +45,18 @@ pub struct LookSettings {
     /// How segments are integrated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub optics: Option<OpticsKind>,
+    /// Isosurfaces, as `--iso` has them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub iso: Vec<String>,
+    /// Whether the volume is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_volume: Option<bool>,
+    /// Normals of lit surfaces, as `--shade` has them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shade: Option<Normals>,
+    /// Where light on surfaces comes from, as `--light` has it.
+    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
+    pub light: Option<Light>,
     /// Level of detail, 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "share")]
     pub lod: Option<f64>,

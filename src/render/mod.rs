@@ -14,6 +14,7 @@ mod medium;
 mod optics_tables;
 pub mod probe;
 pub mod reference;
+pub mod surfaces;
 #[cfg(test)]
 pub(crate) mod testing;
 
@@ -34,6 +35,7 @@ pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
+use surfaces::SurfaceScene;
 
 /// Everything that a frame depends on. Cheap to clone: the large parts are shared.
 #[derive(Clone, Debug)]
@@ -61,6 +63,8 @@ pub struct RenderJob {
     /// [projection](crate::node_table::JointTable::projection), for whatever leaves out where nothing is to be seen. Segments are
     /// integrated exactly then, whatever the optics.
     pub joint: Option<JointScene>,
+    /// Isosurfaces in the cells; `None` if there are none.
+    pub surfaces: Option<SurfaceScene>,
     /// What other layers of the frame put before, between and behind the cells; `None` if there are none.
     pub fragments: Option<Arc<LayerFragments>>,
     /// What the table was made from, for the reference alone; without it that integrates the table.
@@ -239,6 +243,7 @@ impl RenderJob {
             view,
             table,
             joint: None,
+            surfaces: None,
             fragments: None,
             formula: None,
             optics: OpticsKind::default(),

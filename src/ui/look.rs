@@ -4,7 +4,7 @@ use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, TetDraw};
+use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, SurfaceLook, TetDraw};
 use crate::project::{Moment, Project};
 use crate::task::Cancel;
 use crate::transfer::{
@@ -38,6 +38,8 @@ pub struct Look {
     pub backend: Backend,
     /// How segments are integrated.
     pub optics: OpticsKind,
+    /// Isosurfaces, and whether the volume is drawn.
+    pub surfaces: SurfaceLook,
     /// What may be left out.
     pub skip: Skip,
     /// What a project says instead, if there is one.
@@ -60,11 +62,11 @@ impl Look {
     /// If the mesh has no extent that a camera can frame.
     pub fn default_for(series: &Series, tf: TransferFunction) -> Result<Self, CameraError> {
         let bounds = series.mesh().positions.world_bounds();
-        let (range, opacity_kind, mode, faces, backend, optics, skip, followed) = Default::default();
+        let (range, opacity_kind, mode, faces, backend, optics, surfaces, skip, followed) = Default::default();
         let camera = Camera::default_for(bounds)?;
         // A mesh without extent is refused when it is built, so the diagonal is positive.
         let lengths = Lengths::of_diagonal((bounds.1 - bounds.0).length());
-        Ok(Self { camera, tf, range, opacity_kind, lengths, mode, faces, backend, optics, skip, followed })
+        Ok(Self { camera, tf, range, opacity_kind, lengths, mode, faces, backend, optics, surfaces, skip, followed })
     }
 
     /// The same with colours, opacities and range that suit the values of the series.
@@ -171,7 +173,10 @@ impl Requests {
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
         let request = FrameRequest::new(time, camera, table, size);
-        let request = request.with_tets(|tets| (tets.draw, tets.optics, tets.formula) = (draw, optics, formula));
+        let request = request.with_tets(|tets| {
+            (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
+            tets.show(&look.surfaces);
+        });
         Some(FrameRequest { backend, for_window, skip, ..request })
     }
 

@@ -48,6 +48,7 @@ impl Desk {
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
         let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();
         let look = Look {
+            surfaces: Default::default(),
             camera,
             tf: TransferFunction::parse("viridis").unwrap(),
             range: RangePolicy::Series,

@@ -12,6 +12,7 @@ fn look(scale: f64) -> Look {
     let (range, opacity_kind) = (RangePolicy::Manual(-scale, 0.1), Default::default());
     let (mode, backend, optics) = Default::default();
     Look {
+        surfaces: Default::default(),
         camera,
         tf,
         range,

@@ -69,6 +69,30 @@ impl ClearIntervals {
         Self::rounded(&Self::of(table).intervals.iter().filter_map(shrunk).collect::<Vec<_>>())
     }
 
+    /// The same intervals, each cut in two at every value inside of it, which belongs to the upper part: a cell with scalars on both
+    /// sides of a value is then in no interval, and shows what is at that value.
+    #[must_use]
+    pub fn cut_at(&self, values: &[f64]) -> Self {
+        let mut intervals = Vec::with_capacity(self.intervals.len() + values.len());
+        for &[lo, hi] in &self.intervals {
+            let mut from = lo;
+            let mut ascending: Vec<f64> = values.to_vec();
+            ascending.sort_by(f64::total_cmp);
+            for value in ascending {
+                // The least f32 that is at least the value.
+                let nearest = value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32;
+                let above = if f64::from(nearest) < value { nearest.next_up() } else { nearest };
+                if from < above && above <= hi {
+                    intervals.push([from, above.next_down()]);
+                    from = above;
+                }
+            }
+            intervals.push([from, hi]);
+        }
+        intervals.truncate(INTERVALS_MAX);
+        Self { intervals }
+    }
+
     /// The finite f32 in each interval.
     fn rounded(found: &[Interval]) -> Self {
         let intervals = found.iter().filter_map(Interval::rounded).take(INTERVALS_MAX).collect();

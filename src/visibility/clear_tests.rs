@@ -103,6 +103,23 @@ fn scalars() -> impl Strategy<Value = f32> {
 
 proptest! {
     #[test]
+    fn cells_on_both_sides_of_a_value_are_in_no_interval_that_was_cut_there(
+        table in tables(), values in prop::collection::vec(-1.3..1.3f64, 0..5), at_scalars in any::<bool>(),
+        a in scalars(), b in scalars(), c in scalars(),
+    ) {
+        let values: Vec<f64> = if at_scalars { vec![f64::from(a), f64::from(c)] } else { values };
+        let (clear, cut) = (ClearIntervals::of(&table), ClearIntervals::of(&table).cut_at(&values));
+        let (lo, hi) = (a.min(b), a.max(b));
+        let is_met = values.iter().any(|&value| (f64::from(lo) >= value) != (f64::from(hi) >= value));
+        let expected = clear.label_of_range(lo, hi).is_some() && !is_met;
+        prop_assert_eq!(cut.label_of_range(lo, hi).is_some(), expected);
+        let mut labels = [0; 2];
+        cut.label_all(&[a, b], &mut labels);
+        prop_assert_eq!(labels, [a, b].map(|s| cut.label(s)));
+        prop_assert_eq!(clear.cut_at(&[]), clear);
+    }
+
+    #[test]
     fn labels_say_what_the_table_says(table in tables(), a in scalars(), b in scalars()) {
         let clear = ClearIntervals::of(&table);
         let (lo, hi) = (a.min(b), a.max(b));

@@ -16,6 +16,7 @@ use tetreel::node_table::{Node, NodeTable};
 use tetreel::optics::OpticsKind;
 use tetreel::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, Sampling, TetDraw};
 use tetreel::render::cpu::havs::Havs;
+use tetreel::render::surfaces::{Isosurface, Normals};
 use tetreel::render::{Frame, RenderJob, Renderer};
 use tetreel::stats::FrameStats;
 use tetreel::store::Store;
@@ -125,6 +126,49 @@ fn real_series_are_drawn_alike_with_and_without_skipping() {
         }
         assert!(skipped > 0 && drawn > 0.1, "{of:?}: {skipped} cells skipped, opacity {drawn}");
         assert!(differ > 0 && noticed > 0, "{of:?}: no cell that can be seen was missed, or no extinction");
+    }
+}
+
+#[test]
+fn surfaces_are_drawn_alike_with_and_without_skipping() {
+    let out = tempfile::tempdir().unwrap();
+    for (name, shares) in [(SeriesName::Jet, [0.3, 0.6]), (SeriesName::Dipole, [-0.004, 0.01])] {
+        let source = generate(&SynthSpec { cells: 12_000, steps: 3, ..SynthSpec::new(name) }).unwrap();
+        let path = out.path().join(format!("{name}.zarr"));
+        ingest(&source, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
+        let [lo, hi] = pipeline.field().range.unwrap().map(f64::from);
+        // Shares of the range, or where a field has both signs of its greatest value.
+        let value = |share: f64| if lo < -0.1 * hi { share * hi } else { lo + share * (hi - lo) };
+        let surfaces = shares.map(|share| Isosurface { opacity: 0.7, ..Isosurface::new(value(share)) });
+        let bounds = pipeline.mesh().positions.world_bounds();
+        for (tf, camera) in ["viridis@0:0,0.5:0,1:0.3", "inferno@0:0.01,1:0.02"].into_iter().zip(cameras(bounds)) {
+            let table = table_for(&pipeline, tf);
+            for (normals, volume) in [(Normals::Cell, false), (Normals::Vertex, false), (Normals::Vertex, true)] {
+                let request = FrameRequest::new(2, camera, table.clone(), (96, 80)).with_tets(|tets| {
+                    (tets.surfaces, tets.volume) = (surfaces.to_vec(), volume);
+                    tets.shading.normals = normals;
+                });
+                for draw in [TetDraw::Raycast, TetDraw::ALL_FACES] {
+                    let off = pipeline.render(&with(&request, draw, Skip::NONE)).unwrap().clone();
+                    assert!(off.planes.color.pixels.iter().filter(|p| p[3] >= 0.7).count() > 100, "{name}, {tf}");
+                    for skip in all_but_one().chain([Skip::ALL]) {
+                        let on = pipeline.render(&with(&request, draw, skip)).unwrap().clone();
+                        let said = format!("{name}, {tf}, {normals}, volume {volume}, {draw:?}, {skip}");
+                        if draw == TetDraw::Raycast {
+                            assert!(bits(&on) == bits(&off), "{said}");
+                        } else {
+                            let (rmse, _) = difference(&on.planes.color, &off.planes.color);
+                            assert!(rmse <= RMSE_MAX, "{said}: {rmse:.2e}");
+                        }
+                        // Cells without a surface show nothing where there is no volume.
+                        let fewer = on.stats.cells_active < off.stats.cells_active / 2;
+                        assert!(fewer || volume || !skip.clear_cells, "{said}: {} cells", on.stats.cells_active);
+                    }
+                }
+                assert!(leaving_out_a_visible_cell_is_noticed(&mut pipeline, &request));
+            }
+        }
     }
 }
 

@@ -12,6 +12,7 @@ mod values;
 use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
 use super::medium::{Medium, ScalarMedium};
+use super::surfaces::medium::{SurfaceMedium, VolumeMedium};
 use super::{Frame, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
@@ -42,7 +43,7 @@ impl TileJob {
 
 /// Whether nothing is to be seen of a job with this transfer function, or nobody waits for it.
 fn is_clear(job: &RenderJob, table: &OpticsTable) -> bool {
-    let cells_are_clear = table.is_clear() || job.active.count() == 0;
+    let cells_are_clear = table.is_clear() && job.surfaces.is_none() || job.active.count() == 0;
     cells_are_clear && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 
@@ -71,9 +72,22 @@ trait RenderTiles {
     }
 
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
-        let TileJob { job: of, table, .. } = Self::tile_job(job);
-        match (&of.joint, table) {
-            (Some(scene), _) => self.render_tiles(job, (&JointMedium::new(scene, &of.mesh), layers), budget, frame),
+        let TileJob { job: of, view, table } = Self::tile_job(job);
+        let joint = of.joint.as_ref().map(|scene| JointMedium::new(scene, &of.mesh));
+        if let Some(surfaces) = &of.surfaces {
+            return match joint {
+                Some(joint) => {
+                    let medium = SurfaceMedium::new(joint, surfaces, of, view);
+                    self.render_tiles(job, (&medium, layers), budget, frame)
+                }
+                None => {
+                    let medium = SurfaceMedium::new(VolumeMedium::new(table), surfaces, of, view);
+                    self.render_tiles(job, (&medium, layers), budget, frame)
+                }
+            };
+        }
+        match (&joint, table) {
+            (Some(joint), _) => self.render_tiles(job, (joint, layers), budget, frame),
             (None, OpticsTable::Exact(table)) => {
                 self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
             }

@@ -128,6 +128,17 @@ impl Sum {
         }
     }
 
+    /// A surface of this colour, not premultiplied, and opacity.
+    pub(super) fn add_surface(&mut self, depth: f64, rgb: [f64; 3], opacity: f64) {
+        if opacity == 0.0 {
+            return;
+        }
+        let light = (-self.depth_so_far).exp() * opacity;
+        self.rgb.iter_mut().zip(rgb).for_each(|(sum, c)| *sum += light * c);
+        self.depth_so_far -= (-opacity).ln_1p();
+        self.visible_from = self.visible_from.min(depth);
+    }
+
     fn light(&self) -> Light {
         let [r, g, b] = self.rgb;
         Light { rgba: [r, g, b, -(-self.depth_so_far).exp_m1()], visible_from: self.visible_from }

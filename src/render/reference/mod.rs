@@ -19,14 +19,16 @@ pub(super) mod clip;
 mod formula;
 pub(super) mod integrate;
 mod joint;
+mod surfaces;
 
-use super::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
+use super::{Frame, FrameRun, LayerFragment, LayerRenderer, RenderError, RenderJob};
 use crate::camera::{Samples, View};
-use crate::render::medium::Segment;
+use crate::render::medium::{Medium, Segment};
 use clip::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
+use surfaces::{Surfaces, WithSurfaces};
 
 /// Cells that are clipped between two looks at the flag that cancels.
 const CELLS_AT_ONCE: usize = 1024;
@@ -57,6 +59,7 @@ pub struct JudgedJob {
     job: RenderJob,
     view: View,
     cells: Vec<Cell>,
+    surfaces: Option<Surfaces>,
     /// Pixels of a band.
     band: usize,
     next_band: usize,
@@ -94,7 +97,8 @@ impl LayerRenderer for Judge {
             Samples::Lattice(_) => BAND_ROWS * view.plane_px().0,
             Samples::Pixels(_) => BAND_PIXELS,
         };
-        Ok(Some(JudgedJob { job, view, cells, band, next_band: 0 }))
+        let surfaces = job.surfaces.as_ref().map(|scene| Surfaces::of(scene, &job));
+        Ok(Some(JudgedJob { job, view, cells, surfaces, band, next_band: 0 }))
     }
 
     fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -118,6 +122,27 @@ impl LayerRenderer for Judge {
             }
         }
         Ok(judged.next_band >= bands)
+    }
+}
+
+impl JudgedJob {
+    /// What the ray of a place in the plane sees in a medium, and of surfaces in it.
+    fn integrate<M: Medium<Ray = (), Light = integrate::Sum>>(
+        &self,
+        medium: &M,
+        place: usize,
+        chain: impl Iterator<Item = Segment>,
+        fragments: &[LayerFragment],
+    ) -> integrate::Light {
+        let (view, scale) = (&self.view, self.job.mesh.positions.scale);
+        let Some(surfaces) = &self.surfaces else { return integrate::integrate(medium, chain, fragments, scale) };
+        let (column, row) = view.pixel_at(place);
+        let (px, py) = view.ray(column, row);
+        let beside = px * view.right + py * view.up;
+        let (origin, direction) =
+            if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
+        let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, origin, direction };
+        integrate::integrate(&medium, chain, fragments, scale)
     }
 }
 
@@ -163,8 +188,8 @@ fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths
         }
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
         let light = match &formula {
-            Some(formula) => integrate::integrate(formula, chain, fragments, scale),
-            None => integrate::integrate(&integrate::Transfer::of(&active.job), chain, fragments, scale),
+            Some(formula) => active.integrate(formula, first + pixel, chain, fragments),
+            None => active.integrate(&integrate::Transfer::of(&active.job), first + pixel, chain, fragments),
         };
         pixels[pixel] = light.rgba.map(|v| v as f32);
         depths[pixel] = (light.visible_from * scale) as f32;

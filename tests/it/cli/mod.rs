@@ -7,6 +7,7 @@ mod movie;
 mod places;
 mod project;
 mod render;
+mod surfaces;
 
 use serde_json::Value;
 use std::collections::BTreeMap;

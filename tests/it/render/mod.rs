@@ -14,6 +14,7 @@ mod lattice;
 mod layers;
 mod partial;
 mod raycast;
+mod surfaces;
 mod table3d;
 
 use glam::DVec3;

@@ -1,0 +1,58 @@
+//! The options that say which surfaces are seen.
+
+use crate::pipeline::SurfaceLook;
+use crate::render::surfaces::{self, IsosurfaceText, Light, Normals, SurfaceShading};
+use crate::short::Short;
+use crate::store::StoredField;
+use anyhow::bail;
+
+/// Surfaces in the volume, and whether that is seen.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct SurfaceArgs {
+    /// Isosurface at a value of the field, once for each (at most 32): VALUE[:COLOR[/BACK]][:OPACITY], COLOR as #rrggbb (default: that of
+    /// the transfer function), BACK that of the side towards higher values
+    #[arg(long, value_name = "ISO", allow_hyphen_values = true)]
+    iso: Vec<IsosurfaceText>,
+    /// Leave the volume out and draw surfaces alone
+    #[arg(long)]
+    no_volume: bool,
+    /// Normals of lit surfaces: cell (flat facets), vertex (smooth), or none (colours as they are)
+    #[arg(long, value_name = "NORMALS", default_value = "cell")]
+    shade: Normals,
+    /// Where light on surfaces comes from: headlight (the eye), or a direction x,y,z towards it
+    #[arg(long, value_name = "LIGHT", default_value = "headlight", allow_hyphen_values = true)]
+    light: Light,
+}
+
+impl SurfaceArgs {
+    /// What looks have of them.
+    pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
+        let Self { iso, no_volume, shade, light } = self;
+        let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
+        let shading = SurfaceShading { normals: *shade, light: *light };
+        if let Err(error) = surfaces::check(&isosurfaces, &shading) {
+            bail!("--iso: {error}");
+        }
+        if *no_volume && isosurfaces.is_empty() {
+            bail!("--no-volume leaves nothing to be seen; add --iso VALUE, or leave it out");
+        }
+        Ok(SurfaceLook { isosurfaces, shading, volume: !no_volume })
+    }
+}
+
+/// Whether all isosurfaces lie within the range of the whole series: one that does not is never seen.
+pub(super) fn check_range(look: &SurfaceLook, field: &StoredField) -> anyhow::Result<()> {
+    let name = &field.name;
+    for surface in &look.isosurfaces {
+        let value = Short(surface.value);
+        match field.range.map(|range| range.map(f64::from)) {
+            Some([lo, hi]) if (lo..=hi).contains(&surface.value) => {}
+            Some([lo, hi]) => {
+                let (lo, hi) = (Short(lo), Short(hi));
+                bail!("--iso {value} is never met: field {name} goes from {lo} to {hi}; choose a value in between");
+            }
+            None => bail!("--iso {value} is never met: field {name} has no finite value"),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,150 @@
+//! Isosurfaces, by their definition: where the scalar on the ray, linear in a cell, passes an isovalue.
+//!
+//! Nothing is shared with [`surfaces::medium`](crate::render::surfaces) but what is asked for: places, their order, normals and gradients at
+//! vertices are found here once more, in f64 and without regard to time.
+
+use super::integrate::Sum;
+use crate::render::RenderJob;
+use crate::render::medium::{Medium, Segment};
+use crate::render::surfaces::{Light, Normals, Sheet, SurfaceScene};
+use glam::{DMat3, DVec3, DVec4};
+
+/// The surfaces of a job.
+pub(super) struct Surfaces {
+    sheets: Vec<Sheet>,
+    normals: Normals,
+    light: Light,
+    /// The mean gradient at each vertex by volume, for smooth normals.
+    gradients: Vec<DVec3>,
+}
+
+impl Surfaces {
+    pub(super) fn of(scene: &SurfaceScene, job: &RenderJob) -> Self {
+        let shading = scene.shading();
+        let smooth = shading.normals == Normals::Vertex;
+        let gradients = if smooth { gradients_at_vertices(job) } else { Vec::new() };
+        Self { sheets: scene.sheets().to_vec(), normals: shading.normals, light: shading.light, gradients }
+    }
+}
+
+/// Corners of a cell, local coordinates.
+fn corners(job: &RenderJob, cell: u32) -> [DVec3; 4] {
+    job.mesh.topology.tets[cell as usize].map(|v| job.mesh.positions.local[v as usize].as_dvec3())
+}
+
+/// The gradient of the scalar in a cell: the solution g of the equations (corner i - corner 0) . g = scalar i - scalar 0.
+fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
+    let [o, a, b, c] = corners(job, cell);
+    let [so, sa, sb, sc] = job.mesh.topology.tets[cell as usize].map(|v| f64::from(job.scalars[v as usize]));
+    let edges = DMat3::from_cols(a - o, b - o, c - o).transpose();
+    edges.inverse() * DVec3::new(sa - so, sb - so, sc - so)
+}
+
+/// The sum of the gradients of the finite cells around each vertex, each times the volume of its cell.
+fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; job.mesh.positions.local.len()];
+    for (cell, tet) in (0..).zip(&job.mesh.topology.tets) {
+        if tet.iter().any(|&v| !job.scalars[v as usize].is_finite()) {
+            continue;
+        }
+        let [o, a, b, c] = corners(job, cell);
+        let volume = (a - o).dot((b - o).cross(c - o)).abs();
+        for &v in tet {
+            sums[v as usize] += volume * gradient(job, cell);
+        }
+    }
+    sums.iter().map(|sum| sum.try_normalize().unwrap_or(DVec3::ZERO)).collect()
+}
+
+/// A medium with surfaces in it, for one ray.
+pub(super) struct WithSurfaces<'a, M> {
+    pub(super) volume: &'a M,
+    pub(super) surfaces: &'a Surfaces,
+    pub(super) job: &'a RenderJob,
+    /// The eye, or where the ray meets the plane of the eye, local coordinates.
+    pub(super) origin: DVec3,
+    /// How far it goes for a unit of depth.
+    pub(super) direction: DVec3,
+}
+
+/// Gaps between segments that are rounding, local units: cells are inflated by a tenth of that.
+const ROUNDING: f64 = 1e-9;
+
+impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
+    /// Depth and scalar at which the last segment ended.
+    type Ray = Option<(f64, f64)>;
+    type Light = Sum;
+    const HAS_VALUES: bool = M::HAS_VALUES;
+
+    fn pass(&self, last: &mut Self::Ray, segment: &Segment, sum: &mut Sum) -> u32 {
+        let [near, far] = segment.part;
+        let [mut s0, s1] = segment.part_scalar.map(|scalar| self.within_cell(segment.cell, scalar));
+        // Two cells that share a face find its scalar each in its own way: the ray is above there, or below, in both.
+        if let Some((depth, scalar)) = last.replace((far, s1))
+            && near - depth < ROUNDING
+        {
+            s0 = scalar;
+        }
+        // Places on the segment as shares of it.
+        let mut met: Vec<(f64, &Sheet)> = self
+            .surfaces
+            .sheets
+            .iter()
+            .filter(|sheet| (s0 >= sheet.value) != (s1 >= sheet.value))
+            .map(|sheet| ((sheet.value - s0) / (s1 - s0), sheet))
+            .collect();
+        // Stable: of surfaces at one value the last one comes first from above.
+        if s1 < s0 {
+            met.reverse();
+        }
+        met.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut rest, mut count) = (*segment, 0);
+        for (share, sheet) in met {
+            let depth = near + share * (far - near);
+            let before =
+                Segment { part: [rest.part[0], depth], part_scalar: [rest.part_scalar[0], sheet.value], ..rest };
+            if before.part[1] > before.part[0] {
+                count += self.volume.pass(&mut (), &before, sum);
+            }
+            let rgb = if s1 > s0 { sheet.front } else { sheet.back };
+            sum.add_surface(depth, rgb.map(|c| c * self.light_on(segment.cell, depth)), sheet.opacity);
+            (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
+        }
+        if rest.part[1] > rest.part[0] {
+            count += self.volume.pass(&mut (), &rest, sum);
+        }
+        count
+    }
+}
+
+impl<M> WithSurfaces<'_, M> {
+    /// A scalar that rounding has taken out of the range of a cell, back in it.
+    fn within_cell(&self, cell: u32, scalar: f64) -> f64 {
+        let corners = self.job.mesh.topology.tets[cell as usize].map(|v| f64::from(self.job.scalars[v as usize]));
+        scalar.clamp(corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max))
+    }
+
+    /// The cosine between the normal, turned to the side of the eye, and the light; 1 without a normal.
+    fn light_on(&self, cell: u32, depth: f64) -> f64 {
+        let normal = match self.surfaces.normals {
+            Normals::None => return 1.0,
+            Normals::Cell => gradient(self.job, cell),
+            Normals::Vertex => {
+                let [o, a, b, c] = corners(self.job, cell);
+                let point = self.origin + depth * self.direction;
+                let weights = DMat3::from_cols(a - o, b - o, c - o).inverse() * (point - o);
+                let weights = DVec4::new(1.0 - weights.element_sum(), weights.x, weights.y, weights.z);
+                let tet = self.job.mesh.topology.tets[cell as usize];
+                let gradients = tet.map(|v| self.surfaces.gradients[v as usize]);
+                (0..4).map(|i| weights[i] * gradients[i]).sum()
+            }
+        };
+        let Some(normal) = normal.try_normalize() else { return 1.0 };
+        let to_eye = -self.direction.normalize();
+        let turned = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
+        match self.surfaces.light {
+            Light::Headlight => turned.dot(to_eye),
+            Light::From(direction) => turned.dot(DVec3::from(direction).normalize()).max(0.0),
+        }
+    }
+}

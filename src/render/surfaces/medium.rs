@@ -1,0 +1,222 @@
+//! Isosurfaces between the pieces of a segment, as a [`Medium`] around that of the volume.
+
+use super::{Light, Normals, Sheet, SurfaceScene};
+use crate::camera::View;
+use crate::mesh::{self, Mesh};
+use crate::optics::exact::ExactTable;
+use crate::optics::partial::PartialTable;
+use crate::optics::table3d::Table3d;
+use crate::optics::{Accumulator, Integrator};
+use crate::render::medium::{Medium, RayLine, ScalarMedium, Segment};
+use crate::render::{OpticsTable, RenderJob};
+use glam::{DVec3, Vec4};
+
+/// A medium with isosurfaces in it.
+pub(in crate::render) struct SurfaceMedium<'a, M> {
+    volume: M,
+    sheets: &'a [Sheet],
+    shader: Shader<'a>,
+}
+
+impl<'a, M> SurfaceMedium<'a, M> {
+    /// The surfaces of a job with this local view, in the medium that its volume is.
+    pub(in crate::render) fn new(volume: M, scene: &'a SurfaceScene, job: &'a RenderJob, view: &'a View) -> Self {
+        Self { volume, sheets: scene.sheets(), shader: Shader::new(scene, job, view) }
+    }
+
+    /// How many surfaces a scalar is above of, or on: those before this place among the sheets.
+    #[inline(always)]
+    fn below(&self, scalar: f64) -> usize {
+        self.sheets.iter().map(|sheet| usize::from(sheet.value <= scalar)).sum()
+    }
+}
+
+impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
+    /// A segment with surfaces in it, `passed` of all, which the ray meets one after the other.
+    #[inline(never)]
+    fn pass_surfaces(&self, ray: &mut M::Ray, segment: &Segment, passed: [usize; 2], light: &mut Accumulator) -> u32 {
+        let ([near, far], [near_scalar, far_scalar]) = (segment.part, segment.part_scalar);
+        let [first, end] = passed;
+        let ascends = first < end;
+        let met = &self.sheets[first.min(end)..first.max(end)];
+        let (mut rest, mut pieces) = (*segment, 0);
+        for at in 0..met.len() {
+            let sheet = &met[if ascends { at } else { met.len() - 1 - at }];
+            let share = (sheet.value - near_scalar) / (far_scalar - near_scalar);
+            let depth = (near + share * (far - near)).clamp(rest.part[0], far);
+            let [from, _] = rest.part;
+            if depth > from {
+                let before = Segment { part: [from, depth], part_scalar: [rest.part_scalar[0], sheet.value], ..rest };
+                pieces += self.volume.pass(ray, &before, light);
+            }
+            (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
+            if light.is_opaque() {
+                return pieces;
+            }
+            if sheet.opacity > 0.0 {
+                let rgb = if ascends { sheet.front } else { sheet.back };
+                let lit = self.shader.light_on(segment, depth);
+                let [r, g, b] = rgb.map(|c| (c * lit * sheet.opacity) as f32);
+                light.add_premultiplied(Vec4::new(r, g, b, sheet.opacity as f32), sheet.opacity as f32);
+                light.visible_from = light.visible_from.min(depth);
+                pieces += 1;
+            }
+        }
+        if rest.part[1] > rest.part[0] && !light.is_opaque() {
+            pieces += self.volume.pass(ray, &rest, light);
+        }
+        pieces
+    }
+}
+
+impl<M: Medium<Light = Accumulator>> Medium for SurfaceMedium<'_, M> {
+    type Ray = M::Ray;
+    type Light = Accumulator;
+    const HAS_VALUES: bool = M::HAS_VALUES;
+
+    #[inline(always)]
+    fn pass(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
+        let passed = segment.part_scalar.map(|scalar| self.below(scalar));
+        if passed[0] == passed[1] {
+            self.volume.pass(ray, segment, light)
+        } else {
+            self.pass_surfaces(ray, segment, passed, light)
+        }
+    }
+
+    #[inline(always)]
+    fn vertex_value(&self, vertex: u32) -> f64 {
+        self.volume.vertex_value(vertex)
+    }
+}
+
+/// How bright surfaces are.
+struct Shader<'a> {
+    normals: Normals,
+    /// Towards the light, world coordinates, of length 1; none: from the eye.
+    light: Option<DVec3>,
+    mesh: &'a Mesh,
+    scalars: &'a [f32],
+    /// Vectors at vertices, for [`Normals::Vertex`].
+    gradients: Option<&'a [[f32; 3]]>,
+    view: &'a View,
+}
+
+impl<'a> Shader<'a> {
+    fn new(scene: &'a SurfaceScene, job: &'a RenderJob, view: &'a View) -> Self {
+        let shading = scene.shading();
+        let light = match shading.light {
+            Light::Headlight => None,
+            Light::From(direction) => Some(DVec3::from(direction).normalize()),
+        };
+        let gradients = scene.gradients().map(|gradients| gradients.as_slice());
+        Self { normals: shading.normals, light, mesh: &job.mesh, scalars: &job.scalars, gradients, view }
+    }
+
+    /// The share of its colour that a surface shows at a depth in the cell of a segment: the cosine between its normal, turned towards the eye,
+    /// and the light. All of it where there is no normal: of a cell too flat for one.
+    fn light_on(&self, segment: &Segment, depth: f64) -> f64 {
+        let View { right, up, forward, perspective, .. } = *self.view;
+        let RayLine { px, py, .. } = segment.line;
+        let normal = match (self.normals, self.gradients) {
+            (Normals::None, _) => return 1.0,
+            (Normals::Vertex, Some(gradients)) => self.smooth_normal(segment, depth, gradients),
+            (Normals::Cell | Normals::Vertex, _) => self.normal(segment.cell),
+        };
+        let along = if perspective { px * right + py * up + forward } else { forward };
+        let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
+        let facing = -normal.dot(along);
+        match self.light {
+            None => facing.abs(),
+            Some(light) => (normal.dot(light) * facing.signum()).max(0.0),
+        }
+    }
+
+    /// The gradient in a cell.
+    fn normal(&self, cell: u32) -> DVec3 {
+        let tet = self.mesh.topology.tets[cell as usize];
+        let scalars = tet.map(|v| self.scalars[v as usize]);
+        mesh::tet_gradient(self.mesh.positions.corners(tet), scalars).unwrap_or(DVec3::ZERO)
+    }
+
+    /// The gradients of the vertices of a segment's cell, interpolated where the ray is at a depth.
+    fn smooth_normal(&self, segment: &Segment, depth: f64, gradients: &[[f32; 3]]) -> DVec3 {
+        let View { right, up, forward, perspective, eye, .. } = *self.view;
+        let RayLine { px, py, .. } = segment.line;
+        let (x, y) = if perspective { (px * depth, py * depth) } else { (px, py) };
+        let tet = self.mesh.topology.tets[segment.cell as usize];
+        // The point relative to the first corner: the eye may be far away.
+        let corners = self.mesh.positions.corners(tet).map(|corner| corner.as_dvec3());
+        let point = (eye - corners[0]) + x * right + y * up + depth * forward;
+        let weights = weights(corners, point);
+        tet.iter().zip(weights).map(|(&v, weight)| weight * DVec3::from(gradients[v as usize].map(f64::from))).sum()
+    }
+}
+
+/// Barycentric coordinates of a point, given relative to the first corner, kept within the tet.
+fn weights(corners: [DVec3; 4], point: DVec3) -> [f64; 4] {
+    let [a, b, c] = [1, 2, 3].map(|i| corners[i] - corners[0]);
+    let determinant = a.dot(b.cross(c));
+    let of = |normal: DVec3| (point.dot(normal) / determinant).clamp(0.0, 1.0);
+    let (a, b, c) = (of(b.cross(c)), of(c.cross(a)), of(a.cross(b)));
+    [(1.0 - a - b - c).max(0.0), a, b, c]
+}
+
+/// The volume of a job whose transfer function is of the scalar alone, whatever its optics: one type, since a renderer is compiled for
+/// each.
+pub(in crate::render) enum VolumeMedium<'a> {
+    /// Nothing is to be seen of it.
+    Clear,
+    /// Integrated exactly.
+    Exact(ScalarMedium<'a, ExactTable>),
+    /// Looked up in a pre-integrated table.
+    Table3d(ScalarMedium<'a, Table3d>),
+    /// Looked up in sums over nodes.
+    Partial(ScalarMedium<'a, PartialTable>),
+}
+
+/// What a [`VolumeMedium`] knows of a ray.
+#[derive(Clone, Copy, Default)]
+pub(in crate::render) enum VolumeRay {
+    /// Nothing.
+    #[default]
+    New,
+    Exact(<ExactTable as Integrator>::Place),
+    Table3d(<Table3d as Integrator>::Place),
+    Partial(<PartialTable as Integrator>::Place),
+}
+
+impl<'a> VolumeMedium<'a> {
+    pub(in crate::render) fn new(table: &'a OpticsTable) -> Self {
+        match table {
+            _ if table.is_clear() => Self::Clear,
+            OpticsTable::Exact(table) => Self::Exact(ScalarMedium(&**table)),
+            OpticsTable::Table3d(table) => Self::Table3d(ScalarMedium(&**table)),
+            OpticsTable::Partial(table) => Self::Partial(ScalarMedium(&**table)),
+        }
+    }
+}
+
+impl Medium for VolumeMedium<'_> {
+    type Ray = VolumeRay;
+    type Light = Accumulator;
+    const HAS_VALUES: bool = false;
+
+    fn pass(&self, ray: &mut VolumeRay, segment: &Segment, light: &mut Accumulator) -> u32 {
+        /// Passes a segment, from the place in a table that the ray knows, if it is of that table.
+        macro_rules! pass {
+            ($medium:expr, $kind:ident) => {{
+                let mut place = if let VolumeRay::$kind(place) = *ray { Some(place) } else { None };
+                let pieces = $medium.pass(&mut place, segment, light);
+                *ray = place.map_or(VolumeRay::New, VolumeRay::$kind);
+                pieces
+            }};
+        }
+        match self {
+            Self::Clear => 0,
+            Self::Exact(medium) => pass!(medium, Exact),
+            Self::Table3d(medium) => pass!(medium, Table3d),
+            Self::Partial(medium) => pass!(medium, Partial),
+        }
+    }
+}

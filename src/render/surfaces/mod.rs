@@ -1,0 +1,207 @@
+//! Surfaces inside the cells: isosurfaces, and the light on them.
+//!
+//! The scalar is linear in a cell, so an isosurface is flat there, and a ray meets it where the scalar along the ray, linear as
+//! well, passes the isovalue: between successive faces, as in the dissertation (6.1.3.2). A scalar counts as above an isovalue if it is at
+//! least that. A ray meets the surface where one end of its way through a cell is above and the other is not; ends are shared by
+//! neighbouring cells, so that no ray slips through between two of them or meets a surface twice. A cell whose scalars all equal the
+//! isovalue lies above: its border to lower cells is the surface. Where the domain or a hole ends there is no surface.
+//!
+//! [`Isosurface`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and [`medium`]
+//! puts it between the pieces of a segment.
+
+pub(super) mod medium;
+mod normals;
+mod text;
+
+use crate::node_table::NodeTable;
+pub use normals::VertexGradients;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+pub use text::IsosurfaceText;
+
+/// Isosurfaces of a frame, at most.
+pub const SURFACES_MAX: usize = 32;
+
+/// A surface on which the scalar has one value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Isosurface {
+    /// The isovalue, in the unit of the field.
+    pub value: f64,
+    /// Colour of the side towards lower scalars, display-referred red, green and blue in 0..=1; `None`: that of the transfer function at
+    /// the isovalue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub front: Option<[f64; 3]>,
+    /// Colour of the side towards higher scalars; `None`: that of the front.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub back: Option<[f64; 3]>,
+    /// Share of the light that it takes, 0..=1.
+    #[serde(default = "opaque")]
+    pub opacity: f64,
+}
+
+/// What a text means that does not say.
+fn opaque() -> f64 {
+    1.0
+}
+
+impl Isosurface {
+    /// An opaque surface in the colours of the transfer function.
+    pub fn new(value: f64) -> Self {
+        Self { value, front: None, back: None, opacity: 1.0 }
+    }
+}
+
+/// Where the normals of surfaces come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Normals {
+    /// From nowhere: colours are as they are.
+    None,
+    /// The gradient of the scalar in the cell: the normal of the piecewise linear surface, with a facet a cell.
+    #[default]
+    Cell,
+    /// Gradients at vertices, the means of those of their cells by volume, interpolated in the cell: smooth.
+    Vertex,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Light {
+    /// From the eye.
+    #[default]
+    Headlight,
+    /// From far away in this direction, world coordinates, of any length but 0.
+    From([f64; 3]),
+}
+
+/// How surfaces are lit: by the cosine between the normal, turned towards the eye, and the light (Lambert).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceShading {
+    /// Where normals come from.
+    #[serde(default)]
+    pub normals: Normals,
+    /// Where light comes from.
+    #[serde(default)]
+    pub light: Light,
+}
+
+/// Why there are no such surfaces.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SurfaceError {
+    /// More than [`SURFACES_MAX`].
+    #[error("{0} isosurfaces; a frame has at most {SURFACES_MAX}")]
+    TooMany(usize),
+    /// An isovalue that is not finite.
+    #[error("isosurface {place} at {value}: isovalues are finite")]
+    Value {
+        /// Zero-based place in the list.
+        place: usize,
+        /// Value given.
+        value: f64,
+    },
+    /// A colour or an opacity outside of 0..=1.
+    #[error("isosurface {place} has a colour or an opacity of {value}; both lie between 0 and 1")]
+    Share {
+        /// Zero-based place in the list.
+        place: usize,
+        /// Value given.
+        value: f64,
+    },
+    /// A light that comes from nowhere.
+    #[error("light from {0:?}; a direction is three finite numbers, not all 0")]
+    Light([f64; 3]),
+}
+
+/// Whether there can be such surfaces.
+///
+/// # Errors
+/// If there are too many, or a value is not finite or outside of its range.
+pub fn check(surfaces: &[Isosurface], shading: &SurfaceShading) -> Result<(), SurfaceError> {
+    if surfaces.len() > SURFACES_MAX {
+        return Err(SurfaceError::TooMany(surfaces.len()));
+    }
+    for (place, surface) in surfaces.iter().enumerate() {
+        let Isosurface { value, front, back, opacity } = *surface;
+        if !value.is_finite() {
+            return Err(SurfaceError::Value { place, value });
+        }
+        let shares = front.into_iter().chain(back).flatten().chain([opacity]);
+        if let Some(value) = shares.into_iter().find(|share| !(0.0..=1.0).contains(share)) {
+            return Err(SurfaceError::Share { place, value });
+        }
+    }
+    match shading.light {
+        Light::From(direction) if !glam::DVec3::from(direction).is_finite() || direction == [0.0; 3] => {
+            Err(SurfaceError::Light(direction))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A surface with its colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sheet {
+    /// The isovalue.
+    pub(super) value: f64,
+    pub(super) front: [f64; 3],
+    pub(super) back: [f64; 3],
+    pub(super) opacity: f64,
+}
+
+/// The surfaces of a job. Cheap to clone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceScene {
+    /// By isovalue; those of one value in the order in which they were asked for.
+    sheets: Arc<[Sheet]>,
+    shading: SurfaceShading,
+    /// One vector a vertex of the mesh along the gradient of the scalar, of any length, local coordinates; for [`Normals::Vertex`].
+    gradients: Option<Arc<Vec<[f32; 3]>>>,
+}
+
+impl SurfaceScene {
+    /// Surfaces in a field with this transfer function.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn new(surfaces: &[Isosurface], shading: SurfaceShading, table: &NodeTable) -> Result<Self, SurfaceError> {
+        check(surfaces, &shading)?;
+        let mut sheets: Vec<Sheet> = surfaces
+            .iter()
+            .map(|&Isosurface { value, front, back, opacity }| {
+                let front = front.unwrap_or_else(|| table.eval(value).rgb);
+                Sheet { value, front, back: back.unwrap_or(front), opacity }
+            })
+            .collect();
+        sheets.sort_by(|a, b| a.value.total_cmp(&b.value));
+        Ok(Self { sheets: sheets.into(), shading, gradients: None })
+    }
+
+    /// The same with gradients at vertices, for smooth normals: one vector a vertex of the mesh, of any length, local coordinates.
+    #[must_use]
+    pub fn with_gradients(self, gradients: Arc<Vec<[f32; 3]>>) -> Self {
+        Self { gradients: Some(gradients), ..self }
+    }
+
+    /// Whether gradients at vertices are needed and not there.
+    pub fn lacks_gradients(&self) -> bool {
+        self.shading.normals == Normals::Vertex && self.gradients.is_none()
+    }
+
+    /// The gradients at vertices, if it has them.
+    pub(super) fn gradients(&self) -> Option<&Arc<Vec<[f32; 3]>>> {
+        self.gradients.as_ref()
+    }
+
+    /// The surfaces by isovalue.
+    pub(super) fn sheets(&self) -> &[Sheet] {
+        &self.sheets
+    }
+
+    /// How they are lit.
+    pub(super) fn shading(&self) -> SurfaceShading {
+        self.shading
+    }
+}

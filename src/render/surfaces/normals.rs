@@ -1,0 +1,194 @@
+//! Gradients at vertices, for smooth normals.
+//!
+//! The vector of a vertex is the mean of the gradients in its cells, weighted by their volumes. A gradient times six volumes is the sum of cross
+//! products r_a b x c + r_b c x a + r_c a x b (edges a, b, c from one corner, rises r of the scalar along them): nothing is
+//! divided, so that slivers count as little as they are.
+
+use crate::mesh::Mesh;
+use crate::task::Cancel;
+use crate::visibility::{CellSet, Pool};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::sync::{Arc, Weak};
+
+/// Vertices that a thread looks at between two looks at the flag that cancels.
+const CHUNK: usize = 4096;
+
+/// Gradients at the vertices of active cells, from step to step.
+#[derive(Debug, Default)]
+pub struct VertexGradients {
+    of: Weak<Mesh>,
+    cells: CellsOfVertices,
+    pool: Pool<Vec<[f32; 3]>>,
+    last: Option<Last>,
+}
+
+/// What the last gradients are of.
+#[derive(Debug)]
+struct Last {
+    scalars: Weak<Vec<f32>>,
+    active: Weak<CellSet>,
+    gradients: Arc<Vec<[f32; 3]>>,
+}
+
+impl VertexGradients {
+    /// For each vertex of an active cell a unit vector (local coordinates) along the gradient of the scalar there, zero where that
+    /// is zero, from all of its cells with finite scalars; vertices of other cells have a zero. `None` if `cancel` was raised.
+    pub fn update(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        scalars: &Arc<Vec<f32>>,
+        active: &Arc<CellSet>,
+        cancel: &Cancel,
+    ) -> Option<Arc<Vec<[f32; 3]>>> {
+        if self.of.as_ptr() != Arc::as_ptr(mesh) {
+            let of = Arc::downgrade(mesh);
+            *self = Self { of, cells: CellsOfVertices::of(&mesh.topology.tets, scalars.len()), ..Self::default() };
+        }
+        let is_same =
+            |last: &&Last| last.scalars.as_ptr() == Arc::as_ptr(scalars) && last.active.as_ptr() == Arc::as_ptr(active);
+        if let Some(last) = self.last.as_ref().filter(is_same) {
+            return Some(last.gradients.clone());
+        }
+        let cells = &self.cells;
+        let gradients = self.pool.make(|out| {
+            out.resize(scalars.len(), [0.0; 3]);
+            out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+                if !cancel.is_cancelled() {
+                    out.iter_mut().zip(chunk * CHUNK..).for_each(|(out, vertex)| {
+                        let of_vertex = cells.of_vertex(vertex);
+                        let is_wanted = of_vertex.iter().any(|&cell| active.contains(cell));
+                        *out = if is_wanted { gradient(mesh, scalars, of_vertex) } else { [0.0; 3] };
+                    });
+                }
+            });
+        });
+        if cancel.is_cancelled() {
+            self.last = None;
+            return None;
+        }
+        let (scalars, active) = (Arc::downgrade(scalars), Arc::downgrade(active));
+        self.last = Some(Last { scalars, active, gradients: gradients.clone() });
+        Some(gradients)
+    }
+}
+
+/// A unit vector along the mean gradient in some cells.
+fn gradient(mesh: &Mesh, scalars: &[f32], cells: &[u32]) -> [f32; 3] {
+    let sum: DVec3 = cells.iter().map(|&cell| times_six_volumes(mesh, scalars, cell)).sum();
+    sum.try_normalize().unwrap_or(DVec3::ZERO).as_vec3().to_array()
+}
+
+/// The gradient in a cell times six times its volume; zero if a scalar is not finite.
+fn times_six_volumes(mesh: &Mesh, scalars: &[f32], cell: u32) -> DVec3 {
+    let tet = mesh.topology.tets[cell as usize];
+    let values = tet.map(|v| f64::from(scalars[v as usize]));
+    if values.iter().any(|value| !value.is_finite()) {
+        return DVec3::ZERO;
+    }
+    let corners = mesh.positions.corners(tet).map(|corner| corner.as_dvec3());
+    let [a, b, c] = [1, 2, 3].map(|i| corners[i] - corners[0]);
+    let [ra, rb, rc] = [1, 2, 3].map(|i| values[i] - values[0]);
+    ra * b.cross(c) + rb * c.cross(a) + rc * a.cross(b)
+}
+
+/// The cells that each vertex is a corner of, ascending.
+#[derive(Debug, Default)]
+struct CellsOfVertices {
+    /// For each vertex where its cells end; they begin where those of the vertex before end.
+    ends: Vec<u32>,
+    cells: Vec<u32>,
+}
+
+impl CellsOfVertices {
+    fn of(tets: &[[u32; 4]], vertices: usize) -> Self {
+        let mut ends = vec![0u32; vertices];
+        tets.as_flattened().iter().for_each(|&vertex| ends[vertex as usize] += 1);
+        let mut sum = 0;
+        for end in &mut ends {
+            sum += std::mem::replace(end, sum);
+        }
+        // Now `ends` has the begins, and each goes on to its end.
+        let mut cells = vec![0u32; 4 * tets.len()];
+        for (cell, tet) in (0..).zip(tets) {
+            for &vertex in tet {
+                let at = &mut ends[vertex as usize];
+                cells[*at as usize] = cell;
+                *at += 1;
+            }
+        }
+        Self { ends, cells }
+    }
+
+    fn of_vertex(&self, vertex: usize) -> &[u32] {
+        let begin = vertex.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.cells[begin as usize..self.ends[vertex] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::test_meshes::kuhn_grid;
+    use glam::Vec3;
+
+    fn mesh() -> Arc<Mesh> {
+        Arc::new(Mesh::build(kuhn_grid([5, 4, 3])).unwrap().0)
+    }
+
+    fn of(mesh: &Mesh, value: impl Fn(Vec3) -> f32) -> Arc<Vec<f32>> {
+        Arc::new(mesh.positions.local.iter().map(|&p| value(p)).collect())
+    }
+
+    #[test]
+    fn a_linear_field_has_one_direction_at_all_vertices() {
+        let mesh = mesh();
+        let all = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let direction = Vec3::new(2.0, -1.0, 0.5);
+        let scalars = of(&mesh, |p| 3.0 + direction.dot(p));
+        let found = VertexGradients::default().update(&mesh, &scalars, &all, &Cancel::new()).unwrap();
+        assert_eq!(found.len(), scalars.len());
+        // Scalars are rounded to 2^-24 of 6, and differ by a tenth or more along an edge.
+        assert!(found.iter().all(|&v| (Vec3::from(v) - direction.normalize()).length() < 1e-5));
+    }
+
+    #[test]
+    fn vertices_take_part_in_their_cells_by_volume_and_holes_do_not() {
+        let mesh = mesh();
+        let all = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let scalars = of(&mesh, |p| p.x * p.x + 0.3 * p.y * p.z);
+        let mut gradients = VertexGradients::default();
+        let found = gradients.update(&mesh, &scalars, &all, &Cancel::new()).unwrap();
+        let mut sums = vec![DVec3::ZERO; scalars.len()];
+        for tet in &mesh.topology.tets {
+            let corners = mesh.positions.corners(*tet);
+            let gradient = crate::mesh::tet_gradient(corners, tet.map(|v| scalars[v as usize])).unwrap();
+            tet.iter().for_each(|&v| sums[v as usize] += gradient * crate::mesh::tet_volume(corners));
+        }
+        for (found, sum) in found.iter().zip(&sums) {
+            assert!((Vec3::from(*found).as_dvec3() - sum.normalize()).length() < 1e-6);
+        }
+        // The same again is not computed again; without a vertex its cells count for nothing.
+        let again = gradients.update(&mesh, &scalars, &all, &Cancel::new()).unwrap();
+        assert!(Arc::ptr_eq(&found, &again));
+        let hole = mesh.topology.tets[7][0];
+        let mut with_hole = scalars.to_vec();
+        with_hole[hole as usize] = f32::NAN;
+        let with_hole = gradients.update(&mesh, &Arc::new(with_hole), &all, &Cancel::new()).unwrap();
+        assert_eq!(with_hole[hole as usize], [0.0; 3]);
+        assert!(with_hole.iter().flatten().all(|c| c.is_finite()) && with_hole != found);
+    }
+
+    #[test]
+    fn only_vertices_of_active_cells_have_gradients() {
+        let mesh = mesh();
+        let scalars = of(&mesh, |p| p.x);
+        let one = Arc::new(CellSet::of(mesh.topology.tets.len(), |cell| cell == 3));
+        let found = VertexGradients::default().update(&mesh, &scalars, &one, &Cancel::new()).unwrap();
+        let tet = mesh.topology.tets[3];
+        assert!((0..).zip(found.iter()).all(|(v, g)| (*g != [0.0; 3]) == tet.contains(&v)));
+        let cancel = Cancel::new();
+        cancel.cancel();
+        assert!(VertexGradients::default().update(&mesh, &scalars, &one, &cancel).is_none());
+    }
+}

@@ -1,0 +1,204 @@
+//! Isosurfaces as text: `VALUE[:COLOR[/BACK]][:OPACITY]`.
+
+use super::{Isosurface, Light, Normals};
+use crate::short::Short;
+use std::fmt;
+use std::str::FromStr;
+
+/// An isosurface as options of the command line say it: `0.5`, `-2e3:#ff8800`, `0.5:#9ecbff/#2a4d9b:0.4`, `0.5::0.3`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IsosurfaceText(pub Isosurface);
+
+impl FromStr for IsosurfaceText {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut parts = text.split(':');
+        let value = number(parts.next().unwrap_or_default(), "isovalue")?;
+        let (front, back) = match parts.next().unwrap_or_default() {
+            "" => (None, None),
+            colors => match colors.split_once('/') {
+                Some((front, back)) => (Some(color(front)?), Some(color(back)?)),
+                None => (Some(color(colors)?), None),
+            },
+        };
+        let opacity = match parts.next() {
+            None => 1.0,
+            Some(opacity) => number(opacity, "opacity")?,
+        };
+        if !(0.0..=1.0).contains(&opacity) {
+            return Err(format!("an opacity of {}; it lies between 0 and 1", Short(opacity)));
+        }
+        match parts.next() {
+            Some(more) => Err(format!("'{more}' behind the opacity; write VALUE[:COLOR[/BACK]][:OPACITY]")),
+            None => Ok(Self(Isosurface { value, front, back, opacity })),
+        }
+    }
+}
+
+/// A finite number.
+fn number(text: &str, what: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("'{text}' is no {what}; write a number, as in 0.5:#ff8800:0.4")),
+    }
+}
+
+/// A colour of three bytes in hexadecimal digits.
+fn color(text: &str) -> Result<[f64; 3], String> {
+    let digits =
+        text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit()));
+    let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+    let number = number.ok_or_else(|| format!("'{text}' is no colour; write #rrggbb, as in #ff8800"))?;
+    Ok([16, 8, 0].map(|shift| f64::from(number >> shift & 0xff) / 255.0))
+}
+
+impl fmt::Display for IsosurfaceText {
+    /// As it is read; colours to the nearest of 256 levels.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Isosurface { value, front, back, opacity } = self.0;
+        let color = |rgb: [f64; 3]| {
+            let [r, g, b] = rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+            format!("#{r:02x}{g:02x}{b:02x}")
+        };
+        write!(f, "{}", Short(value))?;
+        let colors = match (front, back) {
+            (None, _) => String::new(),
+            (Some(front), None) => color(front),
+            (Some(front), Some(back)) => format!("{}/{}", color(front), color(back)),
+        };
+        match (colors.is_empty(), opacity == 1.0) {
+            (true, true) => Ok(()),
+            (false, true) => write!(f, ":{colors}"),
+            (_, false) => write!(f, ":{colors}:{}", Short(opacity)),
+        }
+    }
+}
+
+impl FromStr for Normals {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" => Ok(Self::None),
+            "cell" => Ok(Self::Cell),
+            "vertex" => Ok(Self::Vertex),
+            _ => Err(format!("there are no normals '{text}'; choose cell, vertex or none")),
+        }
+    }
+}
+
+impl fmt::Display for Normals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "none",
+            Self::Cell => "cell",
+            Self::Vertex => "vertex",
+        })
+    }
+}
+
+impl FromStr for Light {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "headlight" {
+            return Ok(Self::Headlight);
+        }
+        let wrong = || format!("'{text}' is no light; write headlight, or a direction x,y,z that is not 0,0,0");
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        let direction: [f64; 3] = numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)?;
+        let is_one = direction.iter().all(|x| x.is_finite()) && direction != [0.0; 3];
+        if is_one { Ok(Self::From(direction)) } else { Err(wrong()) }
+    }
+}
+
+impl fmt::Display for Light {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Headlight => f.write_str("headlight"),
+            Self::From([x, y, z]) => write!(f, "{},{},{}", Short(*x), Short(*y), Short(*z)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(text: &str) -> Result<Isosurface, String> {
+        text.parse().map(|IsosurfaceText(surface)| surface)
+    }
+
+    #[test]
+    fn values_colours_and_opacities_are_read_and_written_as_they_were() {
+        for (text, expected) in [
+            ("0.5", Isosurface::new(0.5)),
+            ("-2000:#ff0000", Isosurface { front: Some([1.0, 0.0, 0.0]), ..Isosurface::new(-2000.0) }),
+            ("0.5::0.25", Isosurface { opacity: 0.25, ..Isosurface::new(0.5) }),
+            (
+                "0.1:#00ff00/#0000ff:0.5",
+                Isosurface {
+                    front: Some([0.0, 1.0, 0.0]),
+                    back: Some([0.0, 0.0, 1.0]),
+                    opacity: 0.5,
+                    ..Isosurface::new(0.1)
+                },
+            ),
+        ] {
+            assert_eq!(read(text).unwrap(), expected);
+            assert_eq!(IsosurfaceText(expected).to_string(), text);
+        }
+        assert_eq!(read("-2e3:#FF8800:1").unwrap().front, Some([1.0, 136.0 / 255.0, 0.0]));
+    }
+
+    #[test]
+    fn what_is_no_surface_is_refused_by_what_is_wrong() {
+        for (text, words) in [
+            ("", "'' is no isovalue"),
+            ("warm", "'warm' is no isovalue"),
+            ("nan", "'nan' is no isovalue"),
+            ("inf", "'inf' is no isovalue"),
+            ("0.5:red", "'red' is no colour"),
+            ("0.5:#ff88", "'#ff88' is no colour"),
+            ("0.5:#ff880g", "is no colour"),
+            ("0.5:#+f8800", "is no colour"),
+            ("0.5:#ff8800/", "'' is no colour"),
+            ("0.5:#ff8800:x", "'x' is no opacity"),
+            ("0.5:#ff8800:1.5", "an opacity of 1.5"),
+            ("0.5:#ff8800:-1", "an opacity of -1"),
+            ("0.5:#ff8800:1:1", "'1' behind the opacity"),
+        ] {
+            let said = read(text).unwrap_err();
+            assert!(said.contains(words), "{text}: {said}");
+        }
+    }
+
+    #[test]
+    fn normals_and_lights_are_read_as_they_are_written() {
+        for text in ["none", "cell", "vertex"] {
+            assert_eq!(text.parse::<Normals>().unwrap().to_string(), text);
+        }
+        for text in ["headlight", "0,0,1", "-1,2.5,1e-300"] {
+            assert_eq!(text.parse::<Light>().unwrap().to_string(), text);
+        }
+        assert!("smooth".parse::<Normals>().unwrap_err().contains("cell, vertex or none"));
+        for text in ["", "0,0,0", "1,2", "1,2,3,4", "nan,0,1", "inf,0,0", "up"] {
+            assert!(text.parse::<Light>().unwrap_err().contains("is no light"), "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn texts_come_back(
+            value in -1e30..1e30_f64, front in prop::option::of(any::<[u8; 3]>()), back in prop::option::of(any::<[u8; 3]>()),
+            opacity in 0.0..=1.0_f64,
+        ) {
+            let shares = |rgb: [u8; 3]| rgb.map(|c| f64::from(c) / 255.0);
+            let (front, back) = (front.map(shares), back.map(shares).filter(|_| front.is_some()));
+            let surface = Isosurface { value, front, back, opacity };
+            prop_assert_eq!(read(&IsosurfaceText(surface).to_string()).unwrap(), surface);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Isosurfaces on the command line.
+
+use super::{Place, render};
+use tetreel::image::{ExrImage, read_exr};
+
+/// An EXR of the slab at a step with these options.
+fn exr(place: &Place, options: &[&str]) -> ExrImage {
+    place.ok(&render(&[&["-o", "f.exr", "--exr", "raw", "--steps", "2"], options].concat()));
+    read_exr(&place.path("f.exr")).unwrap()
+}
+
+#[test]
+fn isosurfaces_are_drawn_in_their_colours_with_the_volume_and_without() {
+    let place = Place::with_slab();
+    let info = place.json(&["info", "slab.zarr", "--json"]);
+    let range =
+        info["fields"].as_array().unwrap().iter().find(|field| field["name"] == "linear").unwrap()["range"].clone();
+    let middle = 0.5 * (range[0].as_f64().unwrap() + range[1].as_f64().unwrap());
+    let iso = format!("{middle}:#ff0000");
+    let alone = exr(&place, &["--iso", &iso, "--no-volume", "--shade", "none"]);
+    let seen: Vec<_> = alone.color.pixels.iter().filter(|p| p[3] > 0.0).collect();
+    assert!(seen.len() > 50 && seen.iter().all(|p| **p == [1.0, 0.0, 0.0, 1.0]), "{} pixels", seen.len());
+    let both = exr(&place, &["--iso", &iso]);
+    let volume = exr(&place, &[]);
+    assert!(both.color != volume.color && both.color != alone.color);
+    // Half of the light passes; a negative number is a value, not an option.
+    let half = exr(&place, &["--iso", &format!("{middle}:#00ff00:0.5"), "--no-volume", "--shade=none"]);
+    assert!(half.color.pixels.iter().all(|p| *p == [0.0; 4] || *p == [0.0, 0.5, 0.0, 0.5]));
+    for mode in ["havs", "reference"] {
+        let other = exr(&place, &["--iso", &iso, "--mode", mode]);
+        let apart = both.color.pixels.iter().flatten().zip(other.color.pixels.iter().flatten());
+        assert!(apart.fold(0.0_f32, |most, (a, b)| most.max((a - b).abs())) < 1e-5, "{mode}");
+    }
+}
+
+#[test]
+fn surfaces_that_are_never_met_or_are_none_are_refused_before_anything_is_written() {
+    let place = Place::with_slab();
+    for (options, parts) in [
+        (&["--iso", "1e6"][..], &["--iso 1000000 is never met", "field linear goes from", "in between"][..]),
+        (&["--iso", "-1e6"], &["--iso -1000000 is never met"]),
+        (&["--no-volume"], &["--no-volume leaves nothing", "--iso VALUE"]),
+        (&["--iso", "0.5"].repeat(33), &["33 isosurfaces; a frame has at most 32"]),
+    ] {
+        place.refuses(&render(&[&["-o", "f.png", "--steps", "1"], options].concat()), parts);
+    }
+    for (options, word) in [
+        (["--iso", "warm"], "is no isovalue"),
+        (["--iso", "0.5:red"], "is no colour"),
+        (["--iso", "0.5::2"], "an opacity of 2"),
+        (["--shade", "smooth"], "cell, vertex or none"),
+        (["--light", "0,0,0"], "is no light"),
+    ] {
+        let run = place.run(&render(&[&["-o", "f.png", "--steps", "1"][..], &options].concat()));
+        assert_eq!((run.code, place.path("f.png").exists()), (Some(2), false));
+        assert!(run.err.contains(word), "{}", run.err);
+    }
+}
+
+#[test]
+fn a_resumed_run_keeps_frames_of_the_same_surfaces_only() {
+    let place = Place::with_slab();
+    let run = |options: &[&str]| {
+        place.ok(&render(&[&["-o", "f.png", "--steps", "1", "--resume", "--stats", "s.json"], options].concat()));
+        std::fs::read_to_string(place.path("s.json")).unwrap().contains("\"kept\"")
+    };
+    let lit = ["--iso", "0.4", "--shade", "vertex"];
+    assert_eq!([run(&[]), run(&["--shade", "vertex"])], [false, true], "nothing is lit");
+    assert_eq!([run(&lit), run(&lit), run(&["--iso", "0.4"]), run(&["--iso", "0.41"])], [false, true, false, false]);
+}
