@@ -5,7 +5,7 @@
 //! the thing itself; of equal ones the nearest. In that cell it is the point in front of which half of the segment's opacity
 //! lies. Both depend on the picture alone: the first visible point would be faint haze in front of what one sees, and the
 //! point where half of the *pixel's* opacity is reached may lie between two layers, where nothing is. The price: of a smooth
-//! haze without any layer the largest cell wins, wherever it is.
+//! haze without any layer the largest cell wins, wherever it is. An isosurface is met in one point, and takes its opacity there.
 //!
 //! ```text
 //! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
@@ -63,14 +63,14 @@ pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, Render
     let Some(ray) = Ray::new(job, at_px) else { return Ok(None) };
     let chain = ray.chain(job);
     let mut total = 0.0;
-    let mut best: Option<(f64, &OnRay)> = None;
-    ray.absorb(Transfer::of(job), &chain, |on_ray, contribution| {
-        total += contribution;
-        if contribution > best.map_or(0.0, |(most, _)| most) {
-            best = Some((contribution, on_ray));
+    let mut best: Option<Seen> = None;
+    ray.absorb(job, &chain, |seen| {
+        total += seen.contribution;
+        if seen.contribution > best.map_or(0.0, |best| best.contribution) {
+            best = Some(seen);
         }
     });
-    Ok(best.map(|(contribution, on_ray)| ray.point(job, on_ray, (contribution / total).min(1.0))))
+    Ok(best.map(|seen| ray.point(job, seen, (seen.contribution / total).min(1.0))))
 }
 
 /// The ray of a place in the image, in the mesh's local coordinates.
@@ -85,6 +85,26 @@ struct OnRay {
     number: u32,
     cell: Cell,
     segment: Segment,
+}
+
+/// What gives something to the opacity of a pixel: the volume in a cell, or a surface there.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    on_ray: &'a OnRay,
+    contribution: f64,
+    /// Where the ray meets it, if it is a surface.
+    surface_depth: Option<f64>,
+}
+
+/// Depth and opacity of the surfaces that a segment meets, nearest first.
+fn surfaces_on(job: &RenderJob, segment: &Segment) -> Vec<(f64, f64)> {
+    let ([near, far], [from, to]) = (segment.part, segment.part_scalar);
+    let sheets = job.surfaces.as_ref().map_or(&[][..], |surfaces| surfaces.sheets());
+    let met = sheets.iter().filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
+    let depth = |value: f64| near + (value - from) / (to - from) * (far - near);
+    let mut met: Vec<(f64, f64)> = met.map(|sheet| (depth(sheet.value), sheet.opacity)).collect();
+    met.sort_by(|a, b| a.0.total_cmp(&b.0));
+    met
 }
 
 impl Ray {
@@ -158,16 +178,36 @@ impl Ray {
             .map(|(number, _)| number)
     }
 
-    /// Tells what each visible segment gives to the opacity of the ray, from the front, until no more comes through.
-    fn absorb<'a>(&self, table: Transfer<'_>, chain: &'a [OnRay], mut give: impl FnMut(&'a OnRay, f64)) {
+    /// Tells what each visible segment, and each surface in it, gives to the opacity of the ray, from the front, until no more
+    /// comes through.
+    fn absorb<'a>(&self, job: &RenderJob, chain: &'a [OnRay], mut give: impl FnMut(Seen<'a>)) {
+        let table = Transfer::of(job);
         let mut depth_so_far = 0.0_f64;
+        // What an optical depth more takes of the light.
+        let mut take = |depth: f64| {
+            let taken = (-depth_so_far).exp() * -(-depth).exp_m1();
+            depth_so_far += depth;
+            (taken, depth_so_far > END_DEPTH)
+        };
         for on_ray in chain {
-            let depth: f64 = self.absorbing(table, &on_ray.segment).map(|piece| piece.depth).sum();
-            if depth > 0.0 {
-                give(on_ray, (-depth_so_far).exp() * -(-depth).exp_m1());
-                depth_so_far += depth;
+            let optical_depth = |part: &Segment| self.absorbing(table, part).map(|piece| piece.depth).sum::<f64>();
+            let (mut rest, mut of_volume, mut is_over) = (on_ray.segment, 0.0, false);
+            for (depth, opacity) in surfaces_on(job, &on_ray.segment) {
+                let (before, behind) = rest.split(depth);
+                rest = behind;
+                of_volume += before.map_or(0.0, |before| take(optical_depth(&before)).0);
+                let (contribution, is_opaque) = take(-(-opacity).ln_1p());
+                give(Seen { on_ray, contribution, surface_depth: Some(depth) });
+                is_over |= is_opaque;
             }
-            if depth_so_far > END_DEPTH {
+            if !is_over {
+                let (taken, is_opaque) = take(optical_depth(&rest));
+                (of_volume, is_over) = (of_volume + taken, is_opaque);
+            }
+            if of_volume > 0.0 {
+                give(Seen { on_ray, contribution: of_volume, surface_depth: None });
+            }
+            if is_over {
                 return;
             }
         }
@@ -185,12 +225,14 @@ impl Ray {
         })
     }
 
-    /// The point of a segment in front of which half of its opacity lies.
-    fn point(&self, job: &RenderJob, on_ray: &OnRay, share: f64) -> Probe {
+    /// The point of a surface, or that of a segment in front of which half of its opacity lies.
+    fn point(&self, job: &RenderJob, Seen { on_ray, surface_depth, .. }: Seen<'_>, share: f64) -> Probe {
         let OnRay { number, cell, segment } = on_ray;
-        let pieces: Vec<Piece> = self.absorbing(Transfer::of(job), segment).collect();
-        let [near, far] = segment.part;
-        let depth = near + half_absorbed(&pieces) * (far - near);
+        let depth = surface_depth.unwrap_or_else(|| {
+            let pieces: Vec<Piece> = self.absorbing(Transfer::of(job), segment).collect();
+            let [near, far] = segment.part;
+            near + half_absorbed(&pieces) * (far - near)
+        });
         let weights = normalised(cell.weights(self.at(depth)));
         let (mesh, tet) = (&job.mesh, job.mesh.topology.tets[*number as usize]);
         // From the corners and not from the eye, which may be far away.

@@ -7,6 +7,7 @@ use crate::mesh::{Mesh, RawMesh};
 use crate::node_table::{Node, NodeTable};
 use crate::render::Renderer;
 use crate::render::reference::Reference;
+use crate::render::surfaces::{Isosurface, SurfaceScene, SurfaceShading};
 use crate::render::testing::job;
 use std::sync::Arc;
 
@@ -36,7 +37,7 @@ fn rounding(job: &RenderJob) -> f64 {
 fn sum_of_contributions(job: &RenderJob, at_px: (f64, f64)) -> f64 {
     let ray = Ray::new(job, at_px).unwrap();
     let mut sum = 0.0;
-    ray.absorb(Transfer::of(job), &ray.chain(job), |_, contribution| sum += contribution);
+    ray.absorb(job, &ray.chain(job), |seen| sum += seen.contribution);
     sum
 }
 
@@ -67,7 +68,27 @@ fn random_job(random: &mut Random) -> RenderJob {
     // A step to an opaque plateau at times.
     let most = [0.6, 30.0, 1e300][random.below(3)];
     let nodes = [(-0.7, 0.0), (-0.1, 0.3), (0.2, 0.0), (0.6, 0.1), (0.6, most), (0.8, 0.02)];
-    job(&Arc::new(mesh), scalars, &camera, (11, 9), table(&nodes))
+    let job = job(&Arc::new(mesh), scalars, &camera, (11, 9), table(&nodes));
+    let surface = |value, opacity| Isosurface { opacity, ..Isosurface::new(value) };
+    let surfaces = [surface(0.31, 0.4), surface(-0.52, [0.3, 1.0][random.below(2)])];
+    let scene = SurfaceScene::new(&surfaces, SurfaceShading::default(), &job.table).unwrap();
+    RenderJob { surfaces: Some(scene).filter(|_| random.below(2) == 0), ..job }
+}
+
+#[test]
+fn an_opaque_surface_is_met_where_it_is_and_a_faint_one_behind_haze_is_not_taken() {
+    let haze = along_x(8, |x| x as f32, &[(0.0, 0.01)], PARALLEL);
+    let with = |value: f64, opacity: f64| {
+        let surfaces = [Isosurface { opacity, ..Isosurface::new(value) }];
+        let scene = SurfaceScene::new(&surfaces, SurfaceShading::default(), &haze.table).unwrap();
+        RenderJob { surfaces: Some(scene), ..haze.clone() }
+    };
+    let found = probe(&with(5.25, 1.0), MIDDLE).unwrap().unwrap();
+    assert!((found.depth - 9.25).abs() < rounding(&haze) && (found.scalar - 5.25).abs() < 1e-5, "{found:?}");
+    assert!(found.share > 0.9);
+    assert!((found.position.x - 5.25).abs() < rounding(&haze));
+    let faint = probe(&with(5.25, 1e-4), MIDDLE).unwrap().unwrap();
+    assert!((faint.depth - 9.25).abs() > 1e-3);
 }
 
 #[test]
@@ -180,7 +201,7 @@ fn of_equal_contributions_the_nearest_counts() {
     let ray = Ray::new(&job, MIDDLE).unwrap();
     let chain = ray.chain(&job);
     let mut given = Vec::new();
-    ray.absorb(Transfer::of(&job), &chain, |on_ray, contribution| given.push((on_ray.number, contribution)));
+    ray.absorb(&job, &chain, |seen| given.push((seen.on_ray.number, seen.contribution)));
     let most = given.iter().map(|&(_, c)| c).fold(0.0, f64::max);
     let first = given.iter().find(|&&(_, c)| c == most).unwrap().0;
     assert_eq!(probe(&job, MIDDLE).unwrap().unwrap().cell, first);
