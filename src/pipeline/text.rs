@@ -34,7 +34,7 @@ struct Head {
 
 impl FrameRequest {
     /// Version of the text that is written; others are refused.
-    pub const TEXT_VERSION: u32 = 1;
+    pub const TEXT_VERSION: u32 = 2;
 
     /// The request as text, which [`Self::from_text`] reads back as the same request. Whether it is for a window is not in it: that
     /// window is here.

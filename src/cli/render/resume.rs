@@ -94,7 +94,7 @@ impl Fingerprints {
 }
 
 /// Version of fingerprints: another one says nothing of what the frame is. The first one was not written.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// What is in the place of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
