@@ -71,7 +71,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     }
     if says("iso") {
         // An option that is given several times adds to what is there.
-        project.look.iso.clear();
+        (project.look.iso, project.timeline.isovalue) = Default::default();
     }
     // The first word is the program's, which may be called anything.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };

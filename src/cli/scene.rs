@@ -339,7 +339,7 @@ impl Scene {
         let Look { opacity_kind, lengths, .. } = scene.look;
         scene.animation = project
             .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
-        surfaces::check_range(&scene.look.surfaces, scene.pipeline.field())?;
+        surfaces::check_range(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.field())?;
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
@@ -388,7 +388,7 @@ impl Scene {
         let optics = said.optics.unwrap_or(optics);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&self.look.surfaces);
+            tets.show(&self.look.surfaces.at_isovalue(said.isovalue));
         });
         Ok(FrameRequest { backend, skip, ..request })
     }

@@ -1,6 +1,7 @@
 //! The options that say which surfaces are seen.
 
-use crate::pipeline::SurfaceLook;
+use crate::pipeline::{Shown, SurfaceLook};
+use crate::project::Project;
 use crate::render::surfaces::{self, IsosurfaceText, Light, Normals, SurfaceShading};
 use crate::short::Short;
 use crate::store::StoredField;
@@ -36,17 +37,30 @@ impl SurfaceArgs {
         if *no_volume && isosurfaces.is_empty() {
             bail!("--no-volume leaves nothing to be seen; add --iso VALUE, or leave it out");
         }
-        Ok(SurfaceLook { isosurfaces, shading, volume: !no_volume })
+        let shown = match (isosurfaces.is_empty(), no_volume) {
+            (true, _) => Shown::Volume,
+            (false, true) => Shown::Surfaces,
+            (false, false) => Shown::Both,
+        };
+        Ok(SurfaceLook { isosurfaces, shading, shown })
     }
 }
 
-/// Whether all isosurfaces lie within the range of the whole series: one that does not is never seen.
-pub(super) fn check_range(look: &SurfaceLook, field: &StoredField) -> anyhow::Result<()> {
+/// Whether all isosurfaces lie within the range of the whole series, that of the timeline at some time: one that does not is never
+/// seen.
+pub(super) fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredField) -> anyhow::Result<()> {
     let name = &field.name;
-    for surface in &look.isosurfaces {
+    let moved = project.map_or(&[][..], |project| project.timeline.isovalue.keys());
+    for (surface, is_last) in
+        look.isosurfaces.iter().zip(1..).map(|(surface, n)| (surface, n == look.isosurfaces.len()))
+    {
         let value = Short(surface.value);
+        // Between its keys it has all values in between.
+        let values = moved.iter().map(|key| key.value).filter(|_| is_last);
+        let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
+            .map(|which| values.clone().reduce(which).unwrap_or(surface.value));
         match field.range.map(|range| range.map(f64::from)) {
-            Some([lo, hi]) if (lo..=hi).contains(&surface.value) => {}
+            Some([lo, hi]) if most >= lo && least <= hi => {}
             Some([lo, hi]) => {
                 let (lo, hi) = (Short(lo), Short(hi));
                 bail!("--iso {value} is never met: field {name} goes from {lo} to {hi}; choose a value in between");

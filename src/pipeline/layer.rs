@@ -91,10 +91,10 @@ impl TetLayer {
         Self { field, table: table.into(), formula, optics, surfaces, cuts, shading, volume: true, draw }
     }
 
-    /// The same layer with these surfaces, and its volume or not.
+    /// Shows these surfaces, or the volume, or both.
     pub fn show(&mut self, look: &SurfaceLook) {
-        let SurfaceLook { isosurfaces, shading, volume } = look.clone();
-        (self.surfaces, self.shading, self.volume) = (isosurfaces, shading, volume);
+        self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
+        (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
 
     /// Whether nothing of it is to be seen, whatever the field.
@@ -114,20 +114,56 @@ impl TetLayer {
 }
 
 /// What is to be seen of a field beside colours and opacities of its volume: the part of a [`TetLayer`] that looks have.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceLook {
     /// Isosurfaces in the cells.
     pub isosurfaces: Vec<Isosurface>,
     /// Light on them.
     pub shading: SurfaceShading,
-    /// Whether the volume is drawn.
-    pub volume: bool,
+    /// Which of the two are drawn.
+    pub shown: Shown,
 }
 
-impl Default for SurfaceLook {
+/// Which of the volume and the surfaces in it are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shown {
     /// The volume alone.
-    fn default() -> Self {
-        Self { isosurfaces: Vec::new(), shading: SurfaceShading::default(), volume: true }
+    #[default]
+    Volume,
+    /// Surfaces alone.
+    Surfaces,
+    /// Both.
+    Both,
+}
+
+impl SurfaceLook {
+    /// The next of volume, surfaces and both. If there is no surface, one at `isovalue`.
+    pub fn show_next(&mut self, isovalue: f64) {
+        self.shown = match self.shown {
+            Shown::Volume => Shown::Surfaces,
+            Shown::Surfaces => Shown::Both,
+            Shown::Both => Shown::Volume,
+        };
+        if self.shown != Shown::Volume && self.isosurfaces.is_empty() {
+            self.isosurfaces.push(Isosurface::new(isovalue));
+        }
+    }
+
+    /// The same look with the last surface at another isovalue, if there is one.
+    #[must_use]
+    pub fn at_isovalue(&self, isovalue: Option<f64>) -> Self {
+        let mut look = self.clone();
+        if let (Some(surface), Some(value)) = (look.isosurfaces.last_mut(), isovalue) {
+            surface.value = value;
+        }
+        look
+    }
+
+    /// Moves the last surface by `by`, no further than the ends of a range.
+    pub fn move_isovalue(&mut self, by: f64, (lo, hi): (f64, f64)) {
+        if let Some(surface) = self.isosurfaces.last_mut() {
+            surface.value = (surface.value + by).clamp(lo, hi);
+        }
     }
 }
 

@@ -70,3 +70,26 @@ fn a_layer_of_another_field_and_a_second_one_of_cells_are_refused_by_name() {
     assert!(matches!(next(), Err(PipelineError::Request(RequestError::OtherField { .. }))));
     assert!(matches!(next(), Ok(false)));
 }
+
+#[test]
+fn volume_and_surfaces_take_turns_and_the_first_surface_is_made_where_it_is_asked_for() {
+    let mut look = SurfaceLook::default();
+    let mut layer = TetLayer::new(Arc::new(NodeTable::clear()));
+    let mut seen = Vec::new();
+    for _ in 0..4 {
+        layer.show(&look);
+        seen.push((layer.volume, layer.surfaces.len(), layer.is_empty()));
+        look.show_next(2.5);
+    }
+    assert_eq!(seen, [(true, 0, false), (false, 1, false), (true, 1, false), (true, 0, false)]);
+    assert_eq!(look.isosurfaces, [Isosurface::new(2.5)]);
+    look.move_isovalue(1.0, (-1.0, 3.0));
+    assert_eq!(look.isosurfaces[0].value, 3.0, "no further than the range");
+    look.move_isovalue(-0.5, (-1.0, 3.0));
+    assert_eq!(look.isosurfaces[0].value, 2.5);
+    look.isosurfaces.clear();
+    look.shown = Shown::Surfaces;
+    layer.show(&look);
+    assert!(layer.is_empty());
+    SurfaceLook::default().move_isovalue(1.0, (0.0, 1.0));
+}

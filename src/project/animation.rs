@@ -8,7 +8,7 @@ use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::{FrameTime, Series};
 use crate::task::Cancel;
-use crate::timeline::At;
+use crate::timeline::{At, Keyframed};
 use crate::transfer::{
     BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, Member, OpacityKind, RangePolicy, Space,
     TransferContent, TransferError, TransferSource, joint_table,
@@ -26,6 +26,8 @@ pub struct Moment {
     pub camera: Option<Camera>,
     /// Level of detail.
     pub lod: Option<f64>,
+    /// Isovalue of the last surface.
+    pub isovalue: Option<f64>,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
@@ -98,10 +100,13 @@ impl Animation {
                 Some(between.map_err(|problem| ProjectError::Camera { time: at, problem })?)
             }
         };
-        let lod = timeline.lod.at(at).map(|lod| match lod {
-            At::One(lod) => *lod,
-            At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
-        });
+        let number = |track: &Keyframed<f64>| {
+            track.at(at).map(|number| match number {
+                At::One(number) => *number,
+                At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
+            })
+        };
+        let (lod, isovalue) = (number(&timeline.lod), number(&timeline.isovalue));
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
@@ -109,7 +114,7 @@ impl Animation {
             Some(Tables { table, formula }) => (Some(table), formula),
             None => (None, None),
         };
-        Ok(Moment { table, formula, camera, lod, optics })
+        Ok(Moment { table, formula, camera, lod, isovalue, optics })
     }
 
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {

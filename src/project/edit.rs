@@ -88,6 +88,8 @@ pub enum Edit {
     Cameras(TrackEdit<Camera>),
     /// Changes levels of detail.
     Lod(TrackEdit<f64>),
+    /// Changes the isovalue of the last surface.
+    Isovalue(TrackEdit<f64>),
     /// Changes how segments are integrated when.
     Optics(TrackEdit<OpticsKind>),
     /// Changes the range maps of a member.
@@ -195,6 +197,7 @@ impl Edit {
             Self::Ensembles(edit) => Self::Ensembles(edit.apply(&mut timeline.ensembles)?),
             Self::Cameras(edit) => Self::Cameras(edit.apply(&mut timeline.cameras)?),
             Self::Lod(edit) => Self::Lod(edit.apply(&mut timeline.lod)?),
+            Self::Isovalue(edit) => Self::Isovalue(edit.apply(&mut timeline.isovalue)?),
             Self::Optics(edit) => Self::Optics(edit.apply(&mut timeline.optics)?),
             Self::Maps { track, edit } => {
                 let missing = ProjectError::NoElement { what: "track of range maps", index: track };

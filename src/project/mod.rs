@@ -20,6 +20,7 @@ use crate::error::FileError;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
+use crate::render::surfaces::IsosurfaceText;
 use crate::short::Short;
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
@@ -102,6 +103,16 @@ impl Project {
             if !(0.0..=1.0).contains(&lod) {
                 return Err(ProjectError::BadLod(lod));
             }
+        }
+        let isovalues = self.timeline.isovalue.keys();
+        if let Some(key) = isovalues.iter().find(|key| !key.value.is_finite()) {
+            return Err(ProjectError::BadIsovalue(key.value));
+        }
+        if !isovalues.is_empty() && self.look.iso.is_empty() {
+            return Err(ProjectError::NoSurface);
+        }
+        for iso in &self.look.iso {
+            iso.parse::<IsosurfaceText>().map_err(ProjectError::BadSurface)?;
         }
         self.check_mode()?;
         Ok(self.playback.check()?)
@@ -201,6 +212,17 @@ pub enum ProjectError {
     /// A level of detail that is none.
     #[error("a level of detail of {}; it is a share, 0 to 1", Short(.0))]
     BadLod(f64),
+    /// An isosurface that is none.
+    #[error("iso: {0}")]
+    BadSurface(String),
+    /// An isovalue on the timeline that is not finite.
+    #[error("an isovalue of {0}; isovalues are finite")]
+    BadIsovalue(f64),
+    /// Isovalues on the timeline, of no surface.
+    #[error(
+        "the timeline has isovalues, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] out"
+    )]
+    NoSurface,
     /// Levels of detail for a renderer that has none.
     #[error("mode '{0}' always draws all cells; leave it out or say 'havs', or leave out lod and [[timeline.lod]]")]
     NoLevels(RenderMode),

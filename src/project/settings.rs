@@ -128,6 +128,8 @@ pub struct Timeline {
     pub cameras: Keyframed<Camera>,
     /// Levels of detail, 0 to 1.
     pub lod: Keyframed<f64>,
+    /// Isovalues of the last surface of the look.
+    pub isovalue: Keyframed<f64>,
     /// How segments are integrated; holds until the next key.
     pub optics: Keyframed<OpticsKind>,
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
+use crate::render::surfaces::{Light, Normals};
 use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
 use glam::DVec3;
@@ -43,6 +44,10 @@ fn whole() -> Project {
         ensemble: Some("overview".into()),
         unit_distance: Some(1e-3),
         lod: Some(0.5),
+        iso: vec!["0.5:#ff0000:0.25".into(), "-2.5".into()],
+        no_volume: Some(true),
+        shade: Some(Normals::Vertex),
+        light: Some(Light::From([0.0, 0.5, -1.0])),
         optics: Some(OpticsKind::Table3d),
         ..Default::default()
     };
@@ -63,6 +68,7 @@ fn whole() -> Project {
         }],
         cameras: keys(vec![key(0.0, camera(0.1)), key(3.0, camera(5.0))]),
         lod: keys(vec![key(0.0, 0.1), key(1.0, 1.0)]),
+        isovalue: keys(vec![key(0.5, -1.25), key(2.0, 3.5)]),
         optics: keys(vec![key(2.0, OpticsKind::Exact)]),
     };
     project.check().unwrap();
@@ -155,6 +161,9 @@ fn parts_that_do_not_belong_together_are_errors() {
             .contains("two tracks of range maps for the member 'sharp'")
     );
     assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
+    assert!(broken(|p| p.timeline.isovalue = keys(vec![key(0.0, f64::NAN)])).contains("isovalues are finite"));
+    assert!(broken(|p| p.look.iso.clear()).contains("no surface; add iso"));
+    assert!(broken(|p| p.look.iso.push("warm".into())).contains("iso: 'warm' is no isovalue"));
     let raycast = broken(|p| (p.look.mode, p.look.lod) = (Some(RenderMode::Raycast), None));
     assert!(
         broken(|p| (p.look.mode, p.timeline.lod) = (Some(RenderMode::Raycast), keys(vec![]))).contains("all cells")
@@ -228,6 +237,7 @@ fn edits() -> impl Strategy<Value = Edit> {
             transition: Transition::Step { at }
         })),
         (time.clone(), 0.0..1.2_f64).prop_map(|(t, lod)| Edit::Lod(TrackEdit::Insert(key(t, lod)))),
+        (time.clone(), -9.0..9.0_f64).prop_map(|(t, value)| Edit::Isovalue(TrackEdit::Insert(key(t, value)))),
         (at.clone(), time)
             .prop_map(|(track, t)| Edit::Maps { track, edit: TrackEdit::Insert(key(t, RangeMap::default())) }),
         at.prop_map(|index| Edit::RemoveMapTrack { index }),

@@ -4,7 +4,7 @@ use super::EnsembleChoice;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode};
+use crate::pipeline::{Backend, RenderMode, SurfaceLook};
 use crate::playback::Command;
 use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
 use glam::DVec2;
@@ -73,6 +73,12 @@ pub enum Action {
     LevelOfDetail(f64),
     /// How segments of a ray are integrated.
     Optics(OpticsKind),
+    /// Isosurfaces, their light, and whether the volume is shown.
+    Surfaces(SurfaceLook),
+    /// The next of volume, surfaces and both.
+    NextShown,
+    /// The last isosurface by so many hundredths of the field's range.
+    MoveIsovalue(f64),
     /// Frames per second that are aimed at while something moves.
     TargetRate(f64),
     /// Whether that is done by the level of detail, and while playing, too.

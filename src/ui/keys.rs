@@ -71,6 +71,9 @@ pub fn bindings() -> Vec<Binding> {
         shifted(Key::Char('Y'), along(Axis::Y, true), other_side),
         shifted(Key::Char('Z'), along(Axis::Z, true), other_side),
         letter('V', Action::OtherProjection, "perspective or parallel"),
+        letter('M', Action::NextShown, "volume, isosurfaces, or both"),
+        letter('J', Action::MoveIsovalue(-1.0), ISOVALUE_HELP),
+        letter('K', Action::MoveIsovalue(1.0), ISOVALUE_HELP),
     ];
     all.extend(('1'..='9').enumerate().map(ensemble));
     all.extend([
@@ -82,6 +85,8 @@ pub fn bindings() -> Vec<Binding> {
     ]);
     all
 }
+
+const ISOVALUE_HELP: &str = "the isovalue a hundredth of the range down or up";
 
 const MANY_STEPS_HELP: &str = "ten steps back or on";
 

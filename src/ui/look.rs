@@ -175,7 +175,7 @@ impl Requests {
         let request = FrameRequest::new(time, camera, table, size);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&look.surfaces);
+            tets.show(&look.surfaces.at_isovalue(said.isovalue.filter(|_| followed.isovalue)));
         });
         Some(FrameRequest { backend, for_window, skip, ..request })
     }

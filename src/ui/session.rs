@@ -14,7 +14,7 @@ use super::moments::{EnsembleChoice, Moments};
 use super::motion::Motion;
 use super::notice::{self, Notice, NoticeKind};
 use crate::camera::Camera;
-use crate::pipeline::{FrameRequest, Series, SharedFrame};
+use crate::pipeline::{FrameRequest, Series, SharedFrame, SurfaceLook};
 use crate::playback::{Player, State};
 use crate::project::Project;
 use crate::store::Store;
@@ -310,6 +310,19 @@ impl Session {
     pub fn shown_range(&self) -> Option<MappedRange> {
         let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
         mapped_range(self.series(), &self.look.range, time).ok()
+    }
+
+    /// The surfaces of the look, the last one where the timeline of a project has it on the screen.
+    pub fn shown_surfaces(&self) -> SurfaceLook {
+        let follows = self.look.followed.isovalue && self.project().is_some();
+        let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
+        self.look.surfaces.at_isovalue(tets.and_then(|tets| tets.surfaces.last()).map(|surface| surface.value))
+    }
+
+    /// The colour that the transfer function on the screen has at a scalar.
+    pub fn color_at(&self, scalar: f64) -> [f64; 3] {
+        let table = self.shown.as_ref().and_then(|shown| shown.request.tets()).map(|tets| &tets.table);
+        table.map_or([1.0; 3], |table| table.over_scalars().eval(scalar).rgb)
     }
 
     /// The scalars that a legend covers, and their colours by positions 0..=1.

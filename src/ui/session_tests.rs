@@ -174,6 +174,9 @@ fn every_change_of_the_look_is_drawn() {
         Action::ViewAlong { axis: Axis::Y, from_positive: true },
         Action::OtherProjection,
         Action::ResetView,
+        Action::NextShown,
+        Action::MoveIsovalue(-7.0),
+        Action::NextShown,
         Action::ImageScale(0.5),
     ] {
         let before = desk.shown().frame.planes.color.clone();

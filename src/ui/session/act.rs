@@ -84,6 +84,22 @@ impl Session {
                 self.look.optics = optics;
                 self.leave(|followed| followed.optics = false);
             }
+            Action::Surfaces(surfaces) => {
+                self.look.surfaces = surfaces;
+                self.leave(|followed| followed.isovalue = false);
+            }
+            Action::NextShown => {
+                if let Some((lo, hi)) = self.range_of_field() {
+                    self.look.surfaces.show_next(0.5 * lo + 0.5 * hi);
+                }
+            }
+            Action::MoveIsovalue(hundredths) => {
+                if let Some((lo, hi)) = self.range_of_field() {
+                    self.look.surfaces = self.shown_surfaces();
+                    self.look.surfaces.move_isovalue(0.01 * hundredths * (hi - lo), (lo, hi));
+                    self.leave(|followed| followed.isovalue = false);
+                }
+            }
             Action::LevelOfDetail(lod) if lod.is_nan() => {}
             Action::LevelOfDetail(lod) => {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);
@@ -180,6 +196,11 @@ impl Session {
             EnsembleChoice::Project => *followed = Followed { camera: followed.camera, ..Followed::default() },
             EnsembleChoice::One(_) | EnsembleChoice::Own => followed.ensembles = choice,
         }
+    }
+
+    /// Least and greatest value of the field in all steps; `None` if none is finite.
+    pub fn range_of_field(&self) -> Option<(f64, f64)> {
+        self.series().field().range.map(|[lo, hi]| (f64::from(lo), f64::from(hi)))
     }
 
     /// What an image in full would take to render, judged by the last one.

@@ -13,6 +13,7 @@ mod screen;
 mod side;
 mod statistics;
 mod strip;
+mod surfaces;
 mod timeline;
 mod transfer_editor;
 mod viewport;

@@ -4,7 +4,7 @@ use super::overlay::{self, Overlays, horizontal_strip};
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{choice, color, number, within_width};
-use super::{point, project, statistics};
+use super::{point, project, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
@@ -58,6 +58,7 @@ impl Side {
                         self.editor.show(ui, session, &range, actions);
                     }
                 });
+                section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
                 section(ui, "Point", &mut |ui| point::show(ui, session, actions));
                 section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
                 section(ui, "Picture", &mut |ui| picture(ui, session, actions));

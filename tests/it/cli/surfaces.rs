@@ -68,3 +68,44 @@ fn a_resumed_run_keeps_frames_of_the_same_surfaces_only() {
     assert_eq!([run(&[]), run(&["--shade", "vertex"])], [false, true], "nothing is lit");
     assert_eq!([run(&lit), run(&lit), run(&["--iso", "0.4"]), run(&["--iso", "0.41"])], [false, true, false, false]);
 }
+
+#[test]
+fn the_timeline_of_a_project_moves_an_isovalue() {
+    let place = Place::with_slab();
+    let info = place.json(&["info", "slab.zarr", "--json"]);
+    let fields = info["fields"].as_array().unwrap();
+    let range = &fields.iter().find(|field| field["name"] == "linear").unwrap()["range"];
+    let [lo, hi] = [0, 1].map(|end| range[end].as_f64().unwrap());
+    let share = |share: f64| lo + share * (hi - lo);
+    let end = info["time"]["last"].as_f64().unwrap();
+    let project = |keys: [f64; 2]| {
+        format!(
+            "version = 1\n[data]\nsource = \"slab.zarr\"\nfield = \"linear\"\n[look]\niso = [\"{}:#ff0000\"]\nno-volume = true\n\
+             shade = \"none\"\n[output]\noutput = \"p_%d.exr\"\nsize = \"64x64\"\nexr = \"raw\"\n[[timeline.isovalue]]\ntime = 0.0\n\
+             value = {:?}\n[[timeline.isovalue]]\ntime = {end:?}\nvalue = {:?}\n",
+            share(0.5),
+            keys[0],
+            keys[1]
+        )
+    };
+    std::fs::write(place.path("p.toml"), project([share(0.3), share(0.7)])).unwrap();
+    place.ok(&["render", "p.toml"]);
+    let moved = |step: usize| read_exr(&place.path(&format!("p_{step}.exr"))).unwrap();
+    let alone = |share_at: f64, step: &str| {
+        let iso = format!("{}:#ff0000", share(share_at));
+        let options = ["-o", "f.exr", "--exr", "raw", "--steps", step, "--iso", &iso, "--no-volume", "--shade", "none"];
+        place.ok(&render(&options));
+        read_exr(&place.path("f.exr")).unwrap()
+    };
+    for (step, share) in [(0, 0.3), (4, 0.7)] {
+        let alone = alone(share, &step.to_string());
+        assert!(moved(step).color == alone.color && moved(step).depth == alone.depth, "step {step}");
+        assert!(moved(2).depth != alone.depth, "in between it is elsewhere");
+    }
+    // A surface of the command line stays where it is; one that is never within the range is refused.
+    place.ok(&["render", "p.toml", "--iso", &format!("{}:#ff0000", share(0.5)), "-o", "q_%d.exr"]);
+    let still = [0, 4].map(|step| read_exr(&place.path(&format!("q_{step}.exr"))).unwrap().color);
+    assert!(still == [alone(0.5, "0").color, alone(0.5, "4").color]);
+    std::fs::write(place.path("p.toml"), project([share(1.5), share(1.2)])).unwrap();
+    place.refuses(&["render", "p.toml"], &["is never met", "field linear goes from"]);
+}

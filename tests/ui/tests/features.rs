@@ -246,3 +246,39 @@ fn a_machine_that_cannot_keep_up_says_so() {
     desk.until("steps are dropped", |session| session.state().dropped > 0);
     assert!(shortfall(&desk.session().state()).unwrap().contains("dropping"));
 }
+
+#[test]
+fn isosurfaces_come_with_m_are_moved_by_keys_and_kept_in_the_side_panel() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let volume = desk.session().shown().unwrap().frame.planes.color.clone();
+    let shown = |desk: &Desk| {
+        let request = &desk.session().shown().unwrap().request;
+        let tets = request.tets().unwrap();
+        (tets.volume, tets.surfaces.iter().map(|surface| surface.value).collect::<Vec<_>>())
+    };
+    let [lo, hi] = desk.session().series().field().range.unwrap().map(f64::from);
+    desk.press(Key::M);
+    desk.settle();
+    assert_eq!(shown(&desk), (false, vec![0.5 * lo + 0.5 * hi]));
+    assert!(desk.session().shown().unwrap().frame.planes.color != volume);
+    desk.save("surfaces.png");
+    desk.press(Key::J);
+    desk.settle();
+    let moved = shown(&desk).1[0];
+    assert!((moved - (0.49 * hi + 0.51 * lo)).abs() < 1e-6 * (hi - lo), "{moved}");
+    desk.click("Add isosurface");
+    desk.settle();
+    assert_eq!(shown(&desk).1.len(), 2);
+    assert!(desk.harness.query_by_label("Isovalue").is_some() && desk.harness.query_by_label("Isovalue 2").is_some());
+    desk.click("Light on surfaces");
+    desk.click("smooth");
+    desk.press(Key::M);
+    desk.settle();
+    assert_eq!((shown(&desk).0, shown(&desk).1.len()), (true, 2));
+    desk.save("surfaces_both.png");
+    desk.press(Key::M);
+    desk.settle();
+    assert_eq!(shown(&desk), (true, vec![]));
+    assert!(desk.session().notices().is_empty() && desk.harness.query_by_label("Add isosurface").is_none());
+}

@@ -1,0 +1,91 @@
+//! Isosurfaces: which are shown, where, and in which colours.
+
+use super::overlay;
+use super::widgets::{choice, color, number};
+use crate::pipeline::{Shown, SurfaceLook};
+use crate::render::surfaces::{Isosurface, Normals, SURFACES_MAX};
+use crate::ui::{Action, Session};
+use eframe::egui;
+use egui::{DragValue, Slider, Ui};
+
+/// Shows the part of the side panel.
+pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let Some((lo, hi)) = session.range_of_field() else {
+        ui.label("The field has no finite value");
+        return;
+    };
+    let before = session.shown_surfaces();
+    let mut look = before.clone();
+    let kinds = [(Shown::Volume, "volume"), (Shown::Surfaces, "isosurfaces"), (Shown::Both, "volume and isosurfaces")];
+    if choice(ui, "What is shown (M)", &mut look.shown, &kinds)
+        && look.shown != Shown::Volume
+        && look.isosurfaces.is_empty()
+    {
+        look.isosurfaces.push(Isosurface::new(0.5 * lo + 0.5 * hi));
+    }
+    if look.shown != Shown::Volume {
+        isosurfaces(ui, session, &mut look, (lo, hi));
+        let kinds = [
+            (Normals::Cell, "flat: a facet a cell"),
+            (Normals::Vertex, "smooth"),
+            (Normals::None, "colours without light"),
+        ];
+        choice(ui, "Light on surfaces", &mut look.shading.normals, &kinds);
+    }
+    if look != before {
+        actions.push(Action::Surfaces(look));
+    }
+}
+
+/// A line for each surface, and one more to add another.
+fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi): (f64, f64)) {
+    let mut removed = None;
+    for (at, surface) in look.isosurfaces.iter_mut().enumerate() {
+        let name = |what: &str| if at == 0 { what.to_owned() } else { format!("{what} {}", at + 1) };
+        let slider = Slider::new(&mut surface.value, lo..=hi).custom_formatter(|x, _| overlay::number(x));
+        let response = ui.add(slider);
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name("Isovalue")));
+        response.on_hover_text("J, K");
+        ui.horizontal(|ui| {
+            colors(ui, session, surface, &name("Colour of the surface"));
+            let mut percent = 100.0 * surface.opacity;
+            let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(0).suffix(" %");
+            if number(ui, value, &name("Opacity of the surface")).changed() {
+                surface.opacity = (0.01 * percent).clamp(0.0, 1.0);
+            }
+            if ui.button("Remove").clicked() {
+                removed = Some(at);
+            }
+        });
+    }
+    if let Some(at) = removed {
+        look.isosurfaces.remove(at);
+    }
+    let has_room = look.isosurfaces.len() < SURFACES_MAX;
+    if ui.add_enabled(has_room, egui::Button::new("Add isosurface")).clicked() {
+        // Between the last one and the farther end of the range.
+        let last = look.isosurfaces.last().map_or(lo, |surface| surface.value);
+        let end = if last - lo > hi - last { lo } else { hi };
+        look.isosurfaces.push(Isosurface::new(0.5 * last + 0.5 * end));
+    }
+    if look.isosurfaces.is_empty() {
+        look.shown = Shown::Volume;
+    }
+}
+
+/// The colour of a surface: its own, or that of the transfer function.
+fn colors(ui: &mut Ui, session: &Session, surface: &mut Isosurface, name: &str) {
+    let shown = surface.front.unwrap_or_else(|| session.color_at(surface.value));
+    let [r, g, b, _] = color(shown.map(|c| c as f32)).to_array();
+    let before = [r, g, b];
+    let mut after = before;
+    let response = ui.color_edit_button_srgb(&mut after);
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    if after != before {
+        surface.front = Some(after.map(|c| f64::from(c) / 255.0));
+    }
+    if surface.front.is_some() && ui.small_button("auto").on_hover_text("The colour of the transfer function").clicked()
+    {
+        surface.front = None;
+    }
+}
