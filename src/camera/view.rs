@@ -171,7 +171,8 @@ impl View {
 
     /// Whether rays are cast for pixels in a rectangle.
     pub fn renders_some_in(&self, columns: Range<usize>, mut rows: Range<usize>) -> bool {
-        rows.any(|row| self.rendered_in(row, columns.clone()).next().is_some())
+        self.samples == Samples::ALL && !columns.is_empty() && !rows.is_empty()
+            || rows.any(|row| self.rendered_in(row, columns.clone()).next().is_some())
     }
 
     /// The rows of the image that the pixels at some places in the plane are in, and perhaps others between them.

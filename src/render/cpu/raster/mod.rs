@@ -75,9 +75,12 @@ impl TileRays {
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
         let Bounds { x0, x1, y0, y1 } = bounds;
-        let in_row = |row: usize| view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0));
-        let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
         let all_rendered = view.samples == Samples::ALL;
+        let in_row = |row: usize| match all_rendered {
+            true => u16::MAX >> (TILE_PX - (x1 - x0)),
+            false => view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0)),
+        };
+        let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
         Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
 }
