@@ -1,7 +1,7 @@
 //! Isosurfaces: which are shown, where, and in which colours.
 
 use super::overlay;
-use super::widgets::{choice, color, number};
+use super::widgets::{choice, color, icon, number};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::surfaces::{Isosurface, Normals, SURFACES_MAX};
 use crate::ui::{Action, Session};
@@ -53,7 +53,7 @@ fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi):
             if number(ui, value, &name("Opacity of the surface")).changed() {
                 surface.opacity = (0.01 * percent).clamp(0.0, 1.0);
             }
-            if ui.button("Remove").clicked() {
+            if icon(ui, "x", &name("Remove the isosurface"), true).clicked() {
                 removed = Some(at);
             }
         });
