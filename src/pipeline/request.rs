@@ -96,7 +96,8 @@ impl FrameRequest {
     }
 
     /// The same picture, without what says how it comes about: where it is rendered, what is left out on the way, whether it is for a
-    /// window, unless the judge asks for it what the table was made from, and the light on surfaces that are not there. The text of this tells pictures apart.
+    /// window, unless the judge asks for it what the table was made from, and the light on surfaces that are not there. The text of this
+    /// tells pictures apart.
     #[must_use]
     pub fn without_hints(self) -> Self {
         let (backend, for_window, skip) = Default::default();

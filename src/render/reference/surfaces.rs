@@ -144,7 +144,10 @@ impl<M> WithSurfaces<'_, M> {
         let turned = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
         match self.surfaces.light {
             Light::Headlight => turned.dot(to_eye),
-            Light::From(direction) => turned.dot(DVec3::from(direction).normalize()).max(0.0),
+            Light::From([x, y, z]) => {
+                let length = x.hypot(y).hypot(z);
+                turned.dot(DVec3::new(x / length, y / length, z / length)).max(0.0)
+            }
         }
     }
 }

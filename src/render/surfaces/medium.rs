@@ -107,7 +107,11 @@ impl<'a> Shader<'a> {
         let shading = scene.shading();
         let light = match shading.light {
             Light::Headlight => None,
-            Light::From(direction) => Some(DVec3::from(direction).normalize()),
+            // Squares of very long and very short vectors leave the range of numbers.
+            Light::From(direction) => {
+                let direction = DVec3::from(direction);
+                Some((direction / direction.abs().max_element()).normalize())
+            }
         };
         let gradients = scene.gradients().map(|gradients| gradients.as_slice());
         Self { normals: shading.normals, light, mesh: &job.mesh, scalars: &job.scalars, gradients, view }

@@ -255,6 +255,12 @@ fn a_light_from_the_side_reaches_what_faces_it_on_the_side_of_the_eye() {
         let expected = normal.dot(DVec3::from(light).normalize());
         assert!((f64::from(center(light)[0]) - expected).abs() < 1e-6, "{light:?}");
     }
+    // A direction has no length.
+    for length in [1e-300, 1e200] {
+        let expected = normal.dot(DVec3::new(1.0, 3.0, 1.0).normalize());
+        let found = f64::from(center([length, 3.0 * length, length])[0]);
+        assert!((found - expected).abs() < 1e-6, "{length:e}: {found}");
+    }
     // From behind it is dark, and there.
     assert_eq!(center([-1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0]);
 }
