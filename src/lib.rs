@@ -6,7 +6,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0a | [`error`], [`short`], [`slowdown`] |
+//! | 0a | [`error`], [`short`], [`slowdown`], [`words`] |
 //! | 0b | [`files`], [`task`] |
 //! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`], [`timeline`] |
 //! | 1b | [`field`], [`histograms`] |
@@ -55,3 +55,4 @@ pub mod timeline;
 pub mod transfer;
 pub mod ui;
 pub mod visibility;
+mod words;

@@ -21,11 +21,10 @@ pub mod table3d;
 mod table3d_entries;
 mod weights;
 
+use crate::words::words;
 use glam::Vec4;
 pub use scalar_map::ScalarMap;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 pub(crate) use weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 pub use weights::{PieceWeights, homogeneous_weights, piece_weights};
 
@@ -42,33 +41,7 @@ pub enum OpticsKind {
     Partial,
 }
 
-impl OpticsKind {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Exact, Self::Table3d, Self::Partial];
-}
-
-impl FromStr for OpticsKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "exact" => Ok(Self::Exact),
-            "table3d" => Ok(Self::Table3d),
-            "partial" => Ok(Self::Partial),
-            _ => Err(format!("there are no optics '{text}'; choose exact, table3d or partial")),
-        }
-    }
-}
-
-impl fmt::Display for OpticsKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Exact => "exact",
-            Self::Table3d => "table3d",
-            Self::Partial => "partial",
-        })
-    }
-}
+words!(OpticsKind, "there are no optics", ["exact" = Exact, "table3d" = Table3d, "partial" = Partial]);
 
 /// A transfer function prepared for the integration of segments of rays.
 pub trait Integrator: Sync {

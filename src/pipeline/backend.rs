@@ -8,9 +8,8 @@ use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Advance, Frame, RenderError, Renderer};
+use crate::words::words;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 use std::time::Duration;
 
 /// Where a frame is rendered. Frames of both backends agree within the bounds of `docs/architecture.md`.
@@ -27,29 +26,7 @@ pub enum Backend {
     Gpu,
 }
 
-impl fmt::Display for Backend {
-    /// As it is read.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-        })
-    }
-}
-
-impl FromStr for Backend {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "cpu" => Ok(Self::Cpu),
-            "gpu" => Ok(Self::Gpu),
-            _ => Err(format!("there is no backend '{text}'; choose auto, cpu or gpu")),
-        }
-    }
-}
+words!(Backend, "there is no backend", ["auto" = Auto, "cpu" = Cpu, "gpu" = Gpu]);
 
 /// What a renderer that both backends have goes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

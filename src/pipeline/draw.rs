@@ -4,9 +4,8 @@ use super::Sampling;
 use super::text::FaceText;
 use crate::render::{KBuffer, RenderError};
 use crate::short::Short;
+use crate::words::words;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 
 /// Which renderer, as options and project files name it; with a level of detail, [`TetDraw::chosen`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,31 +23,7 @@ pub enum RenderMode {
     Reference,
 }
 
-impl fmt::Display for RenderMode {
-    /// As it is read.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Raycast => "raycast",
-            Self::Havs => "havs",
-            Self::Reference => "reference",
-        })
-    }
-}
-
-impl FromStr for RenderMode {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "raycast" => Ok(Self::Raycast),
-            "havs" => Ok(Self::Havs),
-            "reference" => Ok(Self::Reference),
-            _ => Err(format!("there is no mode '{text}'; choose auto, raycast, havs or reference")),
-        }
-    }
-}
+words!(RenderMode, "there is no mode", ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "reference" = Reference]);
 
 /// Which faces are drawn, and how they come into order.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

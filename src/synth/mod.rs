@@ -33,12 +33,11 @@ pub use faded::FadedSeries;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
+use crate::words::words;
 use glam::DVec3;
 use kuhn::{Domain, KuhnGrid};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 
 /// Fewest cells of a generated series; fewer could not show the shape of its domain.
 pub const MIN_CELLS: u64 = 200;
@@ -63,21 +62,13 @@ pub enum SeriesName {
     Slab,
 }
 
+words!(
+    SeriesName,
+    "there is no generated series",
+    ["decay" = Decay, "dipole" = Dipole, "jet" = Jet, "tornado" = Tornado, "slab" = Slab]
+);
+
 impl SeriesName {
-    /// All series.
-    pub const ALL: [Self; 5] = [Self::Decay, Self::Dipole, Self::Jet, Self::Tornado, Self::Slab];
-
-    /// The name on the command line.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Decay => "decay",
-            Self::Dipole => "dipole",
-            Self::Jet => "jet",
-            Self::Tornado => "tornado",
-            Self::Slab => "slab",
-        }
-    }
-
     /// Number of steps unless another one is asked for.
     pub fn default_steps(self) -> usize {
         match self {
@@ -100,26 +91,9 @@ impl SeriesName {
     }
 }
 
-impl fmt::Display for SeriesName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
-
-impl FromStr for SeriesName {
-    type Err = SynthError;
-
-    fn from_str(text: &str) -> Result<Self, SynthError> {
-        Self::ALL.into_iter().find(|name| name.as_str() == text).ok_or_else(|| SynthError::Unknown(text.to_owned()))
-    }
-}
-
 /// Why a series cannot be generated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SynthError {
-    /// No series of this name.
-    #[error("there is no generated series '{0}'; choose one of decay, dipole, jet, tornado, slab")]
-    Unknown(String),
     /// Too few or too many cells.
     #[error("{0} cells cannot be generated; ask for {MIN_CELLS} to {MAX_CELLS}")]
     Cells(u64),

@@ -22,10 +22,9 @@ use super::range_map::RangeMap;
 use super::tolerance::{Lengths, Tolerance};
 use crate::node_table::{Node, NodeTable};
 use crate::slowdown::{Slow, waste};
+use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
-use std::fmt;
-use std::str::FromStr;
 
 /// What the values of opacity points mean, a, over the unit distance u.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,30 +38,7 @@ pub enum OpacityKind {
     Extinction,
 }
 
-impl fmt::Display for OpacityKind {
-    /// As it is read.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Alpha => "alpha",
-            Self::Extinction => "extinction",
-        })
-    }
-}
-
-impl FromStr for OpacityKind {
-    type Err = TransferError;
-
-    fn from_str(text: &str) -> Result<Self, TransferError> {
-        match text {
-            "alpha" => Ok(Self::Alpha),
-            "extinction" => Ok(Self::Extinction),
-            _ => Err(TransferError::BadText {
-                part: text.to_owned(),
-                problem: "is no opacity kind; known are alpha and extinction".to_owned(),
-            }),
-        }
-    }
-}
+words!(OpacityKind, "there is no opacity kind", ["alpha" = Alpha, "extinction" = Extinction]);
 
 /// Optical depth of a unit distance where opacity is 1 over an interval. So large that a ray that meets the interval at all is
 /// opaque: with 2^20 a ray that clipped an edge of the mesh for 1.5e-6 of a unit distance had an opacity of 0.8 that hung on the tenth

@@ -43,12 +43,11 @@ mod test_data;
 mod tests;
 mod tiles;
 
+use crate::words::words;
 pub use block::{Indices, SpecialRun, VqBlock};
 pub use decoder::VqDecoder;
 pub use encoder::VqEncoder;
 pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
-
-use std::str::FromStr;
 
 /// Steps of a block.
 pub const STEPS: usize = 64;
@@ -70,27 +69,7 @@ pub enum Search {
     Exact,
 }
 
-impl Search {
-    /// The name on the command line and in the store.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Exact => "exact",
-        }
-    }
-}
-
-impl FromStr for Search {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "fast" => Ok(Self::Fast),
-            "exact" => Ok(Self::Exact),
-            _ => Err(format!("there is no search '{text}'; choose fast or exact")),
-        }
-    }
-}
+words!(Search, "there is no search", ["fast" = Fast, "exact" = Exact]);
 
 /// What the encoder is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 
 use super::{Isosurface, Light, Normals};
 use crate::short::Short;
+use crate::words::words;
 use std::fmt;
 use std::str::FromStr;
 
@@ -75,28 +76,7 @@ impl fmt::Display for IsosurfaceText {
     }
 }
 
-impl FromStr for Normals {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "none" => Ok(Self::None),
-            "cell" => Ok(Self::Cell),
-            "vertex" => Ok(Self::Vertex),
-            _ => Err(format!("there are no normals '{text}'; choose cell, vertex or none")),
-        }
-    }
-}
-
-impl fmt::Display for Normals {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::None => "none",
-            Self::Cell => "cell",
-            Self::Vertex => "vertex",
-        })
-    }
-}
+words!(Normals, "there are no normals", ["cell" = Cell, "vertex" = Vertex, "none" = None]);
 
 impl FromStr for Light {
     type Err = String;
