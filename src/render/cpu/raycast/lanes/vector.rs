@@ -1,6 +1,7 @@
 //! Eight numbers side by side: what the walk does with them, on processors with AVX2 and with AVX-512. Every operation is
 //! that of the scalar walk, rounded alike.
 
+use pulp::core_arch::x86::Avx;
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512d, __m512i, _CMP_LT_OQ};
@@ -17,6 +18,9 @@ pub(in super::super) trait Lanes: Copy {
     type F: Copy;
     /// A flag for each lane.
     type M: Copy;
+
+    /// The instructions that all of these processors have.
+    fn avx(self) -> Avx;
 
     /// Calls a function with all of the processor's instructions.
     fn vectorize(self, call: impl NullaryFnOnce<Output = ()>);
@@ -50,14 +54,34 @@ pub(in super::super) trait Lanes: Copy {
 
     /// `a` where the flag is set, else `b`.
     fn select_f32(self, mask: Self::M, a: __m256, b: __m256) -> __m256;
-    fn splat_f32(self, value: f32) -> __m256;
-    fn add_f32(self, a: __m256, b: __m256) -> __m256;
-    fn sub_f32(self, a: __m256, b: __m256) -> __m256;
-    fn mul_f32(self, a: __m256, b: __m256) -> __m256;
-    /// The greater, `b` of equal ones.
-    fn greater_f32(self, a: __m256, b: __m256) -> __m256;
     /// A bit for each lane where `a < b`.
     fn less_f32(self, a: __m256, b: __m256) -> u8;
+
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> __m256 {
+        self.avx()._mm256_set1_ps(value)
+    }
+
+    #[inline(always)]
+    fn add_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx()._mm256_add_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx()._mm256_sub_ps(a, b)
+    }
+
+    #[inline(always)]
+    fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx()._mm256_mul_ps(a, b)
+    }
+
+    /// The greater, `b` of equal ones.
+    #[inline(always)]
+    fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
+        self.avx()._mm256_max_ps(a, b)
+    }
 
     /// Columns of eight rows.
     fn transpose(self, rows: [&[f64; 4]; LANES]) -> [Self::F; 4];
@@ -84,9 +108,36 @@ pub(in super::super) trait Lanes: Copy {
     }
 }
 
+/// Methods of two arguments from the processor's functions for them.
+macro_rules! of_two {
+    (|$cpu:ident, $a:ident, $b:ident| $($name:ident = $value:expr,)*) => {
+        $(
+            #[inline(always)]
+            fn $name(self, $a: Self::F, $b: Self::F) -> Self::F {
+                let $cpu = self;
+                $value
+            }
+        )*
+    };
+}
+
 impl Lanes for V4 {
     type F = __m512d;
     type M = u8;
+
+    #[inline(always)]
+    fn avx(self) -> Avx {
+        self.avx
+    }
+
+    of_two!(
+        |cpu, a, b| add = cpu.avx512f._mm512_add_pd(a, b),
+        sub = cpu.avx512f._mm512_sub_pd(a, b),
+        mul = cpu.avx512f._mm512_mul_pd(a, b),
+        div = cpu.avx512f._mm512_div_pd(a, b),
+        greater = cpu.avx512f._mm512_max_pd(a, b),
+        less = cpu.avx512f._mm512_min_pd(a, b),
+    );
 
     #[inline(always)]
     fn vectorize(self, call: impl NullaryFnOnce<Output = ()>) {
@@ -106,36 +157,6 @@ impl Lanes for V4 {
     #[inline(always)]
     fn splat(self, value: f64) -> __m512d {
         self.avx512f._mm512_set1_pd(value)
-    }
-
-    #[inline(always)]
-    fn add(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_add_pd(a, b)
-    }
-
-    #[inline(always)]
-    fn sub(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_sub_pd(a, b)
-    }
-
-    #[inline(always)]
-    fn mul(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_mul_pd(a, b)
-    }
-
-    #[inline(always)]
-    fn div(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_div_pd(a, b)
-    }
-
-    #[inline(always)]
-    fn greater(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_max_pd(a, b)
-    }
-
-    #[inline(always)]
-    fn less(self, a: __m512d, b: __m512d) -> __m512d {
-        self.avx512f._mm512_min_pd(a, b)
     }
 
     #[inline(always)]
@@ -186,31 +207,6 @@ impl Lanes for V4 {
     #[inline(always)]
     fn select_f32(self, mask: u8, a: __m256, b: __m256) -> __m256 {
         self.avx512f._mm256_mask_blend_ps(mask, b, a)
-    }
-
-    #[inline(always)]
-    fn splat_f32(self, value: f32) -> __m256 {
-        self.avx._mm256_set1_ps(value)
-    }
-
-    #[inline(always)]
-    fn add_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_add_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_sub_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_mul_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_max_ps(a, b)
     }
 
     #[inline(always)]
@@ -268,6 +264,20 @@ impl Lanes for V3 {
     type M = [__m256d; 2];
 
     #[inline(always)]
+    fn avx(self) -> Avx {
+        self.avx
+    }
+
+    of_two!(
+        |cpu, a, b| add = [cpu.avx._mm256_add_pd(a[0], b[0]), cpu.avx._mm256_add_pd(a[1], b[1])],
+        sub = [cpu.avx._mm256_sub_pd(a[0], b[0]), cpu.avx._mm256_sub_pd(a[1], b[1])],
+        mul = [cpu.avx._mm256_mul_pd(a[0], b[0]), cpu.avx._mm256_mul_pd(a[1], b[1])],
+        div = [cpu.avx._mm256_div_pd(a[0], b[0]), cpu.avx._mm256_div_pd(a[1], b[1])],
+        greater = [cpu.avx._mm256_max_pd(a[0], b[0]), cpu.avx._mm256_max_pd(a[1], b[1])],
+        less = [cpu.avx._mm256_min_pd(a[0], b[0]), cpu.avx._mm256_min_pd(a[1], b[1])],
+    );
+
+    #[inline(always)]
     fn vectorize(self, call: impl NullaryFnOnce<Output = ()>) {
         V3::vectorize(self, call);
     }
@@ -285,36 +295,6 @@ impl Lanes for V3 {
     #[inline(always)]
     fn splat(self, value: f64) -> Self::F {
         [self.avx._mm256_set1_pd(value); 2]
-    }
-
-    #[inline(always)]
-    fn add(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_add_pd(a[0], b[0]), self.avx._mm256_add_pd(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_sub_pd(a[0], b[0]), self.avx._mm256_sub_pd(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_mul_pd(a[0], b[0]), self.avx._mm256_mul_pd(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn div(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_div_pd(a[0], b[0]), self.avx._mm256_div_pd(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn greater(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_max_pd(a[0], b[0]), self.avx._mm256_max_pd(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn less(self, a: Self::F, b: Self::F) -> Self::F {
-        [self.avx._mm256_min_pd(a[0], b[0]), self.avx._mm256_min_pd(a[1], b[1])]
     }
 
     #[inline(always)]
@@ -375,31 +355,6 @@ impl Lanes for V3 {
     #[inline(always)]
     fn select_f32(self, mask: Self::M, a: __m256, b: __m256) -> __m256 {
         cast(self.select_u32(mask, cast(a), cast(b)))
-    }
-
-    #[inline(always)]
-    fn splat_f32(self, value: f32) -> __m256 {
-        self.avx._mm256_set1_ps(value)
-    }
-
-    #[inline(always)]
-    fn add_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_add_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_sub_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_mul_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_max_ps(a, b)
     }
 
     #[inline(always)]
