@@ -65,7 +65,11 @@ impl Wanted<'_> {
     }
 
     /// How many of `vertices` these are.
+    ///
+    /// # Panics
+    /// If there is not one wish for each chunk.
     pub(crate) fn count(self, vertices: usize) -> u64 {
+        assert_eq!(vertices.div_ceil(self.length), self.chunks.len(), "a wish for each chunk");
         let length = |at: usize| self.length.min(vertices.saturating_sub(at * self.length));
         self.chunks.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(at, _)| length(at) as u64).sum()
     }
@@ -118,34 +122,23 @@ pub trait Encoder: Send {
 /// Decodes any step of one field, from several threads at once.
 pub trait Decoder: Send + Sync {
     /// Decodes `step` into `out`, one value per vertex, unless `cancel` is raised: `None` then, within a few milliseconds,
-    /// and `out` is unspecified.
+    /// and `out` is unspecified. Only those vertices need to be there that are wanted, if that is said; what the others hold is
+    /// unspecified.
     ///
     /// # Errors
     /// If a chunk is missing, cut or damaged; the error names the file and the step. `out` is unspecified then.
     ///
     /// # Panics
-    /// If the length of `out` is not the number of vertices.
-    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
-
-    /// The same, but only those vertices need to be there that are wanted; what the others hold is unspecified. By default all are
-    /// decoded.
-    ///
-    /// # Errors
-    /// As [`Decoder::decode_step_unless`].
-    ///
-    /// # Panics
-    /// As [`Decoder::decode_step_unless`], or if there is not one wish for each chunk.
-    fn decode_chunks_unless(
+    /// If the length of `out` is not the number of vertices, or there is not one wish for each chunk.
+    fn decode_step_unless(
         &self,
         step: usize,
-        _wanted: Wanted<'_>,
+        wanted: Option<Wanted<'_>>,
         out: &mut [f32],
         cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
-        self.decode_step_unless(step, out, cancel)
-    }
+    ) -> FileResult<Option<DecodeStats>>;
 
-    /// The same without a way to stop it.
+    /// The whole step, without a way to stop it.
     ///
     /// # Errors
     /// As [`Decoder::decode_step_unless`].
@@ -153,7 +146,7 @@ pub trait Decoder: Send + Sync {
     /// # Panics
     /// As [`Decoder::decode_step_unless`].
     fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
-        stop::uncancelled(|cancel| self.decode_step_unless(step, out, cancel)?.ok_or(Stop::Cancelled))
+        stop::uncancelled(|cancel| self.decode_step_unless(step, None, out, cancel)?.ok_or(Stop::Cancelled))
     }
 
     /// The block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.

@@ -95,7 +95,13 @@ impl RawDecoder {
         self
     }
 
-    fn decode(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> Result<DecodeStats, Stop> {
+    fn decode(
+        &self,
+        step: usize,
+        wanted: Option<Wanted<'_>>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> Result<DecodeStats, Stop> {
         let vertices_decoded = out.len() as u64;
         if step >= self.steps {
             let problem = format!("there are {} steps, counted from 0", self.steps);
@@ -104,7 +110,12 @@ impl RawDecoder {
         }
         let key = BlockKey { decoder: self.id, index: step };
         if let Some(Block::Raw(values)) = self.cache.as_ref().and_then(|cache| cache.find(key, cancel)) {
-            return copy(&values, out, cancel).map(|()| DecodeStats { bytes_read: 0, vertices_decoded });
+            let vertices_decoded = wanted.map_or(vertices_decoded, |wanted| wanted.count(out.len()));
+            match wanted {
+                None => copy(&values, out, cancel)?,
+                Some(wanted) => wanted.of(out).for_each(|(at, out)| out.copy_from_slice(&values[at..at + out.len()])),
+            }
+            return go_on(cancel).map(|()| DecodeStats { bytes_read: 0, vertices_decoded });
         }
         let read = read_chunk_unless(&*self.source, &chunk_key(&self.array_key, step as u64, 2), out, cancel);
         let bytes_read = read.map_err(|stop| stop.at(|| format!("step {step}")))?;
@@ -152,28 +163,16 @@ impl BlockLoader for RawDecoder {
 }
 
 impl Decoder for RawDecoder {
-    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        assert_eq!(out.len(), self.vertices, "one value per vertex");
-        unless_cancelled(self.decode(step, out, cancel))
-    }
-
     /// A step that is read from its file is read whole: its checksum is over all of it.
-    fn decode_chunks_unless(
+    fn decode_step_unless(
         &self,
         step: usize,
-        wanted: Wanted<'_>,
+        wanted: Option<Wanted<'_>>,
         out: &mut [f32],
         cancel: &Cancel,
     ) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        assert_eq!(out.len().div_ceil(wanted.length), wanted.chunks.len(), "a wish for each chunk");
-        let key = BlockKey { decoder: self.id, index: step };
-        let Some(Block::Raw(values)) = self.cache.as_ref().and_then(|cache| cache.find(key, cancel)) else {
-            return self.decode_step_unless(step, out, cancel);
-        };
-        let vertices_decoded = wanted.count(out.len());
-        wanted.of(out).for_each(|(first, out)| out.copy_from_slice(&values[first..first + out.len()]));
-        Ok((!cancel.is_cancelled()).then_some(DecodeStats { bytes_read: 0, vertices_decoded }))
+        unless_cancelled(self.decode(step, wanted, out, cancel))
     }
 
     fn blocks(&self) -> Option<&dyn BlockLoader> {

@@ -6,7 +6,7 @@
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats};
+use crate::codec::{BlockCache, DecodeStats, Wanted};
 use crate::error::FileResult;
 use crate::histograms::Histogram;
 use crate::lod::Interval;
@@ -29,8 +29,14 @@ impl Apart {
 }
 
 impl StepSource for Apart {
-    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        self.source(step).decode_step(step, out, cancel)
+    fn decode_step(
+        &self,
+        step: usize,
+        wanted: Option<Wanted<'_>>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
+        self.source(step).decode_step(step, wanted, out, cancel)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {

@@ -114,7 +114,7 @@ impl Pipeline {
         cancel: &Cancel,
     ) -> Result<Vec<u32>, PipelineError> {
         let read = |buffer: &mut Vec<f32>, &step: &usize| {
-            let cost = self.series.source.decode_step(step, buffer, cancel)?;
+            let cost = self.series.source.decode_step(step, None, buffer, cancel)?;
             progress.advance(1);
             cost.map(|_| crc32c::crc32c(bytemuck::cast_slice(buffer))).ok_or(PipelineError::Cancelled)
         };

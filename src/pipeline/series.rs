@@ -19,19 +19,15 @@ use std::sync::Arc;
 
 /// Where steps come from. [`FieldReader`], or in tests one that fails.
 pub(super) trait StepSource: Send + Sync {
-    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised.
-    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>>;
-
-    /// The same, but only those vertices need to be there that are wanted.
-    fn decode_chunks(
+    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised. Only those vertices need to be there that are
+    /// wanted, if that is said.
+    fn decode_step(
         &self,
         step: usize,
-        _wanted: Wanted<'_>,
+        wanted: Option<Wanted<'_>>,
         out: &mut [f32],
         cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
-        self.decode_step(step, out, cancel)
-    }
+    ) -> FileResult<Option<DecodeStats>>;
 
     /// The compressed block that a step is in, if it is in one that a GPU can decode.
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
@@ -74,18 +70,14 @@ pub(super) trait StepSource: Send + Sync {
 }
 
 impl StepSource for FieldReader {
-    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        self.decode_step_unless(step, out, cancel)
-    }
-
-    fn decode_chunks(
+    fn decode_step(
         &self,
         step: usize,
-        wanted: Wanted<'_>,
+        wanted: Option<Wanted<'_>>,
         out: &mut [f32],
         cancel: &Cancel,
     ) -> FileResult<Option<DecodeStats>> {
-        self.decode_chunks_unless(step, wanted, out, cancel)
+        self.decode_step_unless(step, wanted, out, cancel)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
@@ -225,7 +217,7 @@ impl Series {
 
     /// Fills `out` with a step, one scalar per vertex; whether it came to its end before `cancel` was raised.
     pub(crate) fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<bool> {
-        Ok(self.source.decode_step(step, out, cancel)?.is_some())
+        Ok(self.source.decode_step(step, None, out, cancel)?.is_some())
     }
 }
 

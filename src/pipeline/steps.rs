@@ -79,15 +79,8 @@ impl StepCache {
         let Some((next, weight)) = time.toward() else {
             let mut decoded = DecodeStats::default();
             let filled = self.fill(time, vertices, needed, |out| {
-                let cost = match needed {
-                    Some(chunks) => series.source.decode_chunks(
-                        time.step(),
-                        Wanted { length: Clusters::VERTICES, chunks },
-                        out,
-                        cancel,
-                    )?,
-                    None => series.source.decode_step(time.step(), out, cancel)?,
-                };
+                let wanted = needed.map(|chunks| Wanted { length: Clusters::VERTICES, chunks });
+                let cost = series.source.decode_step(time.step(), wanted, out, cancel)?;
                 decoded = cost.unwrap_or_default();
                 if let Some(chunks) = needed {
                     // Nobody needs to know what these are, but that they are finite.

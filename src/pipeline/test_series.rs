@@ -2,7 +2,7 @@
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats};
+use crate::codec::{BlockCache, DecodeStats, Wanted};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
@@ -74,7 +74,13 @@ struct Fake {
 }
 
 impl StepSource for Fake {
-    fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
+    fn decode_step(
+        &self,
+        step: usize,
+        _wanted: Option<Wanted<'_>>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
         self.log.hang_unless(cancel);
         let (begun, takes) = (Instant::now(), self.log.with(|state| state.takes));
         while begun.elapsed() < takes && !cancel.is_cancelled() {

@@ -292,23 +292,29 @@ impl FieldReader {
     /// # Panics
     /// If the length of `out` is not [`FieldReader::vertex_count`].
     pub fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
-        match self.decode_step_unless(step, out, &Cancel::new())? {
+        match self.decode_step_unless(step, None, out, &Cancel::new())? {
             Some(stats) => Ok(stats),
             None => unreachable!("nobody else has the flag"),
         }
     }
 
     /// As [`FieldReader::decode_step`], unless `cancel` is raised: `None` then, within a few milliseconds, and `out` is
-    /// unspecified.
+    /// unspecified. Only those vertices need to be there that are wanted, if that is said; what the others hold is unspecified.
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
     ///
     /// # Panics
-    /// As [`FieldReader::decode_step`].
-    pub fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
+    /// As [`FieldReader::decode_step`], or if there is not one wish for each chunk.
+    pub fn decode_step_unless(
+        &self,
+        step: usize,
+        wanted: Option<Wanted<'_>>,
+        out: &mut [f32],
+        cancel: &Cancel,
+    ) -> FileResult<Option<DecodeStats>> {
         match &self.values {
-            Values::Stored(decoder) => decoder.decode_step_unless(step, out, cancel),
+            Values::Stored(decoder) => decoder.decode_step_unless(step, wanted, out, cancel),
             Values::Magnitude { components, pool } => {
                 assert_eq!(out.len(), self.vertices, "one value per vertex");
                 let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
@@ -318,27 +324,6 @@ impl FieldReader {
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
-        }
-    }
-
-    /// As [`FieldReader::decode_step_unless`], but only those vertices need to be there that are wanted; what the others hold is
-    /// unspecified.
-    ///
-    /// # Errors
-    /// As [`FieldReader::decode_step`].
-    ///
-    /// # Panics
-    /// As [`FieldReader::decode_step`], or if there is not one wish for each chunk.
-    pub fn decode_chunks_unless(
-        &self,
-        step: usize,
-        wanted: Wanted<'_>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
-        match &self.values {
-            Values::Stored(decoder) => decoder.decode_chunks_unless(step, wanted, out, cancel),
-            Values::Magnitude { .. } => self.decode_step_unless(step, out, cancel),
         }
     }
 
@@ -434,7 +419,7 @@ fn decode_magnitude(
         return Ok(Some(DecodeStats::default()));
     }
     for (decoder, values) in components.iter().zip(buffer.chunks_exact_mut(out.len())) {
-        match decoder.decode_step_unless(step, values, cancel)? {
+        match decoder.decode_step_unless(step, None, values, cancel)? {
             Some(stats) => bytes_read += stats.bytes_read,
             None => return Ok(None),
         }

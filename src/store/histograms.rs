@@ -74,7 +74,7 @@ impl FieldReader {
     ) -> FileResult<Option<Vec<Histogram>>> {
         let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
         of_series(kinds, mesh, &cov, self.info().range, self.step_count(), |step, out| {
-            Ok(self.decode_step_unless(step, out, cancel)?.is_some())
+            Ok(self.decode_step_unless(step, None, out, cancel)?.is_some())
         })
     }
 
@@ -122,7 +122,7 @@ impl FieldReader {
                 let mut moments = Moments::new(self.vertex_count());
                 let mut values = vec![0.0; self.vertex_count()];
                 for step in 0..self.step_count() {
-                    if self.decode_step_unless(step, &mut values, cancel)?.is_none() {
+                    if self.decode_step_unless(step, None, &mut values, cancel)?.is_none() {
                         return Ok(None);
                     }
                     moments.add_step(&values);

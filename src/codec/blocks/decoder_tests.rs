@@ -111,10 +111,10 @@ fn cancelled_at_every_read(source: &Watched, cache: &BlockCache, decoder: &dyn D
     for at in 1..=whole {
         decoder.blocks().iter().for_each(|loader| cache.forget(loader.id()));
         let cancel = source.raise_after(at);
-        assert_eq!(decoder.decode_step_unless(1, &mut out, &cancel).unwrap(), None, "{at} of {whole}");
+        assert_eq!(decoder.decode_step_unless(1, None, &mut out, &cancel).unwrap(), None, "{at} of {whole}");
         assert_eq!(source.reads(), at, "nothing is read once the flag is up");
         assert_eq!(cache.statistics().resident_blocks, 0);
-        let done = decoder.decode_step_unless(1, &mut out, &Cancel::new()).unwrap().unwrap();
+        let done = decoder.decode_step_unless(1, None, &mut out, &Cancel::new()).unwrap().unwrap();
         assert_eq!(done.vertices_decoded, vertices as u64);
         assert_eq!(bits(&out), bits(&expected));
     }
@@ -122,7 +122,7 @@ fn cancelled_at_every_read(source: &Watched, cache: &BlockCache, decoder: &dyn D
     let raised = Cancel::new();
     raised.cancel();
     source.reads();
-    assert_eq!(decoder.decode_step_unless(1, &mut out, &raised).unwrap(), None);
+    assert_eq!(decoder.decode_step_unless(1, None, &mut out, &raised).unwrap(), None);
     assert_eq!(source.reads(), 0);
 }
 
@@ -153,8 +153,8 @@ fn cancelled_at_every_look(decoder: &dyn Decoder, vertices: usize, chunks: Optio
         let mut out = vec![BEFORE; vertices];
         let all = vec![true; vertices.div_ceil(chunks.unwrap_or(1))];
         let done = match chunks {
-            None => decoder.decode_step_unless(1, &mut out, &cancel),
-            Some(length) => decoder.decode_chunks_unless(1, Wanted { length, chunks: &all }, &mut out, &cancel),
+            None => decoder.decode_step_unless(1, None, &mut out, &cancel),
+            Some(length) => decoder.decode_step_unless(1, Some(Wanted { length, chunks: &all }), &mut out, &cancel),
         };
         let is_whole = bits(&out) == bits(&expected);
         if done.unwrap().is_some() {

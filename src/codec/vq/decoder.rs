@@ -202,23 +202,19 @@ impl BlockLoader for VqDecoder {
 }
 
 impl Decoder for VqDecoder {
-    fn decode_step_unless(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<Option<DecodeStats>> {
-        assert_eq!(out.len(), self.vertices, "one value per vertex");
-        let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
-        let whole = block.decode(step % STEPS, step, out, cancel);
-        Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }))
-    }
-
-    fn decode_chunks_unless(
+    fn decode_step_unless(
         &self,
         step: usize,
-        wanted: Wanted<'_>,
+        wanted: Option<Wanted<'_>>,
         out: &mut [f32],
         cancel: &Cancel,
     ) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        assert_eq!(out.len().div_ceil(wanted.length), wanted.chunks.len(), "a wish for each chunk");
         let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
+        let Some(wanted) = wanted else {
+            let whole = block.decode(step % STEPS, step, out, cancel);
+            return Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }));
+        };
         let vertices_decoded = wanted.count(out.len());
         wanted.of(out).for_each(|(first, out)| {
             if !cancel.is_cancelled() {

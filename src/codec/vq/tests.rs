@@ -489,7 +489,7 @@ fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_al
         let chunks: Vec<bool> = (0..vertices.div_ceil(length)).map(|i| i % 3 == 1 || length >= 1000).collect();
         let mut out = vec![7.0; vertices];
         let wanted = crate::codec::Wanted { length, chunks: &chunks };
-        let cost = coded.decoder.decode_chunks_unless(step, wanted, &mut out, &Cancel::new()).unwrap().unwrap();
+        let cost = coded.decoder.decode_step_unless(step, Some(wanted), &mut out, &Cancel::new()).unwrap().unwrap();
         let is_wanted = |v: usize| chunks[v / length];
         let count = (0..vertices).filter(|&v| is_wanted(v)).count();
         assert_eq!(cost.vertices_decoded, count as u64, "{step} {length}");
@@ -501,5 +501,5 @@ fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_al
     let cancelled = Cancel::new();
     cancelled.cancel();
     let wanted = crate::codec::Wanted { length: vertices, chunks: &[true] };
-    assert!(coded.decoder.decode_chunks_unless(0, wanted, &mut vec![0.0; vertices], &cancelled).unwrap().is_none());
+    assert!(coded.decoder.decode_step_unless(0, Some(wanted), &mut vec![0.0; vertices], &cancelled).unwrap().is_none());
 }
