@@ -129,8 +129,6 @@ fn xor8(x: f64, y: f64) -> f64 {
 struct Sum;
 
 impl Rule for Sum {
-    const CONTINUOUS: [bool; 4] = [true; 4];
-
     fn cuts(&self, _: &Piece, _: &Piece, _: &mut Vec<f64>) {}
 
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece {
@@ -142,19 +140,12 @@ impl Rule for Sum {
 pub(super) struct Mix(pub f64);
 
 impl Rule for Mix {
-    const CONTINUOUS: [bool; 4] = [true; 4];
-
     fn cuts(&self, _: &Piece, _: &Piece, _: &mut Vec<f64>) {}
 
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece {
         let mix = |x: f64, y: f64| super::color_map::lerp(x, y, self.0);
         a.with(|c| std::array::from_fn(|i| mix(a.channels[c][i], b.channels[c][i])))
     }
-}
-
-/// Cuts where any channel of one piece goes through that of the other.
-fn all_crossings(a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
-    a.channels.iter().zip(&b.channels).for_each(|(x, y)| crossings(x, y, cuts));
 }
 
 fn least(x: &Quadratic, y: &Quadratic) -> Quadratic {
@@ -169,12 +160,6 @@ fn greatest(x: &Quadratic, y: &Quadratic) -> Quadratic {
 struct Least;
 
 impl Rule for Least {
-    const CONTINUOUS: [bool; 4] = [true; 4];
-
-    fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
-        all_crossings(a, b, cuts);
-    }
-
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece {
         a.with(|c| least(&a.channels[c], &b.channels[c]))
     }
@@ -183,12 +168,6 @@ impl Rule for Least {
 struct And;
 
 impl Rule for And {
-    const CONTINUOUS: [bool; 4] = [true; 4];
-
-    fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
-        all_crossings(a, b, cuts);
-    }
-
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece {
         let pick = |c: usize| if c == VALUE { least } else { greatest };
         a.with(|c| pick(c)(&a.channels[c], &b.channels[c]))
@@ -198,12 +177,6 @@ impl Rule for And {
 struct Difference;
 
 impl Rule for Difference {
-    const CONTINUOUS: [bool; 4] = [true; 4];
-
-    fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
-        all_crossings(a, b, cuts);
-    }
-
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece {
         a.with(|c| absolute_difference(&a.channels[c], &b.channels[c]))
     }

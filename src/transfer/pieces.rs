@@ -160,10 +160,12 @@ impl Pieces {
 /// How two pieces of the same extent make one.
 pub(super) trait Rule {
     /// The channels whose result has no steps if the pieces have none.
-    const CONTINUOUS: [bool; 4];
+    const CONTINUOUS: [bool; 4] = [true; 4];
 
-    /// Collects the places in 0..1 at which the pieces have to be cut.
-    fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>);
+    /// Collects the places in 0..1 at which the pieces have to be cut: by default where any channel of one goes through that of the other.
+    fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
+        a.channels.iter().zip(&b.channels).for_each(|(x, y)| crossings(x, y, cuts));
+    }
 
     /// The result for two pieces without such places.
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece;
