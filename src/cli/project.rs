@@ -9,9 +9,11 @@ use crate::project::{LookSettings, Output, Project, ProjectError};
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use serde::Serialize;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use toml::Value;
 
 /// A project, and what it makes of a command.
 pub(super) struct Opened<A> {
@@ -80,10 +82,10 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
         bail!("--range is for --tf; the members of {}'s ensembles have ranges of their own", path.display());
     }
     let folder = files::parent_of(path);
-    let mut options = scene_options(&project);
+    let mut options = scene_options(&project)?;
     if taker == Taker::Render {
         leave_out_what_does_not_fit(&mut project.output, given);
-        options.extend(output_options(&project, folder));
+        options.extend(output_options(&project, folder)?);
     }
     let all = before.iter().chain(&options).chain(after);
     let command = Cli::command().mut_subcommand(word, |command| command.args_override_self(true));
@@ -131,80 +133,38 @@ fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
 }
 
 /// What a project says of what is seen, as options.
-fn scene_options(project: &Project) -> Vec<OsString> {
-    let Project { data, look, .. } = project;
-    let LookSettings {
-        ensemble: _,
-        opacity_kind,
-        unit_distance,
-        mode,
-        backend,
-        optics,
-        iso,
-        no_volume,
-        shade,
-        light,
-        lod,
-        sampling,
-        k,
-        camera,
-    } = look;
-    let mut options = Options(Vec::new());
-    options.add("field", data.field.as_ref());
-    options.add("opacity-kind", opacity_kind.as_ref());
-    options.add("unit-distance", unit_distance.as_ref());
-    options.add("mode", mode.as_ref());
-    options.add("backend", backend.as_ref());
-    options.add("optics", optics.as_ref());
-    iso.iter().for_each(|iso| options.add("iso", Some(iso)));
-    if *no_volume == Some(true) {
-        options.0.push("--no-volume".into());
-    }
-    options.add("shade", shade.as_ref());
-    options.add("light", light.as_ref());
-    options.add("lod", lod.as_ref());
-    options.add("sampling", sampling.as_ref());
-    options.add("k", k.as_ref());
-    options.add("camera", camera.as_ref());
-    options.0
+fn scene_options(project: &Project) -> anyhow::Result<Vec<OsString>> {
+    // Ensembles have no option.
+    let look = LookSettings { ensemble: None, ..project.look.clone() };
+    let field = project.data.field.as_ref().map(|field| format!("--field={field}").into());
+    Ok(field.into_iter().chain(options(&look)?).collect())
 }
 
 /// What a project says of what `render` writes, as options.
-fn output_options(project: &Project, folder: &Path) -> Vec<OsString> {
-    let Output {
-        output,
-        size,
-        steps,
-        times,
-        fps,
-        duration,
-        interpolate,
-        turntable,
-        background,
-        annotate,
-        bit_depth,
-        exr,
-    } = &project.output;
-    let mut options = Options(Vec::new());
-    options.add("size", size.as_ref());
-    options.add("steps", steps.as_ref());
-    options.add("times", times.as_ref());
-    options.add("fps", fps.as_ref());
-    options.add("duration", duration.as_ref());
-    options.add("turntable", turntable.as_ref());
-    options.add("background", background.as_ref());
-    options.add("annotate", annotate.as_ref());
-    options.add("bit-depth", bit_depth.as_ref());
-    options.add("exr", exr.as_ref());
-    if *interpolate == Some(true) {
-        options.0.push("--interpolate".into());
-    }
-    if let Some(output) = output {
+fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsString>> {
+    let mut options = options(&Output { output: None, ..project.output.clone() })?;
+    if let Some(output) = &project.output.output {
         let mut word = OsString::from("--output=");
         word.push(within(folder, output));
-        options.0.push(word);
+        options.push(word);
     }
-    options.0
+    Ok(options)
+}
+
+/// The keys of a table as options of the same names: one that is true alone, each value of a list with its name.
+fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
+    fn add(options: &mut Vec<OsString>, name: &str, value: &Value) {
+        match value {
+            Value::Boolean(false) => {}
+            Value::Boolean(true) => options.push(format!("--{name}").into()),
+            Value::Array(values) => values.iter().for_each(|value| add(options, name, value)),
+            Value::String(text) => options.push(format!("--{name}={text}").into()),
+            value => options.push(format!("--{name}={value}").into()),
+        }
+    }
+    let mut options = Vec::new();
+    toml::Table::try_from(table)?.iter().for_each(|(name, value)| add(&mut options, name, value));
+    Ok(options)
 }
 
 /// A pattern of files in a folder, whose own name is none: a % in it is doubled.
@@ -217,12 +177,4 @@ fn within(folder: &Path, pattern: &Path) -> PathBuf {
         bytes.extend_from_slice(if byte == b'%' { b"%%" } else { std::slice::from_ref(&byte) });
     }
     files::os_string(bytes).map_or_else(|| folder.to_owned(), PathBuf::from).join(pattern)
-}
-
-struct Options(Vec<OsString>);
-
-impl Options {
-    fn add(&mut self, name: &str, value: Option<&impl ToString>) {
-        self.0.extend(value.map(|value| format!("--{name}={}", value.to_string()).into()));
-    }
 }
