@@ -44,6 +44,13 @@ pub(crate) fn choice(words: &[&str]) -> String {
     }
 }
 
+/// Finite numbers with commas between them, as `1,0.5,-2`; `None` if these are not so many.
+pub(crate) fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let parts: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    parts?.try_into().ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,6 +66,8 @@ mod tests {
     fn words_are_read_as_they_are_written_and_others_are_told_which_there_are() {
         assert!(Kind::ALL.iter().all(|kind| kind.to_string().parse() == Ok(*kind)));
         assert_eq!("One".parse::<Kind>(), Err("there is no kind 'One'; choose one or other".to_owned()));
+        assert_eq!(numbers("1, 0.5,-2e3"), Some([1.0, 0.5, -2e3]));
+        assert!(["", "1", "1,2,3,4", "1,,2", "1,2,nan", "1,2,inf"].iter().all(|text| numbers::<3>(text).is_none()));
         assert_eq!(["", "a", "a or b", "a, b or c"], [&[][..], &["a"], &["a", "b"], &["a", "b", "c"]].map(choice));
     }
 }

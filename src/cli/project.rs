@@ -71,9 +71,12 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
         // These draw all cells.
         (timeline.lod, project.look.lod) = Default::default();
     }
+    // Options that are given several times add to what is there.
     if says("iso") {
-        // An option that is given several times adds to what is there.
         (project.look.iso, project.timeline.isovalue) = Default::default();
+    }
+    if says("cut") {
+        (project.look.cut, project.timeline.cut) = Default::default();
     }
     // The first word is the program's, which may be called anything.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };

@@ -340,6 +340,7 @@ impl Scene {
         scene.animation = project
             .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
         surfaces::check_range(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.field())?;
+        surfaces::check_cuts(&scene.look.surfaces, project.map(|project| &**project), &scene.pipeline.series().mesh())?;
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
@@ -388,7 +389,7 @@ impl Scene {
         let optics = said.optics.unwrap_or(optics);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&self.look.surfaces.at_isovalue(said.isovalue));
+            tets.show(&self.look.surfaces.moved(said.isovalue, said.cut));
         });
         Ok(FrameRequest { backend, skip, ..request })
     }

@@ -1,8 +1,9 @@
 //! The options that say which surfaces are seen.
 
+use crate::mesh::Mesh;
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::project::Project;
-use crate::render::surfaces::{self, IsosurfaceText, Light, Normals, SurfaceShading};
+use crate::render::surfaces::{self, CropBox, Cut, IsosurfaceText, Light, Normals, SurfaceShading, cut_planes};
 use crate::short::Short;
 use crate::store::StoredField;
 use anyhow::bail;
@@ -14,7 +15,14 @@ pub(super) struct SurfaceArgs {
     /// the transfer function), BACK that of the side towards higher values
     #[arg(long, value_name = "ISO", allow_hyphen_values = true)]
     iso: Vec<IsosurfaceText>,
-    /// Leave the volume out and draw surfaces alone
+    /// Plane through the cells, once for each: "point=x,y,z normal=x,y,z" shows its section in the colours of the transfer function, with
+    /// clip behind it what lies on the side that the normal points to is cut away
+    #[arg(long, value_name = "CUT")]
+    cut: Vec<Cut>,
+    /// Cut away what lies outside of a box: "min=x,y,z max=x,y,z"
+    #[arg(long, value_name = "BOX")]
+    crop: Option<CropBox>,
+    /// Leave the volume out and draw surfaces and sections alone
     #[arg(long)]
     no_volume: bool,
     /// Normals of lit surfaces: cell (flat facets), vertex (smooth), or none (colours as they are)
@@ -28,21 +36,21 @@ pub(super) struct SurfaceArgs {
 impl SurfaceArgs {
     /// What looks have of them.
     pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, no_volume, shade, light } = self;
+        let Self { iso, cut, crop, no_volume, shade, light } = self;
         let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
         let shading = SurfaceShading { normals: *shade, light: *light };
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }
-        if *no_volume && isosurfaces.is_empty() {
-            bail!("--no-volume leaves nothing to be seen; add --iso VALUE, or leave it out");
+        if *no_volume && isosurfaces.is_empty() && cut.iter().all(|cut| cut.clips) {
+            bail!("--no-volume leaves nothing to be seen; add --iso VALUE or a --cut, or leave it out");
         }
         let shown = match (isosurfaces.is_empty(), no_volume) {
-            (true, _) => Shown::Volume,
-            (false, true) => Shown::Surfaces,
+            (true, false) => Shown::Volume,
+            (_, true) => Shown::Surfaces,
             (false, false) => Shown::Both,
         };
-        Ok(SurfaceLook { isosurfaces, shading, shown })
+        Ok(SurfaceLook { isosurfaces, cuts: cut.clone(), crop: *crop, shading, shown })
     }
 }
 
@@ -66,6 +74,42 @@ pub(super) fn check_range(look: &SurfaceLook, project: Option<&Project>, field: 
                 bail!("--iso {value} is never met: field {name} goes from {lo} to {hi}; choose a value in between");
             }
             None => bail!("--iso {value} is never met: field {name} has no finite value"),
+        }
+    }
+    Ok(())
+}
+
+/// Whether cuts leave something of the mesh, at some time if the timeline moves one, and all sections meet what is left.
+pub(super) fn check_cuts(look: &SurfaceLook, project: Option<&Project>, mesh: &Mesh) -> anyhow::Result<()> {
+    let keys = project.map_or(&[][..], |project| project.timeline.cut.keys());
+    // Between its keys the last cut has all places in between.
+    let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
+        .map(|which| keys.iter().map(|key| key.value).reduce(which).unwrap_or(0.0));
+    let places = look.cuts.iter().enumerate().map(|(at, cut)| match at + 1 == look.cuts.len() {
+        true => [cut.moved(least), cut.moved(most)],
+        false => [*cut; 2],
+    });
+    let (clips, sections): (Vec<[Cut; 2]>, Vec<[Cut; 2]>) = places.partition(|[cut, _]| cut.clips);
+    // The farther along its normal a clip is, the more is left.
+    let mut clips: Vec<Cut> = clips.into_iter().map(|[_, most]| most).collect();
+    clips.extend(look.crop.iter().flat_map(CropBox::cuts));
+    let leave_something = |cuts: &[Cut]| -> anyhow::Result<bool> {
+        let planes = cut_planes(cuts, &mesh.positions).map_err(|error| anyhow::anyhow!("--cut: {error}"))?;
+        Ok(planes.leave_something_of(mesh))
+    };
+    let (lo, hi) = mesh.positions.world_bounds();
+    let corner = |p: glam::DVec3| format!("{},{},{}", Short(p.x), Short(p.y), Short(p.z));
+    let bounds = format!("the mesh goes from {} to {}", corner(lo), corner(hi));
+    if !leave_something(&clips)? {
+        let options = if look.cuts.is_empty() { "--crop leaves" } else { "--cut and --crop leave" };
+        bail!("{options} nothing: {bounds}; move a plane, or turn its normal around");
+    }
+    for [least, most] in sections {
+        // What lies neither before all of its places nor behind them.
+        let turned = Cut { normal: least.normal.map(|x| -x), ..least };
+        let between = [most, turned].map(|cut| Cut { clips: true, ..cut });
+        if !leave_something(&[&clips[..], &between].concat())? {
+            bail!("--cut \"{least}\" meets nothing: {bounds}; choose a point in what is left");
         }
     }
     Ok(())

@@ -11,6 +11,7 @@ mod gradient;
 #[cfg(test)]
 mod gradient_tests;
 mod locate;
+mod plane;
 mod positions;
 mod repair;
 mod report;
@@ -23,6 +24,7 @@ mod topology;
 pub use error::MeshError;
 pub use geometry::tet_volume;
 pub use gradient::{tet_gradient, tet_gradient_magnitude};
+pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};

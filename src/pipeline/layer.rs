@@ -5,7 +5,7 @@ use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
-use crate::render::surfaces::{self, Isosurface, SurfaceError, SurfaceShading};
+use crate::render::surfaces::{self, CropBox, Cut, CutError, Isosurface, SurfaceError, SurfaceShading};
 use crate::transfer::TransferSource;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -41,13 +41,12 @@ impl Layer {
     pub(super) fn check(&self) -> Result<(), String> {
         let Self::Tets(layer) = self;
         surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
+        surfaces::check_cuts(&layer.cuts).map_err(|error| error.to_string())?;
         layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
     }
 }
 
 /// The cells of a mesh with the scalars of a field.
-///
-/// [`Cut`] has no values, until something draws them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TetLayer {
@@ -66,10 +65,10 @@ pub struct TetLayer {
     /// Isosurfaces in the cells.
     #[serde(default)]
     pub surfaces: Vec<Isosurface>,
-    /// Cuts through the cells.
+    /// Planes through the cells: sections, and clips of volume, surfaces and sections.
     #[serde(default)]
     pub cuts: Vec<Cut>,
-    /// Light on surfaces and cuts.
+    /// Light on surfaces.
     #[serde(default)]
     pub shading: SurfaceShading,
     /// Whether the volume is drawn.
@@ -80,10 +79,6 @@ pub struct TetLayer {
     pub draw: TetDraw,
 }
 
-/// A cut through cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Cut {}
-
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
@@ -91,25 +86,36 @@ impl TetLayer {
         Self { field, table: table.into(), formula, optics, surfaces, cuts, shading, volume: true, draw }
     }
 
-    /// Shows these surfaces, or the volume, or both.
+    /// Shows these surfaces, or the volume, or both, cut by planes.
     pub fn show(&mut self, look: &SurfaceLook) {
+        let sides = look.crop.iter().flat_map(CropBox::cuts);
+        self.cuts = look.cuts.iter().copied().chain(sides).collect();
         self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
 
     /// Whether nothing of it is to be seen, whatever the field.
     pub(super) fn is_empty(&self) -> bool {
-        !self.volume && self.surfaces.is_empty()
+        !self.volume && self.surfaces.is_empty() && self.cuts.iter().all(|cut| cut.clips)
     }
 
-    /// Whether both show the same: only the judge asks for the formula.
+    /// Whether it shows something in the colours of its transfer function beside the volume: these come from the formula.
+    pub(super) fn has_colored_surfaces(&self) -> bool {
+        self.surfaces.iter().any(|surface| surface.front.is_none()) || self.cuts.iter().any(|cut| !cut.clips)
+    }
+
+    /// Whether the picture depends on the formula, and not on the table alone.
+    pub(super) fn needs_formula(&self) -> bool {
+        self.draw == TetDraw::Reference || self.has_colored_surfaces()
+    }
+
+    /// Whether both show the same.
     fn looks_like(&self, other: &Self) -> bool {
-        let is_judge = self.draw == TetDraw::Reference;
         let Self { field, table, formula, optics, surfaces, cuts, shading, volume, draw } = self;
         (field, surfaces, cuts) == (&other.field, &other.surfaces, &other.cuts)
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
             && *table == other.table
-            && (!is_judge || *formula == other.formula)
+            && (!self.needs_formula() || *formula == other.formula)
     }
 }
 
@@ -118,7 +124,11 @@ impl TetLayer {
 pub struct SurfaceLook {
     /// Isosurfaces in the cells.
     pub isosurfaces: Vec<Isosurface>,
-    /// Light on them.
+    /// Planes through volume and surfaces.
+    pub cuts: Vec<Cut>,
+    /// The box that is left of both.
+    pub crop: Option<CropBox>,
+    /// Light on isosurfaces.
     pub shading: SurfaceShading,
     /// Which of the two are drawn.
     pub shown: Shown,
@@ -149,12 +159,15 @@ impl SurfaceLook {
         }
     }
 
-    /// The same look with the last surface at another isovalue, if there is one.
+    /// The same look with the last surface at another isovalue, and the last cut moved along its normal (world units), if there are such.
     #[must_use]
-    pub fn at_isovalue(&self, isovalue: Option<f64>) -> Self {
+    pub fn moved(&self, isovalue: Option<f64>, cut_by: Option<f64>) -> Self {
         let mut look = self.clone();
         if let (Some(surface), Some(value)) = (look.isosurfaces.last_mut(), isovalue) {
             surface.value = value;
+        }
+        if let (Some(cut), Some(by)) = (look.cuts.last_mut(), cut_by) {
+            *cut = cut.moved(by);
         }
         look
     }
@@ -197,6 +210,9 @@ pub enum RequestError {
     /// Surfaces that there cannot be.
     #[error("the surfaces of the request: {0}")]
     Surfaces(#[from] SurfaceError),
+    /// Planes that there cannot be.
+    #[error("the cuts of the request: {0}")]
+    Cuts(#[from] CutError),
     /// A text that this program does not know.
     #[error("version {0} of a request's text is not known; this program reads {known}", known = FrameRequest::TEXT_VERSION)]
     Version(u32),

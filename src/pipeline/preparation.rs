@@ -11,13 +11,15 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
-use crate::render::surfaces::{Normals, SurfaceScene, VertexGradients};
-use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderJob};
+use crate::render::surfaces::{Normals, SurfaceScene, VertexGradients, cut_planes};
+use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
+use crate::transfer::TransferSource;
 use crate::visibility::{
-    ActiveCells, Activity, CellSet, ClearIntervals, DepthOrder, DrawnFaces, FaceSelection, Label, Skip,
+    ActiveCells, Activity, CellSet, ClearIntervals, CutCells, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label,
+    Skip,
 };
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -31,6 +33,8 @@ pub(super) struct Decoded {
     compressed: Option<CompressedStep>,
     /// Where the table is clear.
     clear: Arc<ClearIntervals>,
+    /// The colours of surfaces and sections.
+    colors: SurfaceColors,
     /// The labels of chunks whose scalars are not there; empty if all are.
     known: Vec<Option<Label>>,
     stats: FrameStats,
@@ -41,6 +45,7 @@ pub(super) struct Decoded {
 pub(super) struct Decode {
     steps: StepCache,
     clear: Clear,
+    colors: Option<SurfaceColors>,
     blank: Option<Blank>,
 }
 
@@ -64,17 +69,19 @@ impl Decode {
         let started = Instant::now();
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
-            (self.steps, self.clear, self.blank) = Default::default();
+            (self.steps, self.clear, self.colors, self.blank) = Default::default();
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
         let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
             return Ok(Blank::of(&mut self.blank, series.vertices()).decoded(by));
         };
+        let colors = SurfaceColors::of(&mut self.colors, layer)?;
         let layer = in_sight(layer);
         let clear = self.clear.of(&layer, by, request.skip);
-        // Smooth normals take part of cells in which nothing is to be seen.
-        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer);
+        // Smooth normals and sections take part of cells in which nothing is to be seen.
+        let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
+        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer) || has_sections;
         let needed = if !are_all_needed { series.needed_chunks(request.time, &clear) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
@@ -89,19 +96,14 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer, by, scalars, compressed, clear, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, clear, colors, known, stats })
     }
 }
 
-/// A layer with the transfer function of what is to be seen of its volume: none, if that is not drawn. Surfaces keep the colours that they
-/// have by the one before.
+/// A layer with the transfer function of what is to be seen of its volume: none, if that is not drawn.
 fn in_sight(layer: &TetLayer) -> TetLayer {
     let mut layer = layer.clone();
     if !layer.volume {
-        let table = layer.table.over_scalars().clone();
-        for surface in &mut layer.surfaces {
-            surface.front.get_or_insert_with(|| table.eval(surface.value).rgb);
-        }
         static CLEAR: LazyLock<Arc<NodeTable>> = LazyLock::new(|| Arc::new(NodeTable::clear()));
         (layer.table, layer.formula) = (CLEAR.clone().into(), None);
     }
@@ -110,6 +112,30 @@ fn in_sight(layer: &TetLayer) -> TetLayer {
 
 fn has_smooth_surfaces(layer: &TetLayer) -> bool {
     !layer.surfaces.is_empty() && layer.shading.normals == Normals::Vertex
+}
+
+/// The colours of a transfer function, also where it is clear: its table has none there.
+#[derive(Clone, Debug)]
+struct SurfaceColors {
+    table: Arc<NodeTable>,
+    /// What they come from, if that is known; the colours of the table otherwise.
+    source: Option<Arc<TransferSource>>,
+}
+
+impl SurfaceColors {
+    /// Those of a layer, the same ones while these do not change.
+    fn of(last: &mut Option<Self>, layer: &TetLayer) -> Result<Self, RenderError> {
+        let source = layer.formula.as_ref().filter(|_| layer.has_colored_surfaces());
+        let Some(source) = source else { return Ok(Self { table: layer.table.over_scalars().clone(), source: None }) };
+        let is_same = |last: &&mut Self| last.source.as_ref().is_some_and(|of| Arc::ptr_eq(of, source) || of == source);
+        if let Some(last) = last.as_mut().filter(is_same) {
+            return Ok(last.clone());
+        }
+        let colors = source.formula().map_err(|error| error.to_string());
+        let table = colors.and_then(|formula| formula.colors().map_err(|error| error.to_string()));
+        let table = Arc::new(table.map_err(RenderError::NoFormula)?);
+        Ok(last.insert(Self { table, source: Some(source.clone()) }).clone())
+    }
 }
 
 /// Cells of which nothing is to be seen, where nothing was asked for: nothing has to be decoded for them, and all renderers draw
@@ -139,6 +165,7 @@ impl Blank {
             scalars: self.scalars.clone(),
             compressed: None,
             clear: self.clear.clone(),
+            colors: SurfaceColors { table: self.table.clone(), source: None },
             known: Vec::new(),
             stats: FrameStats::default(),
         }
@@ -164,6 +191,7 @@ pub(super) struct Order {
     gradients: Gradients,
     /// For smooth normals of surfaces.
     vertex_gradients: VertexGradients,
+    cut_cells: CutCells,
     placer: Placer,
 }
 
@@ -190,12 +218,15 @@ impl Order {
         let started = Instant::now();
         let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
         view.samples = request.samples.samples(request.size_px)?;
-        let Activity { finite, active, classified } = self.activity(series, request, &decoded, cancel)?;
-        let Decoded { layer, by, scalars, compressed, known, mut stats, .. } = decoded;
-        stats.cells_classified = classified;
+        let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
+        let (activity, clipped) = self.activity(series, request, &decoded, &planes, cancel)?;
+        let Activity { finite, active, classified } = activity;
+        let Decoded { layer, by, scalars, compressed, colors, known, mut stats, .. } = decoded;
+        (stats.cells_classified, stats.cells_clipped) = (classified, clipped);
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
+            self.cut_cells = CutCells::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -211,7 +242,7 @@ impl Order {
                 Some(scene.ok_or(PipelineError::Cancelled)?)
             }
         };
-        let surfaces = self.surfaces(series, &layer, &scalars, &active, cancel)?;
+        let surfaces = self.surfaces(series, &layer, (colors, planes), (&scalars, &active), cancel)?;
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
@@ -236,20 +267,20 @@ impl Order {
         Ok(Ordered { job, by })
     }
 
-    /// The surfaces of a layer, if it has some.
+    /// The surfaces and cuts of a layer, if it has some.
     fn surfaces(
         &mut self,
         series: &Series,
         layer: &TetLayer,
-        scalars: &Arc<Vec<f32>>,
-        active: &Arc<CellSet>,
+        (colors, planes): (SurfaceColors, CutPlanes),
+        (scalars, active): (&Arc<Vec<f32>>, &Arc<CellSet>),
         cancel: &Cancel,
     ) -> Result<Option<SurfaceScene>, PipelineError> {
-        if layer.surfaces.is_empty() {
+        if layer.surfaces.is_empty() && planes.is_empty() {
             return Ok(None);
         }
-        let scene = SurfaceScene::new(&layer.surfaces, layer.shading, layer.table.over_scalars());
-        let scene = scene.map_err(RequestError::from)?;
+        let scene = SurfaceScene::new(&layer.surfaces, layer.shading, &colors.table).map_err(RequestError::from)?;
+        let scene = scene.with_planes(planes).with_source(colors.source);
         if !scene.lacks_gradients() {
             return Ok(Some(scene));
         }
@@ -303,18 +334,25 @@ impl Order {
         drawn.ok_or(PipelineError::Cancelled)
     }
 
-    /// The cells that the request shows.
+    /// The cells that the request shows, and how many it would show without clips.
     fn activity(
         &mut self,
         series: &Series,
         request: &FrameRequest,
         decoded: &Decoded,
+        planes: &CutPlanes,
         cancel: &Cancel,
-    ) -> Result<Activity, PipelineError> {
+    ) -> Result<(Activity, u64), PipelineError> {
         let Decoded { scalars, clear, known, .. } = decoded;
         let forget = !request.skip.unchanged;
         let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
-        found.ok_or(PipelineError::Cancelled)
+        let found = found.ok_or(PipelineError::Cancelled)?;
+        if planes.is_empty() {
+            return Ok((found, 0));
+        }
+        // The judge looks at everything.
+        let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
+        Ok(self.cut_cells.update(&series.mesh, planes, keep_away, found))
     }
 }
 

@@ -96,13 +96,15 @@ impl FrameRequest {
     }
 
     /// The same picture, without what says how it comes about: where it is rendered, what is left out on the way, whether it is for a
-    /// window, unless the judge asks for it what the table was made from, and the light on surfaces that are not there. The text of this
+    /// window, what the table was made from unless the judge or the colours of surfaces ask for it, and the light on surfaces that are not there. The text of this
     /// tells pictures apart.
     #[must_use]
     pub fn without_hints(self) -> Self {
         let (backend, for_window, skip) = Default::default();
         let without_hints = |tets: &mut TetLayer| {
-            tets.formula.take_if(|_| tets.draw != TetDraw::Reference);
+            if !tets.needs_formula() {
+                tets.formula = None;
+            }
             if tets.surfaces.is_empty() {
                 tets.shading = Default::default();
             }

@@ -28,6 +28,8 @@ pub struct Moment {
     pub lod: Option<f64>,
     /// Isovalue of the last surface.
     pub isovalue: Option<f64>,
+    /// How far the last cut is moved along its normal, world units.
+    pub cut: Option<f64>,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
@@ -106,7 +108,7 @@ impl Animation {
                 At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
             })
         };
-        let (lod, isovalue) = (number(&timeline.lod), number(&timeline.isovalue));
+        let [lod, isovalue, cut] = [&timeline.lod, &timeline.isovalue, &timeline.cut].map(number);
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
@@ -114,7 +116,7 @@ impl Animation {
             Some(Tables { table, formula }) => (Some(table), formula),
             None => (None, None),
         };
-        Ok(Moment { table, formula, camera, lod, isovalue, optics })
+        Ok(Moment { table, formula, camera, lod, isovalue, cut, optics })
     }
 
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {

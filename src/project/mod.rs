@@ -20,7 +20,7 @@ use crate::error::FileError;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
-use crate::render::surfaces::IsosurfaceText;
+use crate::render::surfaces::{Cut, IsosurfaceText};
 use crate::short::Short;
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
@@ -113,6 +113,16 @@ impl Project {
         }
         for iso in &self.look.iso {
             iso.parse::<IsosurfaceText>().map_err(ProjectError::BadSurface)?;
+        }
+        let moved = self.timeline.cut.keys();
+        if let Some(key) = moved.iter().find(|key| !key.value.is_finite()) {
+            return Err(ProjectError::BadCut(format!("moved by {}; distances are finite", key.value)));
+        }
+        if !moved.is_empty() && self.look.cut.is_empty() {
+            return Err(ProjectError::NoCut);
+        }
+        for cut in &self.look.cut {
+            cut.parse::<Cut>().map_err(ProjectError::BadCut)?;
         }
         self.check_mode()?;
         Ok(self.playback.check()?)
@@ -218,6 +228,14 @@ pub enum ProjectError {
     /// An isovalue on the timeline that is not finite.
     #[error("an isovalue of {0}; isovalues are finite")]
     BadIsovalue(f64),
+    /// A cut that is none.
+    #[error("cut: {0}")]
+    BadCut(String),
+    /// Movements on the timeline, of no cut.
+    #[error(
+        "the timeline moves a cut, but [look] has none; add cut = [\"point=x,y,z normal=x,y,z\"], or leave [[timeline.cut]] out"
+    )]
+    NoCut,
     /// Isovalues on the timeline, of no surface.
     #[error(
         "the timeline has isovalues, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] out"

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
-use crate::render::surfaces::{Light, Normals};
+use crate::render::surfaces::{CropBox, Light, Normals};
 use crate::timeline::Keyframed;
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
 use serde::de::Error;
@@ -48,6 +48,12 @@ pub struct LookSettings {
     /// Isosurfaces, as `--iso` has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub iso: Vec<String>,
+    /// Planes through the cells, as `--cut` has them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cut: Vec<String>,
+    /// The box that is left, as `--crop` has it.
+    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
+    pub crop: Option<CropBox>,
     /// Whether the volume is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_volume: Option<bool>,
@@ -130,6 +136,8 @@ pub struct Timeline {
     pub lod: Keyframed<f64>,
     /// Isovalues of the last surface of the look.
     pub isovalue: Keyframed<f64>,
+    /// How far the last cut of the look is moved along its normal, world units.
+    pub cut: Keyframed<f64>,
     /// How segments are integrated; holds until the next key.
     pub optics: Keyframed<OpticsKind>,
 }

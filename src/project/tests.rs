@@ -45,6 +45,8 @@ fn whole() -> Project {
         unit_distance: Some(1e-3),
         lod: Some(0.5),
         iso: vec!["0.5:#ff0000:0.25".into(), "-2.5".into()],
+        cut: vec!["point=0,0,1 normal=0,0,1 clip".into(), "point=0,0,0 normal=1,0,0".into()],
+        crop: Some("min=-1,-1,-1 max=1,1,2.5".parse().unwrap()),
         no_volume: Some(true),
         shade: Some(Normals::Vertex),
         light: Some(Light::From([0.0, 0.5, -1.0])),
@@ -69,6 +71,7 @@ fn whole() -> Project {
         cameras: keys(vec![key(0.0, camera(0.1)), key(3.0, camera(5.0))]),
         lod: keys(vec![key(0.0, 0.1), key(1.0, 1.0)]),
         isovalue: keys(vec![key(0.5, -1.25), key(2.0, 3.5)]),
+        cut: keys(vec![key(0.0, -0.5), key(2.0, 0.25)]),
         optics: keys(vec![key(2.0, OpticsKind::Exact)]),
     };
     project.check().unwrap();
@@ -164,6 +167,9 @@ fn parts_that_do_not_belong_together_are_errors() {
     assert!(broken(|p| p.timeline.isovalue = keys(vec![key(0.0, f64::NAN)])).contains("isovalues are finite"));
     assert!(broken(|p| p.look.iso.clear()).contains("no surface; add iso"));
     assert!(broken(|p| p.look.iso.push("warm".into())).contains("iso: 'warm' is no isovalue"));
+    assert!(broken(|p| p.timeline.cut = keys(vec![key(0.0, f64::INFINITY)])).contains("distances are finite"));
+    assert!(broken(|p| p.look.cut.clear()).contains("[look] has none; add cut"));
+    assert!(broken(|p| p.look.cut.push("clip".into())).contains("cut: point= is missing"));
     let raycast = broken(|p| (p.look.mode, p.look.lod) = (Some(RenderMode::Raycast), None));
     assert!(
         broken(|p| (p.look.mode, p.timeline.lod) = (Some(RenderMode::Raycast), keys(vec![]))).contains("all cells")

@@ -49,6 +49,21 @@ impl Segment {
         Self::new(cell, [from.0, to.0], [from.1, to.1], [0.0; 2], line)
     }
 
+    /// The scalar at a depth.
+    #[inline(always)]
+    pub(in crate::render) fn scalar_at(&self, depth: f64) -> f64 {
+        between(self.scalar, self.share(depth))
+    }
+
+    /// What of it lies between two depths in it.
+    #[inline(always)]
+    pub(in crate::render) fn between(self, [from, to]: [f64; 2]) -> Self {
+        let ([near, far], [near_scalar, far_scalar]) = (self.part, self.part_scalar);
+        let from_scalar = if from == near { near_scalar } else { self.scalar_at(from) };
+        let to_scalar = if to == far { far_scalar } else { self.scalar_at(to) };
+        Self { part: [from, to], part_scalar: [from_scalar, to_scalar], ..self }
+    }
+
     /// What is left of it from a depth on, if there is something.
     #[inline(always)]
     pub(in crate::render) fn behind(self, depth: f64) -> Option<Self> {
@@ -62,7 +77,7 @@ impl Segment {
         if near >= depth {
             return (None, self);
         }
-        let scalar = between(self.scalar, self.share(depth));
+        let scalar = self.scalar_at(depth);
         let before = Self { part: [near, depth], part_scalar: [near_scalar, scalar], ..self };
         (Some(before), Self { part: [depth, far], part_scalar: [scalar, far_scalar], ..self })
     }

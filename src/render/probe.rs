@@ -5,7 +5,7 @@
 //! the thing itself; of equal ones the nearest. In that cell it is the point in front of which half of the segment's opacity
 //! lies. Both depend on the picture alone: the first visible point would be faint haze in front of what one sees, and the
 //! point where half of the *pixel's* opacity is reached may lie between two layers, where nothing is. The price: of a smooth
-//! haze without any layer the largest cell wins, wherever it is. An isosurface is met in one point, and takes its opacity there.
+//! haze without any layer the largest cell wins, wherever it is. An isosurface or a section is met in one point, and takes its opacity there; what clips cut away is not there.
 //!
 //! ```text
 //! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
@@ -20,8 +20,10 @@
 use super::medium::Segment;
 use super::reference::clip::Cell;
 use super::reference::integrate::{END_DEPTH, Transfer};
+use super::surfaces::cuts_in_view::CutsInView;
 use super::{RenderError, RenderJob};
 use crate::camera::View;
+use crate::visibility::CutPlanes;
 use glam::DVec3;
 
 /// A point in the mesh that is seen in an image.
@@ -78,13 +80,17 @@ struct Ray {
     view: View,
     px: f64,
     py: f64,
+    cuts: CutsInView,
 }
 
 /// The part of a ray in a cell.
 struct OnRay {
     number: u32,
     cell: Cell,
+    /// What clips leave of it.
     segment: Segment,
+    /// Depth at which the ray leaves the cell.
+    exit: f64,
 }
 
 /// What gives something to the opacity of a pixel: the volume in a cell, or a surface there.
@@ -96,13 +102,19 @@ struct Seen<'a> {
     surface_depth: Option<f64>,
 }
 
-/// Depth and opacity of the surfaces that a segment meets, nearest first.
-fn surfaces_on(job: &RenderJob, segment: &Segment) -> Vec<(f64, f64)> {
+/// Depth and opacity of the surfaces and sections that a segment meets, nearest first.
+fn surfaces_on(job: &RenderJob, cuts: &CutsInView, OnRay { segment, exit, .. }: &OnRay) -> Vec<(f64, f64)> {
     let ([near, far], [from, to]) = (segment.part, segment.part_scalar);
     let sheets = job.surfaces.as_ref().map_or(&[][..], |surfaces| surfaces.sheets());
     let met = sheets.iter().filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
     let depth = |value: f64| near + (value - from) / (to - from) * (far - near);
     let mut met: Vec<(f64, f64)> = met.map(|sheet| (depth(sheet.value), sheet.opacity)).collect();
+    let mut last = (f64::NEG_INFINITY, 0);
+    let whole = Segment { part: [segment.part[0], *exit], ..*segment };
+    while let Some(next) = cuts.next_section(&whole, segment.part, last) {
+        met.push((next.0, 1.0));
+        last = next;
+    }
     met.sort_by(|a, b| a.0.total_cmp(&b.0));
     met
 }
@@ -112,7 +124,9 @@ impl Ray {
         let view = job.local_view();
         let is_inside = (0.0..=view.width_px as f64).contains(&x_px) && (0.0..=view.height_px as f64).contains(&y_px);
         let (px, py) = view.ray_at(x_px, y_px);
-        is_inside.then_some(Self { view, px, py })
+        let none = CutPlanes::default();
+        let cuts = CutsInView::new(job.surfaces.as_ref().map_or(&none, |scene| scene.planes()), &view);
+        is_inside.then_some(Self { view, px, py, cuts })
     }
 
     /// View coordinates at a depth.
@@ -132,7 +146,7 @@ impl Ray {
             let tet = job.mesh.topology.tets[number as usize];
             let cell = Cell::new(job, view, number, tet.map(to_view))?;
             let segment = cell.clip(view, job.mesh.positions.scale, self.px, self.py)?;
-            Some(OnRay { number, cell, segment })
+            Some(OnRay { number, cell, segment, exit: segment.part[1] })
         };
         let mut found: Vec<OnRay> =
             self.near_cells(job).filter(|&number| job.active.contains(number)).filter_map(clipped).collect();
@@ -147,6 +161,11 @@ impl Ray {
             front = left.part[1];
             on_ray.segment = left;
             true
+        });
+        found.retain_mut(|on_ray| {
+            let left = self.cuts.left_of(&on_ray.segment);
+            on_ray.segment = left.map_or(on_ray.segment, |left| on_ray.segment.between(left));
+            left.is_some()
         });
         found
     }
@@ -192,7 +211,7 @@ impl Ray {
         for on_ray in chain {
             let optical_depth = |part: &Segment| self.absorbing(table, part).map(|piece| piece.depth).sum::<f64>();
             let (mut rest, mut of_volume, mut is_over) = (on_ray.segment, 0.0, false);
-            for (depth, opacity) in surfaces_on(job, &on_ray.segment) {
+            for (depth, opacity) in surfaces_on(job, &self.cuts, on_ray) {
                 let (before, behind) = rest.split(depth);
                 rest = behind;
                 of_volume += before.map_or(0.0, |before| take(optical_depth(&before)).0);
@@ -227,7 +246,7 @@ impl Ray {
 
     /// The point of a surface, or that of a segment in front of which half of its opacity lies.
     fn point(&self, job: &RenderJob, Seen { on_ray, surface_depth, .. }: Seen<'_>, share: f64) -> Probe {
-        let OnRay { number, cell, segment } = on_ray;
+        let OnRay { number, cell, segment, .. } = on_ray;
         let depth = surface_depth.unwrap_or_else(|| {
             let pieces: Vec<Piece> = self.absorbing(Transfer::of(job), segment).collect();
             let [near, far] = segment.part;

@@ -7,7 +7,7 @@ use crate::mesh::{Mesh, RawMesh};
 use crate::node_table::{Node, NodeTable};
 use crate::render::Renderer;
 use crate::render::reference::Reference;
-use crate::render::surfaces::{Isosurface, SurfaceScene, SurfaceShading};
+use crate::render::surfaces::{Cut, Isosurface, SurfaceScene, SurfaceShading, cut_planes};
 use crate::render::testing::job;
 use std::sync::Arc;
 
@@ -71,7 +71,16 @@ fn random_job(random: &mut Random) -> RenderJob {
     let job = job(&Arc::new(mesh), scalars, &camera, (11, 9), table(&nodes));
     let surface = |value, opacity| Isosurface { opacity, ..Isosurface::new(value) };
     let surfaces = [surface(0.31, 0.4), surface(-0.52, [0.3, 1.0][random.below(2)])];
-    let scene = SurfaceScene::new(&surfaces, SurfaceShading::default(), &job.table).unwrap();
+    let mut scene = SurfaceScene::new(&surfaces, SurfaceShading::default(), &job.table).unwrap();
+    let random_cuts = random.below(2) == 0;
+    let mut plane = || Cut {
+        point: (target + 0.5 * DVec3::from_array(std::array::from_fn(|_| random.signed()))).to_array(),
+        normal: std::array::from_fn(|_| random.signed()),
+        clips: random.below(2) == 0,
+    };
+    if random_cuts {
+        scene = scene.with_planes(cut_planes(&[plane(), plane()], &job.mesh.positions).unwrap());
+    }
     RenderJob { surfaces: Some(scene).filter(|_| random.below(2) == 0), ..job }
 }
 

@@ -14,6 +14,8 @@ pub struct FrameStats {
     pub cells_active: u64,
     /// Cells of the mesh.
     pub cells_total: u64,
+    /// Cells that could be seen without clips, which cut all of them away.
+    pub cells_clipped: u64,
     /// Cells that were looked at to find out whether they can be seen; of the others that was known.
     pub cells_classified: u64,
     /// Chunks of vertices that were not decoded, since none of their cells can be seen.

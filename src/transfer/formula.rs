@@ -10,7 +10,8 @@ use super::profile::{Axis, OnAxis, Side};
 use super::range::MappedRange;
 use super::range_map::RangeMap;
 use super::table::OpacityKind;
-use super::tolerance::Lengths;
+use super::tolerance::{COLOR_TOLERANCE, Lengths};
+use crate::node_table::{Node, NodeTable, NodeTableError};
 use serde::{Deserialize, Serialize};
 
 /// What a table was made from: plain data.
@@ -157,6 +158,30 @@ impl Formula<'_> {
         &self.knots
     }
 
+    /// Its colours alone, also where it is clear: a table without extinction. Between two knots it is halved until colours in the middle
+    /// and at the quarters are within half a tolerance; what is shown of a table leaves out colours that nobody sees.
+    ///
+    /// # Errors
+    /// If there are more nodes than a table has, or one is no node.
+    pub fn colors(&self) -> Result<NodeTable, NodeTableError> {
+        let node = |scalar: f64, rgb: [f64; 3]| Node { scalar, rgb: rgb.map(|c| c.clamp(0.0, 1.0)), tau: 0.0 };
+        let at = |scalar: f64| self.eval(scalar).0;
+        let mut nodes = Vec::new();
+        for (number, &knot) in self.knots.iter().enumerate() {
+            let below = at(knot.next_down());
+            if let Some(&before) = number.checked_sub(1).and_then(|before| self.knots.get(before)) {
+                halve((before, at(before)), (knot, below), HALVINGS, &at, &mut |scalar, rgb| {
+                    nodes.push(node(scalar, rgb))
+                });
+            }
+            nodes.push(node(knot, below));
+            if at(knot) != below {
+                nodes.push(node(knot, at(knot)));
+            }
+        }
+        if nodes.is_empty() { NodeTable::new(vec![node(0.0, at(0.0))]) } else { NodeTable::new(nodes) }
+    }
+
     /// Display-referred colour and extinction per world unit of length at a scalar; infinite where opacity is 1. At a step, those of
     /// its right side.
     pub fn eval(&self, scalar: f64) -> ([f64; 3], f64) {
@@ -183,6 +208,32 @@ impl Formula<'_> {
             }
         }
     }
+}
+
+/// Halvings between two knots of colours, at most.
+const HALVINGS: u32 = 12;
+
+/// Adds, from the lower scalar to the upper one, places between two with their colours, until those in between are on the line.
+fn halve(
+    a: (f64, [f64; 3]),
+    b: (f64, [f64; 3]),
+    halvings: u32,
+    at: &impl Fn(f64) -> [f64; 3],
+    add: &mut impl FnMut(f64, [f64; 3]),
+) {
+    let place = |share: f64| a.0 + share * (b.0 - a.0);
+    let off = |share: f64| {
+        let found = at(place(share));
+        (0..3).map(|c| (found[c] - (a.1[c] + share * (b.1[c] - a.1[c]))).abs()).fold(0.0, f64::max)
+    };
+    let is_between = a.0 < place(0.5) && place(0.5) < b.0;
+    if halvings == 0 || !is_between || [0.25, 0.5, 0.75].into_iter().all(|share| off(share) <= 0.5 * COLOR_TOLERANCE) {
+        return;
+    }
+    let middle = (place(0.5), at(place(0.5)));
+    halve(a, middle, halvings - 1, at, add);
+    add(middle.0, middle.1);
+    halve(middle, b, halvings - 1, at, add);
 }
 
 #[cfg(test)]

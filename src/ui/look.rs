@@ -175,7 +175,8 @@ impl Requests {
         let request = FrameRequest::new(time, camera, table, size);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&look.surfaces.at_isovalue(said.isovalue.filter(|_| followed.isovalue)));
+            let [isovalue, cut] = [said.isovalue, said.cut].map(|said| said.filter(|_| followed.surfaces));
+            tets.show(&look.surfaces.moved(isovalue, cut));
         });
         Some(FrameRequest { backend, for_window, skip, ..request })
     }

@@ -32,15 +32,15 @@ pub struct Followed {
     pub camera: bool,
     /// Its levels of detail.
     pub lod: bool,
-    /// The isovalues of its timeline.
-    pub isovalue: bool,
+    /// The isovalues and cuts of its timeline.
+    pub surfaces: bool,
     /// Its changes of how segments are integrated.
     pub optics: bool,
 }
 
 impl Default for Followed {
     fn default() -> Self {
-        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, isovalue: true, optics: true }
+        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, optics: true }
     }
 }
 

@@ -103,6 +103,7 @@ fn go_to(desk: &mut Desk, step: usize) {
 fn said(request: &FrameRequest) -> Moment {
     Moment {
         isovalue: None,
+        cut: None,
         table: Some(request.tets().unwrap().table.clone()),
         formula: request.tets().unwrap().formula.clone(),
         camera: Some(request.camera),

@@ -312,11 +312,15 @@ impl Session {
         mapped_range(self.series(), &self.look.range, time).ok()
     }
 
-    /// The surfaces of the look, the last one where the timeline of a project has it on the screen.
+    /// The surfaces and cuts of the look, the last ones where the timeline of a project has them on the screen.
     pub fn shown_surfaces(&self) -> SurfaceLook {
-        let follows = self.look.followed.isovalue && self.project().is_some();
+        let follows = self.look.followed.surfaces && self.project().is_some();
         let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
-        self.look.surfaces.at_isovalue(tets.and_then(|tets| tets.surfaces.last()).map(|surface| surface.value))
+        let isovalue = tets.and_then(|tets| tets.surfaces.last()).map(|surface| surface.value);
+        let mut look = self.look.surfaces.moved(isovalue, None);
+        let shown = tets.and_then(|tets| tets.cuts.get(..look.cuts.len()));
+        look.cuts.copy_from_slice(shown.unwrap_or(&self.look.surfaces.cuts));
+        look
     }
 
     /// The colour that the transfer function on the screen has at a scalar.

@@ -16,6 +16,7 @@
 //! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
 pub(super) mod clip;
+mod cuts;
 mod formula;
 pub(super) mod integrate;
 mod joint;
@@ -24,7 +25,9 @@ mod surfaces;
 use super::{Frame, FrameRun, LayerFragment, LayerRenderer, RenderError, RenderJob};
 use crate::camera::{Samples, View};
 use crate::render::medium::{Medium, Segment};
+use crate::transfer::Formula;
 use clip::Cell;
+use cuts::WithCuts;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -130,18 +133,23 @@ impl JudgedJob {
     fn integrate<M: Medium<Ray = (), Light = integrate::Sum>>(
         &self,
         medium: &M,
+        colors: Option<&Formula<'_>>,
         place: usize,
         chain: impl Iterator<Item = Segment>,
         fragments: &[LayerFragment],
     ) -> integrate::Light {
         let (view, scale) = (&self.view, self.job.mesh.positions.scale);
-        let Some(surfaces) = &self.surfaces else { return integrate::integrate(medium, chain, fragments, scale) };
+        let (Some(surfaces), Some(scene)) = (&self.surfaces, &self.job.surfaces) else {
+            return integrate::integrate(medium, chain, fragments, scale);
+        };
         let (column, row) = view.pixel_at(place);
         let (px, py) = view.ray(column, row);
         let beside = px * view.right + py * view.up;
         let (origin, direction) =
             if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
         let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, origin, direction };
+        let color = |scalar: f64| colors.map_or_else(|| scene.section_color(scalar), |colors| colors.eval(scalar).0);
+        let medium = WithCuts { inner: &medium, planes: scene.planes(), color, origin, direction };
         integrate::integrate(&medium, chain, fragments, scale)
     }
 }
@@ -154,6 +162,7 @@ fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths
     let rows = view.rows_of(places.clone());
     // It has been made before, when the job began.
     let formula = active.job.formula.as_ref().and_then(|source| source.formula().ok());
+    let colors = active.job.surfaces.as_ref().and_then(|scene| scene.source()?.formula().ok());
     let mut segments: Vec<(u32, Segment)> = Vec::new();
     for (i, cell) in active.cells.iter().enumerate() {
         if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
@@ -188,8 +197,11 @@ fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths
         }
         let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
         let light = match &formula {
-            Some(formula) => active.integrate(formula, first + pixel, chain, fragments),
-            None => active.integrate(&integrate::Transfer::of(&active.job), first + pixel, chain, fragments),
+            Some(formula) => active.integrate(formula, colors.as_ref(), first + pixel, chain, fragments),
+            None => {
+                let transfer = integrate::Transfer::of(&active.job);
+                active.integrate(&transfer, colors.as_ref(), first + pixel, chain, fragments)
+            }
         };
         pixels[pixel] = light.rgba.map(|v| v as f32);
         depths[pixel] = (light.visible_from * scale) as f32;

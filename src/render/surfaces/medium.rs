@@ -1,5 +1,6 @@
-//! Isosurfaces between the pieces of a segment, as a [`Medium`] around that of the volume.
+//! Isosurfaces and cuts between the pieces of a segment, as a [`Medium`] around that of the volume.
 
+use super::cuts_in_view::CutsInView;
 use super::{Light, Normals, Sheet, SurfaceScene};
 use crate::camera::View;
 use crate::mesh::{self, Mesh};
@@ -11,17 +12,20 @@ use crate::render::medium::{Medium, RayLine, ScalarMedium, Segment};
 use crate::render::{OpticsTable, RenderJob};
 use glam::{DVec3, Vec4};
 
-/// A medium with isosurfaces in it.
+/// A medium with isosurfaces in it, and planes that cut it.
 pub(in crate::render) struct SurfaceMedium<'a, M> {
     volume: M,
+    scene: &'a SurfaceScene,
     sheets: &'a [Sheet],
     shader: Shader<'a>,
+    cuts: CutsInView,
 }
 
 impl<'a, M> SurfaceMedium<'a, M> {
     /// The surfaces of a job with this local view, in the medium that its volume is.
     pub(in crate::render) fn new(volume: M, scene: &'a SurfaceScene, job: &'a RenderJob, view: &'a View) -> Self {
-        Self { volume, sheets: scene.sheets(), shader: Shader::new(scene, job, view) }
+        let cuts = CutsInView::new(scene.planes(), view);
+        Self { volume, scene, sheets: scene.sheets(), shader: Shader::new(scene, job, view), cuts }
     }
 
     /// How many surfaces a scalar is above of, or on: those before this place among the sheets.
@@ -32,6 +36,49 @@ impl<'a, M> SurfaceMedium<'a, M> {
 }
 
 impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
+    /// What is left of a segment between the surfaces in it.
+    #[inline(always)]
+    fn pass_uncut(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
+        let passed = segment.part_scalar.map(|scalar| self.below(scalar));
+        if passed[0] == passed[1] {
+            self.volume.pass(ray, segment, light)
+        } else {
+            self.pass_surfaces(ray, segment, passed, light)
+        }
+    }
+
+    /// A segment through planes: what clips leave of it, with the sections that the ray meets there, the nearest first and of equal ones
+    /// in their order. A section at the depth of a clip is seen.
+    #[inline(never)]
+    fn pass_cut(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
+        let [near, far] = segment.part;
+        let Some([from, to]) = self.cuts.left_of(segment) else { return 0 };
+        let mut rest = segment.between([from, to]);
+        if from > near {
+            // The ray has not been through what lies before.
+            *ray = M::Ray::default();
+        }
+        let (mut pieces, mut last) = (0, (f64::NEG_INFINITY, 0));
+        while let Some((depth, number)) = self.cuts.next_section(segment, [from, to], last) {
+            let (before, behind) = rest.split(depth);
+            pieces += before.map_or(0, |before| self.pass_uncut(ray, &before, light));
+            if light.is_opaque() {
+                return pieces;
+            }
+            let [r, g, b] = self.scene.section_color(behind.part_scalar[0]).map(|c| c as f32);
+            light.add_premultiplied(Vec4::new(r, g, b, 1.0), 1.0);
+            light.visible_from = light.visible_from.min(depth);
+            (rest, last, pieces) = (behind, (depth, number), pieces + 1);
+        }
+        if rest.part[1] > rest.part[0] && !light.is_opaque() {
+            pieces += self.pass_uncut(ray, &rest, light);
+        }
+        if to < far {
+            *ray = M::Ray::default();
+        }
+        pieces
+    }
+
     /// A segment with surfaces in it, `passed` of all, which the ray meets one after the other.
     #[inline(never)]
     fn pass_surfaces(&self, ray: &mut M::Ray, segment: &Segment, passed: [usize; 2], light: &mut Accumulator) -> u32 {
@@ -76,12 +123,7 @@ impl<M: Medium<Light = Accumulator>> Medium for SurfaceMedium<'_, M> {
 
     #[inline(always)]
     fn pass(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
-        let passed = segment.part_scalar.map(|scalar| self.below(scalar));
-        if passed[0] == passed[1] {
-            self.volume.pass(ray, segment, light)
-        } else {
-            self.pass_surfaces(ray, segment, passed, light)
-        }
+        if self.cuts.is_empty() { self.pass_uncut(ray, segment, light) } else { self.pass_cut(ray, segment, light) }
     }
 
     #[inline(always)]

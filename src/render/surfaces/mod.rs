@@ -1,4 +1,4 @@
-//! Surfaces inside the cells: isosurfaces, and the light on them.
+//! Surfaces inside the cells: isosurfaces and the light on them, and planes that cut them.
 //!
 //! The scalar is linear in a cell, so an isosurface is flat there, and a ray meets it where the scalar along the ray, linear as
 //! well, passes the isovalue: between successive faces, as in the dissertation (6.1.3.2). A scalar counts as above an isovalue if it is at
@@ -6,14 +6,22 @@
 //! neighbouring cells, so that no ray slips through between two of them or meets a surface twice. A cell whose scalars all equal the
 //! isovalue lies above: its border to lower cells is the surface. Where the domain or a hole ends there is no surface.
 //!
-//! [`Isosurface`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and [`medium`]
-//! puts it between the pieces of a segment.
+//! A [`Cut`] shows the section of a plane, or clips what lies in front of it: rays pass through what is left of a segment between
+//! the clips, and meet sections where they meet the plane.
+//!
+//! [`Isosurface`], [`Cut`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and
+//! [`medium`] puts it between the pieces of a segment.
 
+mod cuts;
+pub(super) mod cuts_in_view;
 pub(super) mod medium;
 mod normals;
 mod text;
 
 use crate::node_table::NodeTable;
+use crate::transfer::TransferSource;
+use crate::visibility::CutPlanes;
+pub use cuts::{CropBox, Cut, CutError, check_cuts, cut_planes};
 pub use normals::VertexGradients;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -159,14 +167,20 @@ pub struct SurfaceScene {
     shading: SurfaceShading,
     /// One vector a vertex of the mesh along the gradient of the scalar, of any length, local coordinates; for [`Normals::Vertex`].
     gradients: Option<Arc<Vec<[f32; 3]>>>,
+    /// Planes that cut the cells.
+    planes: CutPlanes,
+    /// The transfer function whose colours sections have.
+    colors: Arc<NodeTable>,
+    /// What these come from, for the judge.
+    source: Option<Arc<TransferSource>>,
 }
 
 impl SurfaceScene {
-    /// Surfaces in a field with this transfer function.
+    /// Surfaces in a field in the colours of this transfer function.
     ///
     /// # Errors
     /// As [`check`].
-    pub fn new(surfaces: &[Isosurface], shading: SurfaceShading, table: &NodeTable) -> Result<Self, SurfaceError> {
+    pub fn new(surfaces: &[Isosurface], shading: SurfaceShading, table: &Arc<NodeTable>) -> Result<Self, SurfaceError> {
         check(surfaces, &shading)?;
         let mut sheets: Vec<Sheet> = surfaces
             .iter()
@@ -176,7 +190,14 @@ impl SurfaceScene {
             })
             .collect();
         sheets.sort_by(|a, b| a.value.total_cmp(&b.value));
-        Ok(Self { sheets: sheets.into(), shading, gradients: None })
+        Ok(Self {
+            sheets: sheets.into(),
+            shading,
+            gradients: None,
+            planes: CutPlanes::default(),
+            colors: table.clone(),
+            source: None,
+        })
     }
 
     /// The same with gradients at vertices, for smooth normals: one vector a vertex of the mesh, of any length, local coordinates.
@@ -185,9 +206,36 @@ impl SurfaceScene {
         Self { gradients: Some(gradients), ..self }
     }
 
+    /// The same cut by planes, local coordinates of the mesh.
+    #[must_use]
+    pub fn with_planes(self, planes: CutPlanes) -> Self {
+        Self { planes, ..self }
+    }
+
+    /// The same for the reference, which finds the colours of sections by their definition.
+    #[must_use]
+    pub fn with_source(self, source: Option<Arc<TransferSource>>) -> Self {
+        Self { source, ..self }
+    }
+
+    /// What the colours come from, if that is known.
+    pub(super) fn source(&self) -> Option<&Arc<TransferSource>> {
+        self.source.as_ref()
+    }
+
+    /// The planes that cut the cells.
+    pub fn planes(&self) -> &CutPlanes {
+        &self.planes
+    }
+
+    /// The colour of a section where the field has this scalar.
+    pub(super) fn section_color(&self, scalar: f64) -> [f64; 3] {
+        self.colors.eval(scalar).rgb
+    }
+
     /// Whether gradients at vertices are needed and not there.
     pub fn lacks_gradients(&self) -> bool {
-        self.shading.normals == Normals::Vertex && self.gradients.is_none()
+        self.shading.normals == Normals::Vertex && !self.sheets.is_empty() && self.gradients.is_none()
     }
 
     /// The gradients at vertices, if it has them.

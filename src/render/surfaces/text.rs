@@ -2,7 +2,7 @@
 
 use super::{Isosurface, Light, Normals};
 use crate::short::Short;
-use crate::words::words;
+use crate::words::{numbers, words};
 use std::fmt;
 use std::str::FromStr;
 
@@ -86,10 +86,7 @@ impl FromStr for Light {
             return Ok(Self::Headlight);
         }
         let wrong = || format!("'{text}' is no light; write headlight, or a direction x,y,z that is not 0,0,0");
-        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
-        let direction: [f64; 3] = numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)?;
-        let is_one = direction.iter().all(|x| x.is_finite()) && direction != [0.0; 3];
-        if is_one { Ok(Self::From(direction)) } else { Err(wrong()) }
+        numbers(text).filter(|direction| *direction != [0.0; 3]).map(Self::From).ok_or_else(wrong)
     }
 }
 

@@ -86,7 +86,7 @@ impl Session {
             }
             Action::Surfaces(surfaces) => {
                 self.look.surfaces = surfaces;
-                self.leave(|followed| followed.isovalue = false);
+                self.leave(|followed| followed.surfaces = false);
             }
             Action::NextShown => {
                 if let Some((lo, hi)) = self.range_of_field() {
@@ -97,7 +97,7 @@ impl Session {
                 if let Some((lo, hi)) = self.range_of_field() {
                     self.look.surfaces = self.shown_surfaces();
                     self.look.surfaces.move_isovalue(0.01 * hundredths * (hi - lo), (lo, hi));
-                    self.leave(|followed| followed.isovalue = false);
+                    self.leave(|followed| followed.surfaces = false);
                 }
             }
             Action::LevelOfDetail(lod) if lod.is_nan() => {}

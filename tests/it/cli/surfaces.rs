@@ -5,7 +5,8 @@ use tetreel::image::{ExrImage, read_exr};
 
 /// An EXR of the slab at a step with these options.
 fn exr(place: &Place, options: &[&str]) -> ExrImage {
-    place.ok(&render(&[&["-o", "f.exr", "--exr", "raw", "--steps", "2"], options].concat()));
+    let step: &[&str] = if options.contains(&"--steps") { &[] } else { &["--steps", "2"] };
+    place.ok(&render(&[&["-o", "f.exr", "--exr", "raw"], step, options].concat()));
     read_exr(&place.path("f.exr")).unwrap()
 }
 
@@ -108,4 +109,100 @@ fn the_timeline_of_a_project_moves_an_isovalue() {
     assert!(still == [alone(0.5, "0").color, alone(0.5, "4").color]);
     std::fs::write(place.path("p.toml"), project([share(1.5), share(1.2)])).unwrap();
     place.refuses(&["render", "p.toml"], &["is never met", "field linear goes from"]);
+}
+
+/// The box of the slab's mesh.
+fn bounds(place: &Place) -> [[f64; 3]; 2] {
+    let info = place.json(&["info", "slab.zarr", "--json"]);
+    [0, 1].map(|end: usize| [0, 1, 2].map(|axis| info["mesh"]["bounds"][end][axis].as_f64().unwrap()))
+}
+
+#[test]
+fn planes_cut_the_mesh_in_every_mode_and_a_box_is_its_six_sides() {
+    let place = Place::with_slab();
+    let [lo, hi] = bounds(&place);
+    let at = |share: f64| [0, 1, 2].map(|axis: usize| lo[axis] + share * (hi[axis] - lo[axis]));
+    let text = |[x, y, z]: [f64; 3]| format!("{x},{y},{z}");
+    let cut = format!("point={} normal=1,0.2,0", text(at(0.5)));
+    let clip = format!("{cut} clip");
+    let whole = exr(&place, &[]);
+    let images =
+        [&["--cut", &cut][..], &["--cut", &clip], &["--cut", &cut, "--no-volume"], &["--cut", &clip, "--cut", &cut]]
+            .map(|options| {
+                let image = exr(&place, options);
+                for mode in ["havs", "reference"] {
+                    let other = exr(&place, &[options, &["--mode", mode]].concat());
+                    let apart = image.color.pixels.iter().flatten().zip(other.color.pixels.iter().flatten());
+                    let most = apart.fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+                    assert!(most < 1e-4, "{options:?}, {mode}: {most}");
+                }
+                image.color
+            });
+    assert!(images.iter().enumerate().all(|(i, image)| *image != whole.color && !images[..i].contains(image)));
+    let crop = format!("min={} max={}", text(at(0.2)), text(at(0.7)));
+    let mut sides: Vec<String> = Vec::new();
+    for (axis, normal) in ["1,0,0", "0,1,0", "0,0,1"].into_iter().enumerate() {
+        let turned = normal.replace('1', "-1");
+        sides.push(format!("point={} normal={turned} clip", text(at(0.2))));
+        sides.push(format!("point={} normal={normal} clip", text(at(0.7))));
+        assert!(axis < 3);
+    }
+    let options: Vec<&str> = sides.iter().flat_map(|side| ["--cut", side]).collect();
+    let (boxed, by_sides) = (exr(&place, &["--crop", &crop]).color, exr(&place, &options).color);
+    assert!(boxed != whole.color && boxed == by_sides);
+}
+
+#[test]
+fn cuts_that_leave_or_meet_nothing_are_refused_before_anything_is_written() {
+    let place = Place::with_slab();
+    let [lo, hi] = bounds(&place);
+    let beyond = format!("{},{},{}", hi[0] + 1.0, hi[1], hi[2]);
+    let away = format!("point={},0,0 normal=1,0,0 clip", lo[0] - 1.0);
+    let section = format!("point={beyond} normal=1,0,0");
+    let crop = format!("min={beyond} max={},{},{}", hi[0] + 2.0, hi[1] + 1.0, hi[2] + 1.0);
+    for (options, parts) in [
+        (["--cut", &away], &["leave nothing", "the mesh goes from", "turn its normal"][..]),
+        (["--cut", &section], &["meets nothing", "the mesh goes from"]),
+        (["--crop", &crop], &["--crop leaves nothing"]),
+    ] {
+        place.refuses(&render(&[&["-o", "f.png", "--steps", "1"][..], &options].concat()), parts);
+    }
+    for (options, word) in [
+        (["--cut", "point=0,0,0"], "normal= is missing"),
+        (["--cut", "point=0,0,0 normal=0,0,0"], "has no direction"),
+        (["--cut", "point=0,0,nan normal=0,0,1"], "three finite numbers"),
+        (["--crop", "min=0,0,0 max=0,1,1"], "from 0 to 0 in x"),
+    ] {
+        let run = place.run(&render(&[&["-o", "f.png", "--steps", "1"][..], &options].concat()));
+        assert_eq!((run.code, place.path("f.png").exists()), (Some(2), false));
+        assert!(run.err.contains(word), "{}", run.err);
+    }
+}
+
+#[test]
+fn the_timeline_of_a_project_moves_a_cut() {
+    let place = Place::with_slab();
+    let [lo, hi] = bounds(&place);
+    let end = place.json(&["info", "slab.zarr", "--json"])["time"]["last"].as_f64().unwrap();
+    let project = |keys: [f64; 2]| {
+        format!(
+            "version = 1\n[data]\nsource = \"slab.zarr\"\nfield = \"linear\"\n[look]\ncut = [\"point={},0,0 normal=2,0,0\"]\n\
+             no-volume = true\n[output]\noutput = \"p_%d.exr\"\nsize = \"64x64\"\nexr = \"raw\"\n[[timeline.cut]]\ntime = 0.0\n\
+             value = {:?}\n[[timeline.cut]]\ntime = {end:?}\nvalue = {:?}\n",
+            lo[0], keys[0], keys[1]
+        )
+    };
+    let width = hi[0] - lo[0];
+    std::fs::write(place.path("p.toml"), project([0.25 * width, 0.75 * width])).unwrap();
+    place.ok(&["render", "p.toml"]);
+    for (step, share) in [(0, 0.25), (4, 0.75)] {
+        let cut = format!("point={},0,0 normal=1,0,0", lo[0] + share * width);
+        let alone = exr(&place, &["--steps", &step.to_string(), "--cut", &cut, "--no-volume", "--field", "linear"]);
+        let moved = read_exr(&place.path(&format!("p_{step}.exr"))).unwrap();
+        assert!(moved.color == alone.color && moved.depth == alone.depth, "step {step}");
+    }
+    std::fs::write(place.path("p.toml"), project([-2.0 * width, -width])).unwrap();
+    place.refuses(&["render", "p.toml"], &["meets nothing", "the mesh goes from"]);
+    std::fs::write(place.path("p.toml"), project([-2.0 * width, 2.0 * width])).unwrap();
+    place.ok(&["render", "p.toml"]);
 }

@@ -12,14 +12,14 @@ use tetreel::render::surfaces::{
 use tetreel::task::Cancel;
 use tetreel::visibility::Skip;
 
-const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 35.0 };
-const OUTSIDE: DVec3 = DVec3::new(3.0, 2.0, 2.5);
+pub(super) const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 35.0 };
+pub(super) const OUTSIDE: DVec3 = DVec3::new(3.0, 2.0, 2.5);
 
 fn surface(value: f64, front: [f64; 3], opacity: f64) -> Isosurface {
     Isosurface { front: Some(front), opacity, ..Isosurface::new(value) }
 }
 
-fn shading(normals: Normals) -> SurfaceShading {
+pub(super) fn shading(normals: Normals) -> SurfaceShading {
     SurfaceShading { normals, ..Default::default() }
 }
 
@@ -38,7 +38,7 @@ fn alone(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> R
     RenderJob { table: Arc::new(NodeTable::clear()), ..with_surfaces(job, surfaces, shading) }
 }
 
-fn planes(path: &str, job: &RenderJob) -> Planes {
+pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
     match path {
         "raycast" => Raycast::new().render(job.clone()).unwrap().planes.clone(),
         "portable" => Raycast::portable().render(job.clone()).unwrap().planes.clone(),
@@ -48,7 +48,7 @@ fn planes(path: &str, job: &RenderJob) -> Planes {
 }
 
 /// A mesh with places that are no part of it: holes where scalars are not numbers, and where there are no cells.
-fn with_holes(size: (usize, usize), position: DVec3, projection: Projection) -> RenderJob {
+pub(super) fn with_holes(size: (usize, usize), position: DVec3, projection: Projection) -> RenderJob {
     let mesh = Arc::new(build(grid(7, 0.15, 11, |p| (p - DVec3::new(0.4, 0.2, 0.3)).length() > 0.35)));
     let mut scalars = sample(&mesh, wave);
     let vertices = scalars.len();
@@ -83,7 +83,7 @@ fn sheets() -> Vec<Isosurface> {
 }
 
 /// Jobs with eyes outside and inside, holes, slivers, several sheets and one opaque one; with their volume and without.
-fn scenes() -> Vec<(String, RenderJob)> {
+pub(super) fn scenes() -> Vec<(String, RenderJob)> {
     let outside = with_holes((61, 47), OUTSIDE, PERSPECTIVE);
     let parallel = with_holes((50, 50), OUTSIDE, Projection::Parallel { scale: 1.7 });
     let eye = DVec3::new(-0.31, -0.22, -0.17);
@@ -106,10 +106,10 @@ fn scenes() -> Vec<(String, RenderJob)> {
 }
 
 /// Depths of the scenes are off by less than this share of their extent (2 a side).
-const DEPTH_BOUND: f64 = 1e-5 * 2.0;
+pub(super) const DEPTH_BOUND: f64 = 1e-5 * 2.0;
 
 /// Pixels in which both see something, or only one of them; and how far depths are apart at most.
-fn compare_depths(a: &Planes, b: &Planes) -> (usize, f64) {
+pub(super) fn compare_depths(a: &Planes, b: &Planes) -> (usize, f64) {
     let (mut unmatched, mut most) = (0, 0.0_f64);
     for (a, b) in a.depth.pixels.iter().zip(&b.depth.pixels) {
         match (a.is_finite(), b.is_finite()) {
@@ -359,10 +359,11 @@ fn faces_left_out_leave_the_opaque_pixels_of_the_outline() {
 
 #[test]
 fn what_cannot_be_a_surface_is_refused() {
-    let refused = |surfaces: &[Isosurface], shading| SurfaceScene::new(surfaces, shading, &dense()).unwrap_err();
+    let refused =
+        |surfaces: &[Isosurface], shading| SurfaceScene::new(surfaces, shading, &Arc::new(dense())).unwrap_err();
     let plain = SurfaceShading::default();
     assert_eq!(refused(&[Isosurface::new(0.0); SURFACES_MAX + 1], plain), SurfaceError::TooMany(33));
-    assert!(SurfaceScene::new(&[Isosurface::new(0.0); SURFACES_MAX], plain, &dense()).is_ok());
+    assert!(SurfaceScene::new(&[Isosurface::new(0.0); SURFACES_MAX], plain, &Arc::new(dense())).is_ok());
     for value in [f64::NAN, f64::INFINITY] {
         assert!(matches!(refused(&[Isosurface::new(value)], plain), SurfaceError::Value { place: 0, .. }));
     }

@@ -1,0 +1,72 @@
+//! Cuts, by their definition: a point of the ray is seen if no clip has it on its outer side, and a section where the ray, a line of points,
+//! goes from one side of the plane to the other.
+
+use super::integrate::Sum;
+use crate::mesh::Plane;
+use crate::render::medium::{Medium, Segment};
+use crate::visibility::CutPlanes;
+use glam::DVec3;
+
+/// Points this close to a clip (local units) lie on it, and a section there is seen.
+const ON_PLANE: f64 = 1e-12;
+
+/// A medium that is cut, for one ray.
+pub(super) struct WithCuts<'a, M, C> {
+    pub(super) inner: &'a M,
+    pub(super) planes: &'a CutPlanes,
+    /// The colour of sections at a scalar.
+    pub(super) color: C,
+    /// The eye, or where the ray meets the plane of the eye, local coordinates.
+    pub(super) origin: DVec3,
+    /// How far it goes for a unit of depth.
+    pub(super) direction: DVec3,
+}
+
+impl<M, C> WithCuts<'_, M, C> {
+    fn distance(&self, plane: &Plane, depth: f64) -> f64 {
+        plane.distance(self.origin + depth * self.direction)
+    }
+
+    fn is_cut_away(&self, depth: f64) -> bool {
+        self.planes.clips.iter().any(|clip| self.distance(clip, depth) > ON_PLANE)
+    }
+
+    /// Where planes meet a part of the ray: depth, and whether a section does.
+    fn met(&self, [near, far]: [f64; 2]) -> Vec<(f64, bool)> {
+        let CutPlanes { sections, clips } = self.planes;
+        let planes = sections.iter().map(|plane| (plane, true)).chain(clips.iter().map(|plane| (plane, false)));
+        let mut met: Vec<(f64, bool)> = planes
+            .filter_map(|(plane, is_section)| {
+                let [a, b] = [near, far].map(|depth| self.distance(plane, depth));
+                ((a >= 0.0) != (b >= 0.0)).then(|| (near + a / (a - b) * (far - near), is_section))
+            })
+            .collect();
+        met.sort_by(|a, b| a.0.total_cmp(&b.0));
+        met
+    }
+}
+
+impl<M: Medium<Light = Sum>, C: Fn(f64) -> [f64; 3] + Sync> Medium for WithCuts<'_, M, C> {
+    type Ray = M::Ray;
+    type Light = Sum;
+    const HAS_VALUES: bool = M::HAS_VALUES;
+
+    fn pass(&self, ray: &mut M::Ray, segment: &Segment, sum: &mut Sum) -> u32 {
+        let (mut rest, mut count) = (Some(*segment), 0);
+        let mut pass = |part: Segment, sum: &mut Sum| {
+            if part.part[1] > part.part[0] && !self.is_cut_away(0.5 * part.part[0] + 0.5 * part.part[1]) {
+                count += self.inner.pass(ray, &part, sum);
+            }
+        };
+        for (depth, is_section) in self.met(segment.part) {
+            let Some((before, behind)) = rest.map(|rest| rest.split(depth)) else { break };
+            before.into_iter().for_each(|part| pass(part, sum));
+            if is_section && !self.is_cut_away(depth) {
+                sum.add_surface(depth, (self.color)(behind.part_scalar[0]), 1.0);
+            }
+            rest = Some(behind);
+        }
+        rest.into_iter().for_each(|part| pass(part, sum));
+        count
+    }
+}
