@@ -4,7 +4,7 @@ use super::progress::Terminal;
 use super::{Outcome, print_result};
 use crate::export::still::Background;
 use crate::files;
-use crate::image::{self, DepthMetrics, ImageMetrics, PngDepth};
+use crate::image::{self, DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, Plane, PngDepth};
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
@@ -21,8 +21,8 @@ pub(super) struct Args {
     a: PathBuf,
     /// The image to judge it by
     b: PathBuf,
-    /// Print JSON: {max, rmse, psnr, ssim, flip}; psnr is null for equal images. Two EXRs with depth: also depth {max,
-    /// rmse, compared, unmatched}
+    /// Print JSON: {max, rmse, psnr, ssim, flip}; psnr is null for equal images. Two EXRs with such planes: also depth
+    /// and normal (degrees) {max, rmse, compared, unmatched}, id {different, compared}
     #[arg(long)]
     json: bool,
     /// Colour behind transparent pixels for SSIM and FLIP: #rrggbb, black, white or gray
@@ -49,11 +49,13 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         files::check_place(path)?;
     }
     let background = args.background.color().unwrap_or([0.0; 3]);
-    let ((a, a_depth), (b, b_depth)) = (image::read_image(&args.a)?, image::read_image(&args.b)?);
+    let (a, b) = (image::read_image(&args.a)?, image::read_image(&args.b)?);
     let named = |e| anyhow::anyhow!("{} and {}: {e}", args.a.display(), args.b.display());
-    let metrics = image::compare(&a, &b, background).map_err(named)?;
-    let depth = a_depth.zip(b_depth).map(|(a, b)| image::compare_depth(&a, &b)).transpose().map_err(named)?;
-    let comparison = Comparison { metrics, depth };
+    let metrics = image::compare(&a.color, &b.color, background).map_err(named)?;
+    let depth = of_both(&a.depth, &b.depth, image::compare_depth).map_err(named)?;
+    let normal = of_both(&a.normal, &b.normal, image::compare_normals).map_err(named)?;
+    let id = of_both(&a.id, &b.id, image::compare_ids).map_err(named)?;
+    let (comparison, a, b) = (Comparison { metrics, depth, normal, id }, a.color, b.color);
     if let Some(path) = &args.sheet {
         let (differences, factor) = image::amplified_difference(&a, &b, background, args.amplify).map_err(named)?;
         let sheet = image::contact_sheet(&[a, b, differences], 3, 2, background);
@@ -65,12 +67,26 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     Ok(if failed { Outcome::CheckFailed } else { Outcome::Done })
 }
 
+/// The differences between planes that both images have.
+fn of_both<P, M>(
+    a: &Plane<P>,
+    b: &Plane<P>,
+    compare: impl FnOnce(&Plane<P>, &Plane<P>) -> Result<M, MetricsError>,
+) -> Result<Option<M>, MetricsError> {
+    let are_there = !a.pixels.is_empty() && !b.pixels.is_empty();
+    are_there.then(|| compare(a, b)).transpose()
+}
+
 #[derive(Serialize)]
 struct Comparison {
     #[serde(flatten)]
     metrics: ImageMetrics,
     #[serde(skip_serializing_if = "Option::is_none")]
     depth: Option<DepthMetrics>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    normal: Option<NormalMetrics>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<IdMetrics>,
 }
 
 struct Text<'a>(&'a Comparison);
@@ -83,11 +99,23 @@ impl fmt::Display for Text<'_> {
             "max {:.3e}  rmse {:.3e}  psnr {:.2} dB  ssim {:.5}  flip {:.5}",
             m.max, m.rmse, m.psnr, m.ssim, m.flip
         )?;
-        let Some(d) = &self.0.depth else { return Ok(()) };
-        writeln!(
-            f,
-            "depth: max {:.3e}  rmse {:.3e}  over {} pixels; {} in one image only",
-            d.max, d.rmse, d.compared, d.unmatched
-        )
+        if let Some(d) = &self.0.depth {
+            let DepthMetrics { max, rmse, compared, unmatched } = d;
+            writeln!(
+                f,
+                "depth: max {max:.3e}  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
+            )?;
+        }
+        if let Some(n) = &self.0.normal {
+            let NormalMetrics { max, rmse, compared, unmatched } = n;
+            writeln!(
+                f,
+                "normal: max {max:.3e} degrees  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
+            )?;
+        }
+        match &self.0.id {
+            Some(IdMetrics { different, compared }) => writeln!(f, "id: {different} of {compared} pixels differ"),
+            None => Ok(()),
+        }
     }
 }

@@ -180,10 +180,7 @@ pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> 
             }
             write_png_with_texts(path, &frame.planes.color, options.background.color(), options.png_depth, &texts)
         }
-        Some(StillFormat::Exr) => {
-            let depth = Some(&frame.planes.depth).filter(|depth| !depth.pixels.is_empty());
-            write_exr(path, &frame.planes.color, depth, options.exr_color, &frame.attributes.to_exr())
-        }
+        Some(StillFormat::Exr) => write_exr(path, &frame.planes, options.exr_color, &frame.attributes.to_exr()),
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
     }
 }
@@ -239,7 +236,7 @@ mod tests {
             extras: BTreeMap::from([("lod".to_owned(), "0.5".to_owned())]),
             ..Default::default()
         };
-        OutputFrame { planes: Planes { color, depth }, attributes }
+        OutputFrame { planes: Planes { color, depth, ..Planes::default() }, attributes }
     }
 
     #[test]
@@ -249,7 +246,7 @@ mod tests {
         let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
         write_still(&path, &frame(), &options).unwrap();
         let back = read_exr(&path).unwrap();
-        assert_eq!((back.color, back.depth), (frame().planes.color, Some(frame().planes.depth)));
+        assert_eq!(back.planes, frame().planes);
         let text = |text: &str| Some(ExrValue::Text(text.to_owned()));
         let get = |name: &str| back.attributes.get(name).cloned();
         assert_eq!(get("tetreel.time"), Some(ExrValue::Number(0.1)));
@@ -261,7 +258,7 @@ mod tests {
         let mut without_depth = frame();
         without_depth.planes.depth = DepthImage::default();
         write_still(&path, &without_depth, &options).unwrap();
-        assert_eq!(read_exr(&path).unwrap().depth, None);
+        assert_eq!(read_exr(&path).unwrap().planes, without_depth.planes);
     }
 
     #[test]

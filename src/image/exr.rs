@@ -1,13 +1,13 @@
-//! OpenEXR files: colour and depth as 32-bit floats, with attributes.
+//! OpenEXR files: colour, depth and normals as 32-bit floats and numbers of surfaces as 32-bit integers, with attributes.
 //!
-//! Channels R, G, B (premultiplied), A and, where there is depth, Z: world units, infinite where there is nothing. One part
+//! Channels R, G, B (premultiplied), A and, where there is such a plane, Z: world units, infinite where there is nothing; N.X, N.Y, N.Z; id. One part
 //! of scan lines, compressed without loss (ZIP, 16 lines a block). The same image makes the same bytes.
 //!
 //! An EXR's colours are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file
 //! holds, and so does the file, so that reading gives accumulators again.
 
 use super::srgb::{linear_from_srgb, srgb_from_linear};
-use super::{DepthImage, RgbaImage};
+use super::{Plane, Planes, RgbaImage};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use ::exr::error::Error as ExrError;
@@ -68,10 +68,8 @@ pub type ExrAttributes = BTreeMap<String, ExrValue>;
 /// What [`read_exr`] finds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrImage {
-    /// Accumulators.
-    pub color: RgbaImage,
-    /// Channel Z, if there is one.
-    pub depth: Option<DepthImage>,
+    /// Accumulators, and the planes of which there are channels: Z, N.X to N.Z, id.
+    pub planes: Planes,
     /// What the file holds; [`ExrColor::Linear`] if it does not say.
     pub stored: ExrColor,
     /// All texts and numbers that are no part of the standard, and `software`.
@@ -87,19 +85,14 @@ const LONGEST_NAME: usize = 255;
 /// The largest width and height that the format has room for (OpenEXR keeps twice of it within an i32).
 const LARGEST_SIDE: usize = i32::MAX as usize / 2 - 1;
 
-/// Writes an image, with `depth` of the same size where there is one. The file appears whole or not at all.
+/// Writes the planes of an image that have pixels, colour among them. The file appears whole or not at all.
 ///
 /// # Errors
-/// If the image has no pixels or is too large for the format, a colour is not finite (as stored), a depth is NaN or minus
-/// infinity, depth has another size, an attribute's name is not allowed, or the folder does not take the file.
-pub fn write_exr(
-    path: &Path,
-    color: &RgbaImage,
-    depth: Option<&DepthImage>,
-    stored: ExrColor,
-    attributes: &ExrAttributes,
-) -> FileResult<()> {
-    check(path, color, depth)?;
+/// If colour has no pixels or is too large for the format, a colour (as stored) or a normal is not finite, a depth is NaN or minus
+/// infinity, a plane has another size, an attribute's name is not allowed, or the folder does not take the file.
+pub fn write_exr(path: &Path, planes: &Planes, stored: ExrColor, attributes: &ExrAttributes) -> FileResult<()> {
+    let Planes { color, depth, normal, id } = planes;
+    check(path, planes)?;
     let names = ["R", "G", "B", "A"].into_iter().enumerate();
     let pixels: Vec<[f32; 4]> = match stored {
         ExrColor::Raw => color.pixels.clone(),
@@ -113,8 +106,17 @@ pub fn write_exr(
     }
     let plane = |i: usize| FlatSamples::F32(pixels.iter().map(|p| p[i]).collect());
     let mut channels: Vec<_> = names.map(|(i, name)| AnyChannel::new(name, plane(i))).collect();
-    channels.extend(depth.map(|d| AnyChannel::new("Z", FlatSamples::F32(d.pixels.clone()))));
     drop(pixels);
+    if !depth.pixels.is_empty() {
+        channels.push(AnyChannel::new("Z", FlatSamples::F32(depth.pixels.clone())));
+    }
+    if !normal.pixels.is_empty() {
+        let axis = |i: usize| FlatSamples::F32(normal.pixels.iter().map(|n| n[i]).collect());
+        channels.extend(NORMAL.into_iter().enumerate().map(|(i, name)| AnyChannel::new(name, axis(i))));
+    }
+    if !id.pixels.is_empty() {
+        channels.push(AnyChannel::new(ID, FlatSamples::U32(id.pixels.clone())));
+    }
 
     let size = Vec2(color.width, color.height);
     let encoding = Encoding {
@@ -132,8 +134,13 @@ pub fn write_exr(
     files::replace_with(path, &bytes)
 }
 
-/// Whether an image can be stored.
-fn check(path: &Path, color: &RgbaImage, depth: Option<&DepthImage>) -> FileResult<()> {
+/// Channels of normals.
+const NORMAL: [&str; 3] = ["N.X", "N.Y", "N.Z"];
+/// The channel of numbers of surfaces.
+const ID: &str = "id";
+
+/// Whether planes can be stored.
+fn check(path: &Path, Planes { color, depth, normal, id }: &Planes) -> FileResult<()> {
     let (width, height) = (color.width, color.height);
     if color.pixels.is_empty() {
         return Err(FileError::invalid(path, "", "an image without pixels cannot be written"));
@@ -145,16 +152,27 @@ fn check(path: &Path, color: &RgbaImage, depth: Option<&DepthImage>) -> FileResu
     if let Some((i, j)) = color.first_not_finite() {
         return Err(FileError::invalid(path, format!("pixel ({i}, {j})"), "is not finite and has no colour"));
     }
-    let Some(depth) = depth else { return Ok(()) };
-    if (depth.width, depth.height) != (width, height) {
-        let problem = format!("is {} x {}, colour {width} x {height} pixels", depth.width, depth.height);
-        return Err(FileError::invalid(path, "depth", problem));
+    check_size(path, "depth", depth, color)?;
+    check_size(path, "normal", normal, color)?;
+    check_size(path, "id", id, color)?;
+    let place = |bad: usize| format!("pixel ({}, {})", bad % width, bad / width);
+    if let Some(bad) = normal.pixels.iter().position(|n| !n.iter().all(|x| x.is_finite())) {
+        return Err(FileError::invalid(path, format!("normal of {}", place(bad)), "is not finite"));
     }
     if let Some(bad) = depth.pixels.iter().position(|d| d.is_nan() || *d == f32::NEG_INFINITY) {
-        let place = format!("depth of pixel ({}, {})", bad % width, bad / width);
-        return Err(FileError::invalid(path, place, "is no distance"));
+        return Err(FileError::invalid(path, format!("depth of {}", place(bad)), "is no distance"));
     }
     Ok(())
+}
+
+/// A plane that has pixels has as many as colour.
+fn check_size<P>(path: &Path, name: &str, plane: &Plane<P>, color: &RgbaImage) -> FileResult<()> {
+    let (width, height) = (color.width, color.height);
+    if plane.pixels.is_empty() || (plane.width, plane.height) == (width, height) {
+        return Ok(());
+    }
+    let problem = format!("is {} x {}, colour {width} x {height} pixels", plane.width, plane.height);
+    Err(FileError::invalid(path, name, problem))
 }
 
 /// A pixel of linear light from accumulators: straight, linear, premultiplied again.

@@ -24,9 +24,14 @@ fn image(width: usize, height: usize) -> RgbaImage {
     RgbaImage { width, height, pixels: pixels.collect() }
 }
 
-fn depth_of(color: &RgbaImage) -> DepthImage {
+/// Planes without others.
+fn planes(color: &RgbaImage, depth: Option<&Plane<f32>>) -> Planes {
+    Planes { color: color.clone(), depth: depth.cloned().unwrap_or_default(), ..Planes::default() }
+}
+
+fn depth_of(color: &RgbaImage) -> Plane<f32> {
     let depth = |i: usize| if i.is_multiple_of(3) { f32::INFINITY } else { 0.1 + i as f32 / 7.0 - 2.0 };
-    DepthImage { width: color.width, height: color.height, pixels: (0..color.pixels.len()).map(depth).collect() }
+    Plane { width: color.width, height: color.height, pixels: (0..color.pixels.len()).map(depth).collect() }
 }
 
 fn some_attributes() -> ExrAttributes {
@@ -56,11 +61,11 @@ fn raw_images_of_any_size_come_back_bit_for_bit() {
     for (width, height) in [(1, 1), (1, 35), (33, 1), (16, 16), (17, 33)] {
         let (color, attributes) = (image(width, height), some_attributes());
         let depth = depth_of(&color);
-        write_exr(&path, &color, Some(&depth), ExrColor::Raw, &attributes).unwrap();
+        write_exr(&path, &planes(&color, Some(&depth)), ExrColor::Raw, &attributes).unwrap();
         let back = read_exr(&path).unwrap();
-        assert_eq!(bits(&back.color), bits(&color), "{width} x {height}");
-        assert_eq!((back.color.width, back.color.height), (width, height));
-        assert_eq!((back.depth, back.stored), (Some(depth), ExrColor::Raw));
+        assert_eq!(bits(&back.planes.color), bits(&color), "{width} x {height}");
+        assert_eq!((back.planes.color.width, back.planes.color.height), (width, height));
+        assert_eq!((back.planes.depth, back.stored), (depth, ExrColor::Raw));
         let expected = attributes.into_iter().chain([(COLOR.to_owned(), ExrValue::Text("raw".to_owned()))]);
         assert_eq!(back.attributes, expected.collect());
     }
@@ -69,8 +74,8 @@ fn raw_images_of_any_size_come_back_bit_for_bit() {
 #[test]
 fn without_depth_there_is_none() {
     let (_dir, path) = place();
-    write_exr(&path, &image(3, 2), None, ExrColor::Raw, &ExrAttributes::new()).unwrap();
-    assert_eq!(read_exr(&path).unwrap().depth, None);
+    write_exr(&path, &planes(&image(3, 2), None), ExrColor::Raw, &ExrAttributes::new()).unwrap();
+    assert_eq!(read_exr(&path).unwrap().planes.depth, Plane::default());
 }
 
 /// How far a colour may be from what it was. Stored linear light is rounded to f32, by a share of 2^-24 or, where it is
@@ -85,10 +90,10 @@ fn bound(c: f32) -> f64 {
 fn linear_images_come_back_within_the_rounding_of_floats() {
     let (_dir, path) = place();
     let color = image(40, 30);
-    write_exr(&path, &color, None, ExrColor::Linear, &ExrAttributes::new()).unwrap();
+    write_exr(&path, &planes(&color, None), ExrColor::Linear, &ExrAttributes::new()).unwrap();
     let back = read_exr(&path).unwrap();
     assert_eq!(back.stored, ExrColor::Linear);
-    for (was, is) in color.pixels.iter().zip(&back.color.pixels) {
+    for (was, is) in color.pixels.iter().zip(&back.planes.color.pixels) {
         assert_eq!(was[3].to_bits(), is[3].to_bits());
         for c in 0..3 {
             assert!((f64::from(was[c]) - f64::from(is[c])).abs() <= bound(was[c]), "{was:?} {is:?}");
@@ -104,7 +109,7 @@ fn stored_linear_light_is_that_of_the_straight_colour() {
     // Straight 0.5 is 0.2140411 of linear light (sRGB), at half opacity 0.1070206; without opacity as if opaque.
     let pixels = vec![[0.25, 0.5, 0.0, 0.5], [0.5, 0.0, 0.0, 0.0]];
     let color = RgbaImage { width: 2, height: 1, pixels };
-    write_exr(&path, &color, None, ExrColor::Linear, &ExrAttributes::new()).unwrap();
+    write_exr(&path, &planes(&color, None), ExrColor::Linear, &ExrAttributes::new()).unwrap();
     let file: FlatImage = ::exr::image::read::read_all_flat_layers_from_file(&path).unwrap();
     let channels = &file.layer_data[0].channel_data.list;
     let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
@@ -118,7 +123,7 @@ fn stored_linear_light_is_that_of_the_straight_colour() {
 fn the_same_image_makes_the_same_bytes_in_the_order_of_names() {
     let (_dir, path) = place();
     let write = || {
-        write_exr(&path, &image(9, 40), None, ExrColor::Linear, &some_attributes()).unwrap();
+        write_exr(&path, &planes(&image(9, 40), None), ExrColor::Linear, &some_attributes()).unwrap();
         std::fs::read(&path).unwrap()
     };
     let first = write();
@@ -130,12 +135,28 @@ fn the_same_image_makes_the_same_bytes_in_the_order_of_names() {
 }
 
 #[test]
+fn normals_and_numbers_come_back_and_those_of_another_size_are_refused() {
+    let (_dir, path) = place();
+    let normal = Plane { width: 3, height: 2, pixels: (0..6).map(|i| [i as f32, -0.5, 1e-30]).collect() };
+    let id = Plane { width: 3, height: 2, pixels: vec![0, 1, 32, u32::MAX, 7, 16_777_217] };
+    let all = Planes { normal, id, ..planes(&image(3, 2), Some(&depth_of(&image(3, 2)))) };
+    write_exr(&path, &all, ExrColor::Raw, &ExrAttributes::new()).unwrap();
+    assert_eq!(read_exr(&path).unwrap().planes, all);
+    let refused = |bad: Planes| write_exr(&path, &bad, ExrColor::Raw, &ExrAttributes::new()).unwrap_err().to_string();
+    let id = Plane { width: 2, height: 3, ..all.id.clone() };
+    assert!(refused(Planes { id, ..all.clone() }).contains("id: is 2 x 3, colour 3 x 2"));
+    let mut bad = all.clone();
+    bad.normal.pixels[4][1] = f32::NAN;
+    assert!(refused(bad).contains("normal of pixel (1, 1)"));
+}
+
+#[test]
 fn what_cannot_be_stored_is_refused_and_the_old_file_stays() {
     let (dir, path) = place();
     std::fs::write(&path, "old").unwrap();
     let (color, none) = (image(3, 2), ExrAttributes::new());
-    let refused = |color: &RgbaImage, depth: Option<&DepthImage>, stored, attributes: &ExrAttributes, part: &str| {
-        let error = write_exr(&path, color, depth, stored, attributes).unwrap_err().to_string();
+    let refused = |color: &RgbaImage, depth: Option<&Plane<f32>>, stored, attributes: &ExrAttributes, part: &str| {
+        let error = write_exr(&path, &planes(color, depth), stored, attributes).unwrap_err().to_string();
         assert!(error.contains("a.exr") && error.contains(part), "{error}");
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
     };
@@ -148,7 +169,7 @@ fn what_cannot_be_stored_is_refused_and_the_old_file_stays() {
     bright.pixels[4][0] = 1e30;
     refused(&bright, None, ExrColor::Linear, &none, "pixel (1, 1)");
     refused(&RgbaImage::new(0, 4), None, ExrColor::Raw, &none, "without pixels");
-    refused(&color, Some(&DepthImage { width: 2, height: 3, pixels: vec![1.0; 6] }), ExrColor::Raw, &none, "2 x 3");
+    refused(&color, Some(&Plane { width: 2, height: 3, pixels: vec![1.0; 6] }), ExrColor::Raw, &none, "2 x 3");
     for bad in [f32::NAN, f32::NEG_INFINITY] {
         let mut depth = depth_of(&color);
         depth.pixels[3] = bad;
@@ -159,8 +180,8 @@ fn what_cannot_be_stored_is_refused_and_the_old_file_stays() {
         refused(&color, None, ExrColor::Raw, &attributes, "attribute");
     }
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-    assert!(write_exr(&dir.path().join("no/a.exr"), &color, None, ExrColor::Raw, &none).is_err());
-    write_exr(&path, &bright, None, ExrColor::Raw, &none).unwrap();
+    assert!(write_exr(&dir.path().join("no/a.exr"), &planes(&color, None), ExrColor::Raw, &none).is_err());
+    write_exr(&path, &planes(&bright, None), ExrColor::Raw, &none).unwrap();
 }
 
 /// A file as another program may write it.
@@ -179,12 +200,12 @@ fn files_of_other_programs_are_linear_with_halfs_tiles_or_grey() {
         let rgb = vec![("R", half(&[1.0, 0.0])), ("G", half(&[0.0, 0.25])), ("B", half(&[0.0, 0.0]))];
         write_foreign(&path, encoding, rgb, (2, 1));
         let back = read_exr(&path).unwrap();
-        assert_eq!((back.color.pixels[0], back.depth), ([1.0, 0.0, 0.0, 1.0], None));
+        assert_eq!((back.planes.color.pixels[0], back.planes.depth), ([1.0, 0.0, 0.0, 1.0], Plane::default()));
         // Half a unit of the sixth digit, and f32's rounding of it (3e-8).
-        assert!((back.color.pixels[1][1] - 0.537_099).abs() < 6e-7, "sRGB of 0.25 is 0.537099");
+        assert!((back.planes.color.pixels[1][1] - 0.537_099).abs() < 6e-7, "sRGB of 0.25 is 0.537099");
     }
     write_foreign(&path, Encoding::SMALL_LOSSLESS, vec![("Y", half(&[0.0, 1.0]))], (2, 1));
-    assert_eq!(read_exr(&path).unwrap().color.pixels[1], [1.0; 4]);
+    assert_eq!(read_exr(&path).unwrap().planes.color.pixels[1], [1.0; 4]);
     write_foreign(&path, Encoding::SMALL_LOSSLESS, vec![("Z", half(&[0.0, 1.0])), ("G", half(&[0.0, 1.0]))], (2, 1));
     let error = read_exr(&path).unwrap_err().to_string();
     assert!(error.contains("no channel R, only G, Z"), "{error}");
@@ -203,7 +224,7 @@ fn cropped_images_are_refused() {
 
 /// The bytes of a small file of ours.
 fn whole(path: &Path) -> Vec<u8> {
-    write_exr(path, &image(5, 20), Some(&depth_of(&image(5, 20))), ExrColor::Raw, &some_attributes()).unwrap();
+    write_exr(path, &planes(&image(5, 20), Some(&depth_of(&image(5, 20)))), ExrColor::Raw, &some_attributes()).unwrap();
     std::fs::read(path).unwrap()
 }
 

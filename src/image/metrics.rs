@@ -3,6 +3,7 @@
 use super::filter::Kernel;
 use super::flip::mean_flip;
 use super::{DepthImage, Plane, RgbaImage};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// Differences between two images of equal size.
@@ -93,20 +94,85 @@ pub struct DepthMetrics {
     pub unmatched: u64,
 }
 
-/// Compares distances; a value that is not finite is none.
+/// Differences between two planes of normals of equal size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NormalMetrics {
+    /// Largest angle where both have a normal, degrees; 0 if that is nowhere.
+    pub max: f64,
+    /// Root of the mean square angle, over the same pixels.
+    pub rmse: f64,
+    /// Number of these pixels.
+    pub compared: u64,
+    /// Pixels of which one plane has a normal and the other has none.
+    pub unmatched: u64,
+}
+
+/// Compares normals of any length; a zero is none.
 ///
 /// # Errors
 /// If sizes differ, or there are no pixels.
-pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, MetricsError> {
+pub fn compare_normals(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> Result<NormalMetrics, MetricsError> {
+    let mut metrics = NormalMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
+    let mut squares = 0.0;
+    for (x, y) in pairs(a, b)? {
+        let [x, y] = [x, y].map(|n| DVec3::from(n.map(f64::from)));
+        match (x != DVec3::ZERO, y != DVec3::ZERO) {
+            (true, true) => {
+                // Precise at small angles, as the arc cosine is not.
+                let angle = x.cross(y).length().atan2(x.dot(y)).to_degrees();
+                metrics.max = metrics.max.max(angle);
+                squares += angle * angle;
+                metrics.compared += 1;
+            }
+            (false, false) => {}
+            _ => metrics.unmatched += 1,
+        }
+    }
+    metrics.rmse = (squares / metrics.compared.max(1) as f64).sqrt();
+    Ok(metrics)
+}
+
+/// Differences between two planes of numbers of equal size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdMetrics {
+    /// Pixels whose numbers differ.
+    pub different: u64,
+    /// Pixels with a number in one plane at least.
+    pub compared: u64,
+}
+
+/// Compares numbers; 0 is none.
+///
+/// # Errors
+/// If sizes differ, or there are no pixels.
+pub fn compare_ids(a: &Plane<u32>, b: &Plane<u32>) -> Result<IdMetrics, MetricsError> {
+    let mut metrics = IdMetrics { different: 0, compared: 0 };
+    for (x, y) in pairs(a, b)? {
+        metrics.different += u64::from(x != y);
+        metrics.compared += u64::from(x != 0 || y != 0);
+    }
+    Ok(metrics)
+}
+
+/// The pixels of two planes side by side.
+fn pairs<P: Copy>(a: &Plane<P>, b: &Plane<P>) -> Result<impl Iterator<Item = (P, P)>, MetricsError> {
     if (a.width, a.height) != (b.width, b.height) {
         return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
     }
     if a.pixels.is_empty() {
         return Err(MetricsError::NoPixels);
     }
+    Ok(a.pixels.iter().copied().zip(b.pixels.iter().copied()))
+}
+
+/// Compares distances; a value that is not finite is none.
+///
+/// # Errors
+/// If sizes differ, or there are no pixels.
+pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, MetricsError> {
     let mut metrics = DepthMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
     let mut squares = 0.0;
-    for (&x, &y) in a.pixels.iter().zip(&b.pixels) {
+    for (x, y) in pairs(a, b)? {
         if x.is_finite() && y.is_finite() {
             let difference = f64::from(x) - f64::from(y);
             metrics.max = metrics.max.max(difference.abs());

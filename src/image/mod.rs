@@ -12,7 +12,10 @@ mod sheet;
 mod srgb;
 
 pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
-pub use metrics::{DepthMetrics, ImageMetrics, MetricsError, compare, compare_depth};
+pub use metrics::{
+    DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, compare, compare_depth, compare_ids,
+    compare_normals,
+};
 pub use planes::{Plane, PlaneSamples, Planes};
 pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
 pub use sheet::{amplified_difference, contact_sheet};
@@ -24,19 +27,18 @@ use std::path::Path;
 /// The first bytes of every EXR.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Reads a PNG or an EXR, as its first bytes say: accumulators, and depth where the file has it.
+/// Reads a PNG or an EXR, as its first bytes say: accumulators, and the other planes where the file has them.
 ///
 /// # Errors
 /// As [`read_png`] and [`read_exr`].
-pub fn read_image(path: &Path) -> FileResult<(RgbaImage, Option<DepthImage>)> {
+pub fn read_image(path: &Path) -> FileResult<Planes> {
     let mut first = Vec::new();
     let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
     file.take(4).read_to_end(&mut first).map_err(|e| FileError::io(path, "read", &e))?;
     if first != EXR_MAGIC {
-        return Ok((read_png(path)?, None));
+        return Ok(Planes { color: read_png(path)?, ..Planes::default() });
     }
-    let ExrImage { color, depth, .. } = read_exr(path)?;
-    Ok((color, depth))
+    Ok(read_exr(path)?.planes)
 }
 
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.

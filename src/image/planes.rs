@@ -31,6 +31,10 @@ pub struct Planes {
     /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
     /// infinite where there is nothing.
     pub depth: DepthImage,
+    /// Normal of the nearest surface, world coordinates, of length 1 and towards the eye; zero where there is none.
+    pub normal: Plane<[f32; 3]>,
+    /// Which surface that is: its place in the request counted from 1, isosurfaces first, then sections; 0 where there is none.
+    pub id: Plane<u32>,
 }
 
 /// A plane as samples, whatever its pixels are.
@@ -42,24 +46,31 @@ pub struct PlaneSamples<'a> {
     pub channels: usize,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
-    /// Those of one pixel after the other, top row first.
+    /// Those of one pixel after the other, top row first; of integers the bits.
     pub samples: &'a [f32],
 }
 
 impl Planes {
     /// All planes, for whatever treats them alike.
-    pub fn list(&self) -> [PlaneSamples<'_>; 2] {
+    pub fn list(&self) -> [PlaneSamples<'_>; 4] {
         fn listed<'a, P>(name: &'static str, plane: &Plane<P>, samples: &'a [f32]) -> PlaneSamples<'a> {
             let channels = size_of::<P>() / size_of::<f32>();
             PlaneSamples { name, channels, size_px: (plane.width, plane.height), samples }
         }
-        let Self { color, depth } = self;
-        [listed("color", color, color.pixels.as_flattened()), listed("depth", depth, &depth.pixels)]
+        let Self { color, depth, normal, id } = self;
+        [
+            listed("color", color, color.pixels.as_flattened()),
+            listed("depth", depth, &depth.pixels),
+            listed("normal", normal, normal.pixels.as_flattened()),
+            listed("id", id, bytemuck::cast_slice(&id.pixels)),
+        ]
     }
 
-    /// Makes all pixels those of a ray that meets nothing, in the memory that there is.
+    /// Makes all pixels of colour and depth those of a ray that meets nothing, in the memory that there is; the other planes have none.
     pub fn clear(&mut self, width: usize, height: usize) {
-        let Self { color, depth } = self;
+        let Self { color, depth, normal, id } = self;
+        normal.fill(0, 0, [0.0; 3]);
+        id.fill(0, 0, 0);
         color.fill(width, height, [0.0; 4]);
         depth.fill(width, height, f32::INFINITY);
     }
@@ -76,11 +87,12 @@ mod tests {
         planes.clear(3, 2);
         planes.color.pixels[1] = [0.1, 0.2, 0.3, 0.4];
         planes.depth = DepthImage { width: 1, height: 2, pixels: vec![5.0, 6.0] };
-        let [color, depth] = planes.list();
+        let [color, depth, normal, id] = planes.list();
         assert_eq!((color.name, color.channels, color.size_px), ("color", 4, (3, 2)));
         assert_eq!(color.samples[..8], [0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.4]);
         assert_eq!((depth.name, depth.channels, depth.size_px), ("depth", 1, (1, 2)));
         assert_eq!(depth.samples, [5.0, 6.0]);
+        assert_eq!((normal.channels, id.channels, normal.samples.len() + id.samples.len()), (3, 1, 0));
         for plane in planes.list() {
             assert_eq!(plane.samples.len(), plane.channels * plane.size_px.0 * plane.size_px.1);
         }

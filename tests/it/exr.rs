@@ -29,6 +29,7 @@ fn frame() -> OutputFrame {
     let planes = Planes {
         color: RgbaImage { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(pixel).collect() },
         depth: DepthImage { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(depth).collect() },
+        ..Planes::default()
     };
     OutputFrame { planes, attributes }
 }

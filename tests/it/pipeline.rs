@@ -195,7 +195,7 @@ mod gpu {
         assert_eq!(animate("lost", Some(2)), [0, 0, 0, 1, 0, 0]);
         let mut last = None;
         for step in 0..6 {
-            let read = |name: &str| read_exr(&temp.path().join(format!("{name}_{step}.exr"))).unwrap();
+            let read = |name: &str| read_exr(&temp.path().join(format!("{name}_{step}.exr"))).unwrap().planes;
             let (whole, lost) = (read("whole"), read("lost"));
             assert_eq!((&whole.color, &whole.depth), (&lost.color, &lost.depth), "step {step}");
             assert!(last.replace(whole.color.clone()) != Some(whole.color), "the steps differ");

@@ -1,8 +1,10 @@
 //! Reading EXR files, our own and other programs'.
 
-use super::{COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, SAVE_AS, SOFTWARE, accumulators, file_error};
+use super::{
+    COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, ID, NORMAL, SAVE_AS, SOFTWARE, accumulators, file_error,
+};
 use crate::error::{FileError, FileResult};
-use crate::image::{DepthImage, RgbaImage};
+use crate::image::{Plane, Planes, RgbaImage};
 use ::exr::image::read::image::ReadLayers as _;
 use ::exr::image::read::layers::ReadChannels as _;
 use ::exr::image::{AnyChannels, FlatSamples};
@@ -12,8 +14,8 @@ use ::exr::meta::header::{Header, LayerAttributes};
 use std::io::BufReader;
 use std::path::Path;
 
-/// Reads the first part of an EXR: channels R, G and B (or Y, grey) of halfs, floats or integers, A (1 if there is none)
-/// and Z. Whole images only: the data window must be the display window.
+/// Reads the first part of an EXR: channels R, G and B (or Y, grey) of halfs, floats or integers, A (1 if there is none),
+/// Z, N.X to N.Z and id. Whole images only: the data window must be the display window.
 ///
 /// Colours become accumulators: those of a file of [`ExrColor::Raw`] as they are, all others by sRGB's curve.
 ///
@@ -50,8 +52,22 @@ pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
     if stored == ExrColor::Linear {
         color.pixels.iter_mut().for_each(|p| *p = accumulators(*p));
     }
-    let depth = channel(&layer.channel_data, "Z").map(|z| DepthImage { width, height, pixels: floats(z) });
-    Ok(ExrImage { color, depth, stored, attributes })
+    let channels = &layer.channel_data;
+    let depth = channel(channels, "Z").map(|z| Plane { width, height, pixels: floats(z) }).unwrap_or_default();
+    let normal = match NORMAL.map(|name| channel(channels, name)) {
+        [Some(x), Some(y), Some(z)] => {
+            let [x, y, z] = [x, y, z].map(floats);
+            let pixels = (0..x.len()).map(|i| [x[i], y[i], z[i]]).collect();
+            Plane { width, height, pixels }
+        }
+        _ => Plane::default(),
+    };
+    let id = match channel(channels, ID) {
+        Some(FlatSamples::U32(pixels)) => Plane { width, height, pixels: pixels.clone() },
+        // Another program's, of another meaning.
+        _ => Plane::default(),
+    };
+    Ok(ExrImage { planes: Planes { color, depth, normal, id }, stored, attributes })
 }
 
 /// No block is longer than this times its compressed size, whatever small blocks may cost besides: the bound of deflate.

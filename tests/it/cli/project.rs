@@ -2,7 +2,7 @@
 
 use super::Place;
 use std::path::Path;
-use tetreel::image::{ExrImage, RgbaImage, compare, read_exr, read_png};
+use tetreel::image::{Planes, RgbaImage, compare, read_exr, read_png};
 
 /// The beginning of a project of the slab.
 const DATA: &str = "version = 1\n[data]\nsource = \"../slab.zarr\"\nfield = \"linear\"\n";
@@ -28,8 +28,8 @@ fn write(place: &Place, text: &str) {
     std::fs::write(place.path("p/case.toml"), text).unwrap();
 }
 
-fn frame(path: &Path) -> ExrImage {
-    read_exr(path).unwrap()
+fn frame(path: &Path) -> Planes {
+    read_exr(path).unwrap().planes
 }
 
 /// Two ensembles, one going over into the other, seen by an eye that moves; seven frames over the five steps.
@@ -48,7 +48,7 @@ fn a_project_makes_the_same_bits_again_whatever_the_threads() {
     let times = place.json(&["info", "slab.zarr", "--json"]);
     assert_eq!(times["time"]["last"], 1.0, "{times}");
     write(&place, &animation());
-    let run = |threads: &str| -> Vec<ExrImage> {
+    let run = |threads: &str| -> Vec<Planes> {
         place.ok(&["render", "p/case.toml", "--threads", threads]);
         (0..7).map(|n| frame(&place.path(&format!("p/out/f_{n}.exr")))).collect()
     };

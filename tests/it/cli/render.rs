@@ -3,7 +3,7 @@
 use super::{Place, STEPS, render};
 use serde_json::Value;
 #[cfg(feature = "gpu")]
-use tetreel::image::ExrImage;
+use tetreel::image::Planes;
 use tetreel::image::{RgbaImage, read_exr, read_png};
 
 /// Pixels that differ.
@@ -28,7 +28,7 @@ fn annotations_are_drawn_where_they_belong_and_over_nothing_else() {
     }
     // The colours of an EXR have them, its depths do not.
     let (bare, noted) = (at("bare.exr", &[]), at("noted.exr", &["--annotate", "time,legend,title=Slab, heated"]));
-    let (bare, noted) = (read_exr(&bare).unwrap(), read_exr(&noted).unwrap());
+    let (bare, noted) = (read_exr(&bare).unwrap().planes, read_exr(&noted).unwrap().planes);
     assert!(!changed(&bare.color, &noted.color).is_empty());
     assert_eq!(bare.depth, noted.depth);
 }
@@ -144,14 +144,14 @@ fn frames_of_both_backends_are_the_same_picture() {
 }
 
 #[cfg(feature = "gpu")]
-fn frame_of(place: &Place, backend: &str, how: &[&str]) -> ExrImage {
+fn frame_of(place: &Place, backend: &str, how: &[&str]) -> Planes {
     let file = format!("{backend}.exr");
     let mut args = vec!["-o", &file, "--exr", "raw", "--steps", "3", "--backend", backend, "--stats", "s.json"];
     args.extend(how);
     place.ok(&render(&args));
     let stats = std::fs::read_to_string(place.path("s.json")).unwrap();
     assert_eq!(stats.contains("\"on_gpu\": true"), backend == "gpu", "{stats}");
-    read_exr(&place.path(&file)).unwrap()
+    read_exr(&place.path(&file)).unwrap().planes
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! Isosurfaces on the command line.
 
 use super::{Place, render};
-use tetreel::image::{ExrImage, read_exr};
+use tetreel::image::{Planes, read_exr};
 
 /// An EXR of the slab at a step with these options.
-fn exr(place: &Place, options: &[&str]) -> ExrImage {
+fn exr(place: &Place, options: &[&str]) -> Planes {
     let step: &[&str] = if options.contains(&"--steps") { &[] } else { &["--steps", "2"] };
     place.ok(&render(&[&["-o", "f.exr", "--exr", "raw"], step, options].concat()));
-    read_exr(&place.path("f.exr")).unwrap()
+    read_exr(&place.path("f.exr")).unwrap().planes
 }
 
 #[test]
@@ -91,12 +91,12 @@ fn the_timeline_of_a_project_moves_an_isovalue() {
     };
     std::fs::write(place.path("p.toml"), project([share(0.3), share(0.7)])).unwrap();
     place.ok(&["render", "p.toml"]);
-    let moved = |step: usize| read_exr(&place.path(&format!("p_{step}.exr"))).unwrap();
+    let moved = |step: usize| read_exr(&place.path(&format!("p_{step}.exr"))).unwrap().planes;
     let alone = |share_at: f64, step: &str| {
         let iso = format!("{}:#ff0000", share(share_at));
         let options = ["-o", "f.exr", "--exr", "raw", "--steps", step, "--iso", &iso, "--no-volume", "--shade", "none"];
         place.ok(&render(&options));
-        read_exr(&place.path("f.exr")).unwrap()
+        read_exr(&place.path("f.exr")).unwrap().planes
     };
     for (step, share) in [(0, 0.3), (4, 0.7)] {
         let alone = alone(share, &step.to_string());
@@ -105,7 +105,7 @@ fn the_timeline_of_a_project_moves_an_isovalue() {
     }
     // A surface of the command line stays where it is; one that is never within the range is refused.
     place.ok(&["render", "p.toml", "--iso", &format!("{}:#ff0000", share(0.5)), "-o", "q_%d.exr"]);
-    let still = [0, 4].map(|step| read_exr(&place.path(&format!("q_{step}.exr"))).unwrap().color);
+    let still = [0, 4].map(|step| read_exr(&place.path(&format!("q_{step}.exr"))).unwrap().planes.color);
     assert!(still == [alone(0.5, "0").color, alone(0.5, "4").color]);
     std::fs::write(place.path("p.toml"), project([share(1.5), share(1.2)])).unwrap();
     place.refuses(&["render", "p.toml"], &["is never met", "field linear goes from"]);
@@ -198,7 +198,7 @@ fn the_timeline_of_a_project_moves_a_cut() {
     for (step, share) in [(0, 0.25), (4, 0.75)] {
         let cut = format!("point={},0,0 normal=1,0,0", lo[0] + share * width);
         let alone = exr(&place, &["--steps", &step.to_string(), "--cut", &cut, "--no-volume", "--field", "linear"]);
-        let moved = read_exr(&place.path(&format!("p_{step}.exr"))).unwrap();
+        let moved = read_exr(&place.path(&format!("p_{step}.exr"))).unwrap().planes;
         assert!(moved.color == alone.color && moved.depth == alone.depth, "step {step}");
     }
     std::fs::write(place.path("p.toml"), project([-2.0 * width, -width])).unwrap();

@@ -17,7 +17,7 @@ use tetreel::codec::vq::{Search, VqEncoder, VqOptions};
 use tetreel::codec::{ChunkSink, Encoder, seal};
 use tetreel::error::FileResult;
 use tetreel::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
-use tetreel::image::{DepthImage, ExrColor, ExrValue, PngDepth, RgbaImage, write_exr, write_png_with_texts};
+use tetreel::image::{DepthImage, ExrColor, ExrValue, Planes, PngDepth, RgbaImage, write_exr, write_png_with_texts};
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
 use tetreel::node_table::{JointTable, Node, NodeTable};
@@ -270,7 +270,8 @@ fn images(to: &Path) {
         ("tetreel.time".to_owned(), ExrValue::Number(0.25)),
     ]);
     for (name, stored, depth) in [("raw", ExrColor::Raw, Some(&depth)), ("linear", ExrColor::Linear, None)] {
-        write_exr(&path, &color, depth, stored, &attributes).unwrap();
+        let planes = Planes { color: color.clone(), depth: depth.cloned().unwrap_or_default(), ..Planes::default() };
+        write_exr(&path, &planes, stored, &attributes).unwrap();
         put(to, "exr", name, &fs::read(&path).unwrap());
     }
     for (name, compression, blocks) in [

@@ -176,7 +176,8 @@ fn settings(bytes: &[u8]) -> Outcome {
 fn png(bytes: &[u8]) -> Outcome {
     let (folder, path) = Folder::with("fuzzed.png", bytes);
     let _ = folder.judge(read_png_text(&path, "Software"));
-    folder.judge(read_image(&path).map(|(image, _)| {
+    folder.judge(read_image(&path).map(|planes| {
+        let image = planes.color;
         assert_eq!(image.pixels.len(), image.width * image.height);
         assert!(image.pixels.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "premultiplied values are 0..1");
     }))
@@ -184,8 +185,10 @@ fn png(bytes: &[u8]) -> Outcome {
 
 fn exr(bytes: &[u8]) -> Outcome {
     let (folder, path) = Folder::with("fuzzed.exr", bytes);
-    folder.judge(read_image(&path).map(|(image, depth)| {
-        assert_eq!(image.pixels.len(), image.width * image.height);
-        assert!(depth.is_none_or(|depth| depth.pixels.len() == image.pixels.len()));
+    folder.judge(read_image(&path).map(|planes| {
+        let pixels = planes.color.width * planes.color.height;
+        let others = [planes.depth.pixels.len(), planes.normal.pixels.len(), planes.id.pixels.len()];
+        assert_eq!(planes.color.pixels.len(), pixels);
+        assert!(others.iter().all(|&other| other == 0 || other == pixels));
     }))
 }
