@@ -199,6 +199,8 @@ pub(super) struct Scene {
     pub(super) gpu: ContextOptions,
     /// Those of the last request.
     colors: Option<Colors>,
+    /// Whether frames have planes of normals and numbers of surfaces.
+    pub(super) guides: bool,
     /// What a project says, in place of the look.
     animation: Option<Animation>,
     /// Ends what takes long.
@@ -333,6 +335,7 @@ impl Scene {
             #[cfg(feature = "gpu")]
             gpu: args.gpu(),
             colors: None,
+            guides: false,
             animation: None,
             cancel: cancel.clone(),
         };
@@ -391,7 +394,8 @@ impl Scene {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
             tets.show(&self.look.surfaces.moved(said.isovalue, said.cut));
         });
-        Ok(FrameRequest { backend, skip, ..request })
+        let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
+        Ok(FrameRequest { backend, skip, guides: self.guides && has_surfaces, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.

@@ -25,20 +25,27 @@ pub(super) struct SurfaceArgs {
     /// Leave the volume out and draw surfaces and sections alone
     #[arg(long)]
     no_volume: bool,
-    /// Normals of lit surfaces: cell (flat facets), vertex (smooth), or none (colours as they are)
+    /// Light on isosurfaces: cell (a facet a cell), vertex (smooth), screen (normals from the depths of neighbouring pixels), depth (the
+    /// farther the darker), or none (colours as they are)
     #[arg(long, value_name = "NORMALS", default_value = "cell")]
     shade: Normals,
     /// Where light on surfaces comes from: headlight (the eye), or a direction x,y,z towards it
     #[arg(long, value_name = "LIGHT", default_value = "headlight", allow_hyphen_values = true)]
     light: Light,
+    /// Darken surfaces that are hidden by what is around them (ambient occlusion, found on the image)
+    #[arg(long)]
+    ao: bool,
+    /// Leave depths as they are where faces are left out (--lod); otherwise they are smoothed for --shade screen, depth and --ao
+    #[arg(long)]
+    no_smoothing: bool,
 }
 
 impl SurfaceArgs {
     /// What looks have of them.
     pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, cut, crop, no_volume, shade, light } = self;
+        let Self { iso, cut, crop, no_volume, shade, light, ao, no_smoothing } = self;
         let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
-        let shading = SurfaceShading { normals: *shade, light: *light };
+        let shading = SurfaceShading { normals: *shade, light: *light, ambient_occlusion: *ao, smooth: !no_smoothing };
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }

@@ -7,7 +7,7 @@ use super::preparation::Ordered;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Advance, Frame, RenderError, Renderer};
+use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -40,17 +40,35 @@ pub(super) enum Primitive {
 /// All renderers of a pipeline.
 #[derive(Default)]
 pub(super) struct Renderers {
+    cpu: CpuRenderers,
+    /// For normals and numbers of surfaces, whatever renders the frame.
+    guides: CpuRenderers,
+    #[cfg(feature = "gpu")]
+    pub(super) gpu: Gpu,
+}
+
+/// Renderers on the CPU.
+#[derive(Default)]
+struct CpuRenderers {
     raycast: Raycast,
     havs: Havs,
     reference: Reference,
-    #[cfg(feature = "gpu")]
-    pub(super) gpu: Gpu,
+}
+
+impl CpuRenderers {
+    fn of(&mut self, by: DrawnBy) -> &mut dyn Renderer {
+        match by {
+            DrawnBy::Raycast => &mut self.raycast,
+            DrawnBy::Faces(_) => &mut self.havs,
+            DrawnBy::Reference => &mut self.reference,
+        }
+    }
 }
 
 impl Renderers {
     /// Forgets what a renderer that panicked may have left behind; the GPU is looked for again.
     pub(super) fn begin_afresh(&mut self) {
-        (self.raycast, self.havs, self.reference) = Default::default();
+        (self.cpu, self.guides) = Default::default();
         #[cfg(feature = "gpu")]
         self.gpu.begin_afresh();
     }
@@ -93,9 +111,31 @@ impl Renderers {
         Ok(self.draw(ordered, backend)?.map(|renderer| renderer.take_frame(replacement())))
     }
 
-    /// The renderer that has drawn a job; `None` if it was cancelled.
+    /// The renderer that has drawn a job, with what is found on its image; `None` if it was cancelled.
     fn draw(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&mut dyn Renderer>, RenderError> {
-        let Ordered { job, by } = ordered;
+        let Ordered { job, by, on_image } = ordered;
+        let guides = match on_image.as_ref().and_then(|_| job.of_guides()) {
+            None => None,
+            Some(job) => match self.guides.of(by).render_unless_cancelled(job)? {
+                None => return Ok(None),
+                Some(frame) => Some(frame.planes.clone()),
+            },
+        };
+        let renderer = self.draw_job(job, by, backend)?;
+        Ok(renderer.map(|renderer| {
+            if let (Some(on_image), Some(guides)) = (on_image, guides) {
+                on_image.finish(&mut renderer.frame_mut().planes, &guides);
+            }
+            renderer
+        }))
+    }
+
+    fn draw_job(
+        &mut self,
+        job: RenderJob,
+        by: DrawnBy,
+        backend: Backend,
+    ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let primitive = match by {
             DrawnBy::Raycast => Some(Primitive::Cells),
             DrawnBy::Faces(_) => Some(Primitive::Faces),
@@ -116,11 +156,7 @@ impl Renderers {
                 Err(_) => {}
             }
         }
-        let renderer: &mut dyn Renderer = match primitive {
-            Some(Primitive::Cells) => &mut self.raycast,
-            Some(Primitive::Faces) => &mut self.havs,
-            None => &mut self.reference,
-        };
+        let renderer = self.cpu.of(by);
         let is_drawn = renderer.render_unless_cancelled(job)?.is_some();
         Ok(is_drawn.then_some(renderer))
     }

@@ -210,6 +210,11 @@ pub enum RequestError {
     /// Surfaces that there cannot be.
     #[error("the surfaces of the request: {0}")]
     Surfaces(#[from] SurfaceError),
+    /// Light that is found on an image of which not all is there.
+    #[error(
+        "shading by screen, by depth and ambient occlusion need all pixels of the image; leave them out, or the samples"
+    )]
+    ScreenOfSome,
     /// Planes that there cannot be.
     #[error("the cuts of the request: {0}")]
     Cuts(#[from] CutError),

@@ -3,7 +3,7 @@
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, RequestError, TetLayer};
+use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, RequestError, SampleSet, TetLayer};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
@@ -11,8 +11,9 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
-use crate::render::surfaces::{Normals, SurfaceScene, VertexGradients, cut_planes};
-use crate::render::{CompressedStep, KBuffer, OpticsTables, RenderError, RenderJob};
+use crate::render::surfaces::screen::{Screen, set_guides};
+use crate::render::surfaces::{Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
+use crate::render::{CompressedStep, KBuffer, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -177,6 +178,45 @@ impl Blank {
 pub(super) struct Ordered {
     pub(super) job: RenderJob,
     pub(super) by: DrawnBy,
+    /// What is done on the image when it is there; `None` if that is nothing.
+    pub(super) on_image: Option<OnImage>,
+}
+
+/// What is found on the image of surfaces.
+#[derive(Debug)]
+pub(super) struct OnImage {
+    view: View,
+    shading: SurfaceShading,
+    depth_range: (f64, f64),
+    is_thinned: bool,
+    /// Whether normals and numbers were asked for.
+    keeps_guides: bool,
+}
+
+impl OnImage {
+    fn of(request: &FrameRequest, job: &RenderJob, shading: SurfaceShading, by: DrawnBy) -> Option<Self> {
+        let is_wanted = job.surfaces.is_some() && (shading.is_of_screen() || request.guides);
+        is_wanted.then(|| {
+            let (lo, hi) = job.mesh.positions.world_bounds();
+            let (view, middle) = (job.view.clone(), 0.5 * lo + 0.5 * hi);
+            let (depth, radius) = (view.forward.dot(middle - view.eye), 0.5 * (hi - lo).length());
+            let depth_range = (depth - radius, depth + radius);
+            let is_thinned = by.faces().is_some_and(|detail| detail.lod < 1.0);
+            Self { view, shading, depth_range, is_thinned, keeps_guides: request.guides }
+        })
+    }
+
+    /// Lights surfaces by what is seen of them.
+    pub(super) fn finish(self, planes: &mut Planes, guides: &Planes) {
+        let depth = set_guides(planes, guides);
+        let Self { view, shading, depth_range, is_thinned, keeps_guides } = self;
+        if shading.is_of_screen() {
+            Screen { view: &view, shading, depth_range, is_thinned }.light(planes, depth);
+        }
+        if !keeps_guides {
+            (planes.normal, planes.id) = Default::default();
+        }
+    }
 }
 
 /// The second stage.
@@ -197,7 +237,7 @@ pub(super) struct Order {
 
 impl Order {
     /// Places what is to be drawn on the CPU in its view, while the renderer is busy with the frame before.
-    pub(super) fn place_ahead(&mut self, Ordered { job, by }: &mut Ordered) {
+    pub(super) fn place_ahead(&mut self, Ordered { job, by, .. }: &mut Ordered) {
         if *by != DrawnBy::Reference {
             let table = self.tables.get(job);
             self.placer.place(job, &table);
@@ -242,6 +282,7 @@ impl Order {
                 Some(scene.ok_or(PipelineError::Cancelled)?)
             }
         };
+        let shading = layer.shading;
         let surfaces = self.surfaces(series, &layer, (colors, planes), (&scalars, &active), cancel)?;
         let mut job = RenderJob {
             compressed,
@@ -264,7 +305,13 @@ impl Order {
             self.prepare_table(&mut job)?;
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Ordered { job, by })
+        let on_image = OnImage::of(request, &job, shading, by);
+        if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {
+            return Err(RequestError::ScreenOfSome.into());
+        }
+        // Planes are needed here.
+        job.for_window &= on_image.is_none();
+        Ok(Ordered { job, by, on_image })
     }
 
     /// The surfaces and cuts of a layer, if it has some.

@@ -25,6 +25,9 @@ pub struct FrameRequest {
     /// The pixels that are rendered; the planes of the frame have these.
     #[serde(default)]
     pub samples: SampleSet,
+    /// Whether the frame has the planes of normals and numbers of surfaces, where it has surfaces.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub guides: bool,
     /// Where it is rendered.
     #[serde(default)]
     pub backend: Backend,
@@ -48,8 +51,8 @@ impl FrameRequest {
         size_px: (usize, usize),
     ) -> Self {
         let layers = vec![Layer::Tets(TetLayer::new(table))];
-        let (samples, backend, for_window, skip) = Default::default();
-        Self { time: time.into(), camera, size_px, layers, samples, backend, for_window, skip }
+        let (samples, guides, backend, for_window, skip) = Default::default();
+        Self { time: time.into(), camera, size_px, layers, samples, guides, backend, for_window, skip }
     }
 
     /// The layer of cells, if there is one.
@@ -114,7 +117,7 @@ impl FrameRequest {
 
     /// Whether two frames differ in nothing but the moment that they show.
     pub fn same_view(&self, other: &Self) -> bool {
-        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.backend, r.for_window, r.skip);
+        let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.guides, r.backend, r.for_window, r.skip);
         rest(self) == rest(other)
             && self.samples == other.samples
             && std::iter::zip(&self.layers, &other.layers).all(|(a, b)| a.looks_like(b))

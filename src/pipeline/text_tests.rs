@@ -7,7 +7,7 @@ use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, SampleSet, Sampling, TetDraw, TetLayer};
 use crate::render::KBuffer;
-use crate::render::surfaces::{Isosurface, Light, Normals, SurfaceShading};
+use crate::render::surfaces::{Cut, Isosurface, Light, Normals, SurfaceShading};
 use crate::transfer::{
     BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
     TransferSource,
@@ -94,7 +94,7 @@ fn draw() -> impl Strategy<Value = TetDraw> {
     prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces]
 }
 
-fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, SurfaceShading)> {
+fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShading)> {
     let rgb = || prop::option::of(prop::array::uniform3(0.0..=1.0_f64));
     let surface = (finite(), rgb(), rgb(), 0.0..=1.0_f64).prop_map(|(value, front, back, opacity)| Isosurface {
         value,
@@ -102,20 +102,26 @@ fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, SurfaceShading)> {
         back,
         opacity,
     });
-    let normals = prop::sample::select(vec![Normals::None, Normals::Cell, Normals::Vertex]);
+    let normals = prop::sample::select(Normals::ALL.to_vec());
     let direction = prop::array::uniform3(finite()).prop_filter("a direction", |direction| *direction != [0.0; 3]);
     let light = prop_oneof![Just(Light::Headlight), direction.prop_map(Light::From)];
-    let shading = (normals, light).prop_map(|(normals, light)| SurfaceShading { normals, light });
-    (prop::collection::vec(surface, 0..4), shading)
+    let shading =
+        (normals, light, prop::bool::ANY, prop::bool::ANY).prop_map(|(normals, light, ambient_occlusion, smooth)| {
+            SurfaceShading { normals, light, ambient_occlusion, smooth }
+        });
+    let vector = || prop::array::uniform3(finite());
+    let normal = vector().prop_filter("a normal", |normal| *normal != [0.0; 3]);
+    let cut = (vector(), normal, prop::bool::ANY).prop_map(|(point, normal, clips)| Cut { point, normal, clips });
+    (prop::collection::vec(surface, 0..4), prop::collection::vec(cut, 0..3), shading)
 }
 
 fn layer() -> impl Strategy<Value = Layer> {
     let field = prop::option::of(".{0,12}");
     let optics = prop::sample::select(OpticsKind::ALL.to_vec());
     (field, table(), prop::option::of(formula()), optics, surfaces(), prop::bool::ANY, draw()).prop_map(
-        |(field, table, formula, optics, (surfaces, shading), volume, draw)| {
+        |(field, table, formula, optics, (surfaces, cuts, shading), volume, draw)| {
             let layer = TetLayer::new(table);
-            Layer::Tets(TetLayer { field, formula, optics, surfaces, shading, volume, draw, ..layer })
+            Layer::Tets(TetLayer { field, formula, optics, surfaces, cuts, shading, volume, draw, ..layer })
         },
     )
 }
@@ -140,8 +146,8 @@ fn request() -> impl Strategy<Value = FrameRequest> {
                 pixels.into_iter().map(|pixel| pixel % all).collect::<HashSet<u32>>().into_iter().collect()
             };
             let samples = pixels.map_or(samples, |pixels| SampleSet::Pixels(of_image(pixels)));
-            let skip = skip.parse::<Skip>().unwrap();
-            FrameRequest { time, camera, size_px, layers, samples, backend, skip, for_window: false }
+            let (skip, guides) = (skip.parse::<Skip>().unwrap(), layers.len() > 1);
+            FrameRequest { time, camera, size_px, layers, samples, guides, backend, skip, for_window: false }
         },
     )
 }

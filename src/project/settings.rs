@@ -63,6 +63,12 @@ pub struct LookSettings {
     /// Where light on surfaces comes from, as `--light` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub light: Option<Light>,
+    /// Whether surfaces are darker where they are hidden by what is around them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ao: Option<bool>,
+    /// Whether depths stay as they are where faces are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_smoothing: Option<bool>,
     /// Level of detail, 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "share")]
     pub lod: Option<f64>,

@@ -121,6 +121,10 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
         std::mem::replace(&mut self.frame, replacement)
     }
 
+    fn frame_mut(&mut self) -> &mut Frame {
+        &mut self.frame
+    }
+
     fn slice(&self) -> Duration {
         self.layer.slice()
     }

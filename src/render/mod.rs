@@ -309,6 +309,19 @@ impl RenderJob {
     }
 }
 
+impl RenderJob {
+    /// The job whose image has the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its number in place of
+    /// opacity, and its depth; `None` if there is none.
+    pub(crate) fn of_guides(&self) -> Option<Self> {
+        let surfaces = Some(self.surfaces.clone()?.into_guides());
+        let (formula, joint, prepared, fragments, compressed) = Default::default();
+        let (table, optics, for_window) = (Arc::new(NodeTable::clear()), OpticsKind::Exact, false);
+        let stats = FrameStats::default();
+        let of_guides = Self { surfaces, formula, joint, prepared, fragments, compressed, ..self.clone() };
+        Some(Self { table, optics, for_window, stats, ..of_guides })
+    }
+}
+
 /// A rendered image, and what it cost.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
@@ -360,6 +373,9 @@ pub trait Renderer: Send {
     /// Takes the last frame out, so that it can be kept while the next one is rendered to the memory of `replacement`,
     /// whose pixels count for nothing.
     fn take_frame(&mut self, replacement: Frame) -> Frame;
+
+    /// The last frame, for what is found on the whole image.
+    fn frame_mut(&mut self) -> &mut Frame;
 
     /// The longest that [`Self::advance`] should work at once for a cancelled job to stop in time: a renderer that looks at
     /// the flag while it works needs no slices.

@@ -24,5 +24,6 @@ mod series;
 mod skipping;
 mod store;
 mod stress;
+mod surfaces;
 mod synth;
 mod transfer;

@@ -29,7 +29,7 @@ use tetreel::visibility::{CellSet, DepthOrder, FaceSelection, Skip};
 const RMSE_MAX: f64 = 1e-6;
 
 /// Each sample that is a tetrahedral mesh, with a field (the first if there is no name) and three steps of it.
-const SAMPLES: [(&str, &str, &str); 7] = [
+pub(crate) const SAMPLES: [(&str, &str, &str); 7] = [
     ("heart_wave/heart_wave.xdmf", "potential", "100..300:100"),
     ("jet_flow/jet_flow.xdmf", "dye", "20..60:20"),
     ("natural_convection/natural_convection.xdmf", "temperature", "40..140:50"),
@@ -39,7 +39,7 @@ const SAMPLES: [(&str, &str, &str); 7] = [
     ("paper_static/bluntfin.vtu", "", "0"),
 ];
 
-fn sample(dir: &Path, (file, field, steps): (&str, &str, &str)) -> (tempfile::TempDir, Pipeline) {
+pub(crate) fn sample(dir: &Path, (file, field, steps): (&str, &str, &str)) -> (tempfile::TempDir, Pipeline) {
     let out = tempfile::tempdir().unwrap();
     let store = ingested(&*import::open(&dir.join(file)).unwrap(), &out.path().join("s.zarr"), steps);
     let name = if field.is_empty() { store.fields()[0].name.clone() } else { field.to_owned() };

@@ -245,6 +245,8 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let in_file = |error| project::in_file(error, args.project.as_deref());
     let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
     let mut scene = scene.map_err(in_file)?;
+    // An EXR has room for all planes.
+    scene.guides = matches!(output, Target::Images(_)) && StillFormat::of(&output.path(0)) == Some(StillFormat::Exr);
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);

@@ -2,6 +2,7 @@
 //! goes from one side of the plane to the other.
 
 use super::integrate::Sum;
+use super::surfaces::toward_eye;
 use crate::mesh::Plane;
 use crate::render::medium::{Medium, Segment};
 use crate::visibility::CutPlanes;
@@ -14,6 +15,10 @@ const ON_PLANE: f64 = 1e-12;
 pub(super) struct WithCuts<'a, M, C> {
     pub(super) inner: &'a M,
     pub(super) planes: &'a CutPlanes,
+    /// The number of the first section.
+    pub(super) first_number: u32,
+    /// Whether normals and numbers are shown.
+    pub(super) guides: bool,
     /// The colour of sections at a scalar.
     pub(super) color: C,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
@@ -31,14 +36,15 @@ impl<M, C> WithCuts<'_, M, C> {
         self.planes.clips.iter().any(|clip| self.distance(clip, depth) > ON_PLANE)
     }
 
-    /// Where planes meet a part of the ray: depth, and whether a section does.
-    fn met(&self, [near, far]: [f64; 2]) -> Vec<(f64, bool)> {
+    /// Where planes meet a part of the ray: depth, and of a section its normal and its number.
+    fn met(&self, [near, far]: [f64; 2]) -> Vec<(f64, Option<(DVec3, u32)>)> {
         let CutPlanes { sections, clips } = self.planes;
-        let planes = sections.iter().map(|plane| (plane, true)).chain(clips.iter().map(|plane| (plane, false)));
-        let mut met: Vec<(f64, bool)> = planes
-            .filter_map(|(plane, is_section)| {
+        let sections = sections.iter().zip(self.first_number..).map(|(plane, n)| (plane, Some((plane.normal, n))));
+        let planes = sections.chain(clips.iter().map(|plane| (plane, None)));
+        let mut met: Vec<_> = planes
+            .filter_map(|(plane, section)| {
                 let [a, b] = [near, far].map(|depth| self.distance(plane, depth));
-                ((a >= 0.0) != (b >= 0.0)).then(|| (near + a / (a - b) * (far - near), is_section))
+                ((a >= 0.0) != (b >= 0.0)).then(|| (near + a / (a - b) * (far - near), section))
             })
             .collect();
         met.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -58,10 +64,14 @@ impl<M: Medium<Light = Sum>, C: Fn(f64) -> [f64; 3] + Sync> Medium for WithCuts<
                 count += self.inner.pass(ray, &part, sum);
             }
         };
-        for (depth, is_section) in self.met(segment.part) {
+        for (depth, section) in self.met(segment.part) {
             let Some((before, behind)) = rest.map(|rest| rest.split(depth)) else { break };
             before.into_iter().for_each(|part| pass(part, sum));
-            if is_section && !self.is_cut_away(depth) {
+            if let Some((normal, number)) = section.filter(|_| self.guides && !self.is_cut_away(depth)) {
+                sum.end_with_guide(depth, toward_eye(normal, self.direction), number);
+                return count + 1;
+            }
+            if section.is_some() && !self.is_cut_away(depth) {
                 sum.add_surface(depth, (self.color)(behind.part_scalar[0]), 1.0);
             }
             rest = Some(behind);

@@ -4,6 +4,7 @@ use super::joint;
 use crate::node_table::{Node, NodeTable};
 use crate::render::medium::{Medium, Segment};
 use crate::render::{JointScene, LayerFragment, RenderJob};
+use glam::DVec3;
 
 /// Ten-point Gauss-Legendre on [-1, 1], positive half.
 const GAUSS: [(f64, f64); 5] = [
@@ -74,6 +75,8 @@ pub(in crate::render) struct Sum {
     pub(super) depth_so_far: f64,
     /// Depth where the first piece with extinction begins; infinite if there was none.
     pub(super) visible_from: f64,
+    /// The number of the surface whose normal `rgb` is, if that is asked for.
+    guide: Option<u32>,
 }
 
 /// What a ray sees.
@@ -114,7 +117,7 @@ pub(super) fn integrate<M: Medium<Light = Sum>>(
 
 impl Sum {
     fn new() -> Self {
-        Self { rgb: [0.0; 3], depth_so_far: 0.0, visible_from: f64::INFINITY }
+        Self { rgb: [0.0; 3], depth_so_far: 0.0, visible_from: f64::INFINITY, guide: None }
     }
 
     /// A flat thing of opacity a has the optical depth -ln(1 - a).
@@ -139,9 +142,16 @@ impl Sum {
         self.visible_from = self.visible_from.min(depth);
     }
 
+    /// The nearest surface shows its normal and its number, and hides all else.
+    pub(super) fn end_with_guide(&mut self, depth: f64, normal: DVec3, number: u32) {
+        (self.rgb, self.guide) = (normal.to_array(), Some(number));
+        (self.depth_so_far, self.visible_from) = (f64::INFINITY, depth);
+    }
+
     fn light(&self) -> Light {
         let [r, g, b] = self.rgb;
-        Light { rgba: [r, g, b, -(-self.depth_so_far).exp_m1()], visible_from: self.visible_from }
+        let opacity = -(-self.depth_so_far).exp_m1();
+        Light { rgba: [r, g, b, self.guide.map_or(opacity, f64::from)], visible_from: self.visible_from }
     }
 }
 

@@ -149,7 +149,9 @@ impl JudgedJob {
             if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
         let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, origin, direction };
         let color = |scalar: f64| colors.map_or_else(|| scene.section_color(scalar), |colors| colors.eval(scalar).0);
-        let medium = WithCuts { inner: &medium, planes: scene.planes(), color, origin, direction };
+        let (first_number, guides) = (scene.sheets().len() as u32 + 1, scene.shows_guides());
+        let medium =
+            WithCuts { inner: &medium, planes: scene.planes(), first_number, guides, color, origin, direction };
         integrate::integrate(&medium, chain, fragments, scale)
     }
 }

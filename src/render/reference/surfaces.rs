@@ -16,6 +16,8 @@ pub(super) struct Surfaces {
     light: Light,
     /// The mean gradient at each vertex by volume, for smooth normals.
     gradients: Vec<DVec3>,
+    /// Whether normals and numbers are shown.
+    guides: bool,
 }
 
 impl Surfaces {
@@ -23,7 +25,13 @@ impl Surfaces {
         let shading = scene.shading();
         let smooth = shading.normals == Normals::Vertex;
         let gradients = if smooth { gradients_at_vertices(job) } else { Vec::new() };
-        Self { sheets: scene.sheets().to_vec(), normals: shading.normals, light: shading.light, gradients }
+        Self {
+            sheets: scene.sheets().to_vec(),
+            normals: shading.normals,
+            light: shading.light,
+            gradients,
+            guides: scene.shows_guides(),
+        }
     }
 }
 
@@ -54,6 +62,11 @@ fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
         }
     }
     sums.iter().map(|sum| sum.try_normalize().unwrap_or(DVec3::ZERO)).collect()
+}
+
+/// A normal turned to the side that a ray comes from.
+pub(super) fn toward_eye(normal: DVec3, direction: DVec3) -> DVec3 {
+    if normal.dot(direction) > 0.0 { -normal } else { normal }
 }
 
 /// A medium with surfaces in it, for one ray.
@@ -106,6 +119,11 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
             if before.part[1] > before.part[0] {
                 count += self.volume.pass(&mut (), &before, sum);
             }
+            if self.surfaces.guides && sheet.opacity > 0.0 {
+                let normal = self.normal(segment.cell, depth).try_normalize().unwrap_or_default();
+                sum.end_with_guide(depth, toward_eye(normal, self.direction), sheet.number);
+                return count + 1;
+            }
             let rgb = if s1 > s0 { sheet.front } else { sheet.back };
             sum.add_surface(depth, rgb.map(|c| c * self.light_on(segment.cell, depth)), sheet.opacity);
             (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
@@ -124,11 +142,10 @@ impl<M> WithSurfaces<'_, M> {
         scalar.clamp(corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max))
     }
 
-    /// The cosine between the normal, turned to the side of the eye, and the light; 1 without a normal.
-    fn light_on(&self, cell: u32, depth: f64) -> f64 {
-        let normal = match self.surfaces.normals {
-            Normals::None => return 1.0,
-            Normals::Cell => gradient(self.job, cell),
+    /// Across a surface in a cell, of any length.
+    fn normal(&self, cell: u32, depth: f64) -> DVec3 {
+        match self.surfaces.normals {
+            Normals::None | Normals::Cell | Normals::Screen | Normals::Depth => gradient(self.job, cell),
             Normals::Vertex => {
                 let [o, a, b, c] = corners(self.job, cell);
                 let point = self.origin + depth * self.direction;
@@ -138,10 +155,16 @@ impl<M> WithSurfaces<'_, M> {
                 let gradients = tet.map(|v| self.surfaces.gradients[v as usize]);
                 (0..4).map(|i| weights[i] * gradients[i]).sum()
             }
-        };
-        let Some(normal) = normal.try_normalize() else { return 1.0 };
-        let to_eye = -self.direction.normalize();
-        let turned = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
+        }
+    }
+
+    /// The cosine between the normal, turned to the side of the eye, and the light; 1 without a normal.
+    fn light_on(&self, cell: u32, depth: f64) -> f64 {
+        if matches!(self.surfaces.normals, Normals::None | Normals::Screen | Normals::Depth) {
+            return 1.0;
+        }
+        let Some(normal) = self.normal(cell, depth).try_normalize() else { return 1.0 };
+        let (to_eye, turned) = (-self.direction.normalize(), toward_eye(normal, self.direction));
         match self.surfaces.light {
             Light::Headlight => turned.dot(to_eye),
             Light::From([x, y, z]) => {

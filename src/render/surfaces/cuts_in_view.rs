@@ -4,18 +4,21 @@ use crate::camera::View;
 use crate::mesh::Plane;
 use crate::render::medium::Segment;
 use crate::visibility::CutPlanes;
+use glam::DVec3;
 
 /// The planes of a scene in view coordinates.
 pub(in crate::render) struct CutsInView {
     sections: Vec<PlaneInView>,
     clips: Vec<PlaneInView>,
+    normals: Vec<DVec3>,
 }
 
 impl CutsInView {
     /// Planes in the local coordinates of a mesh, in a view in the same.
     pub(in crate::render) fn new(planes: &CutPlanes, view: &View) -> Self {
         let in_view = |planes: &[Plane]| planes.iter().map(|plane| PlaneInView::new(plane, view)).collect();
-        Self { sections: in_view(&planes.sections), clips: in_view(&planes.clips) }
+        let normals = planes.sections.iter().map(|section| section.normal).collect();
+        Self { sections: in_view(&planes.sections), clips: in_view(&planes.clips), normals }
     }
 
     #[inline(always)]
@@ -56,6 +59,13 @@ impl CutsInView {
         let is_met = |(depth, _): &(f64, usize)| *depth >= from && *depth <= to && *depth < segment.part[1];
         let met = self.sections.iter().map(depth).zip(1..).filter(is_met);
         met.filter(|met| *met > last).min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
+impl CutsInView {
+    /// Across a section, by its number from 1.
+    pub(in crate::render) fn section_normal(&self, number: usize) -> DVec3 {
+        self.normals[number - 1]
     }
 }
 

@@ -65,8 +65,14 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
             if light.is_opaque() {
                 return pieces;
             }
-            let [r, g, b] = self.scene.section_color(behind.part_scalar[0]).map(|c| c as f32);
-            light.add_premultiplied(Vec4::new(r, g, b, 1.0), 1.0);
+            let [r, g, b, a] = if self.scene.shows_guides() {
+                let normal = self.shader.turned(self.cuts.section_normal(number), segment);
+                guide(normal, (self.sheets.len() + number) as u32)
+            } else {
+                let [r, g, b] = self.scene.section_color(behind.part_scalar[0]).map(|c| c as f32);
+                [r, g, b, 1.0]
+            };
+            light.add_premultiplied(Vec4::new(r, g, b, a), 1.0);
             light.visible_from = light.visible_from.min(depth);
             (rest, last, pieces) = (behind, (depth, number), pieces + 1);
         }
@@ -100,6 +106,12 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
             if light.is_opaque() {
                 return pieces;
             }
+            if sheet.opacity > 0.0 && self.scene.shows_guides() {
+                let normal = self.shader.turned(self.shader.normal_on(segment, depth), segment);
+                light.add_premultiplied(guide(normal, sheet.number).into(), 1.0);
+                light.visible_from = light.visible_from.min(depth);
+                return pieces + 1;
+            }
             if sheet.opacity > 0.0 {
                 let rgb = if ascends { sheet.front } else { sheet.back };
                 let lit = self.shader.light_on(segment, depth);
@@ -132,6 +144,13 @@ impl<M: Medium<Light = Accumulator>> Medium for SurfaceMedium<'_, M> {
     }
 }
 
+/// What the nearest surface shows of itself.
+fn guide(normal: DVec3, number: u32) -> [f32; 4] {
+    let [x, y, z] = normal.as_vec3().to_array();
+    // Exact: there are fewer than 2^24.
+    [x, y, z, number as f32]
+}
+
 /// How bright surfaces are.
 struct Shader<'a> {
     normals: Normals,
@@ -162,20 +181,37 @@ impl<'a> Shader<'a> {
     /// The share of its colour that a surface shows at a depth in the cell of a segment: the cosine between its normal, turned towards the eye,
     /// and the light. All of it where there is no normal: of a cell too flat for one.
     fn light_on(&self, segment: &Segment, depth: f64) -> f64 {
-        let View { right, up, forward, perspective, .. } = *self.view;
-        let RayLine { px, py, .. } = segment.line;
-        let normal = match (self.normals, self.gradients) {
-            (Normals::None, _) => return 1.0,
-            (Normals::Vertex, Some(gradients)) => self.smooth_normal(segment, depth, gradients),
-            (Normals::Cell | Normals::Vertex, _) => self.normal(segment.cell),
-        };
-        let along = if perspective { px * right + py * up + forward } else { forward };
+        if matches!(self.normals, Normals::None | Normals::Screen | Normals::Depth) {
+            return 1.0;
+        }
+        let (normal, along) = (self.normal_on(segment, depth), self.along(segment));
         let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
         let facing = -normal.dot(along);
         match self.light {
             None => facing.abs(),
             Some(light) => (normal.dot(light) * facing.signum()).max(0.0),
         }
+    }
+
+    /// Across an isosurface at a depth in the cell of a segment, of any length; 0 if there is no such direction.
+    fn normal_on(&self, segment: &Segment, depth: f64) -> DVec3 {
+        match (self.normals, self.gradients) {
+            (Normals::Vertex, Some(gradients)) => self.smooth_normal(segment, depth, gradients),
+            _ => self.normal(segment.cell),
+        }
+    }
+
+    /// How far the ray of a segment goes for a unit of depth.
+    fn along(&self, segment: &Segment) -> DVec3 {
+        let View { right, up, forward, perspective, .. } = *self.view;
+        let RayLine { px, py, .. } = segment.line;
+        if perspective { px * right + py * up + forward } else { forward }
+    }
+
+    /// A normal of length 1 on the side of the eye; 0 if there is none.
+    fn turned(&self, normal: DVec3, segment: &Segment) -> DVec3 {
+        let normal = normal.normalize_or_zero();
+        if normal.dot(self.along(segment)) > 0.0 { -normal } else { normal }
     }
 
     /// The gradient in a cell.

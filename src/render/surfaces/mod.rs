@@ -16,6 +16,7 @@ mod cuts;
 pub(super) mod cuts_in_view;
 pub(super) mod medium;
 mod normals;
+pub(crate) mod screen;
 mod text;
 
 use crate::node_table::NodeTable;
@@ -71,6 +72,10 @@ pub enum Normals {
     Cell,
     /// Gradients at vertices, the means of those of their cells by volume, interpolated in the cell: smooth.
     Vertex,
+    /// The depths of neighbouring pixels, by central differences: of the nearest surface alone (dissertation 6.1.3.2).
+    Screen,
+    /// From nowhere: the farther the nearest surface, the darker (dissertation 6.1.3.2).
+    Depth,
 }
 
 /// Where light comes from.
@@ -85,7 +90,7 @@ pub enum Light {
 }
 
 /// How surfaces are lit: by the cosine between the normal, turned towards the eye, and the light (Lambert).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceShading {
     /// Where normals come from.
@@ -94,6 +99,31 @@ pub struct SurfaceShading {
     /// Where light comes from.
     #[serde(default)]
     pub light: Light,
+    /// Whether the nearest surface is darker where what lies around it hides it: ambient occlusion, found on the image.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ambient_occlusion: bool,
+    /// Whether depths are smoothed first where faces were left out, for all that is found on the image.
+    #[serde(default = "smooth", skip_serializing_if = "Clone::clone")]
+    pub smooth: bool,
+}
+
+impl Default for SurfaceShading {
+    fn default() -> Self {
+        let (normals, light, ambient_occlusion) = Default::default();
+        Self { normals, light, ambient_occlusion, smooth: true }
+    }
+}
+
+impl SurfaceShading {
+    /// Whether light is found on the image, from all of its pixels.
+    pub fn is_of_screen(&self) -> bool {
+        self.ambient_occlusion || matches!(self.normals, Normals::Screen | Normals::Depth)
+    }
+}
+
+/// What a text means that does not say.
+fn smooth() -> bool {
+    true
 }
 
 /// Why there are no such surfaces.
@@ -152,6 +182,8 @@ pub fn check(surfaces: &[Isosurface], shading: &SurfaceShading) -> Result<(), Su
 /// A surface with its colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sheet {
+    /// Its place among those asked for, from 1.
+    pub(super) number: u32,
     /// The isovalue.
     pub(super) value: f64,
     pub(super) front: [f64; 3],
@@ -173,6 +205,8 @@ pub struct SurfaceScene {
     colors: Arc<NodeTable>,
     /// What these come from, for the judge.
     source: Option<Arc<TransferSource>>,
+    /// Whether the nearest surface shows its normal and its number instead of its colour and opacity.
+    guides: bool,
 }
 
 impl SurfaceScene {
@@ -184,9 +218,10 @@ impl SurfaceScene {
         check(surfaces, &shading)?;
         let mut sheets: Vec<Sheet> = surfaces
             .iter()
-            .map(|&Isosurface { value, front, back, opacity }| {
+            .zip(1..)
+            .map(|(&Isosurface { value, front, back, opacity }, number)| {
                 let front = front.unwrap_or_else(|| table.eval(value).rgb);
-                Sheet { value, front, back: back.unwrap_or(front), opacity }
+                Sheet { number, value, front, back: back.unwrap_or(front), opacity }
             })
             .collect();
         sheets.sort_by(|a, b| a.value.total_cmp(&b.value));
@@ -197,6 +232,7 @@ impl SurfaceScene {
             planes: CutPlanes::default(),
             colors: table.clone(),
             source: None,
+            guides: false,
         })
     }
 
@@ -216,6 +252,18 @@ impl SurfaceScene {
     #[must_use]
     pub fn with_source(self, source: Option<Arc<TransferSource>>) -> Self {
         Self { source, ..self }
+    }
+
+    /// The same surfaces, of which the nearest shows its normal (world coordinates, towards the eye) and its number in place of colour and
+    /// opacity, and hides the others.
+    #[must_use]
+    pub(super) fn into_guides(self) -> Self {
+        Self { guides: true, ..self }
+    }
+
+    /// Whether they do so.
+    pub(super) fn shows_guides(&self) -> bool {
+        self.guides
     }
 
     /// What the colours come from, if that is known.

@@ -76,7 +76,11 @@ impl fmt::Display for IsosurfaceText {
     }
 }
 
-words!(Normals, "there are no normals", ["cell" = Cell, "vertex" = Vertex, "none" = None]);
+words!(
+    Normals,
+    "there are no normals",
+    ["cell" = Cell, "vertex" = Vertex, "screen" = Screen, "depth" = Depth, "none" = None]
+);
 
 impl FromStr for Light {
     type Err = String;
@@ -154,13 +158,13 @@ mod tests {
 
     #[test]
     fn normals_and_lights_are_read_as_they_are_written() {
-        for text in ["none", "cell", "vertex"] {
+        for text in Normals::ALL.map(Normals::as_str) {
             assert_eq!(text.parse::<Normals>().unwrap().to_string(), text);
         }
         for text in ["headlight", "0,0,1", "-1,2.5,1e-300"] {
             assert_eq!(text.parse::<Light>().unwrap().to_string(), text);
         }
-        assert!("smooth".parse::<Normals>().unwrap_err().contains("cell, vertex or none"));
+        assert!("smooth".parse::<Normals>().unwrap_err().contains("cell, vertex, screen, depth or none"));
         for text in ["", "0,0,0", "1,2", "1,2,3,4", "nan,0,1", "inf,0,0", "up"] {
             assert!(text.parse::<Light>().unwrap_err().contains("is no light"), "{text}");
         }

@@ -95,7 +95,8 @@ pub(super) fn scenes() -> Vec<(String, RenderJob)> {
             scenes.push((format!("{name}, {normals}"), with_surfaces(&base, &sheets(), shading)));
             scenes.push((format!("{name}, {normals}, alone"), alone(&base, &sheets(), shading)));
         }
-        let light = SurfaceShading { normals: Normals::Vertex, light: Light::From([0.3, -0.5, 2.0]) };
+        let light =
+            SurfaceShading { normals: Normals::Vertex, light: Light::From([0.3, -0.5, 2.0]), ..Default::default() };
         scenes.push((format!("{name}, from above"), alone(&base, &sheets(), light)));
         let opaque = [surface(0.1, RED, 1.0), surface(-0.7, BLUE, 0.4)];
         let mut job = with_surfaces(&base, &opaque, shading(Normals::Cell));
@@ -247,7 +248,7 @@ fn a_plane_has_the_depth_and_the_light_of_the_closed_form() {
 fn a_light_from_the_side_reaches_what_faces_it_on_the_side_of_the_eye() {
     let base = slanted((9, 9), Projection::Parallel { scale: 0.5 });
     let center = |light: [f64; 3]| {
-        let shading = SurfaceShading { normals: Normals::Cell, light: Light::From(light) };
+        let shading = SurfaceShading { normals: Normals::Cell, light: Light::From(light), ..Default::default() };
         planes("raycast", &alone(&base, &[surface(0.0, [1.0; 3], 1.0)], shading)).color.pixels[40]
     };
     let normal = DVec3::new(1.0, 0.5, 0.0).normalize();

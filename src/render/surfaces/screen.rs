@@ -1,0 +1,259 @@
+//! Light on the nearest surface from the planes of an image alone.
+//!
+//! The renderer leaves colours as they are and the depth of the nearest surface behind; here that is smoothed where faces were left out,
+//! normals are found by central differences, and colours are multiplied by the light (dissertation 6.1.3.2, after Livnat and Tricoche 2004).
+//!
+//! ```text
+//! depth, id -> smoothed (faces left out) -> positions -> normal = horizontal x vertical difference -> light -> colour
+//! ```
+//! A difference is central where both neighbours lie on the same surface; to one side where the other neighbour lies on another one, or so much
+//! farther off that the surface ends in between.
+
+use super::{Light, Normals, SurfaceShading};
+use crate::camera::View;
+use crate::image::{DepthImage, Plane, Planes};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A neighbour that is this many times farther off in depth than the opposite one lies behind an edge.
+const EDGE: f64 = 8.0;
+
+/// Weights of a row or a column of the smoothing pass, of 16.
+const BINOMIAL: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+
+/// A pixel without a surface is a hole if surfaces around it have this share of the weights: at a straight edge they have less than a third.
+const HOLE: f64 = 0.6;
+
+/// The farthest surface of a mesh keeps this share of its colour when it is shaded by depth.
+const FARTHEST: f64 = 0.25;
+
+/// Ambient occlusion looks this far, as a share of the height of the image, into this many directions at as many distances.
+const REACH: f64 = 0.06;
+const DIRECTIONS: usize = 8;
+const DISTANCES: usize = 3;
+/// Occluders below this share of their distance above the plane of a pixel are the curvature of the surface itself.
+const BIAS: f64 = 0.1;
+
+/// Normal and number of the nearest surface of each pixel, and its depth: planes from the image of a job's
+/// [guides](crate::render::RenderJob::of_guides).
+pub(crate) fn set_guides(planes: &mut Planes, guides: &Planes) -> DepthImage {
+    let Plane { width, height, ref pixels } = guides.color;
+    let of = |[x, y, z, number]: [f32; 4]| ([x, y, z], number as u32);
+    let (normal, id) = pixels.iter().map(|&pixel| of(pixel)).unzip();
+    planes.normal = Plane { width, height, pixels: normal };
+    planes.id = Plane { width, height, pixels: id };
+    guides.depth.clone()
+}
+
+/// What an image is lit by.
+pub(crate) struct Screen<'a> {
+    pub(crate) view: &'a View,
+    pub(crate) shading: SurfaceShading,
+    /// Least and greatest depth of the mesh in the view.
+    pub(crate) depth_range: (f64, f64),
+    /// Whether faces were left out.
+    pub(crate) is_thinned: bool,
+}
+
+impl Screen<'_> {
+    /// Lights the nearest surface, whose normals, numbers and depths are there; normals become those that it is lit by.
+    pub(crate) fn light(&self, planes: &mut Planes, mut depth: DepthImage) {
+        if self.is_thinned && self.shading.smooth {
+            depth = smoothed(planes, &depth);
+        }
+        if self.shading.normals == Normals::Screen {
+            planes.normal = self.normals(&depth, &planes.id);
+        }
+        let width = planes.color.width;
+        let factors: Vec<f32> = (0..planes.color.pixels.len())
+            .into_par_iter()
+            .map(|pixel| {
+                if planes.id.pixels[pixel] == 0 {
+                    return 1.0;
+                }
+                let (column, row) = (pixel % width, pixel / width);
+                let normal = DVec3::from(planes.normal.pixels[pixel].map(f64::from));
+                let mut factor = match self.shading.normals {
+                    Normals::Screen => self.facing(normal, column, row),
+                    Normals::Depth => self.nearness(f64::from(depth.pixels[pixel])),
+                    Normals::None | Normals::Cell | Normals::Vertex => 1.0,
+                };
+                if self.shading.ambient_occlusion {
+                    factor *= self.openness(&depth, &planes.id, normal, (column, row));
+                }
+                factor as f32
+            })
+            .collect();
+        for ([r, g, b, _], factor) in planes.color.pixels.iter_mut().zip(factors) {
+            [r, g, b].into_iter().for_each(|c| *c *= factor);
+        }
+    }
+
+    /// The point that a pixel sees at a depth, world coordinates relative to the eye.
+    fn point(&self, column: usize, row: usize, depth: f64) -> DVec3 {
+        let View { right, up, forward, perspective, .. } = *self.view;
+        let (px, py) = self.view.ray(column, row);
+        let spread = if perspective { depth } else { 1.0 };
+        spread * px * right + spread * py * up + depth * forward
+    }
+
+    /// Towards the eye from what a pixel sees.
+    fn to_eye(&self, column: usize, row: usize) -> DVec3 {
+        let View { right, up, forward, perspective, .. } = *self.view;
+        let (px, py) = self.view.ray(column, row);
+        -(if perspective { px * right + py * up + forward } else { forward }).normalize()
+    }
+
+    /// Normals by differences of depths.
+    fn normals(&self, depth: &DepthImage, id: &Plane<u32>) -> Plane<[f32; 3]> {
+        let (width, height) = (depth.width, depth.height);
+        let place = |column: usize, row: usize| row * width + column;
+        let at = |column: usize, row: usize| self.point(column, row, f64::from(depth.pixels[place(column, row)]));
+        let normal = |pixel: usize| {
+            let (column, row) = (pixel % width, pixel / width);
+            let number = id.pixels[pixel];
+            if number == 0 {
+                return [0.0; 3];
+            }
+            // From one neighbour to the other, or to or from the pixel itself.
+            let difference = |before: Option<(usize, usize)>, after: Option<(usize, usize)>| {
+                let on_surface = |n: &(usize, usize)| id.pixels[place(n.0, n.1)] == number;
+                let off = |n: (usize, usize)| f64::from(depth.pixels[place(n.0, n.1)] - depth.pixels[pixel]).abs();
+                let (before, after) = (before.filter(on_surface), after.filter(on_surface));
+                let (from, to) = match (before, after) {
+                    (Some(a), Some(b)) if off(a) > EDGE * off(b) && off(b) > 0.0 => ((column, row), b),
+                    (Some(a), Some(b)) if off(b) > EDGE * off(a) && off(a) > 0.0 => (a, (column, row)),
+                    (Some(a), Some(b)) => (a, b),
+                    (Some(a), None) => (a, (column, row)),
+                    (None, Some(b)) => ((column, row), b),
+                    (None, None) => return DVec3::ZERO,
+                };
+                at(to.0, to.1) - at(from.0, from.1)
+            };
+            let across = difference(column.checked_sub(1).map(|c| (c, row)), next(column, width).map(|c| (c, row)));
+            let down = difference(row.checked_sub(1).map(|r| (column, r)), next(row, height).map(|r| (column, r)));
+            let normal = across.cross(down).normalize_or_zero();
+            let turned = if normal.dot(self.to_eye(column, row)) < 0.0 { -normal } else { normal };
+            turned.as_vec3().to_array()
+        };
+        Plane { width, height, pixels: (0..width * height).into_par_iter().map(normal).collect() }
+    }
+
+    /// The cosine between a normal towards the eye and the light; 1 without a normal.
+    fn facing(&self, normal: DVec3, column: usize, row: usize) -> f64 {
+        let toward = match self.shading.light {
+            Light::Headlight => self.to_eye(column, row),
+            Light::From(direction) => {
+                let direction = DVec3::from(direction);
+                (direction / direction.abs().max_element()).normalize()
+            }
+        };
+        if normal == DVec3::ZERO { 1.0 } else { normal.dot(toward).max(0.0) }
+    }
+
+    /// 1 where the mesh begins, [`FARTHEST`] where it ends.
+    fn nearness(&self, depth: f64) -> f64 {
+        let (near, far) = self.depth_range;
+        let share = if far > near { ((depth - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
+        1.0 + share * (FARTHEST - 1.0)
+    }
+
+    /// The share of light from all around that reaches a pixel: 1 - mean of max(0, n . v - bias) |v|... over places around it on the image, v the
+    /// way to what is seen there (McGuire et al., "The Alchemy Screen-Space Ambient Obscurance Algorithm", HPG 2011, equation 10, with a fall-off
+    /// beyond the reach).
+    fn openness(&self, depth: &DepthImage, id: &Plane<u32>, normal: DVec3, (column, row): (usize, usize)) -> f64 {
+        let (width, height) = (depth.width, depth.height);
+        let here = self.point(column, row, f64::from(depth.pixels[row * width + column]));
+        let reach_px = (REACH * height as f64).max(2.0);
+        // World length that the reach covers at this depth.
+        let one_px = (self.point(next(column, width).unwrap_or(column.saturating_sub(1)), row, 1.0)
+            - self.point(column, row, 1.0))
+        .length();
+        let spread = if self.view.perspective { f64::from(depth.pixels[row * width + column]).abs() } else { 1.0 };
+        let reach = reach_px * one_px * spread;
+        if normal == DVec3::ZERO || reach <= 0.0 {
+            return 1.0;
+        }
+        let mut occlusion = 0.0;
+        for place in 0..DIRECTIONS * DISTANCES {
+            let (direction, distance) = (place % DIRECTIONS, place / DIRECTIONS);
+            let angle = std::f64::consts::TAU * (direction as f64 + 0.5 * distance as f64) / DIRECTIONS as f64;
+            let radius = reach_px * (distance + 1) as f64 / DISTANCES as f64;
+            let (x, y) = (column as f64 + radius * angle.cos(), row as f64 + radius * angle.sin());
+            let is_inside = (0.0..width as f64).contains(&x.round()) && (0.0..height as f64).contains(&y.round());
+            if !is_inside {
+                continue;
+            }
+            let (x, y) = (x.round() as usize, y.round() as usize);
+            if id.pixels[y * width + x] == 0 {
+                continue;
+            }
+            let way = self.point(x, y, f64::from(depth.pixels[y * width + x])) - here;
+            let length = way.length();
+            if length > 0.0 {
+                let falls_off = (1.0 - (length / (2.0 * reach)).powi(2)).max(0.0);
+                occlusion += (normal.dot(way) / length - BIAS).max(0.0) * falls_off;
+            }
+        }
+        (1.0 - 2.0 * occlusion / (DIRECTIONS * DISTANCES) as f64).max(0.0)
+    }
+}
+
+/// The next column or row, if there is one.
+fn next(at: usize, count: usize) -> Option<usize> {
+    (at + 1 < count).then_some(at + 1)
+}
+
+/// Depths convolved with binomials over 5 x 5 pixels, of those that see a surface. Pixels in holes get depth, normal, number and colour of
+/// what is around them.
+fn smoothed(planes: &mut Planes, depth: &DepthImage) -> DepthImage {
+    let (width, height) = (depth.width, depth.height);
+    let Planes { color, normal, id, .. } = &*planes;
+    /// What surrounds a pixel, by its weights.
+    #[derive(Clone, Copy, Default)]
+    struct Around {
+        weight: f64,
+        depth: f64,
+        normal: [f64; 3],
+        rgba: [f64; 4],
+        /// The greatest number: in a hole two surfaces may meet.
+        number: u32,
+    }
+    let around = |pixel: usize| {
+        let (column, row) = ((pixel % width) as isize, (pixel / width) as isize);
+        let mut sum = Around::default();
+        for (dy, wy) in (-2..).zip(BINOMIAL) {
+            for (dx, wx) in (-2..).zip(BINOMIAL) {
+                let (x, y) = (column + dx, row + dy);
+                if x < 0 || y < 0 || x >= width as isize || y >= height as isize {
+                    continue;
+                }
+                let at = y as usize * width + x as usize;
+                if id.pixels[at] == 0 {
+                    continue;
+                }
+                let weight = wx * wy / 256.0;
+                sum.weight += weight;
+                sum.depth += weight * f64::from(depth.pixels[at]);
+                sum.normal.iter_mut().zip(normal.pixels[at]).for_each(|(sum, n)| *sum += weight * f64::from(n));
+                sum.rgba.iter_mut().zip(color.pixels[at]).for_each(|(sum, c)| *sum += weight * f64::from(c));
+                sum.number = sum.number.max(id.pixels[at]);
+            }
+        }
+        sum
+    };
+    let all: Vec<Around> = (0..width * height).into_par_iter().map(around).collect();
+    let mut smooth = depth.clone();
+    for (pixel, Around { weight, depth, normal, rgba, number }) in all.into_iter().enumerate() {
+        if planes.id.pixels[pixel] != 0 {
+            smooth.pixels[pixel] = (depth / weight) as f32;
+        } else if weight >= HOLE {
+            smooth.pixels[pixel] = (depth / weight) as f32;
+            planes.normal.pixels[pixel] = DVec3::from(normal).normalize_or_zero().as_vec3().to_array();
+            planes.id.pixels[pixel] = number;
+            planes.color.pixels[pixel] = rgba.map(|c| (c / weight) as f32);
+            planes.depth.pixels[pixel] = planes.depth.pixels[pixel].min(smooth.pixels[pixel]);
+        }
+    }
+    smooth
+}
