@@ -60,6 +60,20 @@ impl Camera {
         checked(Camera { position: self.position + shift, focal_point: self.focal_point + shift, ..*self })
     }
 
+    /// How far a plane through the focal point has to move along its normal (any length) to follow the mouse, which moved by `by` (heights of the
+    /// image, x to the right, y upwards): world units. A plane that faces the eye comes nearer when the mouse moves up. 0 without a view.
+    pub fn length_along(&self, normal: DVec3, by: DVec2) -> f64 {
+        let (Ok((forward, right)), Ok(half_height)) = (self.forward_and_right(), self.half_height_at_focus()) else {
+            return 0.0;
+        };
+        let normal = (normal / normal.abs().max_element()).normalize_or_zero();
+        let seen = DVec2::new(normal.dot(right), normal.dot(right.cross(forward)));
+        // Seen from within 17 degrees of its normal: a small movement of the mouse would be a large one of the plane.
+        let faces = seen.length() < 0.3;
+        let share = if faces { -by.y * normal.dot(forward).signum() } else { by.dot(seen) / seen.length_squared() };
+        2.0 * half_height * share
+    }
+
     /// The camera nearer to its focal point (perspective) or with a smaller scale (parallel): what is there becomes `factor`
     /// times as large.
     ///

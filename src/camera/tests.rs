@@ -1,4 +1,5 @@
 use super::*;
+use glam::DVec2;
 use proptest::prelude::*;
 
 /// Rounding of a few operations on numbers of size one to four. Measured: 1.8e-15.
@@ -332,6 +333,30 @@ fn rows_of_a_view_have_its_pixels_at_their_places_in_the_plane() {
             let of_places = expected.iter().filter(|(.., place)| places.contains(place));
             assert!(of_places.clone().all(|(_, row, _)| rows.contains(row)), "{places:?} of {:?}", view.samples);
             assert!(rows.len() <= view.height_px);
+        }
+    }
+}
+
+#[test]
+fn a_plane_follows_the_mouse_along_its_normal() {
+    let focal_point = DVec3::new(1.0, 2.0, 3.0);
+    for projection in [Projection::Parallel { scale: 2.0 }, Projection::Perspective { view_angle: 40.0 }] {
+        let position = focal_point + DVec3::new(0.0, -7.0, 0.0);
+        let camera = Camera { position, focal_point, view_up: DVec3::Z, projection, near: 0.0 };
+        let view = camera.view(100, 100).unwrap();
+        let height = 2.0 * view.half_height * if view.perspective { 7.0 } else { 1.0 };
+        // To the right by a tenth of the height: x is to the right. The length of the normal does not matter.
+        for (normal, by, expected) in [
+            (DVec3::X, DVec2::new(0.1, 0.0), 0.1 * height),
+            (DVec3::new(-5e200, 0.0, 0.0), DVec2::new(0.1, 0.05), -0.1 * height),
+            (DVec3::Z, DVec2::new(0.3, 0.2), 0.2 * height),
+            (DVec3::new(1.0, 0.0, 1.0), DVec2::new(0.1, 0.1), 0.1 * 2f64.sqrt() * height),
+            // It faces the eye, which is at negative y: up is nearer.
+            (DVec3::Y, DVec2::new(0.3, 0.2), -0.2 * height),
+            (-DVec3::Y, DVec2::new(0.3, 0.2), 0.2 * height),
+        ] {
+            let found = camera.length_along(normal, by);
+            assert!((found - expected).abs() < 1e-9 * height, "{normal} {by}: {found}, not {expected}");
         }
     }
 }

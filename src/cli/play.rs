@@ -1,9 +1,9 @@
 //! `tetreel play`: the player window.
 
-use super::Outcome;
 use super::progress::Terminal;
 use super::project::{self, Taker};
 use super::scene::{SceneArgs, SizePx};
+use super::{Outcome, surfaces};
 use crate::export::still::Background;
 use crate::ingest::Origin;
 use crate::pipeline::{PipelinedOptions, Series};
@@ -87,6 +87,7 @@ fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal:
         [path] if is_store(path) || path.extension().is_some_and(|e| e == "zarr") => {
             let opened = open_store(path, &args.scene)?;
             let look = args.scene.look(&opened.series, FRAMING)?;
+            surfaces::check(&look.surfaces, project.as_deref(), &opened.series)?;
             if let Some(project) = &project {
                 check(project, &opened.series, &look)?;
             }
@@ -152,7 +153,11 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
     let (args, project) = (scene.clone(), playing.project.clone());
     let &Playing { background, follows, size, plays, .. } = playing;
     let dress: Dress = Arc::new(move |series: &Series| {
-        let look = args.look(series, FRAMING).map_err(|error| format!("{error:#}"))?;
+        let look = args.look(series, FRAMING).and_then(|look| {
+            surfaces::check(&look.surfaces, project.as_deref(), series)?;
+            Ok(look)
+        });
+        let look = look.map_err(|error| format!("{error:#}"))?;
         // A camera that only says how wide it looks still frames the mesh.
         let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
         let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);

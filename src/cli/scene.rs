@@ -342,8 +342,7 @@ impl Scene {
         let Look { opacity_kind, lengths, .. } = scene.look;
         scene.animation = project
             .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
-        surfaces::check_range(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.field())?;
-        surfaces::check_cuts(&scene.look.surfaces, project.map(|project| &**project), &scene.pipeline.series().mesh())?;
+        surfaces::check(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.series())?;
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {

@@ -1,8 +1,9 @@
 //! The options that say which surfaces are seen.
 
 use crate::mesh::Mesh;
-use crate::pipeline::{Shown, SurfaceLook};
+use crate::pipeline::{Series, Shown, SurfaceLook};
 use crate::project::Project;
+use crate::render::domain::DomainSurface;
 use crate::render::surfaces::{self, CropBox, Cut, IsosurfaceText, Light, Normals, SurfaceShading, cut_planes};
 use crate::short::Short;
 use crate::store::StoredField;
@@ -22,6 +23,10 @@ pub(super) struct SurfaceArgs {
     /// Cut away what lies outside of a box: "min=x,y,z max=x,y,z"
     #[arg(long, value_name = "BOX")]
     crop: Option<CropBox>,
+    /// Draw the surface of the domain, once for each: solid, wireframe or edges[:COLOR][:OPACITY], in the colours of the transfer function
+    /// where none is given
+    #[arg(long, value_name = "SURFACE")]
+    surface: Vec<DomainSurface>,
     /// Leave the volume out and draw surfaces and sections alone
     #[arg(long)]
     no_volume: bool,
@@ -43,27 +48,33 @@ pub(super) struct SurfaceArgs {
 impl SurfaceArgs {
     /// What looks have of them.
     pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, cut, crop, no_volume, shade, light, ao, no_smoothing } = self;
+        let Self { iso, cut, crop, surface, no_volume, shade, light, ao, no_smoothing } = self;
         let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
         let shading = SurfaceShading { normals: *shade, light: *light, ambient_occlusion: *ao, smooth: !no_smoothing };
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }
-        if *no_volume && isosurfaces.is_empty() && cut.iter().all(|cut| cut.clips) {
-            bail!("--no-volume leaves nothing to be seen; add --iso VALUE or a --cut, or leave it out");
+        if *no_volume && isosurfaces.is_empty() && surface.is_empty() && cut.iter().all(|cut| cut.clips) {
+            bail!("--no-volume leaves nothing to be seen; add --iso VALUE, a --cut or --surface, or leave it out");
         }
         let shown = match (isosurfaces.is_empty(), no_volume) {
             (true, false) => Shown::Volume,
             (_, true) => Shown::Surfaces,
             (false, false) => Shown::Both,
         };
-        Ok(SurfaceLook { isosurfaces, cuts: cut.clone(), crop: *crop, shading, shown })
+        Ok(SurfaceLook { isosurfaces, cuts: cut.clone(), crop: *crop, domain: surface.clone(), shading, shown })
     }
+}
+
+/// Whether all of it can be seen of a series: [`check_range`] and [`check_cuts`].
+pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Series) -> anyhow::Result<()> {
+    check_range(look, project, series.field())?;
+    check_cuts(look, project, series.mesh())
 }
 
 /// Whether all isosurfaces lie within the range of the whole series, that of the timeline at some time: one that does not is never
 /// seen.
-pub(super) fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredField) -> anyhow::Result<()> {
+fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredField) -> anyhow::Result<()> {
     let name = &field.name;
     let moved = project.map_or(&[][..], |project| project.timeline.isovalue.keys());
     for (surface, is_last) in
@@ -87,7 +98,7 @@ pub(super) fn check_range(look: &SurfaceLook, project: Option<&Project>, field: 
 }
 
 /// Whether cuts leave something of the mesh, at some time if the timeline moves one, and all sections meet what is left.
-pub(super) fn check_cuts(look: &SurfaceLook, project: Option<&Project>, mesh: &Mesh) -> anyhow::Result<()> {
+fn check_cuts(look: &SurfaceLook, project: Option<&Project>, mesh: &Mesh) -> anyhow::Result<()> {
     let keys = project.map_or(&[][..], |project| project.timeline.cut.keys());
     // Between its keys the last cut has all places in between.
     let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]

@@ -5,6 +5,7 @@ use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
+use crate::render::domain::{self, DomainSurface};
 use crate::render::surfaces::{self, CropBox, Cut, CutError, Isosurface, SurfaceError, SurfaceShading};
 use crate::transfer::TransferSource;
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,7 @@ impl Layer {
         let Self::Tets(layer) = self;
         surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
         surfaces::check_cuts(&layer.cuts).map_err(|error| error.to_string())?;
+        domain::check(&layer.domain)?;
         layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
     }
 }
@@ -68,6 +70,9 @@ pub struct TetLayer {
     /// Planes through the cells: sections, and clips of volume, surfaces and sections.
     #[serde(default)]
     pub cuts: Vec<Cut>,
+    /// The surface of the domain, once for each way to draw it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub domain: Vec<DomainSurface>,
     /// Light on surfaces.
     #[serde(default)]
     pub shading: SurfaceShading,
@@ -82,26 +87,29 @@ pub struct TetLayer {
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
-        let (field, formula, optics, surfaces, cuts, shading, draw) = Default::default();
-        Self { field, table: table.into(), formula, optics, surfaces, cuts, shading, volume: true, draw }
+        let (field, formula, optics, surfaces, cuts, domain, shading, draw) = Default::default();
+        Self { field, table: table.into(), formula, optics, surfaces, cuts, domain, shading, volume: true, draw }
     }
 
     /// Shows these surfaces, or the volume, or both, cut by planes.
     pub fn show(&mut self, look: &SurfaceLook) {
         let sides = look.crop.iter().flat_map(CropBox::cuts);
         self.cuts = look.cuts.iter().copied().chain(sides).collect();
+        self.domain = look.domain.clone();
         self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
 
     /// Whether nothing of it is to be seen, whatever the field.
     pub(super) fn is_empty(&self) -> bool {
-        !self.volume && self.surfaces.is_empty() && self.cuts.iter().all(|cut| cut.clips)
+        !self.volume && self.surfaces.is_empty() && self.domain.is_empty() && self.cuts.iter().all(|cut| cut.clips)
     }
 
     /// Whether it shows something in the colours of its transfer function beside the volume: these come from the formula.
     pub(super) fn has_colored_surfaces(&self) -> bool {
-        self.surfaces.iter().any(|surface| surface.front.is_none()) || self.cuts.iter().any(|cut| !cut.clips)
+        self.surfaces.iter().any(|surface| surface.front.is_none())
+            || self.cuts.iter().any(|cut| !cut.clips)
+            || self.domain.iter().any(|surface| surface.color.is_none())
     }
 
     /// Whether the picture depends on the formula, and not on the table alone.
@@ -111,8 +119,8 @@ impl TetLayer {
 
     /// Whether both show the same.
     fn looks_like(&self, other: &Self) -> bool {
-        let Self { field, table, formula, optics, surfaces, cuts, shading, volume, draw } = self;
-        (field, surfaces, cuts) == (&other.field, &other.surfaces, &other.cuts)
+        let Self { field, table, formula, optics, surfaces, cuts, domain, shading, volume, draw } = self;
+        (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
             && *table == other.table
             && (!self.needs_formula() || *formula == other.formula)
@@ -128,6 +136,8 @@ pub struct SurfaceLook {
     pub cuts: Vec<Cut>,
     /// The box that is left of both.
     pub crop: Option<CropBox>,
+    /// The surface of the domain.
+    pub domain: Vec<DomainSurface>,
     /// Light on isosurfaces.
     pub shading: SurfaceShading,
     /// Which of the two are drawn.

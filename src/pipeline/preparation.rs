@@ -7,13 +7,15 @@ use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, RequestEr
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
+use crate::mesh::Plane;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
+use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
-use crate::render::{CompressedStep, KBuffer, OpticsTables, Planes, RenderError, RenderJob};
+use crate::render::{CompressedStep, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -82,7 +84,8 @@ impl Decode {
         let clear = self.clear.of(&layer, by, request.skip);
         // Smooth normals and sections take part of cells in which nothing is to be seen.
         let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
-        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer) || has_sections;
+        let is_beside_cells = has_sections || !layer.domain.is_empty();
+        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer) || is_beside_cells;
         let needed = if !are_all_needed { series.needed_chunks(request.time, &clear) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
@@ -232,6 +235,7 @@ pub(super) struct Order {
     /// For smooth normals of surfaces.
     vertex_gradients: VertexGradients,
     cut_cells: CutCells,
+    domain_faces: DomainFaces,
     placer: Placer,
 }
 
@@ -283,11 +287,13 @@ impl Order {
             }
         };
         let shading = layer.shading;
+        let domain = layer.domain.iter().map(|surface| (*surface, colors.table.clone())).collect::<Vec<_>>();
+        let clips = planes.clips.clone();
         let surfaces = self.surfaces(series, &layer, (colors, planes), (&scalars, &active), cancel)?;
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
-            finite: Some(finite).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
+            finite: Some(finite.clone()).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             // A joint table is integrated exactly: nothing is to be prepared for other optics.
             optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
             formula: layer.formula.filter(|_| joint.is_none()),
@@ -304,6 +310,7 @@ impl Order {
         if by != DrawnBy::Reference {
             self.prepare_table(&mut job)?;
         }
+        job.fragments = self.domain(&job, &finite, &domain, &clips, shading)?;
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);
         if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {
@@ -333,6 +340,29 @@ impl Order {
         }
         let gradients = self.vertex_gradients.update(&series.mesh, scalars, active, cancel);
         Ok(Some(scene.with_gradients(gradients.ok_or(PipelineError::Cancelled)?)))
+    }
+
+    /// The surface of the domain as fragments, if it is drawn.
+    fn domain(
+        &mut self,
+        job: &RenderJob,
+        finite: &Arc<CellSet>,
+        domain: &[(DomainSurface, Arc<NodeTable>)],
+        clips: &[Plane],
+        shading: SurfaceShading,
+    ) -> Result<Option<Arc<LayerFragments>>, RenderError> {
+        if domain.is_empty() {
+            return Ok(None);
+        }
+        self.domain_faces.update(&job.mesh, finite);
+        let view = job.local_view();
+        let of_surface = |(surface, colors): &(DomainSurface, Arc<NodeTable>)| {
+            let (mesh, scalars) = (&*job.mesh, job.scalars.as_slice());
+            self.domain_faces.fragments(surface, &DomainScene { mesh, scalars, colors, shading, view: &view, clips })
+        };
+        let (width, height) = view.plane_px();
+        let fragments = LayerFragments::new(width * height, domain.iter().flat_map(of_surface))?;
+        Ok(Some(Arc::new(fragments)))
     }
 
     /// The transfer function as the renderers read it, the same [`Arc`] until it or its optics change.

@@ -20,6 +20,7 @@ use crate::error::FileError;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
+use crate::render::domain::DomainSurface;
 use crate::render::surfaces::{Cut, IsosurfaceText};
 use crate::short::Short;
 use crate::timeline::TimelineError;
@@ -120,6 +121,9 @@ impl Project {
         }
         if !moved.is_empty() && self.look.cut.is_empty() {
             return Err(ProjectError::NoCut);
+        }
+        for surface in &self.look.surface {
+            surface.parse::<DomainSurface>().map_err(ProjectError::BadDomain)?;
         }
         for cut in &self.look.cut {
             cut.parse::<Cut>().map_err(ProjectError::BadCut)?;
@@ -228,6 +232,9 @@ pub enum ProjectError {
     /// An isovalue on the timeline that is not finite.
     #[error("an isovalue of {0}; isovalues are finite")]
     BadIsovalue(f64),
+    /// A surface of the domain that is none.
+    #[error("surface: {0}")]
+    BadDomain(String),
     /// A cut that is none.
     #[error("cut: {0}")]
     BadCut(String),

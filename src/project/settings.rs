@@ -54,6 +54,9 @@ pub struct LookSettings {
     /// The box that is left, as `--crop` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub crop: Option<CropBox>,
+    /// The surface of the domain, as `--surface` has it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surface: Vec<String>,
     /// Whether the volume is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_volume: Option<bool>,

@@ -6,6 +6,7 @@
 //! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
 
 pub mod cpu;
+pub mod domain;
 mod frame_run;
 pub mod gpu;
 mod joint;

@@ -68,3 +68,40 @@ fn lengths_that_make_no_table_make_no_formula() {
         assert!(build_node_table(&tf, &unit_range(), OpacityKind::Alpha, &bad.lengths).is_err(), "{unit} {longest}");
     }
 }
+
+#[test]
+fn colours_alone_are_those_of_the_formula_also_where_it_is_clear() {
+    let log = MappedRange::new(0.01, 100.0, true).unwrap();
+    for (text, range) in [
+        ("viridis@0:0,0.4:0,0.5:0.3,1:0", unit_range()),
+        ("turbo@0:0,1:0", log),
+        ("coolwarm@0:0,0.5:1,1:0", MappedRange::new(-3.0, 5.0, false).unwrap()),
+    ] {
+        let source = source(text, OpacityKind::Alpha, range);
+        let formula = source.formula().unwrap();
+        let colors = formula.colors().unwrap();
+        let (first, last) = (formula.knots()[0], formula.knots()[formula.knots().len() - 1]);
+        let mut worst = 0.0_f64;
+        for i in 0..=20_000 {
+            let scalar = first + f64::from(i) / 20_000.0 * 1.02 * (last - first);
+            let (a, b) = (colors.eval(scalar).rgb, formula.eval(scalar).0);
+            worst = (0..3).map(|c| (a[c] - b[c]).abs()).fold(worst, f64::max);
+        }
+        // What is halved looks at the middle and the quarters.
+        assert!(worst <= crate::transfer::COLOR_TOLERANCE, "{text}: {worst:.1e}");
+        assert!(colors.nodes().iter().all(|node| node.tau == 0.0));
+        // The table of what is seen has other colours where nothing is.
+        let table = build_node_table(
+            &TransferFunction::parse(text).unwrap(),
+            match &source.content {
+                TransferContent::Function { range, .. } => range,
+                TransferContent::Ensembles(_) => unreachable!(),
+            },
+            OpacityKind::Alpha,
+            &Lengths::new(0.5, 50.0),
+        );
+        let (table, at) = (table.unwrap(), first + 0.2 * (last - first));
+        let off = (0..3).map(|c| (table.eval(at).rgb[c] - formula.eval(at).0[c]).abs()).fold(0.0, f64::max);
+        assert!(text.starts_with("coolwarm") || off > 1e-2, "{text}: {off}");
+    }
+}

@@ -79,6 +79,8 @@ pub enum Action {
     NextShown,
     /// The last isosurface by so many hundredths of the field's range.
     MoveIsovalue(f64),
+    /// The last cut along its normal, as far as the mouse has moved, in heights of the image (x to the right, y upwards).
+    MoveCut(DVec2),
     /// Frames per second that are aimed at while something moves.
     TargetRate(f64),
     /// Whether that is done by the level of detail, and while playing, too.

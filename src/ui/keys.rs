@@ -91,11 +91,12 @@ const ISOVALUE_HELP: &str = "the isovalue a hundredth of the range down or up";
 const MANY_STEPS_HELP: &str = "ten steps back or on";
 
 /// What the mouse does in the picture.
-pub const MOUSE: [(&str, &str); 6] = [
+pub const MOUSE: [(&str, &str); 7] = [
     ("drag", "turn"),
     ("middle drag, Shift drag", "shift"),
     ("wheel", "zoom to the cursor"),
     ("right drag", "zoom"),
+    ("Ctrl drag", "move the last cut along its normal"),
     ("click", "follow the point over time"),
     ("double click", "the whole mesh again"),
 ];

@@ -4,6 +4,7 @@
 mod accuracy;
 mod cli;
 mod common;
+mod domain;
 mod exr;
 mod first_look;
 mod floors;

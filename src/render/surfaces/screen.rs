@@ -21,6 +21,9 @@ const EDGE: f64 = 8.0;
 /// Weights of a row or a column of the smoothing pass, of 16.
 const BINOMIAL: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
 
+/// Depths that differ by more pixel lengths than this lie on two sides of an edge, for the smoothing pass.
+const STEEP: f64 = 8.0;
+
 /// A pixel without a surface is a hole if surfaces around it have this share of the weights: at a straight edge they have less than a third.
 const HOLE: f64 = 0.6;
 
@@ -59,7 +62,7 @@ impl Screen<'_> {
     /// Lights the nearest surface, whose normals, numbers and depths are there; normals become those that it is lit by.
     pub(crate) fn light(&self, planes: &mut Planes, mut depth: DepthImage) {
         if self.is_thinned && self.shading.smooth {
-            depth = smoothed(planes, &depth);
+            depth = smoothed(planes, &depth, |depth| self.pixel_length(depth));
         }
         if self.shading.normals == Normals::Screen {
             planes.normal = self.normals(&depth, &planes.id);
@@ -95,6 +98,12 @@ impl Screen<'_> {
         let (px, py) = self.view.ray(column, row);
         let spread = if perspective { depth } else { 1.0 };
         spread * px * right + spread * py * up + depth * forward
+    }
+
+    /// World length of a pixel at a depth.
+    fn pixel_length(&self, depth: f64) -> f64 {
+        let View { half_height, height_px, perspective, .. } = *self.view;
+        2.0 * half_height / height_px as f64 * if perspective { depth.abs() } else { 1.0 }
     }
 
     /// Towards the eye from what a pixel sees.
@@ -165,12 +174,7 @@ impl Screen<'_> {
         let (width, height) = (depth.width, depth.height);
         let here = self.point(column, row, f64::from(depth.pixels[row * width + column]));
         let reach_px = (REACH * height as f64).max(2.0);
-        // World length that the reach covers at this depth.
-        let one_px = (self.point(next(column, width).unwrap_or(column.saturating_sub(1)), row, 1.0)
-            - self.point(column, row, 1.0))
-        .length();
-        let spread = if self.view.perspective { f64::from(depth.pixels[row * width + column]).abs() } else { 1.0 };
-        let reach = reach_px * one_px * spread;
+        let reach = reach_px * self.pixel_length(f64::from(depth.pixels[row * width + column]));
         if normal == DVec3::ZERO || reach <= 0.0 {
             return 1.0;
         }
@@ -204,37 +208,37 @@ fn next(at: usize, count: usize) -> Option<usize> {
     (at + 1 < count).then_some(at + 1)
 }
 
-/// Depths convolved with binomials over 5 x 5 pixels, of those that see a surface. Pixels in holes get depth, normal, number and colour of
-/// what is around them.
-fn smoothed(planes: &mut Planes, depth: &DepthImage) -> DepthImage {
+/// Depths without outliers and noise: medians of 3 x 3 pixels, then means over 5 x 5 with binomial weights of what lies on the same side of an
+/// edge. Pixels in holes get depth, normal, number and colour of what is around them.
+fn smoothed(planes: &mut Planes, depth: &DepthImage, one_px: impl Fn(f64) -> f64 + Sync) -> DepthImage {
     let (width, height) = (depth.width, depth.height);
     let Planes { color, normal, id, .. } = &*planes;
-    /// What surrounds a pixel, by its weights.
-    #[derive(Clone, Copy, Default)]
-    struct Around {
-        weight: f64,
-        depth: f64,
-        normal: [f64; 3],
-        rgba: [f64; 4],
-        /// The greatest number: in a hole two surfaces may meet.
-        number: u32,
-    }
-    let around = |pixel: usize| {
+    // The pixels around one that see a surface, with their distances in columns and rows.
+    let around = |pixel: usize, reach: isize| {
         let (column, row) = ((pixel % width) as isize, (pixel / width) as isize);
-        let mut sum = Around::default();
-        for (dy, wy) in (-2..).zip(BINOMIAL) {
-            for (dx, wx) in (-2..).zip(BINOMIAL) {
-                let (x, y) = (column + dx, row + dy);
-                if x < 0 || y < 0 || x >= width as isize || y >= height as isize {
-                    continue;
-                }
-                let at = y as usize * width + x as usize;
-                if id.pixels[at] == 0 {
-                    continue;
-                }
-                let weight = wx * wy / 256.0;
+        (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| (dx, dy))).filter_map(move |(dx, dy)| {
+            let (x, y) = (column + dx, row + dy);
+            let is_inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
+            let at = is_inside.then(|| y as usize * width + x as usize)?;
+            (id.pixels[at] != 0).then_some((at, dx, dy))
+        })
+    };
+    let median = |pixel: usize| {
+        let mut depths: Vec<f32> = around(pixel, 1).map(|(at, _, _)| depth.pixels[at]).collect();
+        depths.sort_by(f32::total_cmp);
+        depths.get(depths.len() / 2).copied().unwrap_or(f32::INFINITY)
+    };
+    let medians: Vec<f32> = (0..width * height).into_par_iter().map(median).collect();
+    let binomial = |offset: isize| BINOMIAL[(offset + 2) as usize] / 16.0;
+    let mean = |pixel: usize| {
+        let (middle, mut sum) = (f64::from(medians[pixel]), Around::default());
+        for (at, dx, dy) in around(pixel, 2) {
+            let weight = binomial(dx) * binomial(dy);
+            sum.all += weight;
+            let depth = f64::from(medians[at]);
+            if (depth - middle).abs() <= STEEP * one_px(middle) {
                 sum.weight += weight;
-                sum.depth += weight * f64::from(depth.pixels[at]);
+                sum.depth += weight * depth;
                 sum.normal.iter_mut().zip(normal.pixels[at]).for_each(|(sum, n)| *sum += weight * f64::from(n));
                 sum.rgba.iter_mut().zip(color.pixels[at]).for_each(|(sum, c)| *sum += weight * f64::from(c));
                 sum.number = sum.number.max(id.pixels[at]);
@@ -242,13 +246,15 @@ fn smoothed(planes: &mut Planes, depth: &DepthImage) -> DepthImage {
         }
         sum
     };
-    let all: Vec<Around> = (0..width * height).into_par_iter().map(around).collect();
+    let all: Vec<Around> = (0..width * height).into_par_iter().map(mean).collect();
     let mut smooth = depth.clone();
-    for (pixel, Around { weight, depth, normal, rgba, number }) in all.into_iter().enumerate() {
-        if planes.id.pixels[pixel] != 0 {
-            smooth.pixels[pixel] = (depth / weight) as f32;
-        } else if weight >= HOLE {
-            smooth.pixels[pixel] = (depth / weight) as f32;
+    for (pixel, Around { all, weight, depth, normal, rgba, number }) in all.into_iter().enumerate() {
+        let is_hole = planes.id.pixels[pixel] == 0;
+        if weight == 0.0 || is_hole && all < HOLE {
+            continue;
+        }
+        smooth.pixels[pixel] = (depth / weight) as f32;
+        if is_hole {
             planes.normal.pixels[pixel] = DVec3::from(normal).normalize_or_zero().as_vec3().to_array();
             planes.id.pixels[pixel] = number;
             planes.color.pixels[pixel] = rgba.map(|c| (c / weight) as f32);
@@ -256,4 +262,18 @@ fn smoothed(planes: &mut Planes, depth: &DepthImage) -> DepthImage {
         }
     }
     smooth
+}
+
+/// What surrounds a pixel, by its weights.
+#[derive(Clone, Copy, Default)]
+struct Around {
+    /// Weights of all that sees a surface.
+    all: f64,
+    /// Those of what lies on the same side of edges.
+    weight: f64,
+    depth: f64,
+    normal: [f64; 3],
+    rgba: [f64; 4],
+    /// The greatest number: in a hole two surfaces may meet.
+    number: u32,
 }

@@ -100,6 +100,14 @@ impl Session {
                     self.leave(|followed| followed.surfaces = false);
                 }
             }
+            Action::MoveCut(by) => {
+                self.look.surfaces = self.shown_surfaces();
+                let camera = self.camera();
+                if let Some(cut) = self.look.surfaces.cuts.last_mut() {
+                    *cut = cut.moved(camera.length_along(cut.normal.into(), by));
+                }
+                self.leave(|followed| followed.surfaces = false);
+            }
             Action::LevelOfDetail(lod) if lod.is_nan() => {}
             Action::LevelOfDetail(lod) => {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);

@@ -1,12 +1,13 @@
-//! Isosurfaces: which are shown, where, and in which colours.
+//! Isosurfaces and cuts: which are shown, where, and in which colours.
 
 use super::overlay;
 use super::widgets::{choice, color, icon, number};
 use crate::pipeline::{Shown, SurfaceLook};
-use crate::render::surfaces::{Isosurface, Normals, SURFACES_MAX};
+use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{DragValue, Slider, Ui};
+use glam::DVec3;
 
 /// Shows the part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
@@ -28,10 +29,14 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         let kinds = [
             (Normals::Cell, "flat: a facet a cell"),
             (Normals::Vertex, "smooth"),
+            (Normals::Screen, "by depths of neighbours"),
+            (Normals::Depth, "the farther the darker"),
             (Normals::None, "colours without light"),
         ];
         choice(ui, "Light on surfaces", &mut look.shading.normals, &kinds);
+        ui.checkbox(&mut look.shading.ambient_occlusion, "ambient occlusion");
     }
+    cuts(ui, session, &mut look);
     if look != before {
         actions.push(Action::Surfaces(look));
     }
@@ -71,6 +76,57 @@ fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi):
     if look.isosurfaces.is_empty() {
         look.shown = Shown::Volume;
     }
+}
+
+/// A plane is moved by its place between the ends of the mesh's box along its normal.
+fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
+    let (lo, hi) = session.series().mesh().positions.world_bounds();
+    let middle = 0.5 * lo + 0.5 * hi;
+    let mut removed = None;
+    for (at, cut) in look.cuts.iter_mut().enumerate() {
+        let name = |what: &str| if at == 0 { what.to_owned() } else { format!("{what} {}", at + 1) };
+        ui.horizontal(|ui| {
+            let axes = [(DVec3::X, "x"), (DVec3::Y, "y"), (DVec3::Z, "z")];
+            for (axis, word) in axes {
+                let is_along = DVec3::from(cut.normal).normalize_or_zero().dot(axis).abs() > 1.0 - 1e-9;
+                let label = egui::Button::selectable(is_along, word);
+                if ui.add(label).on_hover_text(name(&format!("Cut across {word}"))).clicked() {
+                    (cut.normal, cut.point) = (axis.to_array(), middle.to_array());
+                }
+            }
+            let mut kind = cut.clips;
+            if choice(ui, &name("Kind of the cut"), &mut kind, &[(false, "section"), (true, "clip")]) {
+                cut.clips = kind;
+            }
+            if cut.clips && icon(ui, "turn", &name("Keep the other side"), true).clicked() {
+                cut.normal = cut.normal.map(|x| -x);
+            }
+            if icon(ui, "x", &name("Remove the cut"), true).clicked() {
+                removed = Some(at);
+            }
+        });
+        let normal = DVec3::from(cut.normal).normalize_or_zero();
+        let reach = 0.5 * (hi - lo).dot(normal.abs());
+        let before = normal.dot(DVec3::from(cut.point) - middle);
+        let mut after = before;
+        let slider = Slider::new(&mut after, -reach..=reach).custom_formatter(|x, _| overlay::number(x));
+        let response = ui.add(slider);
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name("Place of the cut")));
+        response.on_hover_text("Distance from the middle of the mesh; Ctrl drag in the picture moves the last cut");
+        if after != before {
+            *cut = cut.moved(after - before);
+        }
+    }
+    if let Some(at) = removed {
+        look.cuts.remove(at);
+    }
+    ui.horizontal(|ui| {
+        for (word, clips) in [("Add section", false), ("Add clip", true)] {
+            if ui.button(word).clicked() {
+                look.cuts.push(Cut { point: middle.to_array(), normal: [0.0, 0.0, 1.0], clips });
+            }
+        }
+    });
 }
 
 /// The colour of a surface: its own, or that of the transfer function.

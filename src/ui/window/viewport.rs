@@ -73,9 +73,11 @@ fn mouse(ui: &Ui, response: &egui::Response, rect: Rect, actions: &mut Vec<Actio
     let drag = response.drag_delta();
     // In heights of the image, upwards.
     let by = DVec2::new(f64::from(drag.x), -f64::from(drag.y)) / height;
-    let shift = ui.input(|input| input.modifiers.shift);
+    let (shift, command) = ui.input(|input| (input.modifiers.shift, input.modifiers.command));
     if by != DVec2::ZERO {
-        if response.dragged_by(Middle) || (response.dragged_by(Primary) && shift) {
+        if response.dragged_by(Primary) && command {
+            actions.push(Action::MoveCut(by));
+        } else if response.dragged_by(Middle) || (response.dragged_by(Primary) && shift) {
             actions.push(Action::Pan(2.0 * by));
         } else if response.dragged_by(Primary) {
             actions.push(Action::Orbit(by));

@@ -49,7 +49,7 @@ fn surfaces_that_are_never_met_or_are_none_are_refused_before_anything_is_writte
         (["--iso", "warm"], "is no isovalue"),
         (["--iso", "0.5:red"], "is no colour"),
         (["--iso", "0.5::2"], "an opacity of 2"),
-        (["--shade", "smooth"], "cell, vertex or none"),
+        (["--shade", "smooth"], "cell, vertex, screen, depth or none"),
         (["--light", "0,0,0"], "is no light"),
     ] {
         let run = place.run(&render(&[&["-o", "f.png", "--steps", "1"][..], &options].concat()));
@@ -197,7 +197,7 @@ fn the_timeline_of_a_project_moves_a_cut() {
     place.ok(&["render", "p.toml"]);
     for (step, share) in [(0, 0.25), (4, 0.75)] {
         let cut = format!("point={},0,0 normal=1,0,0", lo[0] + share * width);
-        let alone = exr(&place, &["--steps", &step.to_string(), "--cut", &cut, "--no-volume", "--field", "linear"]);
+        let alone = exr(&place, &["--steps", &step.to_string(), "--cut", &cut, "--no-volume"]);
         let moved = read_exr(&place.path(&format!("p_{step}.exr"))).unwrap().planes;
         assert!(moved.color == alone.color && moved.depth == alone.depth, "step {step}");
     }

@@ -1,0 +1,200 @@
+//! The surface of the domain: the faces behind which there is no cell with finite scalars, as a surface, as their edges, or as the edges at
+//! which the surface turns.
+//!
+//! It is no part of what is in the cells, but a layer beside them: its [fragments](LayerFragments) are found before the cells are drawn, by whatever
+//! draws these.
+
+mod faces;
+mod lines;
+mod text;
+
+use super::layers::LayerFragment;
+use super::surfaces::{Light, Normals, SurfaceShading};
+use crate::camera::View;
+use crate::mesh::{Mesh, NONE, Plane};
+use crate::node_table::NodeTable;
+use crate::visibility::CellSet;
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Weak};
+
+/// How the surface of the domain is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DomainStyle {
+    /// As a surface.
+    #[default]
+    Solid,
+    /// As the edges of its faces.
+    Wireframe,
+    /// As the edges at which it turns by more than 30 degrees, and those where it ends or meets itself.
+    Edges,
+}
+
+/// The surface of the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DomainSurface {
+    /// How it is drawn.
+    pub style: DomainStyle,
+    /// Display-referred colour, 0..=1; `None`: that of the transfer function at the scalars there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f64; 3]>,
+    /// Share of the light that it takes, 0..=1.
+    #[serde(default = "opaque")]
+    pub opacity: f64,
+}
+
+/// What a text means that does not say.
+fn opaque() -> f64 {
+    1.0
+}
+
+/// Whether there can be such surfaces.
+///
+/// # Errors
+/// If a colour or an opacity lies outside of 0..=1.
+pub fn check(domain: &[DomainSurface]) -> Result<(), String> {
+    let shares = domain.iter().flat_map(|surface| surface.color.into_iter().flatten().chain([surface.opacity]));
+    match shares.into_iter().find(|share| !(0.0..=1.0).contains(share)) {
+        None => Ok(()),
+        Some(share) => Err(format!("the domain has a colour or an opacity of {share}; both lie between 0 and 1")),
+    }
+}
+
+/// Cosine of the angle between outward normals of two faces above which their edge is none of the surface's.
+const SMOOTH: f64 = 0.866_025_403_784_438_6;
+
+/// The faces of the surface of the finite cells of a mesh, and their edges; kept while both stay.
+#[derive(Debug, Default)]
+pub struct DomainFaces {
+    of: Weak<Mesh>,
+    finite: Weak<CellSet>,
+    /// Vertices of the faces, ascending.
+    faces: Vec<[u32; 3]>,
+    /// Vertices of all of their edges, ascending, and of those at which the surface turns.
+    edges: Vec<[u32; 2]>,
+    turns: Vec<[u32; 2]>,
+}
+
+impl DomainFaces {
+    /// Those of the finite cells.
+    pub fn update(&mut self, mesh: &Arc<Mesh>, finite: &Arc<CellSet>) {
+        if self.of.as_ptr() == Arc::as_ptr(mesh) && self.finite.as_ptr() == Arc::as_ptr(finite) {
+            return;
+        }
+        let topology = &mesh.topology;
+        let is_in = |cell: u32| cell != NONE && finite.contains(cell);
+        // With the one finite cell at it.
+        let found: Vec<([u32; 3], u32)> = topology
+            .faces
+            .par_iter()
+            .zip(&topology.face_cells)
+            .filter_map(|(face, &[a, b])| match (is_in(a), is_in(b)) {
+                (true, false) => Some((*face, a)),
+                (false, true) => Some((*face, b)),
+                _ => None,
+            })
+            .collect();
+        let mut sides: Vec<([u32; 2], DVec3)> = found
+            .par_iter()
+            .flat_map_iter(|&([a, b, c], cell)| {
+                let outward = outward(mesh, [a, b, c], cell);
+                [[a, b], [a, c], [b, c]].map(|edge| (edge, outward))
+            })
+            .collect();
+        sides.par_sort_by_key(|(edge, _)| *edge);
+        let of_edges = || sides.chunk_by(|a, b| a.0 == b.0);
+        let is_turn = |of_edge: &&[([u32; 2], DVec3)]| match of_edge {
+            [(_, a), (_, b)] => a.dot(*b) < SMOOTH,
+            _ => true,
+        };
+        self.edges = of_edges().map(|of_edge| of_edge[0].0).collect();
+        self.turns = of_edges().filter(is_turn).map(|of_edge| of_edge[0].0).collect();
+        self.faces = found.into_iter().map(|(face, _)| face).collect();
+        (self.of, self.finite) = (Arc::downgrade(mesh), Arc::downgrade(finite));
+    }
+
+    /// What rays of a view (local coordinates) meet of a surface: pixels by their place in the plane, and fragments.
+    pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Vec<(u32, LayerFragment)> {
+        match surface.style {
+            DomainStyle::Solid => faces::fragments(&self.faces, surface, scene),
+            DomainStyle::Wireframe => lines::fragments(&self.edges, surface, scene),
+            DomainStyle::Edges => lines::fragments(&self.turns, surface, scene),
+        }
+    }
+}
+
+/// The normal of a face that points away from its cell, of length 1; 0 if the face has no extent.
+fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
+    let at = |vertex: u32| mesh.positions.local[vertex as usize].as_dvec3();
+    let [a, b, c] = face.map(at);
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let behind = mesh.topology.tets[cell as usize].into_iter().find(|vertex| !face.contains(vertex));
+    if behind.is_some_and(|vertex| normal.dot(at(vertex) - a) > 0.0) { -normal } else { normal }
+}
+
+/// All that the surface of the domain is drawn from.
+pub(crate) struct DomainScene<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) scalars: &'a [f32],
+    /// The colours of scalars.
+    pub(crate) colors: &'a NodeTable,
+    pub(crate) shading: SurfaceShading,
+    /// In local coordinates.
+    pub(crate) view: &'a View,
+    pub(crate) clips: &'a [Plane],
+}
+
+impl DomainScene<'_> {
+    /// View coordinates of a vertex.
+    fn in_view(&self, vertex: u32) -> DVec3 {
+        let View { eye, right, up, forward, .. } = *self.view;
+        let from_eye = self.mesh.positions.local[vertex as usize].as_dvec3() - eye;
+        DVec3::new(right.dot(from_eye), up.dot(from_eye), forward.dot(from_eye))
+    }
+
+    fn scalar(&self, vertex: u32) -> f64 {
+        f64::from(self.scalars[vertex as usize])
+    }
+
+    /// The fragment of a place (view coordinates) with a scalar, unless it is clipped; `light` of its colour reaches the eye.
+    fn fragment(
+        &self,
+        surface: &DomainSurface,
+        at: DVec3,
+        scalar: f64,
+        light: f64,
+        opacity: f64,
+    ) -> Option<LayerFragment> {
+        let View { eye, right, up, forward, .. } = *self.view;
+        let local = eye + at.x * right + at.y * up + at.z * forward;
+        if self.clips.iter().any(|clip| clip.distance(local) > 0.0) {
+            return None;
+        }
+        let rgb = surface.color.unwrap_or_else(|| self.colors.eval(scalar).rgb);
+        let [r, g, b] = rgb.map(|c| (c * light * opacity) as f32);
+        Some(LayerFragment { depth: at.z * self.mesh.positions.scale, rgba: [r, g, b, opacity as f32] })
+    }
+
+    /// The cosine between a normal (view coordinates) and the light, on the side of the eye at a place.
+    fn light_on(&self, normal: DVec3, at: DVec3) -> f64 {
+        let View { right, up, forward, perspective, .. } = *self.view;
+        let along = if perspective { at } else { DVec3::Z };
+        let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
+        if self.shading.normals == Normals::None {
+            return 1.0;
+        }
+        let facing = -normal.dot(along);
+        match self.shading.light {
+            Light::Headlight => facing.abs(),
+            Light::From(direction) => {
+                let direction = DVec3::from(direction);
+                let direction = (direction / direction.abs().max_element()).normalize();
+                let in_view = DVec3::new(right.dot(direction), up.dot(direction), forward.dot(direction));
+                (normal.dot(in_view) * facing.signum()).max(0.0)
+            }
+        }
+    }
+}

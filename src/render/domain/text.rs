@@ -1,0 +1,59 @@
+//! The surface of the domain as text: `STYLE[:COLOR][:OPACITY]`.
+
+use super::{DomainStyle, DomainSurface};
+use crate::render::surfaces::IsosurfaceText;
+use crate::words::words;
+use std::fmt;
+use std::str::FromStr;
+
+words!(DomainStyle, "there is no surface", ["solid" = Solid, "wireframe" = Wireframe, "edges" = Edges]);
+
+/// Feature edges are gray unless a colour is given: they are seen before light and dark.
+const GRAY: [f64; 3] = [128.0 / 255.0; 3];
+
+impl FromStr for DomainSurface {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (style, rest) = text.split_once(':').map_or((text, ""), |(style, rest)| (style, rest));
+        let style: DomainStyle = style.parse()?;
+        // Colour and opacity are those of an isosurface.
+        let IsosurfaceText(of) = format!("0:{rest}").parse()?;
+        if of.back.is_some() {
+            return Err(format!("'{text}' has two colours; the surface of the domain has one"));
+        }
+        let color = of.front.or((style == DomainStyle::Edges).then_some(GRAY));
+        Ok(Self { style, color, opacity: of.opacity })
+    }
+}
+
+impl fmt::Display for DomainSurface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { style, color, opacity } = *self;
+        let color = color.filter(|color| style != DomainStyle::Edges || *color != GRAY);
+        let of = IsosurfaceText(crate::render::surfaces::Isosurface { value: 0.0, front: color, back: None, opacity });
+        write!(f, "{style}{}", of.to_string().trim_start_matches('0'))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_written_as_they_are_read() {
+        for text in ["solid", "solid:#ff8000", "solid::0.3", "wireframe:#00ff00:0.5", "edges", "edges:#ffffff"] {
+            assert_eq!(text.parse::<DomainSurface>().unwrap().to_string(), text);
+        }
+        let gray = "edges".parse::<DomainSurface>().unwrap();
+        assert_eq!((gray.color, gray.opacity), (Some(GRAY), 1.0));
+        for (text, words) in [
+            ("skin", "choose solid, wireframe or edges"),
+            ("solid:red", "'red' is no colour"),
+            ("solid:#ff0000/#00ff00", "two colours"),
+            ("edges::2", "an opacity of 2"),
+        ] {
+            assert!(text.parse::<DomainSurface>().unwrap_err().contains(words), "{text}");
+        }
+    }
+}
