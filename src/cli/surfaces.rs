@@ -34,6 +34,9 @@ pub(super) struct SurfaceArgs {
     /// farther the darker), or none (colours as they are)
     #[arg(long, value_name = "NORMALS", default_value = "cell")]
     shade: Normals,
+    /// Light the volume by its gradients as well
+    #[arg(long)]
+    shade_volume: bool,
     /// Where light on surfaces comes from: headlight (the eye), or a direction x,y,z towards it
     #[arg(long, value_name = "LIGHT", default_value = "headlight", allow_hyphen_values = true)]
     light: Light,
@@ -48,9 +51,15 @@ pub(super) struct SurfaceArgs {
 impl SurfaceArgs {
     /// What looks have of them.
     pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, cut, crop, surface, no_volume, shade, light, ao, no_smoothing } = self;
+        let Self { iso, cut, crop, surface, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
         let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
-        let shading = SurfaceShading { normals: *shade, light: *light, ambient_occlusion: *ao, smooth: !no_smoothing };
+        let shading = SurfaceShading {
+            normals: *shade,
+            light: *light,
+            volume: *shade_volume,
+            ambient_occlusion: *ao,
+            smooth: !no_smoothing,
+        };
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }

@@ -125,6 +125,17 @@ impl Accumulator {
         self.transmittance -= of_near + of_far;
     }
 
+    /// Nothing gathered behind what lets as little through: for what is to be lit before it counts.
+    pub(crate) fn behind(&self) -> Self {
+        Self { rgba: Vec4::ZERO, ..*self }
+    }
+
+    /// Takes what was gathered [behind](Self::behind) it, this share of its colour.
+    pub(crate) fn add_lit(&mut self, behind: Self, share: f32) {
+        let rgba = self.rgba + behind.rgba * Vec4::new(share, share, share, 1.0);
+        *self = Self { rgba, ..behind };
+    }
+
     /// Composites premultiplied light (red, green, blue, alpha) of opacity `alpha` behind what has been gathered.
     #[inline]
     pub fn add_premultiplied(&mut self, light: Vec4, alpha: f32) {

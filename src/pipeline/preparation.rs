@@ -115,7 +115,7 @@ fn in_sight(layer: &TetLayer) -> TetLayer {
 }
 
 fn has_smooth_surfaces(layer: &TetLayer) -> bool {
-    !layer.surfaces.is_empty() && layer.shading.normals == Normals::Vertex
+    (!layer.surfaces.is_empty() || layer.shading.volume) && layer.shading.normals == Normals::Vertex
 }
 
 /// The colours of a transfer function, also where it is clear: its table has none there.
@@ -198,7 +198,8 @@ pub(super) struct OnImage {
 
 impl OnImage {
     fn of(request: &FrameRequest, job: &RenderJob, shading: SurfaceShading, by: DrawnBy) -> Option<Self> {
-        let is_wanted = job.surfaces.is_some() && (shading.is_of_screen() || request.guides);
+        let has_surfaces = job.surfaces.as_ref().is_some_and(|scene| !scene.is_empty());
+        let is_wanted = has_surfaces && (shading.is_of_screen() || request.guides);
         is_wanted.then(|| {
             let (lo, hi) = job.mesh.positions.world_bounds();
             let (view, middle) = (job.view.clone(), 0.5 * lo + 0.5 * hi);
@@ -330,7 +331,7 @@ impl Order {
         (scalars, active): (&Arc<Vec<f32>>, &Arc<CellSet>),
         cancel: &Cancel,
     ) -> Result<Option<SurfaceScene>, PipelineError> {
-        if layer.surfaces.is_empty() && planes.is_empty() {
+        if layer.surfaces.is_empty() && planes.is_empty() && !layer.shading.volume {
             return Ok(None);
         }
         let scene = SurfaceScene::new(&layer.surfaces, layer.shading, &colors.table).map_err(RequestError::from)?;

@@ -108,7 +108,7 @@ impl FrameRequest {
             if !tets.needs_formula() {
                 tets.formula = None;
             }
-            if tets.surfaces.is_empty() && tets.domain.is_empty() {
+            if tets.surfaces.is_empty() && tets.domain.is_empty() && !tets.shading.volume {
                 tets.shading = Default::default();
             }
         };

@@ -105,10 +105,15 @@ fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShadin
     let normals = prop::sample::select(Normals::ALL.to_vec());
     let direction = prop::array::uniform3(finite()).prop_filter("a direction", |direction| *direction != [0.0; 3]);
     let light = prop_oneof![Just(Light::Headlight), direction.prop_map(Light::From)];
-    let shading =
-        (normals, light, prop::bool::ANY, prop::bool::ANY).prop_map(|(normals, light, ambient_occlusion, smooth)| {
-            SurfaceShading { normals, light, ambient_occlusion, smooth }
-        });
+    let shading = (normals, light, prop::bool::ANY, prop::bool::ANY, prop::bool::ANY).prop_map(
+        |(normals, light, volume, ambient_occlusion, smooth)| SurfaceShading {
+            normals,
+            light,
+            volume,
+            ambient_occlusion,
+            smooth,
+        },
+    );
     let vector = || prop::array::uniform3(finite());
     let normal = vector().prop_filter("a normal", |normal| *normal != [0.0; 3]);
     let cut = (vector(), normal, prop::bool::ANY).prop_map(|(point, normal, clips)| Cut { point, normal, clips });

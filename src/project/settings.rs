@@ -63,6 +63,9 @@ pub struct LookSettings {
     /// Normals of lit surfaces, as `--shade` has them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shade: Option<Normals>,
+    /// Whether the volume is lit by its gradients.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shade_volume: Option<bool>,
     /// Where light on surfaces comes from, as `--light` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub light: Option<Light>,

@@ -16,6 +16,7 @@ pub(super) struct Surfaces {
     light: Light,
     /// The mean gradient at each vertex by volume, for smooth normals.
     gradients: Vec<DVec3>,
+    lights_volume: bool,
     /// Whether normals and numbers are shown.
     guides: bool,
 }
@@ -30,6 +31,7 @@ impl Surfaces {
             normals: shading.normals,
             light: shading.light,
             gradients,
+            lights_volume: shading.volume,
             guides: scene.shows_guides(),
         }
     }
@@ -117,7 +119,7 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
             let before =
                 Segment { part: [rest.part[0], depth], part_scalar: [rest.part_scalar[0], sheet.value], ..rest };
             if before.part[1] > before.part[0] {
-                count += self.volume.pass(&mut (), &before, sum);
+                count += self.pass_volume(&before, sum);
             }
             if self.surfaces.guides && sheet.opacity > 0.0 {
                 let normal = self.normal(segment.cell, depth).try_normalize().unwrap_or_default();
@@ -129,8 +131,22 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
             (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
         }
         if rest.part[1] > rest.part[0] {
-            count += self.volume.pass(&mut (), &rest, sum);
+            count += self.pass_volume(&rest, sum);
         }
+        count
+    }
+}
+
+impl<M: Medium<Ray = (), Light = Sum>> WithSurfaces<'_, M> {
+    /// A segment without surfaces, in the light that falls on the gradient in its middle if the volume is lit.
+    fn pass_volume(&self, segment: &Segment, sum: &mut Sum) -> u32 {
+        if !self.surfaces.lights_volume {
+            return self.volume.pass(&mut (), segment, sum);
+        }
+        let before = std::mem::take(&mut sum.rgb);
+        let count = self.volume.pass(&mut (), segment, sum);
+        let lit = self.light_on(segment.cell, 0.5 * (segment.part[0] + segment.part[1]));
+        sum.rgb = [0, 1, 2].map(|c| before[c] + lit * sum.rgb[c]);
         count
     }
 }

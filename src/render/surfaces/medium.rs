@@ -41,10 +41,31 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
     fn pass_uncut(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
         let passed = segment.part_scalar.map(|scalar| self.below(scalar));
         if passed[0] == passed[1] {
-            self.volume.pass(ray, segment, light)
+            self.pass_volume(ray, segment, light)
         } else {
             self.pass_surfaces(ray, segment, passed, light)
         }
+    }
+
+    /// What is left of a segment without surfaces in it.
+    #[inline(always)]
+    fn pass_volume(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
+        if self.scene.shading().volume {
+            self.pass_shaded(ray, segment, light)
+        } else {
+            self.volume.pass(ray, segment, light)
+        }
+    }
+
+    /// The same in the light that falls on the gradient in its middle.
+    #[inline(never)]
+    fn pass_shaded(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
+        let lit = self.shader.light_on(segment, 0.5 * segment.part[0] + 0.5 * segment.part[1]) as f32;
+        // A difference of sums would lose the digits of what the segment adds.
+        let mut behind = light.behind();
+        let pieces = self.volume.pass(ray, segment, &mut behind);
+        light.add_lit(behind, lit);
+        pieces
     }
 
     /// A segment through planes: what clips leave of it, with the sections that the ray meets there, the nearest first and of equal ones
@@ -100,7 +121,7 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
             let [from, _] = rest.part;
             if depth > from {
                 let before = Segment { part: [from, depth], part_scalar: [rest.part_scalar[0], sheet.value], ..rest };
-                pieces += self.volume.pass(ray, &before, light);
+                pieces += self.pass_volume(ray, &before, light);
             }
             (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
             if light.is_opaque() {
@@ -122,7 +143,7 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
             }
         }
         if rest.part[1] > rest.part[0] && !light.is_opaque() {
-            pieces += self.volume.pass(ray, &rest, light);
+            pieces += self.pass_volume(ray, &rest, light);
         }
         pieces
     }

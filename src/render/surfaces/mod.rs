@@ -99,6 +99,9 @@ pub struct SurfaceShading {
     /// Where light comes from.
     #[serde(default)]
     pub light: Light,
+    /// Whether the volume is lit, too: by its gradients, as isosurfaces are that would go through it there.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub volume: bool,
     /// Whether the nearest surface is darker where what lies around it hides it: ambient occlusion, found on the image.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub ambient_occlusion: bool,
@@ -109,8 +112,8 @@ pub struct SurfaceShading {
 
 impl Default for SurfaceShading {
     fn default() -> Self {
-        let (normals, light, ambient_occlusion) = Default::default();
-        Self { normals, light, ambient_occlusion, smooth: true }
+        let (normals, light, volume, ambient_occlusion) = Default::default();
+        Self { normals, light, volume, ambient_occlusion, smooth: true }
     }
 }
 
@@ -283,12 +286,18 @@ impl SurfaceScene {
 
     /// Whether gradients at vertices are needed and not there.
     pub fn lacks_gradients(&self) -> bool {
-        self.shading.normals == Normals::Vertex && !self.sheets.is_empty() && self.gradients.is_none()
+        let are_of_use = !self.sheets.is_empty() || self.shading.volume;
+        self.shading.normals == Normals::Vertex && are_of_use && self.gradients.is_none()
     }
 
     /// The gradients at vertices, if it has them.
     pub(super) fn gradients(&self) -> Option<&Arc<Vec<[f32; 3]>>> {
         self.gradients.as_ref()
+    }
+
+    /// Whether there is neither a surface nor a section.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sheets.is_empty() && self.planes.sections.is_empty()
     }
 
     /// The surfaces by isovalue.

@@ -142,6 +142,25 @@ fn surfaces_are_drawn_as_the_judge_draws_them() {
 }
 
 #[test]
+fn a_lit_volume_is_as_the_judge_lights_it() {
+    for base in [with_holes((61, 47), OUTSIDE, PERSPECTIVE), slivers()] {
+        for normals in [Normals::Cell, Normals::Vertex] {
+            let lit = SurfaceShading { volume: true, ..shading(normals) };
+            for surfaces in [&[][..], &sheets()] {
+                let job = with_surfaces(&base, surfaces, lit);
+                let judge = planes("reference", &job);
+                for path in ["raycast", "faces"] {
+                    assert_within(path, &planes(path, &job).color, &judge.color);
+                }
+                assert!(planes("raycast", &job) == planes("portable", &job));
+                let unlit = planes("raycast", &with_surfaces(&base, surfaces, shading(normals)));
+                assert_noticed("unlit", &unlit.color, &judge.color);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_surface_that_moves_is_noticed() {
     let base = with_holes((61, 47), OUTSIDE, PERSPECTIVE);
     let of = |value: f64, normals| alone(&base, &[surface(value, RED, 0.7)], shading(normals));
