@@ -11,6 +11,14 @@ words!(DomainStyle, "there is no surface", ["solid" = Solid, "wireframe" = Wiref
 /// Feature edges are gray unless a colour is given: they are seen before light and dark.
 const GRAY: [f64; 3] = [128.0 / 255.0; 3];
 
+impl DomainSurface {
+    /// One of this style in its usual colour, opaque or not.
+    pub fn of_style(style: DomainStyle, is_translucent: bool) -> Self {
+        let color = (style == DomainStyle::Edges).then_some(GRAY);
+        Self { style, color, opacity: if is_translucent { 0.3 } else { 1.0 } }
+    }
+}
+
 impl FromStr for DomainSurface {
     type Err = String;
 
@@ -22,8 +30,8 @@ impl FromStr for DomainSurface {
         if of.back.is_some() {
             return Err(format!("'{text}' has two colours; the surface of the domain has one"));
         }
-        let color = of.front.or((style == DomainStyle::Edges).then_some(GRAY));
-        Ok(Self { style, color, opacity: of.opacity })
+        let usual = Self::of_style(style, false);
+        Ok(Self { color: of.front.or(usual.color), opacity: of.opacity, ..usual })
     }
 }
 

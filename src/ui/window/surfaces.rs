@@ -3,6 +3,7 @@
 use super::overlay;
 use super::widgets::{choice, color, icon, number};
 use crate::pipeline::{Shown, SurfaceLook};
+use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
 use crate::ui::{Action, Session};
 use eframe::egui;
@@ -36,6 +37,11 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         choice(ui, "Light on surfaces", &mut look.shading.normals, &kinds);
         ui.checkbox(&mut look.shading.ambient_occlusion, "ambient occlusion");
     }
+    let mut lit = look.shading.volume;
+    if look.shown != Shown::Surfaces && ui.checkbox(&mut lit, "light on the volume").changed() {
+        look.shading.volume = lit;
+    }
+    domain(ui, &mut look);
     cuts(ui, session, &mut look);
     if look != before {
         actions.push(Action::Surfaces(look));
@@ -75,6 +81,22 @@ fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi):
     }
     if look.isosurfaces.is_empty() {
         look.shown = Shown::Volume;
+    }
+}
+
+/// The surface of the domain, in one way or none.
+fn domain(ui: &mut Ui, look: &mut SurfaceLook) {
+    let styles = [
+        (None, "domain: not drawn"),
+        (Some((DomainStyle::Solid, false)), "domain: solid"),
+        (Some((DomainStyle::Solid, true)), "domain: translucent"),
+        (Some((DomainStyle::Wireframe, false)), "domain: wireframe"),
+        (Some((DomainStyle::Edges, false)), "domain: feature edges"),
+    ];
+    let mut style = look.domain.first().map(|of| (of.style, of.style == DomainStyle::Solid && of.opacity < 1.0));
+    if choice(ui, "Surface of the domain", &mut style, &styles) {
+        look.domain =
+            style.map(|(style, is_translucent)| DomainSurface::of_style(style, is_translucent)).into_iter().collect();
     }
 }
 

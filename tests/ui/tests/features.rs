@@ -282,3 +282,46 @@ fn isosurfaces_come_with_m_are_moved_by_keys_and_kept_in_the_side_panel() {
     assert_eq!(shown(&desk), (true, vec![]));
     assert!(desk.session().notices().is_empty() && desk.harness.query_by_label("Add isosurface").is_none());
 }
+
+#[test]
+fn cuts_and_the_surface_of_the_domain_are_made_moved_and_removed_in_the_side_panel() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let volume = desk.session().shown().unwrap().frame.planes.color.clone();
+    let tets = |desk: &Desk| desk.session().shown().unwrap().request.tets().unwrap().clone();
+    desk.click("Add section");
+    desk.settle();
+    let section = tets(&desk).cuts[0];
+    assert!(!section.clips && desk.session().shown().unwrap().frame.planes.color != volume);
+    desk.click("Cut across x");
+    desk.settle();
+    assert_eq!(tets(&desk).cuts[0].normal, [1.0, 0.0, 0.0]);
+    desk.save("section.png");
+    desk.click("Add clip");
+    desk.settle();
+    let [.., clip] = &tets(&desk).cuts[..] else { panic!("there is a clip") };
+    assert!(clip.clips && clip.normal == [0.0, 0.0, 1.0]);
+    let before = clip.point[2];
+    desk.click("Keep the other side 2");
+    desk.settle();
+    assert_eq!(tets(&desk).cuts[1].normal, [-0.0, -0.0, -1.0]);
+    let middle = desk.place("Picture of").center();
+    let camera = desk.session().camera();
+    let held = |held: egui::Modifiers| egui::Event::ModifiersChanged(held);
+    desk.harness.event(held(egui::Modifiers::COMMAND));
+    desk.drag(middle, middle + egui::vec2(0.0, 40.0));
+    desk.harness.event(held(egui::Modifiers::NONE));
+    desk.settle();
+    assert_eq!(desk.session().camera(), camera, "it does not turn");
+    assert!(tets(&desk).cuts[1].point[2] < before, "the plane follows the mouse downwards");
+    desk.click("Surface of the domain");
+    desk.click("domain: feature edges");
+    desk.settle();
+    assert_eq!(tets(&desk).domain.len(), 1);
+    desk.save("clip.png");
+    desk.click("Remove the cut 2");
+    desk.click("Remove the cut");
+    desk.settle();
+    assert!(tets(&desk).cuts.is_empty());
+    assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
+}
