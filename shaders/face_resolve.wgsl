@@ -194,7 +194,7 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
         let to = real2(relative(depth_at(first + next)), real(scalar_at(first + next)));
         if to.x > light.last.x {
             medium_pass(cell, value_at(first + next));
-            _ = composite(to);
+            _ = composite(cell, to);
             light.last = to;
         }
         if is_opaque() {
@@ -250,7 +250,7 @@ fn advance_all(first: u32, count: u32) {
             begin_path(slot);
         } else {
             medium_pass(cell, value_at(slot));
-            _ = composite(to);
+            _ = composite(cell, to);
             light.last = to;
         }
         cell = cells.y;
@@ -262,7 +262,7 @@ fn advance_all(first: u32, count: u32) {
 fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
     ray_counts = Rays(false, false, false, 0u);
     origin = vec2(0.0);
-    light_clear(ray_of_pixel(pixel).length_per_depth);
+    light_clear(ray_of_pixel(pixel));
     let fragments = fragments_of(tile, local);
     let first = fragments.x;
     let count = fragments.y;

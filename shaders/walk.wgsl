@@ -228,7 +228,7 @@ fn step_cell() -> bool {
     let here = hit(path.edges, path.p, path.q, path.r);
     if here.x > light.last.x {
         medium_pass(path.cell, value_at_hit(path.edges, path.ids));
-        let is_behind = composite(here);
+        let is_behind = composite(path.cell, here);
         path.out_of_order += u32(!is_behind && light.composited);
         light.last = here;
     }
@@ -255,7 +255,7 @@ fn pixel_in_tile(thread: u32) -> vec2<u32> {
 fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     path = Walk();
     path.ray = ray_of_pixel(pixel);
-    light_clear(path.ray.length_per_depth);
+    light_clear(path.ray);
     var starts: Starts;
     let entries = find_starts(path.ray, tile, local, real(-NOWHERE), 0u, &starts);
     var going = entries > 0u;

@@ -79,7 +79,8 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     let terms = edges * real3(p.z, q.z, r.z);
     found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);
     found.depth = depth_of_hit(ray, weights, a, b, c);
-    found.scalar = f32(p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w));
+    let scalar = p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w);
+    found.scalar = f32(scalar_on_face(scalar, p.w, q.w, r.w));
     found.value = value_at_hit(edges, ids);
     return found;
 }

@@ -25,13 +25,14 @@ struct Light {
 var<private> light: Light;
 
 // Before the ray has met anything.
-fn light_clear(length_per_depth: f32) {
-    light = Light(length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
+fn light_clear(ray: Ray) {
+    light = Light(ray.length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
+    medium_ray(ray);
     optics_clear();
 }
 
-// Composites the segment from the last place to the next, or the part of it behind `front`; false if there is none.
-fn composite(to: real2) -> bool {
+// Composites the segment from the last place through a cell to the next, or the part of it behind `front`; false if there is none.
+fn composite(cell: u32, to: real2) -> bool {
     var from_ = light.last;
     if from_.x < light.front {
         light.placed = false;
@@ -53,6 +54,14 @@ fn composite(to: real2) -> bool {
         light.front = to.x;
         return true;
     }
+    medium_segment(cell, from_, to);
+    light.front = to.x;
+    light.composited = true;
+    return true;
+}
+
+// Passes what lies from one place to another through the volume.
+fn volume_segment(from_: real2, to: real2) {
     if !light.placed {
         optics_enter(f32(from_.y));
         light.placed = true;
@@ -62,9 +71,6 @@ fn composite(to: real2) -> bool {
     if optics.visible && !was_visible {
         light.visible_from = f32((from_.x + real(optics.visible_share) * (to.x - from_.x)) + light.behind);
     }
-    light.front = to.x;
-    light.composited = true;
-    return true;
 }
 
 // Whether nothing behind the last place can be seen.

@@ -62,5 +62,6 @@ fn hit(edges: real3, p: real4, q: real4, r: real4) -> real2 {
     if sum > real(0.0) {
         weights = e / sum;
     }
-    return p.zw + weights.y * (q.zw - p.zw) + weights.z * (r.zw - p.zw);
+    let at = p.zw + weights.y * (q.zw - p.zw) + weights.z * (r.zw - p.zw);
+    return real2(at.x, scalar_on_face(at.y, p.w, q.w, r.w));
 }

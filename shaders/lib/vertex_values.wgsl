@@ -1,10 +1,7 @@
-// The quantity that vertices have beside their scalars, as seen through the map of the rows. It lies behind the view vertices, eight
-// numbers in the room of one: the stages that need it have no binding left.
+// The quantity that vertices have beside their scalars, as seen through the map of the rows; it lies behind the view vertices.
 
 fn value_of_vertex(vertex: u32) -> f32 {
-    let eight = vertices[params.vertex_count + vertex / 8u];
-    let i = vertex & 3u;
-    return select(eight.depth[i], eight.plane[i], (vertex & 4u) == 0u);
+    return number_behind_vertices(vertex);
 }
 
 // The quantity where a ray hits a triangle, from its edge functions opposite the vertices: with the weights of the scalar, relative to

@@ -44,6 +44,7 @@ struct Beyond {
     /// Values of its table of more than the scalar.
     joint_values: usize,
     has_fragments: bool,
+    has_surfaces: bool,
     error: RenderError,
 }
 
@@ -52,6 +53,7 @@ impl Beyond {
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
         let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
         let is_same = is_same && self.has_fragments == job.fragments.is_some();
+        let is_same = is_same && self.has_surfaces == job.surfaces.is_some();
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
 }
@@ -216,10 +218,18 @@ impl Gpu {
                 }
                 RenderError::BeyondGpu { .. } => {
                     let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
-                    let (mesh, view, has_fragments) = (job.mesh, job.view, job.fragments.is_some());
-                    let known = error.clone();
-                    self.beyond =
-                        Some(Beyond { mesh, view, primitive, faces, joint_values, has_fragments, error: known });
+                    let (has_fragments, has_surfaces) = (job.fragments.is_some(), job.surfaces.is_some());
+                    let (mesh, view, known) = (job.mesh, job.view, error.clone());
+                    self.beyond = Some(Beyond {
+                        mesh,
+                        view,
+                        primitive,
+                        faces,
+                        joint_values,
+                        has_fragments,
+                        has_surfaces,
+                        error: known,
+                    });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)

@@ -6,6 +6,7 @@ use super::joint::VertexValues;
 use super::layout::VIEW_VERTEX_BYTES;
 use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
+use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob};
 use std::sync::{Arc, Weak};
 
@@ -92,9 +93,18 @@ pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// In view coordinates; with a joint table, behind them the quantity of vertices.
+    /// In view coordinates; with a joint table, behind them the quantity of vertices; with smooth surfaces, behind that their gradients.
     pub(super) vertices: GrowingBuffer,
     values: Option<VertexValues>,
+    gradients: Option<GradientsSent>,
+}
+
+/// Gradients of vertices in the GPU's memory.
+#[derive(Debug)]
+struct GradientsSent {
+    of: Weak<Vec<[f32; 3]>>,
+    /// Their first number among those behind the view vertices.
+    first: usize,
 }
 
 impl VertexBuffers {
@@ -105,6 +115,7 @@ impl VertexBuffers {
             scalars: GrowingBuffer::new(Resource::Scalars),
             vertices: GrowingBuffer::new(Resource::Vertices),
             values: None,
+            gradients: None,
         }
     }
 
@@ -118,7 +129,7 @@ impl VertexBuffers {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
         }
-        (self.of, self.values) = (None, None);
+        (self.of, self.values, self.gradients) = (None, None, None);
         let vertices = mesh.positions.local.len() as u64;
         let mut made = self.positions.reserve(context, 12 * vertices)?;
         made |= self.scalars.reserve(context, 4 * vertices)?;
@@ -128,23 +139,63 @@ impl VertexBuffers {
         Ok((made, sent))
     }
 
-    /// Brings the quantity of vertices to the GPU unless it is there, if the job has one; after [`Self::upload`]. Returns whether
-    /// the buffer was made, and the bytes sent.
+    /// Where the gradients of vertices begin among the numbers behind the view vertices.
+    pub(super) fn first_gradient(job: &RenderJob) -> usize {
+        if job.joint.is_some() { job.mesh.positions.local.len() } else { 0 }
+    }
+
+    /// Brings what vertices have beside their scalars to the GPU unless it is there, if the job has such; after [`Self::upload`]. Returns
+    /// whether the buffer was made, and the bytes sent.
     pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
-        let Some(scene) = &job.joint else { return Ok((false, 0)) };
+        let gradients = job.surfaces.as_ref().and_then(SurfaceScene::gradients);
         let vertices = job.mesh.positions.local.len();
-        let first = VIEW_VERTEX_BYTES * vertices as u64;
-        // Whole view vertices: they are an array.
-        let bytes = (4 * vertices as u64).next_multiple_of(VIEW_VERTEX_BYTES);
-        let made = self.vertices.reserve(context, first + bytes).inspect_err(|_| self.of = None)?;
-        if !made && self.values.as_ref().is_some_and(|values| values.is_of(scene)) {
+        let numbers = Self::first_gradient(job) + gradients.map_or(0, |gradients| 3 * gradients.len());
+        if numbers == 0 {
             return Ok((false, 0));
         }
-        self.values = None;
-        let (values, words) = VertexValues::of(scene, vertices);
-        let sent = self.vertices.write(context, first, bytemuck::cast_slice(&words))?;
-        self.values = Some(values);
+        let begin = VIEW_VERTEX_BYTES * vertices as u64;
+        // Whole view vertices: they are an array.
+        let bytes = (4 * numbers as u64).next_multiple_of(VIEW_VERTEX_BYTES);
+        let made = self.vertices.reserve(context, begin + bytes).inspect_err(|_| self.of = None)?;
+        if made {
+            (self.values, self.gradients) = (None, None);
+        }
+        let mut sent = 0;
+        if let Some(scene) = &job.joint
+            && !self.values.as_ref().is_some_and(|values| values.is_of(scene))
+        {
+            // Gradients may have lain there.
+            (self.values, self.gradients) = (None, None);
+            let (values, words) = VertexValues::of(scene, vertices);
+            sent += self.vertices.write(context, begin, bytemuck::cast_slice(&words))?;
+            self.values = Some(values);
+        }
+        if let Some(gradients) = gradients {
+            sent += self.upload_gradients(context, gradients, begin, Self::first_gradient(job))?;
+        }
         Ok((made, sent))
+    }
+
+    /// Brings gradients to the place behind `first` numbers, which begin at byte `begin`, unless they are there.
+    fn upload_gradients(
+        &mut self,
+        context: &Context,
+        gradients: &Arc<Vec<[f32; 3]>>,
+        begin: u64,
+        first: usize,
+    ) -> Result<u64, RenderError> {
+        let is_there = |sent: &GradientsSent| sent.of.as_ptr() == Arc::as_ptr(gradients) && sent.first == first;
+        if self.gradients.as_ref().is_some_and(is_there) {
+            return Ok(0);
+        }
+        self.gradients = None;
+        if first == 0 {
+            // Quantities of vertices may have lain there.
+            self.values = None;
+        }
+        let sent = self.vertices.write(context, begin + 4 * first as u64, bytemuck::cast_slice(gradients))?;
+        self.gradients = Some(GradientsSent { of: Arc::downgrade(gradients), first });
+        Ok(sent)
     }
 }
 
@@ -158,6 +209,7 @@ pub(super) struct GpuScalars {
     /// Those in the buffer. Weak: whoever owns them may decode the next step into them once no job has them.
     of: Weak<Vec<f32>>,
     prescale: f32,
+    largest: f32,
     converted: Vec<f32>,
     /// Gives the values of compressed steps.
     pub(super) decoder: BlockDecoder,
@@ -165,7 +217,12 @@ pub(super) struct GpuScalars {
 
 impl GpuScalars {
     pub(super) fn new() -> Self {
-        Self { of: Weak::new(), prescale: 1.0, converted: Vec::new(), decoder: BlockDecoder::new() }
+        Self { of: Weak::new(), prescale: 1.0, largest: 0.0, converted: Vec::new(), decoder: BlockDecoder::new() }
+    }
+
+    /// The largest magnitude of the finite scalars of the last job.
+    pub(super) fn largest(&self) -> f32 {
+        self.largest
     }
 
     /// The one way by which scalars reach the GPU: into `buffer`, unless they are there; sent, or decoded by the frame if
@@ -186,6 +243,7 @@ impl GpuScalars {
         let (largest, all_finite) = scalars
             .iter()
             .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
+        self.largest = largest;
         self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
         let compressed =
             job.compressed.as_ref().filter(|c| self.prescale == 1.0 && c.block.means().len() == scalars.len());

@@ -201,9 +201,6 @@ impl Context {
         if job.fragments.is_some() {
             return Err(self.beyond("cells together with fragments of other layers".to_owned()));
         }
-        if job.surfaces.is_some() {
-            return Err(self.beyond("isosurfaces".to_owned()));
-        }
         if let Samples::Pixels(_) = job.view.samples {
             return Err(self.beyond("a list of pixels".to_owned()));
         }

@@ -2,6 +2,7 @@
 //! and offsets with those of the compiled shader.
 
 use crate::camera::{Samples, View};
+use crate::render::surfaces::SURFACES_MAX;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -266,6 +267,36 @@ pub struct JointParams {
     pub cells: u32,
     /// Cells that have one.
     pub cell_count: u32,
+}
+
+/// A sheet of [`SurfaceParams`] (`shaders/lib/surfaces.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SheetParams {
+    /// Red, green and blue of the side towards lower scalars; the scalar from which on a place is above, as seen through the map.
+    pub front: [f32; 4],
+    /// Those of the other side; opacity.
+    pub back: [f32; 4],
+}
+
+/// The isosurfaces of a frame (`shaders/lib/surfaces.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SurfaceParams {
+    /// Towards the light, view coordinates, of length 1.
+    pub light: [f32; 3],
+    /// Sheets.
+    pub count: u32,
+    /// Where normals come from: 0 nowhere, 1 the cell, 2 its vertices.
+    pub normals: u32,
+    /// 1 if light comes from the eye instead.
+    pub is_headlight: u32,
+    /// Where the gradients of vertices begin among the numbers behind the view vertices.
+    pub gradients: u32,
+    /// 1 if anything is to be seen of the volume.
+    pub has_volume: u32,
+    /// By scalar.
+    pub sheets: [SheetParams; SURFACES_MAX],
 }
 
 /// Parameters of the decoder of codec `vq`: places in the block, in words.

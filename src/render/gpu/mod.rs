@@ -37,6 +37,8 @@ mod readback;
 #[cfg(feature = "gpu")]
 mod slices;
 #[cfg(feature = "gpu")]
+mod surfaces;
+#[cfg(feature = "gpu")]
 mod table;
 #[cfg(feature = "gpu")]
 mod target;

@@ -7,12 +7,14 @@
 //! make up for it, the root mean square error was 2e-9 to 3e-9 tau L, the largest 2.5e-8 tau L, and 1.7e-7 tau L where rays run
 //! along the cells.
 //!
-//! So meshes with thin cells are computed in f64 if tau L is above a bound, and the device has f64. View coordinates are sums of
+//! So meshes with thin cells are computed in f64 if tau L is above a bound, and the device has f64. So they are if isosurfaces are lit in
+//! them: the normal of a cell is right to 2^-24 of its longest edge over its height. View coordinates are sums of
 //! two f32 in either case, right to 2^-44.
 
 use super::shaders::Precision;
 use crate::mesh::Mesh;
 use crate::render::RenderJob;
+use crate::render::surfaces::Normals;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
@@ -38,6 +40,9 @@ impl PrecisionChoice {
         if !has_f64 {
             return Precision::Single;
         }
+        if has_normals(job) && self.longest_thin_edge(&job.mesh) > 0.0 {
+            return Precision::Double;
+        }
         let steepest = job.table.nodes().iter().map(|node| node.tau).fold(0.0, f64::max);
         let per_local_unit = steepest * job.mesh.positions.scale;
         // No edge of a mesh within [-1, 1] is longer.
@@ -62,6 +67,11 @@ impl PrecisionChoice {
             }
         }
     }
+}
+
+/// Whether a job has surfaces whose light depends on the shapes of cells.
+fn has_normals(job: &RenderJob) -> bool {
+    job.surfaces.as_ref().is_some_and(|scene| scene.shading().normals != Normals::None)
 }
 
 /// The longest edge of all cells that are thin, local units; 0 if none is.
@@ -121,6 +131,25 @@ mod tests {
         let scalars = vec![0.0; mesh.positions.local.len()];
         let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0; 3], tau }]).unwrap();
         testing::job(&mesh, scalars, &CAMERA, (8, 8), Arc::new(table))
+    }
+
+    #[test]
+    fn thin_cells_with_lit_surfaces_are_computed_in_f64() {
+        use crate::render::surfaces::{Isosurface, SurfaceScene, SurfaceShading};
+        let mut choice = PrecisionChoice::default();
+        for (squash, normals, expected) in [
+            (1.0, Normals::Cell, Precision::Single),
+            (1e-4, Normals::Cell, Precision::Double),
+            (1e-4, Normals::Vertex, Precision::Double),
+            (1e-4, Normals::None, Precision::Single),
+        ] {
+            let job = job(squash, 0.0);
+            let shading = SurfaceShading { normals, ..SurfaceShading::default() };
+            let scene = SurfaceScene::new(&[Isosurface::new(0.0)], shading, &job.table).unwrap();
+            let job = RenderJob { surfaces: Some(scene), ..job };
+            assert_eq!(choice.of(true, &job), expected, "squash {squash}, {normals:?}");
+            assert_eq!(choice.of(false, &job), Precision::Single);
+        }
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub enum Resource {
     Table3dParams,
     /// Those of a table of more than the scalar.
     JointParams,
+    /// Those of isosurfaces.
+    Surfaces,
     /// A block of codec `vq`.
     Block,
     /// Positions of the vertices, local units.
@@ -30,6 +32,8 @@ pub enum Resource {
     Records1,
     /// Those of the rest.
     Records2,
+    /// Vertices of the cells, for stages without records.
+    Corners,
     /// Entry faces, and the cells at the eye.
     Items,
     /// A bit a cell.
@@ -116,6 +120,7 @@ impl Resource {
             Self::VqStep => ("step", "parameters of the step", Uniform("VqStep")),
             Self::Table3dParams => ("table3d", "parameters of the table", Uniform("Table3dParams")),
             Self::JointParams => ("joint", "parameters of the table", Uniform("JointParams")),
+            Self::Surfaces => ("surfaces", "parameters of the surfaces", Uniform("Surfaces")),
             Self::Block => ("block", "compressed block", Storage("u32")),
             Self::Positions => ("positions", "positions", Storage("f32")),
             Self::Scalars => ("scalars", "scalars", Storage("f32")),
@@ -123,6 +128,7 @@ impl Resource {
             Self::Records0 => ("records_0", "cells, first part", Storage("vec4<u32>")),
             Self::Records1 => ("records_1", "cells, second part", Storage("vec4<u32>")),
             Self::Records2 => ("records_2", "cells, third part", Storage("vec4<u32>")),
+            Self::Corners => ("corners", "corners of the cells", Storage("vec4<u32>")),
             Self::Items => ("items", "entry faces", Storage("u32")),
             Self::ActiveCells => ("active_cells", "active cells", Storage("u32")),
             Self::Bins => ("bins", "lists of entries", Storage("u32")),

@@ -1,8 +1,8 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
-use super::layout::{self, FaceParams, JointParams, Lists, Params, VqStep};
+use super::layout::{self, FaceParams, JointParams, Lists, Params, SheetParams, SurfaceParams, VqStep};
 use super::resources::{Binding, Kind};
-use super::shaders::{FragmentKind, Gathering, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
+use super::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -50,9 +50,9 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 43);
+    assert_eq!(checked, 2 * 71);
     // Only those in f64 need a device that has it.
-    let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Precision::Double).source(SPLITS[0]);
+    let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
     // The check can fail.
     let broken = Stage::ViewTransform.source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
@@ -318,7 +318,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 29);
+    assert_eq!(checked, 49);
 }
 
 #[test]
@@ -332,8 +332,8 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
             ref other => panic!("{name}: {other:?}"),
         }
     };
-    let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Precision::Single);
-    let resolve = Stage::FaceResolve(Gathering::Scalar(OpticsKind::Exact), Precision::Single);
+    let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
+    let resolve = Stage::FaceResolve(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
     for (name, rust) in [
         ("TILE_PIXELS", layout::TILE_PIXELS as f64),
         ("FACE_WORDS", layout::FACE_WORDS as f64),
@@ -386,8 +386,10 @@ fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
         scalars,
         lengths,
     );
-    let shader =
-        members(&module(Stage::Walk(Gathering::Scalar(OpticsKind::Table3d), Precision::Single)), "Table3dParams");
+    let shader = members(
+        &module(Stage::Walk(Gathering::Scalar(OpticsKind::Table3d), Inside::Volume, Precision::Single)),
+        "Table3dParams",
+    );
     assert_eq!(shader, (rust, size_of::<Table3dParams>()));
 }
 
@@ -407,29 +409,75 @@ fn the_parameters_of_a_grid_have_the_same_layout() {
         cells,
         cell_count,
     );
-    for stage in
-        [Stage::Walk(Gathering::Joint, Precision::Single), Stage::FaceResolve(Gathering::Joint, Precision::Single)]
-    {
+    for stage in [
+        Stage::Walk(Gathering::Joint, Inside::Volume, Precision::Single),
+        Stage::FaceResolve(Gathering::Joint, Inside::Volume, Precision::Single),
+    ] {
         assert_eq!(members(&module(stage), "JointParams"), (rust.clone(), size_of::<JointParams>()), "{stage:?}");
     }
 }
 
 #[test]
+fn the_parameters_of_surfaces_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($of:ident: $($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!($of, $field))),*] };
+    }
+    let rust = rust_offsets!(SurfaceParams: light, count, normals, is_headlight, gradients, has_volume, sheets);
+    let rust_sheet = rust_offsets!(SheetParams: front, back);
+    for how in Gathering::ALL {
+        let inside = Inside::Surfaces;
+        for stage in [Stage::Walk(how, inside, Precision::Single), Stage::FaceResolve(how, inside, Precision::Double)] {
+            let (module, _) = parse_with(&stage.source(SPLITS[0]), stage.precision()).unwrap();
+            assert_eq!(members(&module, "Surfaces"), (rust.clone(), size_of::<SurfaceParams>()), "{stage:?}");
+            assert_eq!(members(&module, "Sheet"), (rust_sheet.clone(), size_of::<SheetParams>()), "{stage:?}");
+        }
+    }
+}
+
+/// Whether a function of a shader has statements.
+fn is_empty(stage: Stage, function: &str) -> bool {
+    let module = module(stage);
+    let (_, found) = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(function)).unwrap();
+    found.body.iter().all(|statement| matches!(statement, naga::Statement::Return { .. }))
+}
+
+#[test]
+fn frames_without_surfaces_have_none_of_their_code() {
+    // What lies in lib/surfaces.wgsl, and in what goes with it.
+    let of_surfaces = ["Surfaces", "Sheet", "surface_ray", "pass_sheets", "light_on", "clamp(scalar", "medium_part"];
+    let has = |stage: Stage, name: &str| stage.source(SPLITS[0]).contains(name);
+    for stage in stages() {
+        let inside = match stage {
+            Stage::Walk(_, inside, _) | Stage::FaceResolve(_, inside, _) => Some(inside),
+            Stage::Faces(Pass::Store(_, inside), _)
+            | Stage::FacePieces(Pass::Store(_, inside), _)
+            | Stage::FaceStarts(Pass::Store(_, inside), _) => {
+                assert_eq!(has(stage, "clamp(scalar"), inside == Inside::Surfaces, "{stage:?}");
+                None
+            }
+            _ => None,
+        };
+        match inside {
+            Some(Inside::Surfaces) => assert!(of_surfaces.iter().all(|name| has(stage, name)), "{stage:?}"),
+            Some(Inside::Volume) => assert!(!of_surfaces.iter().any(|name| has(stage, name)), "{stage:?}"),
+            None => assert!(!of_surfaces[..5].iter().any(|name| has(stage, name)), "{stage:?}"),
+        }
+    }
+    let walk = |inside| Stage::Walk(Gathering::Scalar(OpticsKind::Exact), inside, Precision::Single);
+    assert!(is_empty(walk(Inside::Volume), "medium_ray") && !is_empty(walk(Inside::Surfaces), "medium_ray"));
+}
+
+#[test]
 fn transfer_functions_of_the_scalar_do_nothing_for_a_joint_table() {
     // What they call is empty, and what fragments have is what they had.
-    let is_empty = |stage: Stage, function: &str| {
-        let module = module(stage);
-        let (_, found) = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(function)).unwrap();
-        found.body.iter().all(|statement| matches!(statement, naga::Statement::Return { .. }))
-    };
     for optics in OpticsKind::ALL {
         for function in ["medium_begin", "medium_pass", "medium_cut"] {
             assert!(
-                is_empty(Stage::Walk(Gathering::Scalar(optics), Precision::Single), function),
+                is_empty(Stage::Walk(Gathering::Scalar(optics), Inside::Volume, Precision::Single), function),
                 "{optics}, {function}"
             );
         }
     }
-    assert!(!is_empty(Stage::Walk(Gathering::Joint, Precision::Single), "medium_pass"));
+    assert!(!is_empty(Stage::Walk(Gathering::Joint, Inside::Volume, Precision::Single), "medium_pass"));
     assert_eq!(FragmentKind::Plain.bytes(), layout::FRAGMENT_BYTES);
 }

@@ -22,7 +22,7 @@ pub enum Pass {
     /// They are counted.
     Count,
     /// They are stored.
-    Store(FragmentKind),
+    Store(FragmentKind, Inside),
 }
 
 /// What a fragment has.
@@ -45,6 +45,36 @@ impl FragmentKind {
         match self {
             Self::Plain => FRAGMENT_BYTES,
             Self::Joint => JOINT_FRAGMENT_BYTES,
+        }
+    }
+}
+
+/// What is in cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inside {
+    /// The volume alone.
+    Volume,
+    /// Isosurfaces, too.
+    Surfaces,
+}
+
+impl Inside {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Volume, Self::Surfaces];
+
+    /// What is in those of a job.
+    pub fn of(job: &RenderJob) -> Self {
+        if job.surfaces.is_some() { Self::Surfaces } else { Self::Volume }
+    }
+
+    /// What is asked of it beside what [`Gathering`] needs: by the walk, and by the renderer of faces.
+    fn bindings(self) -> [&'static [Binding]; 2] {
+        const SURFACES: Binding = Binding::Read(Resource::Surfaces);
+        match self {
+            Self::Volume => [&[], &[]],
+            Self::Surfaces => {
+                [&[SURFACES], &[SURFACES, Binding::Read(Resource::Vertices), Binding::Read(Resource::Corners)]]
+            }
         }
     }
 }
@@ -105,7 +135,7 @@ pub enum Stage {
     /// The items of each tile.
     EntriesStore,
     /// From entries through the cells.
-    Walk(Gathering, Precision),
+    Walk(Gathering, Inside, Precision),
     /// To where a window samples it.
     Present,
     /// Faces against the pixels of their boxes.
@@ -119,7 +149,7 @@ pub enum Stage {
     /// The fragments of deep pixels, one round of sorting.
     FaceSort(FragmentKind),
     /// Fragments put in order, and composited.
-    FaceResolve(Gathering, Precision),
+    FaceResolve(Gathering, Inside, Precision),
 }
 
 /// All stages.
@@ -136,12 +166,15 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::FaceSort(FragmentKind::Joint),
     ];
     let with = |precision: Precision| {
-        let passes = [Pass::Count, Pass::Store(FragmentKind::Plain), Pass::Store(FragmentKind::Joint)];
-        let finding = passes.into_iter().flat_map(move |pass| {
+        let kinds = [FragmentKind::Plain, FragmentKind::Joint];
+        let stores = kinds.into_iter().flat_map(|kind| Inside::ALL.map(|inside| Pass::Store(kind, inside)));
+        let finding = [Pass::Count].into_iter().chain(stores).flat_map(move |pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
-        let gathering = Gathering::ALL.into_iter();
-        finding.chain(gathering.flat_map(move |how| [Stage::Walk(how, precision), Stage::FaceResolve(how, precision)]))
+        let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
+        finding.chain(gathering.flat_map(move |(how, inside)| {
+            [Stage::Walk(how, inside, precision), Stage::FaceResolve(how, inside, precision)]
+        }))
     };
     alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
 }
@@ -199,8 +232,8 @@ impl Stage {
     /// The numbers that its geometry is computed with.
     pub fn precision(self) -> Precision {
         match self {
-            Self::Walk(_, precision)
-            | Self::FaceResolve(_, precision)
+            Self::Walk(_, _, precision)
+            | Self::FaceResolve(_, _, precision)
             | Self::Faces(_, precision)
             | Self::FacePieces(_, precision)
             | Self::FaceStarts(_, precision) => precision,
@@ -223,23 +256,25 @@ impl Stage {
                 [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
             }
             Self::EntriesScan => vec![Read(Params), Write(Bins)],
-            Self::Walk(how, _) => {
+            Self::Walk(how, inside, _) => {
                 let read = [Read(Params), Read(Vertices), Read(ActiveCells), Read(Bins)];
-                [&read[..], &records, &planes, how.tables()].concat()
+                let [surfaces, _] = inside.bindings();
+                [&read[..], &records, &planes, how.tables(), surfaces].concat()
             }
             Self::Present => vec![Read(Color), Write(Screen)],
             Self::Faces(pass, _) | Self::FacePieces(pass, _) | Self::FaceStarts(pass, _) => {
                 let kept = match pass {
                     Pass::Count => &[][..],
-                    Pass::Store(_) => &fragments,
+                    Pass::Store(..) => &fragments,
                 };
                 let found = [Atomic(Lists), Read(Vertices), Read(Drawn)];
                 [&params[..], &found, &Resource::FACES.map(Read), kept].concat()
             }
             Self::FaceScan => vec![Read(Params), Write(Lists)],
             Self::FaceSort(_) => [&params[..], &[Read(Lists)], &fragments].concat(),
-            Self::FaceResolve(how, _) => {
-                [&params[..], &[Read(Lists), Read(ActiveCells)], &fragments, &planes, how.tables()].concat()
+            Self::FaceResolve(how, inside, _) => {
+                let [_, surfaces] = inside.bindings();
+                [&params[..], &[Read(Lists), Read(ActiveCells)], &fragments, &planes, how.tables(), surfaces].concat()
             }
         }
     }
@@ -260,9 +295,11 @@ impl Stage {
             Self::EntriesCount => entering(constants, include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
             Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
-            Self::Walk(how, precision) => {
+            Self::Walk(how, inside, precision) => {
+                let kind = how.fragments();
+                let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
                 let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
-                [constants, &gathering(how, precision), vertex_values(how.fragments()), &walk].concat()
+                [constants, &gathering(how, inside, precision), &values, &walk].concat()
             }
             Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
             Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
@@ -278,9 +315,13 @@ impl Stage {
             Self::FaceSort(kind) => {
                 [lib::FRAME, &faces(kind), lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
             }
-            Self::FaceResolve(how, precision) => {
+            Self::FaceResolve(how, inside, precision) => {
+                let surfaces = match inside {
+                    Inside::Volume => "",
+                    Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES].concat(),
+                };
                 let resolve = [lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
-                [gathering(how, precision), faces(how.fragments()), resolve].concat()
+                [&gathering(how, inside, precision), &faces(how.fragments()), surfaces, &resolve].concat()
             }
         }
     }
@@ -304,6 +345,14 @@ mod lib {
     pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
     pub(super) const JOINT: &str = include_str!("../../../shaders/lib/optics_joint.wgsl");
     pub(super) const NO_JOINT: &str = include_str!("../../../shaders/lib/no_joint.wgsl");
+    pub(super) const JOINT_PARTS: &str = include_str!("../../../shaders/lib/joint_parts.wgsl");
+    pub(super) const NO_JOINT_PARTS: &str = include_str!("../../../shaders/lib/no_joint_parts.wgsl");
+    pub(super) const SURFACES: &str = include_str!("../../../shaders/lib/surfaces.wgsl");
+    pub(super) const NO_SURFACES: &str = include_str!("../../../shaders/lib/no_surfaces.wgsl");
+    pub(super) const SCALAR_WITHIN_FACE: &str = include_str!("../../../shaders/lib/scalar_within_face.wgsl");
+    pub(super) const SCALAR_AS_IS: &str = include_str!("../../../shaders/lib/scalar_as_is.wgsl");
+    pub(super) const CORNERS: &str = include_str!("../../../shaders/lib/corners.wgsl");
+    pub(super) const BEHIND_VERTICES: &str = include_str!("../../../shaders/lib/behind_vertices.wgsl");
     pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
     pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");
     pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
@@ -315,14 +364,28 @@ mod lib {
 }
 
 /// A stage that integrates along rays.
-fn gathering(how: Gathering, precision: Precision) -> String {
+fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
     let optics = match how {
         Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_JOINT].concat(),
         Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_JOINT].concat(),
         Gathering::Scalar(OpticsKind::Table3d) => [lib::TABLE3D, lib::NO_JOINT].concat(),
         Gathering::Joint => [lib::WEIGHTS, lib::JOINT].concat(),
     };
-    [lib::FRAME, lib::SUMS, numbers(precision), lib::RAY, lib::MATH, &optics, lib::LIGHT].concat()
+    let surfaces = match (inside, how) {
+        (Inside::Volume, _) => lib::NO_SURFACES.to_owned(),
+        (Inside::Surfaces, Gathering::Scalar(_)) => [lib::SURFACES, lib::NO_JOINT_PARTS].concat(),
+        (Inside::Surfaces, Gathering::Joint) => [lib::SURFACES, lib::JOINT_PARTS].concat(),
+    };
+    [lib::FRAME, lib::SUMS, &rays(inside, precision), lib::MATH, &optics, &surfaces, lib::LIGHT].concat()
+}
+
+/// Planar geometry.
+fn rays(inside: Inside, precision: Precision) -> String {
+    let scalar = match inside {
+        Inside::Volume => lib::SCALAR_AS_IS,
+        Inside::Surfaces => lib::SCALAR_WITHIN_FACE,
+    };
+    [numbers(precision), lib::RAY, scalar].concat()
 }
 
 /// What planar geometry is computed with.
@@ -341,6 +404,14 @@ fn vertex_values(kind: FragmentKind) -> &'static str {
     }
 }
 
+/// What lies behind the view vertices, if something does.
+fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
+    match (kind, inside) {
+        (FragmentKind::Plain, Inside::Volume) => "",
+        (FragmentKind::Joint, _) | (_, Inside::Surfaces) => lib::BEHIND_VERTICES,
+    }
+}
+
 /// What stages of the face renderer share.
 fn faces(kind: FragmentKind) -> String {
     format!("const FRAGMENT_PAIRS: u32 = {}u;\n{}", kind.bytes() / 8, lib::FACES)
@@ -348,13 +419,13 @@ fn faces(kind: FragmentKind) -> String {
 
 /// A stage that finds fragments.
 fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
-    let (kept, kind) = match pass {
-        Pass::Count => (lib::FRAGMENTS_COUNT, FragmentKind::Plain),
-        Pass::Store(kind) => (lib::FRAGMENTS_STORE, kind),
+    let (kept, kind, inside) = match pass {
+        Pass::Count => (lib::FRAGMENTS_COUNT, FragmentKind::Plain, Inside::Volume),
+        Pass::Store(kind, inside) => (lib::FRAGMENTS_STORE, kind, inside),
     };
-    let ray = [numbers(precision), lib::RAY].concat();
-    let values = vertex_values(kind);
-    [lib::FRAME, &faces(kind), lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, values, kept, stage].concat()
+    let values = [vertex_values(kind), behind_vertices(kind, Inside::Volume)].concat();
+    let ray = rays(inside, precision);
+    [lib::FRAME, &faces(kind), lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, &values, kept, stage].concat()
 }
 
 /// A stage that finds entries.

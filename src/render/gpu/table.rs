@@ -47,16 +47,20 @@ impl Table {
         self.tables.get(job).is_clear()
     }
 
-    /// Brings the table of the job's optics to the GPU, seen through the map of its scalars, which have been multiplied by
-    /// `prescale`; completes the parameters. Returns whether a buffer was made, and the bytes sent.
+    /// Whether nothing can be seen in any cell.
+    pub(super) fn shows_nothing(&mut self, job: &RenderJob) -> bool {
+        job.surfaces.is_none() && self.is_clear(job)
+    }
+
+    /// Brings the table of the job's optics to the GPU, seen through the map of its scalars; completes the parameters. Returns whether a
+    /// buffer was made, and the bytes sent.
     pub(super) fn update(
         &mut self,
         context: &Context,
         job: &RenderJob,
-        prescale: f64,
+        map: ScalarMap,
         params: &mut Params,
     ) -> Result<(bool, u64), RenderError> {
-        let map = ScalarMap::of_table(&job.table, prescale);
         (params.scalar_offset, params.scalar_scale) = (map.offset as f32, map.scale as f32);
         let mut made = self.table3d_params.reserve(context, size_of::<Table3dParams>() as u64)?;
         made |= self.joint_params.reserve(context, size_of::<JointParams>() as u64)?;

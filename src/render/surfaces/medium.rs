@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts between the pieces of a segment, as a [`Medium`] around that of the volume.
 
 use super::cuts_in_view::CutsInView;
-use super::{Light, Normals, Sheet, SurfaceScene};
+use super::{Normals, Sheet, SurfaceScene};
 use crate::camera::View;
 use crate::mesh::{self, Mesh};
 use crate::optics::exact::ExactTable;
@@ -187,14 +187,7 @@ struct Shader<'a> {
 impl<'a> Shader<'a> {
     fn new(scene: &'a SurfaceScene, job: &'a RenderJob, view: &'a View) -> Self {
         let shading = scene.shading();
-        let light = match shading.light {
-            Light::Headlight => None,
-            // Squares of very long and very short vectors leave the range of numbers.
-            Light::From(direction) => {
-                let direction = DVec3::from(direction);
-                Some((direction / direction.abs().max_element()).normalize())
-            }
-        };
+        let light = shading.towards_light();
         let gradients = scene.gradients().map(|gradients| gradients.as_slice());
         Self { normals: shading.normals, light, mesh: &job.mesh, scalars: &job.scalars, gradients, view }
     }

@@ -10,7 +10,7 @@
 //! the clips, and meet sections where they meet the plane.
 //!
 //! [`Isosurface`], [`Cut`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and
-//! [`medium`] puts it between the pieces of a segment.
+//! [`medium`] puts it between the pieces of a segment; on the GPU `shaders/lib/surfaces.wgsl` does, but for cuts.
 
 mod cuts;
 pub(super) mod cuts_in_view;
@@ -23,6 +23,7 @@ use crate::node_table::NodeTable;
 use crate::transfer::TransferSource;
 use crate::visibility::CutPlanes;
 pub use cuts::{CropBox, Cut, CutError, check_cuts, cut_planes};
+use glam::DVec3;
 pub use normals::VertexGradients;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -129,6 +130,20 @@ fn smooth() -> bool {
     true
 }
 
+impl SurfaceShading {
+    /// Towards the light, world coordinates, of length 1; `None`: from the eye.
+    pub(super) fn towards_light(&self) -> Option<DVec3> {
+        match self.light {
+            Light::Headlight => None,
+            // Squares of very long and very short vectors leave the range of numbers.
+            Light::From(direction) => {
+                let direction = DVec3::from(direction);
+                Some((direction / direction.abs().max_element()).normalize())
+            }
+        }
+    }
+}
+
 /// Why there are no such surfaces.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
@@ -175,7 +190,7 @@ pub fn check(surfaces: &[Isosurface], shading: &SurfaceShading) -> Result<(), Su
         }
     }
     match shading.light {
-        Light::From(direction) if !glam::DVec3::from(direction).is_finite() || direction == [0.0; 3] => {
+        Light::From(direction) if !DVec3::from(direction).is_finite() || direction == [0.0; 3] => {
             Err(SurfaceError::Light(direction))
         }
         _ => Ok(()),

@@ -15,7 +15,7 @@ use tetreel::visibility::Skip;
 pub(super) const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 35.0 };
 pub(super) const OUTSIDE: DVec3 = DVec3::new(3.0, 2.0, 2.5);
 
-fn surface(value: f64, front: [f64; 3], opacity: f64) -> Isosurface {
+pub(super) fn surface(value: f64, front: [f64; 3], opacity: f64) -> Isosurface {
     Isosurface { front: Some(front), opacity, ..Isosurface::new(value) }
 }
 
@@ -24,7 +24,7 @@ pub(super) fn shading(normals: Normals) -> SurfaceShading {
 }
 
 /// The job with surfaces in its volume.
-fn with_surfaces(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
+pub(super) fn with_surfaces(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
     let mut scene = SurfaceScene::new(surfaces, shading, &job.table).unwrap();
     if scene.lacks_gradients() {
         let found = VertexGradients::default().update(&job.mesh, &job.scalars, &job.active, &Cancel::new());
@@ -34,7 +34,7 @@ fn with_surfaces(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShadi
 }
 
 /// The same without a volume.
-fn alone(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
+pub(super) fn alone(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
     RenderJob { table: Arc::new(NodeTable::clear()), ..with_surfaces(job, surfaces, shading) }
 }
 
@@ -43,8 +43,22 @@ pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
         "raycast" => Raycast::new().render(job.clone()).unwrap().planes.clone(),
         "portable" => Raycast::portable().render(job.clone()).unwrap().planes.clone(),
         "faces" => havs(&with_all_faces(job)).planes,
+        #[cfg(feature = "gpu")]
+        "walk on the GPU" => gpu::render(job).unwrap().planes,
+        #[cfg(feature = "gpu")]
+        "faces on the GPU" => super::havs::gpu::render(&with_all_faces(job)).unwrap().planes,
         _ => Reference::new().render(job.clone()).unwrap().planes.clone(),
     }
+}
+
+/// The renderers that there are on this machine beside the judge; the last two on its GPU.
+fn paths() -> Vec<&'static str> {
+    let on_cpu = ["raycast", "portable", "faces"];
+    #[cfg(feature = "gpu")]
+    if gpu::context().is_some() {
+        return [&on_cpu[..], &["walk on the GPU", "faces on the GPU"]].concat();
+    }
+    on_cpu.to_vec()
 }
 
 /// A mesh with places that are no part of it: holes where scalars are not numbers, and where there are no cells.
@@ -59,7 +73,7 @@ pub(super) fn with_holes(size: (usize, usize), position: DVec3, projection: Proj
 }
 
 /// Cells a thousand times as wide as high.
-fn slivers() -> RenderJob {
+pub(super) fn slivers() -> RenderJob {
     let mut raw = grid(5, 0.15, 3, |_| true);
     raw.points.iter_mut().for_each(|p| p.z *= 1e-3);
     let mesh = Arc::new(build(raw));
@@ -67,10 +81,10 @@ fn slivers() -> RenderJob {
     job(&mesh, scalars, &camera(DVec3::new(1.5, 1.1, 0.9), PERSPECTIVE), (60, 41), dense())
 }
 
-const RED: [f64; 3] = [1.0, 0.2, 0.1];
-const BLUE: [f64; 3] = [0.1, 0.3, 1.0];
+pub(super) const RED: [f64; 3] = [1.0, 0.2, 0.1];
+pub(super) const BLUE: [f64; 3] = [0.1, 0.3, 1.0];
 
-fn sheets() -> Vec<Isosurface> {
+pub(super) fn sheets() -> Vec<Isosurface> {
     let back = Some([0.1, 0.6, 0.2]);
     vec![
         surface(0.75, RED, 0.5),
@@ -222,7 +236,7 @@ fn a_plane_has_the_depth_and_the_light_of_the_closed_form() {
             let front = surface(0.0, BLUE, 1.0);
             let near = Isosurface { back: Some([0.5, 1.0, 0.25]), ..surface(0.3, RED, 0.25) };
             let lit = alone(&base, &[front, near], shading(normals));
-            for path in ["raycast", "portable", "faces", "reference"] {
+            for path in paths().into_iter().chain(["reference"]) {
                 let found = planes(path, &lit);
                 let mut seen = 0;
                 for pixel in 0..33 * 33 {
@@ -266,23 +280,25 @@ fn a_plane_has_the_depth_and_the_light_of_the_closed_form() {
 #[test]
 fn a_light_from_the_side_reaches_what_faces_it_on_the_side_of_the_eye() {
     let base = slanted((9, 9), Projection::Parallel { scale: 0.5 });
-    let center = |light: [f64; 3]| {
-        let shading = SurfaceShading { normals: Normals::Cell, light: Light::From(light), ..Default::default() };
-        planes("raycast", &alone(&base, &[surface(0.0, [1.0; 3], 1.0)], shading)).color.pixels[40]
-    };
     let normal = DVec3::new(1.0, 0.5, 0.0).normalize();
-    for light in [[1.0, 0.0, 0.0], [1.0, 3.0, 1.0], [0.0, 0.2, 0.0]] {
-        let expected = normal.dot(DVec3::from(light).normalize());
-        assert!((f64::from(center(light)[0]) - expected).abs() < 1e-6, "{light:?}");
+    for path in paths() {
+        let center = |light: [f64; 3]| {
+            let shading = SurfaceShading { normals: Normals::Cell, light: Light::From(light), ..Default::default() };
+            planes(path, &alone(&base, &[surface(0.0, [1.0; 3], 1.0)], shading)).color.pixels[40]
+        };
+        for light in [[1.0, 0.0, 0.0], [1.0, 3.0, 1.0], [0.0, 0.2, 0.0]] {
+            let expected = normal.dot(DVec3::from(light).normalize());
+            assert!((f64::from(center(light)[0]) - expected).abs() < 1e-6, "{path}, {light:?}");
+        }
+        // A direction has no length.
+        for length in [1e-300, 1e200] {
+            let expected = normal.dot(DVec3::new(1.0, 3.0, 1.0).normalize());
+            let found = f64::from(center([length, 3.0 * length, length])[0]);
+            assert!((found - expected).abs() < 1e-6, "{path}, {length:e}: {found}");
+        }
+        // From behind it is dark, and there.
+        assert_eq!(center([-1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0], "{path}");
     }
-    // A direction has no length.
-    for length in [1e-300, 1e200] {
-        let expected = normal.dot(DVec3::new(1.0, 3.0, 1.0).normalize());
-        let found = f64::from(center([length, 3.0 * length, length])[0]);
-        assert!((found - expected).abs() < 1e-6, "{length:e}: {found}");
-    }
-    // From behind it is dark, and there.
-    assert_eq!(center([-1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0]);
 }
 
 #[test]
@@ -303,10 +319,9 @@ fn isovalues_at_scalars_of_vertices_are_met_once_and_constant_cells_never() {
     );
     // At the greatest scalar, which is met where the mesh ends, rounding decides for the judge.
     let opacity_of = |value: f64| {
-        let paths = ["raycast", "portable", "faces", "reference"];
-        let paths = if value == 4.0 { &paths[..3] } else { &paths };
+        let judge = (value != 4.0).then_some("reference");
         let job = alone(&base, &[surface(value, [1.0; 3], 0.5)], shading(Normals::Cell));
-        let images: Vec<_> = paths.iter().map(|path| (path, planes(path, &job))).collect();
+        let images: Vec<_> = paths().into_iter().chain(judge).map(|path| (path, planes(path, &job))).collect();
         let first = images[0].1.color.pixels[0][3];
         for (path, image) in &images {
             let other = image.color.pixels.iter().position(|p| p[3] != first);
@@ -397,13 +412,4 @@ fn what_cannot_be_a_surface_is_refused() {
         let shading = SurfaceShading { light: Light::From(direction), ..plain };
         assert!(matches!(refused(&[], shading), SurfaceError::Light(_)));
     }
-}
-
-#[cfg(feature = "gpu")]
-#[test]
-fn surfaces_are_beyond_the_gpu_and_said_so() {
-    let Some(context) = gpu::context() else { return };
-    let job = alone(&with_holes((8, 8), OUTSIDE, PERSPECTIVE), &sheets(), shading(Normals::Cell));
-    let error = tetreel::render::gpu::raycast::Raycast::new(context).begin(job).unwrap_err();
-    assert!(error.to_string().contains("cannot render this: isosurfaces; the CPU can (backend cpu)"), "{error}");
 }

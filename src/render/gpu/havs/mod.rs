@@ -321,7 +321,7 @@ impl LayerRenderer for FaceLists {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.table.is_clear(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
+        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
             // All pixels are clear, and here.
             frame.clear(view.plane_px());
             return Ok(None);

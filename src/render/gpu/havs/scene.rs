@@ -7,7 +7,8 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{EYE_WORDS, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params, flags};
 use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
+use crate::render::gpu::surfaces::{CornerBuffer, SurfaceBuffer, scalar_map};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -26,6 +27,8 @@ pub(super) struct Scene {
     pub(super) vertices: VertexBuffers,
     pub(super) scalars: GpuScalars,
     pub(super) table: Table,
+    surfaces: SurfaceBuffer,
+    corners: CornerBuffer,
     faces: FaceBuffers,
     drawn: DrawnBuffer,
     active_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
@@ -47,6 +50,8 @@ impl Scene {
             vertices: VertexBuffers::new(),
             scalars: GpuScalars::new(),
             table: Table::new(),
+            surfaces: SurfaceBuffer::new(),
+            corners: CornerBuffer::new(),
             faces: FaceBuffers::new(),
             drawn: DrawnBuffer::new(),
             active_of: None,
@@ -88,9 +93,9 @@ impl Scene {
         job: &RenderJob,
         precision: Precision,
     ) -> Result<(), RenderError> {
-        let (how, kind) = (Gathering::of(job), FragmentKind::of(job));
-        let later = [Stage::FaceScan, Stage::FaceSort(kind), Stage::FaceResolve(how, precision)];
-        let finding = [Pass::Count, Pass::Store(kind)].into_iter().flat_map(|pass| {
+        let (how, kind, inside) = (Gathering::of(job), FragmentKind::of(job), Inside::of(job));
+        let later = [Stage::FaceScan, Stage::FaceSort(kind), Stage::FaceResolve(how, inside, precision)];
+        let finding = [Pass::Count, Pass::Store(kind, inside)].into_iter().flat_map(|pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
         self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))
@@ -115,9 +120,13 @@ impl Scene {
         self.bytes_sent += sent;
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
         self.bytes_sent += sent;
+        let map = scalar_map(job, prescale, self.scalars.largest());
+        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_clear(job));
         let sent = [
             self.vertices.upload_values(context, job)?,
-            self.table.update(context, job, prescale, params)?,
+            self.table.update(context, job, map, params)?,
+            self.surfaces.update(context, job, map, gradients, has_volume)?,
+            self.corners.upload(context, job)?,
             self.faces.upload(context, &job.mesh)?,
             self.drawn.upload(context, drawn, eye_cells)?,
             self.upload_active(context, job)?,
@@ -226,6 +235,7 @@ impl Scene {
     /// Binds what the stages name wherever nothing is bound.
     fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
         let mut buffers = vec![&self.params, &self.face_params, &self.lists, &self.drawn.buffer, &self.active];
+        buffers.extend([self.surfaces.buffer(), self.corners.buffer()]);
         buffers.extend(self.vertices.buffers());
         buffers.extend(&self.faces.parts);
         buffers.extend(&self.fragments);

@@ -4,7 +4,7 @@ use super::bands::Band;
 use crate::render::RenderJob;
 use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
 use crate::render::gpu::readback::Sent;
-use crate::render::gpu::shaders::{FragmentKind, Gathering, Pass, Precision, Stage};
+use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
 use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
 use crate::render::gpu::target::Target;
 use std::ops::Range;
@@ -179,7 +179,7 @@ impl FaceJob {
 /// The stage of a step of a job, if it is not the end.
 pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option<Stage> {
     let kind = FragmentKind::of(job);
-    let (count, store) = (Pass::Count, Pass::Store(kind));
+    let (count, store) = (Pass::Count, Pass::Store(kind, Inside::of(job)));
     Some(match step {
         Step::CountFaces => Stage::Faces(count, precision),
         Step::CountStarts => Stage::FaceStarts(count, precision),
@@ -189,7 +189,7 @@ pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option
         Step::StoreStarts => Stage::FaceStarts(store, precision),
         Step::StorePieces => Stage::FacePieces(store, precision),
         Step::Sort => Stage::FaceSort(kind),
-        Step::Resolve => Stage::FaceResolve(Gathering::of(job), precision),
+        Step::Resolve => Stage::FaceResolve(Gathering::of(job), Inside::of(job), precision),
         Step::End => return None,
     })
 }

@@ -27,7 +27,7 @@ use super::layout::Params;
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Sent};
-use super::shaders::{Gathering, Precision, Stage};
+use super::shaders::{Gathering, Inside, Precision, Stage};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
 use super::target::Target;
 use crate::render::cpu::raycast::skips::CellChoice;
@@ -146,7 +146,7 @@ impl CellWalk {
         {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            let walk = Stage::Walk(Gathering::of(&active.job), active.precision);
+            let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
             pipelines.set(&self.context, walk, &mut pass)?;
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
@@ -208,7 +208,7 @@ impl LayerRenderer for CellWalk {
         let view = job.local_view();
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
-        if self.scene.table.is_clear(&job) || job.active.count() == 0 {
+        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
             // All pixels are clear, and here.
             frame.clear(view.plane_px());
             return Ok(None);

@@ -8,7 +8,8 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params, flags};
 use crate::render::gpu::pipelines::Pipelines;
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{Gathering, Precision, RecordSplit, Stage};
+use crate::render::gpu::shaders::{Gathering, Inside, Precision, RecordSplit, Stage};
+use crate::render::gpu::surfaces::{SurfaceBuffer, scalar_map};
 use crate::render::gpu::table::Table;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -33,6 +34,7 @@ pub(super) struct Scene {
     pub(super) scalars: GpuScalars,
     domain: Domain,
     pub(super) table: Table,
+    surfaces: SurfaceBuffer,
     pub(super) pipelines: Pipelines,
     pub(super) target: Option<Arc<Target>>,
     /// Ends of the tiles' lists, their sum, the lists.
@@ -56,6 +58,7 @@ impl Scene {
                 packed: Vec::new(),
             },
             table: Table::new(),
+            surfaces: SurfaceBuffer::new(),
             pipelines: Pipelines::new(),
             target: None,
             bins: GrowingBuffer::new(Resource::Bins),
@@ -94,7 +97,7 @@ impl Scene {
         let split = RecordSplit::new(cells, context.binding_bytes());
         let split = split.ok_or_else(|| context.beyond(format!("a mesh of {cells} cells is too large for it")))?;
         let mut stale = self.params.reserve(context, size_of::<Params>() as u64)?;
-        let walk = Stage::Walk(Gathering::of(job), precision);
+        let walk = Stage::Walk(Gathering::of(job), Inside::of(job), precision);
         let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore, walk];
         self.pipelines.prepare(context, split, stages)?;
         let (made, sent) = self.vertices.upload(context, &job.mesh)?;
@@ -111,7 +114,12 @@ impl Scene {
         self.bytes_sent += sent;
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
         self.bytes_sent += sent;
-        let (made, sent) = self.table.update(context, job, prescale, params)?;
+        let map = scalar_map(job, prescale, self.scalars.largest());
+        let (made, sent) = self.table.update(context, job, map, params)?;
+        stale |= made;
+        self.bytes_sent += sent;
+        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_clear(job));
+        let (made, sent) = self.surfaces.update(context, job, map, gradients, has_volume)?;
         stale |= made;
         self.bytes_sent += sent;
         stale |= self.update_domain(context, job, eye_cells)?;
@@ -200,6 +208,7 @@ impl Scene {
     /// Binds what the stages name wherever nothing is bound.
     fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
         let mut buffers = vec![&self.params, &self.domain.items, &self.domain.active, &self.bins];
+        buffers.push(self.surfaces.buffer());
         buffers.extend(self.vertices.buffers());
         buffers.extend(&self.records.parts);
         buffers.extend(self.table.buffers());

@@ -1,0 +1,7 @@
+// Numbers that lie behind the view vertices, eight in the room of one: the stages that need them have no binding left.
+
+fn number_behind_vertices(i: u32) -> f32 {
+    let eight = vertices[params.vertex_count + i / 8u];
+    let at = i & 3u;
+    return select(eight.depth[at], eight.plane[at], (i & 4u) == 0u);
+}
