@@ -16,6 +16,8 @@ mod layers;
 mod partial;
 mod raycast;
 mod surfaces;
+#[cfg(feature = "gpu")]
+mod surfaces_gpu;
 mod table3d;
 
 use glam::DVec3;
