@@ -161,6 +161,7 @@ mod gpu {
     use tetreel::pipeline::PipelineError;
     use tetreel::render::RenderError;
     use tetreel::render::gpu::context::ContextOptions;
+    use tetreel::render::surfaces::Isosurface;
 
     #[test]
     fn frames_of_a_gpu_that_is_lost_in_the_middle_of_an_animation_are_those_of_one_that_is_not() {
@@ -212,6 +213,17 @@ mod gpu {
         let named = ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() };
         pipeline.choose_gpu(named.clone());
         assert!(pipeline.render(&request).unwrap().stats.on_gpu);
+        let scalars = pipeline.prepare(&request).unwrap().scalars;
+        let greatest = scalars.iter().copied().fold(f32::MIN, f32::max);
+        let surfaces = vec![Isosurface::new(0.5 * f64::from(greatest))];
+        for (volume, mode) in [(true, TetDraw::default()), (false, TetDraw::default()), (false, TetDraw::ALL_FACES)] {
+            let lit = request.clone().with_tets(|tets| {
+                (tets.surfaces, tets.volume, tets.draw) = (surfaces.clone(), volume, mode);
+            });
+            let frame = pipeline.render(&lit).unwrap();
+            assert!(frame.stats.on_gpu, "{mode:?}");
+            assert!(frame.planes.depth.pixels.iter().any(|depth| depth.is_finite()), "{mode:?}, up to {greatest}");
+        }
         assert_eq!(pipeline.gpu_problem(), None);
 
         // No mesh fits into bindings of this size.
