@@ -7,6 +7,7 @@ use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::havs::Havs;
 use crate::render::gpu::raycast::Raycast;
+use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob, Renderer};
 use std::sync::Arc;
 
@@ -43,8 +44,7 @@ struct Beyond {
     faces: usize,
     /// Values of its table of more than the scalar.
     joint_values: usize,
-    has_fragments: bool,
-    has_surfaces: bool,
+    extras: [bool; 4],
     error: RenderError,
 }
 
@@ -52,10 +52,16 @@ impl Beyond {
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
         let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
-        let is_same = is_same && self.has_fragments == job.fragments.is_some();
-        let is_same = is_same && self.has_surfaces == job.surfaces.is_some();
+        let is_same = is_same && self.extras == extras_of(job);
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
+}
+
+/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume.
+fn extras_of(job: &RenderJob) -> [bool; 4] {
+    let of_scene = |has: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(has);
+    let is_cut = of_scene(|scene| !scene.planes().is_empty());
+    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, of_scene(SurfaceScene::lights_volume)]
 }
 
 fn joint_values_of(job: &RenderJob) -> usize {
@@ -218,18 +224,9 @@ impl Gpu {
                 }
                 RenderError::BeyondGpu { .. } => {
                     let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
-                    let (has_fragments, has_surfaces) = (job.fragments.is_some(), job.surfaces.is_some());
+                    let extras = extras_of(&job);
                     let (mesh, view, known) = (job.mesh, job.view, error.clone());
-                    self.beyond = Some(Beyond {
-                        mesh,
-                        view,
-                        primitive,
-                        faces,
-                        joint_values,
-                        has_fragments,
-                        has_surfaces,
-                        error: known,
-                    });
+                    self.beyond = Some(Beyond { mesh, view, primitive, faces, joint_values, extras, error: known });
                     return Err(error);
                 }
                 RenderError::NoGpu(_)

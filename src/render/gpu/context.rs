@@ -201,6 +201,12 @@ impl Context {
         if job.fragments.is_some() {
             return Err(self.beyond("cells together with fragments of other layers".to_owned()));
         }
+        if job.surfaces.as_ref().is_some_and(|scene| !scene.planes().is_empty()) {
+            return Err(self.beyond("cuts".to_owned()));
+        }
+        if job.surfaces.as_ref().is_some_and(|scene| scene.lights_volume()) {
+            return Err(self.beyond("light on the volume".to_owned()));
+        }
         if let Samples::Pixels(_) = job.view.samples {
             return Err(self.beyond("a list of pixels".to_owned()));
         }

@@ -94,7 +94,8 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
         light: in_view.map(|c| c as f32),
         count: scene.sheets().len() as u32,
         normals: match shading.normals {
-            Normals::None => 0,
+            // Found on the image, if at all.
+            Normals::None | Normals::Screen | Normals::Depth => 0,
             Normals::Vertex if scene.gradients().is_some() => 2,
             Normals::Cell | Normals::Vertex => 1,
         },
@@ -102,7 +103,7 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
         ..SurfaceParams::default()
     };
     for (params, sheet) in params.sheets.iter_mut().zip(scene.sheets()) {
-        let Sheet { value, front, back, opacity } = *sheet;
+        let Sheet { value, front, back, opacity, .. } = *sheet;
         let color = |[r, g, b]: [f64; 3], last: f32| [r as f32, g as f32, b as f32, last];
         *params = SheetParams { front: color(front, threshold(value, map)), back: color(back, opacity as f32) };
     }

@@ -310,6 +310,11 @@ impl SurfaceScene {
         self.gradients.as_ref()
     }
 
+    /// Whether the volume is lit, too.
+    pub(crate) fn lights_volume(&self) -> bool {
+        self.shading.volume
+    }
+
     /// Whether there is neither a surface nor a section.
     pub(crate) fn is_empty(&self) -> bool {
         self.sheets.is_empty() && self.planes.sections.is_empty()

@@ -21,8 +21,8 @@ const EDGE: f64 = 8.0;
 /// Weights of a row or a column of the smoothing pass, of 16.
 const BINOMIAL: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
 
-/// Depths that differ by more pixel lengths than this lie on two sides of an edge, for the smoothing pass.
-const STEEP: f64 = 8.0;
+/// Depths that differ by more pixel lengths than this from one pixel to the next lie on two sides of an edge, for the smoothing pass.
+const STEEP: f64 = 4.0;
 
 /// A pixel without a surface is a hole if surfaces around it have this share of the weights: at a straight edge they have less than a third.
 const HOLE: f64 = 0.6;
@@ -208,37 +208,41 @@ fn next(at: usize, count: usize) -> Option<usize> {
     (at + 1 < count).then_some(at + 1)
 }
 
-/// Depths without outliers and noise: medians of 3 x 3 pixels, then means over 5 x 5 with binomial weights of what lies on the same side of an
-/// edge. Pixels in holes get depth, normal, number and colour of what is around them.
+/// Depths without outliers and noise: medians over 3 x 3 pixels, then means over 5 x 5 with binomial weights. Both are of pairs of pixels on opposite
+/// sides, so that planes stay as they are, also at edges: a pair counts where both see a surface, for the mean without an edge in between. Pixels in
+/// holes get depth, normal, number and colour of what is around them.
 fn smoothed(planes: &mut Planes, depth: &DepthImage, one_px: impl Fn(f64) -> f64 + Sync) -> DepthImage {
     let (width, height) = (depth.width, depth.height);
     let Planes { color, normal, id, .. } = &*planes;
-    // The pixels around one that see a surface, with their distances in columns and rows.
-    let around = |pixel: usize, reach: isize| {
-        let (column, row) = ((pixel % width) as isize, (pixel / width) as isize);
-        (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| (dx, dy))).filter_map(move |(dx, dy)| {
-            let (x, y) = (column + dx, row + dy);
-            let is_inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
-            let at = is_inside.then(|| y as usize * width + x as usize)?;
-            (id.pixels[at] != 0).then_some((at, dx, dy))
-        })
+    let seen = |pixel: usize, dx: isize, dy: isize| {
+        let (x, y) = ((pixel % width) as isize + dx, (pixel / width) as isize + dy);
+        let is_inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
+        let at = is_inside.then(|| y as usize * width + x as usize)?;
+        (id.pixels[at] != 0).then_some(at)
     };
+    let pair = |pixel: usize, dx: isize, dy: isize| Some((seen(pixel, dx, dy)?, seen(pixel, -dx, -dy)?));
     let median = |pixel: usize| {
-        let mut depths: Vec<f32> = around(pixel, 1).map(|(at, _, _)| depth.pixels[at]).collect();
-        depths.sort_by(f32::total_cmp);
-        depths.get(depths.len() / 2).copied().unwrap_or(f32::INFINITY)
+        let itself = seen(pixel, 0, 0).map(|at| f64::from(depth.pixels[at]));
+        let middle = |(a, b): (usize, usize)| 0.5 * (f64::from(depth.pixels[a]) + f64::from(depth.pixels[b]));
+        let pairs = [(1, 0), (0, 1), (1, 1), (1, -1)].into_iter().filter_map(|(dx, dy)| pair(pixel, dx, dy));
+        let mut depths: Vec<f64> = itself.into_iter().chain(pairs.map(middle)).collect();
+        depths.sort_by(f64::total_cmp);
+        depths.get(depths.len() / 2).copied()
     };
-    let medians: Vec<f32> = (0..width * height).into_par_iter().map(median).collect();
+    let medians: Vec<Option<f64>> = (0..width * height).into_par_iter().map(median).collect();
     let binomial = |offset: isize| BINOMIAL[(offset + 2) as usize] / 16.0;
     let mean = |pixel: usize| {
-        let (middle, mut sum) = (f64::from(medians[pixel]), Around::default());
-        for (at, dx, dy) in around(pixel, 2) {
+        let (Some(middle), mut sum) = (medians[pixel], Around::default()) else { return Around::default() };
+        for (dx, dy) in (-2..=2).flat_map(|dy: isize| (-2..=2).map(move |dx: isize| (dx, dy))) {
             let weight = binomial(dx) * binomial(dy);
-            sum.all += weight;
-            let depth = f64::from(medians[at]);
-            if (depth - middle).abs() <= STEEP * one_px(middle) {
+            sum.all += if seen(pixel, dx, dy).is_some() { weight } else { 0.0 };
+            let Some((at, opposite)) = pair(pixel, dx, dy) else { continue };
+            let (Some(a), Some(b)) = (medians[at], medians[opposite]) else { continue };
+            // The farther the pixels, the more a slope makes of their depths.
+            let steep = STEEP * dx.abs().max(dy.abs()) as f64 * one_px(middle);
+            if (a - middle).abs().max((b - middle).abs()) <= steep {
                 sum.weight += weight;
-                sum.depth += weight * depth;
+                sum.depth += weight * a;
                 sum.normal.iter_mut().zip(normal.pixels[at]).for_each(|(sum, n)| *sum += weight * f64::from(n));
                 sum.rgba.iter_mut().zip(color.pixels[at]).for_each(|(sum, c)| *sum += weight * f64::from(c));
                 sum.number = sum.number.max(id.pixels[at]);

@@ -149,7 +149,9 @@ fn other_isovalues_normals_lights_and_sides_are_noticed() {
     }
     let base = with_holes((61, 47), OUTSIDE, PERSPECTIVE);
     let above = Light::From([0.3, -0.5, 2.0]);
-    let of = |sheet: Isosurface, normals, light| alone(&base, &[sheet], SurfaceShading { normals, light });
+    let of = |sheet: Isosurface, normals, light| {
+        alone(&base, &[sheet], SurfaceShading { normals, light, ..Default::default() })
+    };
     let sheet = Isosurface { back: Some(BLUE), ..surface(0.2, RED, 0.7) };
     let cpu = planes("raycast", &of(sheet, Normals::Vertex, above));
     assert_both_close("as asked", &of(sheet, Normals::Vertex, above), &cpu);
