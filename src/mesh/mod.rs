@@ -3,6 +3,7 @@
 
 mod build;
 mod check;
+pub mod contour;
 mod curve;
 mod error;
 mod faces;
