@@ -1,23 +1,17 @@
 //! Sequences of numbered images, encoded and written while the next frame renders.
 
+use super::numbered::NumberedPath;
 use super::still::{OutputFrame, StillFormat, StillOptions, write_still};
 use crate::error::{FileError, FileResult};
-use crate::files::os_string;
 use crossbeam::channel::{Sender, bounded};
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::thread::JoinHandle;
 
-/// A file name with a place for the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent
+/// A file name of images with a place for the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent
 /// sign. Without a number it names a single frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FramePattern {
-    before: OsString,
-    /// Least number of digits; `None` for a single frame.
-    digits: Option<usize>,
-    after: OsString,
-}
+pub struct FramePattern(NumberedPath);
 
 impl FramePattern {
     /// Reads a pattern.
@@ -25,56 +19,24 @@ impl FramePattern {
     /// # Errors
     /// If there are two numbers, a conversion other than %d, or the file is neither .png nor .exr.
     pub fn new(path: &Path) -> FileResult<Self> {
-        let bad =
-            |problem: &str| FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png");
-        let (mut parts, mut digits) = ([Vec::new(), Vec::new()], None);
-        let mut rest = path.as_os_str().as_encoded_bytes();
-        while let Some(at) = rest.iter().position(|&byte| byte == b'%') {
-            let (text, number) = (&rest[..at], &rest[at + 1..]);
-            let part = &mut parts[usize::from(digits.is_some())];
-            part.extend_from_slice(text);
-            if let Some(tail) = number.strip_prefix(b"%") {
-                part.push(b'%');
-                rest = tail;
-                continue;
-            }
-            let (width, tail) = conversion(number).ok_or_else(|| bad("% is followed by no number format"))?;
-            if digits.replace(width).is_some() {
-                return Err(bad("two places for the frame number"));
-            }
-            rest = tail;
-        }
-        parts[usize::from(digits.is_some())].extend_from_slice(rest);
+        const EXAMPLE: &str = "frame_%04d.png";
+        let pattern = NumberedPath::new(path, EXAMPLE)?;
         if StillFormat::of(path).is_none() {
-            return Err(bad("only .png and .exr images can be written"));
+            let problem = "only .png and .exr images can be written";
+            return Err(FileError::unsupported(path, "", problem).remedy(format!("write, for example, {EXAMPLE}")));
         }
-        let [before, after] =
-            parts.map(|part| os_string(part).ok_or_else(|| bad("cannot be taken apart: it is no Unicode")));
-        Ok(Self { before: before?, digits, after: after? })
+        Ok(Self(pattern))
     }
 
     /// Whether there is a place for a number.
     pub fn is_numbered(&self) -> bool {
-        self.digits.is_some()
+        self.0.is_numbered()
     }
 
     /// The file of frame `n`.
     pub fn path(&self, n: usize) -> PathBuf {
-        let mut path = self.before.clone();
-        if let Some(digits) = self.digits {
-            path.push(format!("{n:0digits$}"));
-            path.push(&self.after);
-        }
-        path.into()
+        self.0.path(n)
     }
-}
-
-/// Least number of digits of a number format behind its percent sign (`d`, `04d`), and what follows it.
-fn conversion(text: &[u8]) -> Option<(usize, &[u8])> {
-    let end = text.iter().position(|byte| !byte.is_ascii_digit())?;
-    let (width, tail) = (std::str::from_utf8(&text[..end]).ok()?, text[end..].strip_prefix(b"d")?);
-    let digits = if width.is_empty() { Some(1) } else { width.parse().ok().filter(|n| (1..=20).contains(n)) };
-    Some((digits?, tail))
 }
 
 impl FromStr for FramePattern {

@@ -57,13 +57,14 @@ impl<'a> StoredSeries<'a> {
 }
 
 /// A field to be: its name and components.
-struct Group {
-    name: String,
-    components: Vec<FieldReader>,
+pub(super) struct Group {
+    pub name: String,
+    /// A reader for each component.
+    pub components: Vec<FieldReader>,
 }
 
 /// The fields asked for, each once, or all.
-fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<Vec<Group>> {
+pub(super) fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<Vec<Group>> {
     let all = grouped(store.fields());
     let mut names: Vec<(String, Vec<String>)> = Vec::new();
     for selector in selectors {

@@ -5,15 +5,14 @@
 mod piece;
 #[cfg(test)]
 mod tests;
-mod xml;
 
+use super::appended::Values;
+use super::collection::{Collection, NewCollection, file_name};
 use super::folder::NewFolder;
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, FieldInfo, SeriesSource};
-use crate::files;
+use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
 use crate::task::{Cancel, Progress};
-use piece::Values;
 use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -65,11 +64,16 @@ pub fn write_series(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VtuReport, VtuError> {
-    let name = file_name(dir, options)?;
-    let (folder, steps, text, bytes) = write_folder(source, dir, &name, "", options, progress, cancel)?;
+    let name = file_name(dir, options.name.as_deref())?;
+    let mut chosen = Chosen::of(source, options)?;
+    let folder = NewFolder::begin(dir)?;
+    let mut list = Collection::new(&name, "", "vtu");
+    let bytes = chosen.write(source, &mut list, folder.path(), progress, cancel)?;
     let path = folder.path().join(format!("{name}.pvd"));
+    let text = list.finish();
     fs::write(&path, &text).map_err(|e| FileError::io(&path, "write", &e))?;
     folder.finish()?;
+    let steps = chosen.steps.len();
     Ok(VtuReport { pvd: dir.join(format!("{name}.pvd")), steps, bytes: bytes + text.len() as u64 })
 }
 
@@ -85,117 +89,55 @@ pub fn write_collection(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VtuReport, VtuError> {
-    if pvd.extension().is_none_or(|e| !e.eq_ignore_ascii_case("pvd")) {
-        return Err(FileError::unsupported(pvd, "", "a series is written as a .pvd file").remedy("name it so").into());
+    let place = NewCollection::at(pvd)?;
+    let mut chosen = Chosen::of(source, options)?;
+    let mut collection = place.begin("vtu")?;
+    let dir = collection.folder.path().to_owned();
+    let bytes = chosen.write(source, &mut collection.list, &dir, progress, cancel)?;
+    let bytes = bytes + collection.finish()?;
+    Ok(VtuReport { pvd: pvd.to_owned(), steps: chosen.steps.len(), bytes })
+}
+
+/// What is written.
+struct Chosen {
+    values: Vec<Values>,
+    steps: Vec<usize>,
+}
+
+impl Chosen {
+    fn of(source: &dyn SeriesSource, options: &VtuOptions) -> FileResult<Self> {
+        let values = choose_fields(source, &options.fields)?.into_iter().map(Values::empty).collect();
+        Ok(Self { values, steps: choose_steps(&source.describe(), source.times(), options.steps.as_deref())? })
     }
-    let check_free = || match fs::symlink_metadata(pvd) {
-        Ok(_) => Err(FileError::invalid(pvd, "", "exists").remedy("choose another name or remove it")),
-        Err(_) => Ok(()),
-    };
-    check_free()?;
-    let dir = pvd.with_extension("");
-    let name = file_name(&dir, &VtuOptions::default())?;
-    // The collection names it in text; where the name of `pvd` is none, it has the name of its files.
-    let dir = dir.with_file_name(&name);
-    let prefix = format!("{name}/");
-    let (folder, steps, text, bytes) = write_folder(source, &dir, &name, &prefix, options, progress, cancel)?;
-    check_free()?;
-    folder.finish()?;
-    if let Err(error) = files::replace_with(pvd, text.as_bytes()) {
-        // Without the list of its files the folder is of no use, and would be in the way of the next attempt.
-        let _ = fs::remove_dir_all(&dir);
-        return Err(error.into());
-    }
-    Ok(VtuReport { pvd: pvd.to_owned(), steps, bytes: bytes + text.len() as u64 })
-}
 
-/// Writes the `.vtu` files beside the folder `dir` to be. Also returns their number, the text of the collection, in
-/// which `prefix` stands before the names of the files, and the bytes written.
-fn write_folder(
-    source: &dyn SeriesSource,
-    dir: &Path,
-    name: &str,
-    prefix: &str,
-    options: &VtuOptions,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<(NewFolder, usize, String, u64), VtuError> {
-    let mut values: Vec<Values> = choose_fields(source, &options.fields)?.into_iter().map(Values::empty).collect();
-    let steps = choose_steps(source, options.steps.as_deref())?;
-    let folder = NewFolder::begin(dir)?;
-    let mesh = source.mesh()?;
-    check_mesh(source, &mesh)?;
-    progress.begin("export", steps.len() as u64, "steps");
-    let writer = Files { source, mesh: &mesh, dir: folder.path(), name, prefix };
-    let written = writer.write(&steps, &mut values, progress, cancel);
-    progress.end();
-    let (text, bytes) = written?;
-    Ok((folder, steps.len(), text, bytes))
-}
-
-/// Where the files come from and go to.
-struct Files<'a> {
-    source: &'a dyn SeriesSource,
-    mesh: &'a RawMesh,
-    dir: &'a Path,
-    name: &'a str,
-    prefix: &'a str,
-}
-
-impl Files<'_> {
-    /// Writes the `.vtu` files; returns the text of their `.pvd` file and their size in bytes.
+    /// Writes the `.vtu` files to the folder `dir` and lists them; returns their size in bytes.
     fn write(
-        &self,
-        steps: &[usize],
-        values: &mut [Values],
+        &mut self,
+        source: &dyn SeriesSource,
+        list: &mut Collection,
+        dir: &Path,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<(String, u64), VtuError> {
-        let mut collection = Collection::new(self.name, self.prefix);
+    ) -> Result<u64, VtuError> {
+        let mesh = source.mesh()?;
+        check_mesh(source, &mesh)?;
+        progress.begin("export", self.steps.len() as u64, "steps");
         let mut bytes = 0;
-        for &step in steps {
+        let mut write = |step: usize| {
             if cancel.is_cancelled() {
                 return Err(VtuError::Cancelled);
             }
-            for field in values.iter_mut() {
-                read_field(self.source, field, step, self.mesh)?;
+            for field in &mut self.values {
+                read_field(source, field, step, &mesh)?;
             }
-            let time = self.source.times().values[step];
-            bytes += piece::write(&self.dir.join(collection.add(time)), self.mesh, time, values)?;
+            let time = source.times().values[step];
+            bytes += piece::write(&dir.join(list.add(time)), &mesh, time, &self.values)?;
             progress.advance(1);
-        }
-        Ok((collection.finish(), bytes))
-    }
-}
-
-/// The text of a `.pvd` file.
-struct Collection<'a> {
-    name: &'a str,
-    prefix: &'a str,
-    text: String,
-    files: usize,
-}
-
-impl<'a> Collection<'a> {
-    fn new(name: &'a str, prefix: &'a str) -> Self {
-        let text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
-            <VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
-            <Collection>\n";
-        Self { name, prefix, text: text.to_owned(), files: 0 }
-    }
-
-    /// Adds the next file and returns its name.
-    fn add(&mut self, time: f64) -> String {
-        let file = format!("{}_{:04}.vtu", self.name, self.files);
-        self.files += 1;
-        // The name was checked, so XML can express it. `{:?}` is the shortest decimal that reads back as the same f64.
-        let attribute = xml::attribute(&format!("{}{file}", self.prefix)).unwrap_or_default();
-        self.text += &format!("<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{attribute}\"/>\n");
-        file
-    }
-
-    fn finish(self) -> String {
-        self.text + "</Collection>\n</VTKFile>\n"
+            Ok(())
+        };
+        let written = self.steps.iter().try_for_each(|&step| write(step));
+        progress.end();
+        written.map(|()| bytes)
     }
 }
 
@@ -231,11 +173,11 @@ fn choose_fields(source: &dyn SeriesSource, names: &[String]) -> FileResult<Vec<
 }
 
 /// The steps asked for, or all; none beyond the series, all with a finite time.
-fn choose_steps(source: &dyn SeriesSource, steps: Option<&[usize]>) -> FileResult<Vec<usize>> {
-    let times = &source.times().values;
+pub(super) fn choose_steps(source: &str, times: &TimeAxis, steps: Option<&[usize]>) -> FileResult<Vec<usize>> {
+    let times = &times.values;
     let steps = steps.map_or_else(|| (0..times.len()).collect(), <[usize]>::to_vec);
     for &step in &steps {
-        let invalid = |problem| Err(FileError::invalid(source.describe(), format!("step {step}"), problem));
+        let invalid = |problem| Err(FileError::invalid(source, format!("step {step}"), problem));
         match times.get(step) {
             None => return invalid(format!("does not exist: the series has {} steps", times.len())),
             Some(time) if !time.is_finite() => return invalid(format!("has the time {time}")),
@@ -243,18 +185,6 @@ fn choose_steps(source: &dyn SeriesSource, steps: Option<&[usize]>) -> FileResul
         }
     }
     Ok(steps)
-}
-
-/// The first part of the file names.
-fn file_name(dir: &Path, options: &VtuOptions) -> FileResult<String> {
-    let from_folder = || dir.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let name = options.name.clone().unwrap_or_else(from_folder);
-    let plain = Path::new(&name).file_name().is_some_and(|n| n.to_str() == Some(&name));
-    if !plain || name.contains(['/', '\\']) || xml::attribute(&name).is_none() {
-        let problem = format!("'{}' cannot begin the names of files", name.escape_debug());
-        return Err(FileError::invalid(dir, "name", problem).remedy("give a name without separators"));
-    }
-    Ok(name)
 }
 
 /// A reader trusts the connectivity, so every index must be a point.

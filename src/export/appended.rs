@@ -1,0 +1,123 @@
+//! What `.vtu` and `.vtp` files have in common: an XML head that gives the offset of each array in the raw appended data behind it.
+//!
+//! Arrays are blocks of a UInt64 byte count and little-endian values. All sizes are known before the first value is
+//! written, so the file is written once from front to back.
+
+use super::xml;
+use crate::error::{FileError, FileResult};
+use crate::field::{Association, FieldInfo};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+/// Bytes collected before they go to the file.
+const BUFFER: usize = 1 << 20;
+
+/// A field of one step: a list of values for each component.
+pub(super) struct Values {
+    /// Name, number of components, and whether the values are of points or of cells.
+    pub info: FieldInfo,
+    /// Values by component.
+    pub components: Vec<Vec<f32>>,
+}
+
+impl Values {
+    /// Room for the values of a field.
+    pub fn empty(info: FieldInfo) -> Self {
+        Self { components: vec![Vec::new(); info.components], info }
+    }
+}
+
+/// The head of a file, and where the next array goes.
+pub(super) struct Head {
+    /// XML so far.
+    pub text: String,
+    offset: u64,
+}
+
+impl Head {
+    /// Begins a file of this type with the array of its time, which is the first one.
+    pub fn begin(kind: &str) -> Self {
+        // VTK reads the number of values of field data from an attribute of its own.
+        let text = format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+            <VTKFile type=\"{kind}\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+            <{kind}>\n<FieldData>\n\
+            <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"appended\" offset=\"0\"/>\n\
+            </FieldData>\n"
+        );
+        Self { text, offset: 2 * size_of::<f64>() as u64 }
+    }
+
+    /// The XML up to where the arrays begin.
+    pub fn end(self, kind: &str) -> String {
+        self.text + &format!("</{kind}>\n<AppendedData encoding=\"raw\">\n_")
+    }
+
+    /// Declares an array of `tuples` tuples of `components` numbers of `bytes` bytes; `name` is escaped.
+    pub fn array(&mut self, kind: &str, name: &str, components: usize, tuples: usize, bytes: usize) {
+        // As VTK, which leaves a 1 out: meshio takes a scalar that says it for an array of two axes.
+        let width = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
+        self.text += &format!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\"{width} format=\"appended\" offset=\"{}\"/>\n",
+            self.offset
+        );
+        self.offset += (size_of::<u64>() + components * tuples * bytes) as u64;
+    }
+
+    /// Declares the fields of points or of cells; checks their names.
+    pub fn fields(
+        &mut self,
+        tag: &str,
+        of: Association,
+        fields: &[Values],
+        tuples: usize,
+        path: &Path,
+    ) -> FileResult<()> {
+        self.text += &format!("<{tag}>\n");
+        for field in fields.iter().filter(|f| f.info.association == of) {
+            let name = xml::attribute(&field.info.name).ok_or_else(|| {
+                let place = format!("field '{}'", field.info.name.escape_debug());
+                FileError::unsupported(path, place, "XML cannot express a character of the name")
+                    .remedy("rename the field")
+            })?;
+            self.array("Float32", &name, field.info.components, tuples, size_of::<f32>());
+        }
+        self.text += &format!("</{tag}>\n");
+        Ok(())
+    }
+}
+
+/// Writes one block: its size in bytes, then `count` values.
+pub(super) fn block<const N: usize>(
+    out: &mut impl Write,
+    count: usize,
+    values: impl Iterator<Item = [u8; N]>,
+) -> io::Result<()> {
+    out.write_all(&((count * N) as u64).to_le_bytes())?;
+    let mut written = 0;
+    for value in values {
+        out.write_all(&value)?;
+        written += 1;
+    }
+    debug_assert_eq!(written, count, "the head has promised the offsets of the blocks");
+    Ok(())
+}
+
+/// The values of a field, tuple by tuple.
+pub(super) fn tuples(field: &Values) -> impl Iterator<Item = [u8; 4]> + '_ {
+    let count = field.components.first().map_or(0, Vec::len);
+    (0..count).flat_map(|i| field.components.iter().map(move |values| values[i].to_le_bytes()))
+}
+
+/// What follows the last array.
+pub(super) const END: &[u8] = b"\n</AppendedData>\n</VTKFile>\n";
+
+/// Makes the file `path`; returns its size.
+pub(super) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> FileResult<u64> {
+    let io = |action: &'static str| move |e: io::Error| FileError::io(path, action, &e);
+    let mut out = BufWriter::with_capacity(BUFFER, File::create(path).map_err(io("create"))?);
+    content(&mut out).map_err(io("write"))?;
+    let file = out.into_inner().map_err(|e| FileError::io(path, "write", e.error()))?;
+    Ok(file.metadata().map_err(io("examine"))?.len())
+}

@@ -1,0 +1,134 @@
+//! The surface of a step.
+
+use super::{Shape, SurfaceError};
+use crate::error::{FileError, FileResult};
+use crate::export::appended::Values;
+use crate::export::stored::Group;
+use crate::field::{Association, FieldInfo};
+use crate::mesh::Topology;
+use crate::mesh::contour::{Domain, Plane, Surface};
+use crate::store::{FieldReader, Store};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// What a file holds.
+#[derive(Default)]
+pub(super) struct StepSurface {
+    /// Time of the step.
+    pub time: f64,
+    /// World coordinates.
+    pub points: Vec<DVec3>,
+    /// Indices of points.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether triangles have isovalues.
+    pub is_isosurface: bool,
+    /// Of each triangle of isosurfaces its isovalue.
+    pub isovalues: Vec<f64>,
+    /// Fields of the points.
+    pub fields: Vec<Values>,
+    /// Triangles without area that were left out.
+    pub dropped: u64,
+}
+
+/// Makes the surfaces of a store.
+pub(super) struct Steps<'a> {
+    store: &'a Store,
+    cuts: Cuts,
+    topology: Topology,
+    points: Vec<DVec3>,
+    /// Of each field a reader and the values of the step for each component.
+    fields: Vec<(FieldInfo, Vec<(FieldReader, Vec<f32>)>)>,
+    missing: Vec<bool>,
+}
+
+enum Cuts {
+    Isovalues(Vec<f64>),
+    /// Distance of each vertex from the plane.
+    Plane(Vec<f64>),
+    Boundary,
+}
+
+impl<'a> Steps<'a> {
+    /// Reads the mesh. An isosurface is of the first field.
+    pub fn new(store: &'a Store, shape: &Shape, groups: Vec<Group>) -> Result<Self, SurfaceError> {
+        let mesh = store.mesh()?;
+        let (topology, positions) = (mesh.topology, mesh.positions);
+        let points = match store.source_points()? {
+            Some(points) => points,
+            None => (0..positions.local.len()).into_par_iter().map(|v| positions.world(v)).collect(),
+        };
+        let cuts = match shape {
+            Shape::Isovalues(values) => Cuts::Isovalues(values.clone()),
+            Shape::Boundary => Cuts::Boundary,
+            Shape::Plane(plane) => {
+                let distances = plane.distances(&points, &positions);
+                let (lo, hi) = positions.world_bounds();
+                check_plane(*plane, &distances, lo, hi)?;
+                Cuts::Plane(distances)
+            }
+        };
+        let buffered = |reader: FieldReader| (reader, vec![0.0; points.len()]);
+        let field = |Group { name, components }: Group| {
+            let info = FieldInfo { name, components: components.len(), association: Association::Point };
+            (info, components.into_iter().map(buffered).collect())
+        };
+        let fields = groups.into_iter().map(field).collect();
+        Ok(Self { store, cuts, topology, missing: vec![false; points.len()], points, fields })
+    }
+
+    /// The surface of a step of the series.
+    pub fn surface(&mut self, step: usize) -> FileResult<StepSurface> {
+        self.missing.fill(false);
+        for (reader, values) in self.fields.iter_mut().flat_map(|(_, components)| components) {
+            reader.decode_step(step, values)?;
+            let pairs = self.missing.par_iter_mut().with_min_len(1 << 14).zip(&*values);
+            pairs.for_each(|(missing, value)| *missing |= !value.is_finite());
+        }
+        let domain = Domain { topology: &self.topology, points: &self.points, missing: &self.missing };
+        let mut out = StepSurface { time: self.store.times().values[step], ..StepSurface::default() };
+        out.is_isosurface = matches!(self.cuts, Cuts::Isovalues(_));
+        out.fields = self.fields.iter().map(|(info, _)| Values::empty(info.clone())).collect();
+        match &self.cuts {
+            Cuts::Boundary => self.add(domain.boundary(), &mut out)?,
+            Cuts::Plane(distances) => self.add(domain.section(distances), &mut out)?,
+            Cuts::Isovalues(isovalues) => {
+                let scalar = &self.fields[0].1[0].1;
+                for &isovalue in isovalues {
+                    self.add(domain.contour(|v| f64::from(scalar[v as usize]), isovalue), &mut out)?;
+                    out.isovalues.resize(out.triangles.len(), isovalue);
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// Adds a surface with its fields to what is there.
+    fn add(&self, surface: Surface, out: &mut StepSurface) -> FileResult<()> {
+        let Some(first) = u32::try_from(out.points.len() + surface.points.len()).ok().map(|_| out.points.len() as u32)
+        else {
+            let error =
+                FileError::unsupported(self.store.path(), "", "a step has surfaces of more than 2^32 - 1 points");
+            return Err(error.remedy("write fewer isovalues at a time"));
+        };
+        let mut values = Vec::new();
+        for ((_, components), field) in self.fields.iter().zip(&mut out.fields) {
+            for ((_, of_vertices), of_points) in components.iter().zip(&mut field.components) {
+                surface.interpolate(of_vertices, &mut values);
+                of_points.extend_from_slice(&values);
+            }
+        }
+        out.points.extend(surface.points);
+        out.triangles.extend(surface.triangles.into_iter().map(|t| t.map(|i| first + i)));
+        out.dropped += surface.dropped;
+        Ok(())
+    }
+}
+
+/// # Errors
+/// If no vertex, or every vertex, is at 0 or on the side of the normal: there is no section then.
+fn check_plane(plane: Plane, distances: &[f64], lo: DVec3, hi: DVec3) -> Result<(), SurfaceError> {
+    if distances.iter().any(|d| *d < 0.0) && distances.iter().any(|d| *d >= 0.0) {
+        return Ok(());
+    }
+    Err(SurfaceError::Missed { plane, lo: lo.to_array(), hi: hi.to_array() })
+}
