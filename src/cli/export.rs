@@ -1,23 +1,31 @@
-//! `tetreel export`: the steps of a store as files that other programs read.
+//! `tetreel export`: the steps of a store, or surfaces of them, as files that other programs read.
 
 use super::progress::Terminal;
 use super::{Interrupted, Outcome, print_result, source, steps};
 use crate::export::StoredSeries;
+use crate::export::surface::{self, Shape, SurfaceError, SurfaceOptions, SurfaceReport};
 use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
 use crate::field::FieldSelector;
 use crate::ingest::StepRange;
+use crate::mesh::contour::Plane;
+use crate::store::Store;
+use anyhow::bail;
 use std::fmt;
 use std::path::PathBuf;
 
-/// Write the steps of a store as .pvd and .vtu files, decompressed
+/// Write the steps of a store, or surfaces of them, as files that other programs read
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Writes case.pvd, and the folder case beside it with case_0000.vtu and so on.\n\n\
-                  Example:\n  tetreel export case.zarr -o case.pvd --field T --steps 0..99:10")]
+#[command(after_help = "Without a surface: case.pvd, and the folder case beside it with case_0000.vtu and so on.\n\
+                  With one (docs/surfaces.md): -o case.pvd makes case/case_0000.vtp and so on, -o case_%04d.vtp or case_%04d.ply\n\
+                  a file for each step, -o case.vtp or case.ply the file of a single step.\n\n\
+                  Example:\n  tetreel export case.zarr -o case.pvd --field T --steps 0..99:10\n  \
+                  tetreel export case.zarr -o case_%04d.ply --field T --iso 0.25 --iso -0.25\n  \
+                  tetreel export case.zarr -o cut.pvd --slice \"point=0,0,1 normal=0,0,1\"")]
 pub(super) struct Args {
     /// A store, or a source to import to the cache first
     #[arg(value_name = "NAME.zarr")]
     store: PathBuf,
-    /// The collection to write; its .vtu files go to a folder of that name beside it
+    /// The collection to write, its files go to a folder of that name beside it; or the files of surfaces, %04d for their number
     #[arg(short, long, value_name = "OUT.pvd")]
     output: PathBuf,
     /// Field to write: NAME (a vector with all its components), NAME:mag or NAME:0 (again for more; default: all)
@@ -26,22 +34,89 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
+    #[command(flatten)]
+    surface: SurfaceArgs,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
 
+/// Which surface.
+#[derive(Debug, clap::Args)]
+#[group(multiple = false)]
+struct SurfaceArgs {
+    /// Write the isosurface at a value of the one field instead (again for more, in the same files)
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = isovalue)]
+    iso: Vec<f64>,
+    /// Write the section of a plane with all fields instead: point=x,y,z normal=x,y,z
+    #[arg(long, value_name = "PLANE")]
+    slice: Option<Plane>,
+    /// Write the boundary of the mesh with all fields instead
+    #[arg(long)]
+    surface: bool,
+}
+
+fn isovalue(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| "an isovalue is a finite number".to_owned())
+}
+
+impl SurfaceArgs {
+    /// The surface, if one was asked for.
+    fn shape(&self) -> anyhow::Result<Option<Shape>> {
+        if let Some(twice) = self.iso.iter().enumerate().find_map(|(i, v)| self.iso[..i].contains(v).then_some(v)) {
+            bail!("--iso {twice} is there twice; leave one out");
+        }
+        Ok(match (self.iso.is_empty(), self.slice, self.surface) {
+            (false, ..) => Some(Shape::Isovalues(self.iso.clone())),
+            (true, Some(plane), _) => Some(Shape::Plane(plane)),
+            (true, None, true) => Some(Shape::Boundary),
+            (true, None, false) => None,
+        })
+    }
+}
+
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let shape = args.surface.shape()?;
+    let is_surface_file =
+        args.output.extension().is_some_and(|e| ["vtp", "ply"].iter().any(|s| e.eq_ignore_ascii_case(s)));
+    if shape.is_none() && is_surface_file {
+        bail!("{}: such a file holds a surface; add --iso, --slice or --surface", args.output.display());
+    }
     let store = source::open(&args.store, terminal)?;
     let count = store.times().len();
-    let series = StoredSeries::new(&store, &args.fields)?;
-    let steps = Some(steps::within_series(args.steps, count, terminal).select(count)?);
-    let options = VtuOptions { steps, ..VtuOptions::default() };
+    let steps = steps::within_series(args.steps, count, terminal).select(count)?;
+    match shape {
+        Some(shape) => write_surfaces(args, &store, shape, steps, terminal),
+        None => write_series(args, &store, steps, terminal),
+    }
+}
+
+fn write_series(args: &Args, store: &Store, steps: Vec<usize>, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let series = StoredSeries::new(store, &args.fields)?;
+    let options = VtuOptions { steps: Some(steps), ..VtuOptions::default() };
     match vtu::write_collection(&series, &args.output, &options, terminal, &terminal.cancel) {
         Err(VtuError::Cancelled) => Err(Interrupted.into()),
         Err(error) => Err(error.into()),
         Ok(report) => {
             print_result(args.json, &report, &Written(&report))?;
+            Ok(Outcome::Done)
+        }
+    }
+}
+
+fn write_surfaces(
+    args: &Args,
+    store: &Store,
+    shape: Shape,
+    steps: Vec<usize>,
+    terminal: &Terminal,
+) -> anyhow::Result<Outcome> {
+    let options = SurfaceOptions { shape, fields: args.fields.clone(), steps: Some(steps) };
+    match surface::write_surfaces(store, &args.output, &options, terminal, &terminal.cancel) {
+        Err(SurfaceError::Cancelled) => Err(Interrupted.into()),
+        Err(error) => Err(error.into()),
+        Ok(report) => {
+            print_result(args.json, &report, &WrittenSurfaces(&report))?;
             Ok(Outcome::Done)
         }
     }
@@ -54,5 +129,23 @@ impl fmt::Display for Written<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let VtuReport { pvd, steps, bytes } = self.0;
         writeln!(f, "{}: {steps} steps, {:.1} MB", pvd.display(), *bytes as f64 / 1e6)
+    }
+}
+
+/// The same of surfaces.
+struct WrittenSurfaces<'a>(&'a SurfaceReport);
+
+impl fmt::Display for WrittenSurfaces<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SurfaceReport { output, steps, triangles, points, bytes, .. } = self.0;
+        let megabytes = *bytes as f64 / 1e6;
+        write!(f, "{}: {steps} steps, {triangles} triangles of {points} points, {megabytes:.1} MB", output.display())?;
+        if self.0.empty_steps > 0 {
+            write!(f, "; {} steps have no triangle", self.0.empty_steps)?;
+        }
+        if self.0.dropped_triangles > 0 {
+            write!(f, "; {} triangles without area are left out", self.0.dropped_triangles)?;
+        }
+        writeln!(f)
     }
 }

@@ -2,6 +2,7 @@
 
 mod append;
 mod export;
+mod export_surfaces;
 mod import;
 mod movie;
 mod places;
