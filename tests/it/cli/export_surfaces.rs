@@ -3,6 +3,9 @@
 use super::Place;
 use std::path::Path;
 use std::process::{Command, Output};
+use tetreel::export::surface::{Shape, SurfaceError, SurfaceOptions, write_surfaces};
+use tetreel::store::Store;
+use tetreel::task::{Cancel, Silent};
 
 /// The steps of the tornado, as a store: the vector `velocity`.
 fn tornado() -> Place {
@@ -94,7 +97,7 @@ fn any_number_of_threads_writes_the_same_bytes() {
     let place = tornado();
     for threads in ["1", "2", "7"] {
         let name = format!("x{threads}_%d.vtp");
-        place.ok(&export(&["-o", &name, "--iso", "0.2", "--field", "velocity:mag", "--threads", threads]));
+        place.ok(&export(&["-o", &name, "--iso", "0.5", "--field", "velocity:mag", "--threads", threads]));
     }
     for step in 0..8 {
         let file = |threads: u32| std::fs::read(place.path(&format!("x{threads}_{step}.vtp"))).unwrap();
@@ -111,22 +114,22 @@ fn what_makes_no_surface_is_refused_before_anything_is_written() {
         (&["--iso", "-1"], &["isovalue -1 is never met"]),
         (&["--iso", "nan"], &["--iso", "finite number"]),
         (&["--iso", "x"], &["--iso", "finite number"]),
-        (&["--iso", "0.1", "--iso", "0.1"], &["--iso 0.1", "twice"]),
-        (&["--iso", "0.1", "--surface"], &["--iso", "--surface"]),
+        (&["--iso", "0.5", "--iso", "0.5"], &["--iso 0.5", "twice"]),
+        (&["--iso", "0.5", "--surface"], &["--iso", "--surface"]),
         (&["--slice", "point=0,0,0"], &["--slice", "no normal"]),
         (&["--slice", "point=0,0,0 normal=0,0,0"], &["--slice", "not 0,0,0"]),
         (&["--slice", "point=0,0,nan normal=0,0,1"], &["--slice", "finite"]),
         (&["--slice", "point=0,0,1e6 normal=0,0,1"], &["point=0,0,1000000 normal=0,0,1", "does not meet the mesh"]),
-        (&["--iso", "0.1", "--steps", "9"], &["9"]),
-        (&["--iso", "0.1", "--field", "velocity:0"], &["one field"]),
+        (&["--iso", "0.5", "--steps", "9"], &["9"]),
+        (&["--iso", "0.5", "--field", "velocity:0"], &["one field"]),
     ];
     for (options, parts) in cases {
         place.refuses(&export(&[&mag[..], options].concat()), parts);
     }
     for (options, parts) in [
-        (&["x.pvd", "--iso", "0.1"][..], &["'velocity' is a vector", "velocity:mag or velocity:0"][..]),
-        (&["x.pvd", "--iso", "0.1", "--field", "velocity"], &["'velocity' is a vector", "velocity:mag or velocity:0"]),
-        (&["x.pvd", "--iso", "0.1", "--field", "q"], &["'q'", "velocity"]),
+        (&["x.pvd", "--iso", "0.5"][..], &["one field", "choose one of pressure, velocity:0"][..]),
+        (&["x.pvd", "--iso", "0.5", "--field", "velocity"], &["'velocity' is a vector", "velocity:mag or velocity:0"]),
+        (&["x.pvd", "--iso", "0.5", "--field", "q"], &["'q'", "velocity"]),
         (&["x.vtp", "--surface"], &["8 steps", "surface_%04d.vtp"]),
         (&["x_%d_%d.ply", "--surface"], &["two places", "surface_%04d.ply"]),
         (&["x_%d/a.ply", "--surface"], &["name of a folder"]),
@@ -139,18 +142,31 @@ fn what_makes_no_surface_is_refused_before_anything_is_written() {
     std::fs::write(place.path("x_3.vtp"), "mine").unwrap();
     place.refuses(&export(&["-o", "x_%d.vtp", "--surface"]), &["x_3.vtp", "exists"]);
     // The last step is damaged: those before it leave nothing behind.
-    let chunk = place.path("t.zarr/fields/velocity_0/raw/c/7/0");
-    let chunk = if chunk.exists() { chunk } else { last_chunk(&place) };
-    std::fs::write(chunk, [0]).unwrap();
+    std::fs::write(last_chunk(&place), [0]).unwrap();
     for output in ["y_%d.ply", "y.pvd"] {
         place.refuses(&export(&["-o", output, "--surface"]), &["step 7"]);
+    }
+}
+
+#[test]
+fn a_cancelled_export_leaves_nothing() {
+    let place = corner();
+    let store = Store::open(place.path("t.zarr")).unwrap();
+    let before = super::files(place.0.path());
+    let options = SurfaceOptions { shape: Shape::Boundary, fields: Vec::new(), steps: None };
+    for output in ["x.pvd", "x_%d.ply"] {
+        let cancel = Cancel::new();
+        cancel.cancel();
+        let result = write_surfaces(&store, &place.path(output), &options, &Silent, &cancel);
+        assert!(matches!(result, Err(SurfaceError::Cancelled)));
+        assert!(super::files(place.0.path()) == before);
     }
 }
 
 /// The file of the last step of a component of velocity.
 fn last_chunk(place: &Place) -> std::path::PathBuf {
     let files = super::files(&place.path("t.zarr/fields"));
-    files.into_keys().filter(|path| path.ends_with("raw/c/7/0")).next().unwrap()
+    files.into_keys().find(|path| path.ends_with("raw/c/7/0")).unwrap()
 }
 
 /// VTK's Python, or a word about the skip.
@@ -172,7 +188,7 @@ fn vtk_reads_the_files_and_finds_the_same_surfaces() {
     let Some(python) = python() else { return };
     let place = tornado();
     place.ok(&export(&["-o", "all.pvd", "--field", "velocity", "--field", "velocity:mag", "--steps", "5"]));
-    let isovalues = ["--field", "velocity:mag", "--iso", "0.1", "--iso", "0.25"];
+    let isovalues = ["--field", "velocity:mag", "--iso", "0.5", "--iso", "1"];
     place.ok(&export(&[&["-o", "iso.pvd", "--steps", "5"], &isovalues[..]].concat()));
     place.ok(&export(&[&["-o", "iso_%d.ply", "--steps", "5"], &isovalues[..]].concat()));
     let all = ["--field", "velocity", "--field", "velocity:mag"];
@@ -183,7 +199,7 @@ fn vtk_reads_the_files_and_finds_the_same_surfaces() {
         command.current_dir(place.path(".")).arg(&script).args(["all/all_0000.vtu", file]).args(rest);
         command.output().unwrap()
     };
-    let iso = ["iso", "velocity:mag", "0.1", "0.25"];
+    let iso = ["iso", "velocity:mag", "0.5", "1"];
     let slice = ["slice", "0,0,0", "1,2,-3"];
     for (file, rest) in [("iso/iso_0000.vtp", &iso[..]), ("iso_0.ply", &iso), ("cut.vtp", &slice)] {
         let output = compare(file, rest);
@@ -194,5 +210,5 @@ fn vtk_reads_the_files_and_finds_the_same_surfaces() {
             assert_eq!(!output.status.success(), is_seen, "{file}: {spoiled}");
         }
     }
-    assert!(!compare("iso/iso_0000.vtp", &["iso", "velocity:mag", "0.1", "0.251"]).status.success());
+    assert!(!compare("iso/iso_0000.vtp", &["iso", "velocity:mag", "0.5", "1.01"]).status.success());
 }
