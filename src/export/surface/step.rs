@@ -36,10 +36,12 @@ pub(super) struct Steps<'a> {
     cuts: Cuts,
     topology: Topology,
     points: Vec<DVec3>,
-    /// Of each field a reader and the values of the step for each component.
-    fields: Vec<(FieldInfo, Vec<(FieldReader, Vec<f32>)>)>,
+    fields: Vec<(FieldInfo, Vec<Component>)>,
     missing: Vec<bool>,
 }
+
+/// A component of a field: its reader, and its values at the step.
+type Component = (FieldReader, Vec<f32>);
 
 enum Cuts {
     Isovalues(Vec<f64>),
