@@ -7,7 +7,7 @@ use crate::export::surface::{self, Shape, SurfaceError, SurfaceOptions, SurfaceR
 use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
 use crate::field::FieldSelector;
 use crate::ingest::StepRange;
-use crate::mesh::contour::Plane;
+use crate::render::surfaces::Cut;
 use crate::store::Store;
 use anyhow::bail;
 use std::fmt;
@@ -49,8 +49,8 @@ struct SurfaceArgs {
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = isovalue)]
     iso: Vec<f64>,
     /// Write the section of a plane with all fields instead: point=x,y,z normal=x,y,z
-    #[arg(long, value_name = "PLANE")]
-    slice: Option<Plane>,
+    #[arg(long, value_name = "PLANE", value_parser = plane)]
+    slice: Option<Cut>,
     /// Write the boundary of the mesh with all fields instead
     #[arg(long)]
     surface: bool,
@@ -58,6 +58,11 @@ struct SurfaceArgs {
 
 fn isovalue(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| "an isovalue is a finite number".to_owned())
+}
+
+fn plane(text: &str) -> Result<Cut, String> {
+    let cut: Cut = text.parse()?;
+    if cut.clips { Err("a slice clips nothing; leave 'clip' out".to_owned()) } else { Ok(cut) }
 }
 
 impl SurfaceArgs {

@@ -13,7 +13,7 @@ use super::stored::{Group, chosen};
 use super::vtu::choose_steps;
 use crate::error::{FileError, FileResult};
 use crate::field::FieldSelector;
-use crate::mesh::contour::Plane;
+use crate::render::surfaces::Cut;
 use crate::short::Short;
 use crate::store::{Store, StoredField};
 use crate::task::{Cancel, Progress};
@@ -28,7 +28,7 @@ pub enum Shape {
     /// Where a scalar has these values, in the field's units, all in one file.
     Isovalues(Vec<f64>),
     /// Where a plane cuts the mesh.
-    Plane(Plane),
+    Plane(Cut),
     /// The faces with a cell on one side only.
     Boundary,
 }
@@ -84,7 +84,7 @@ pub enum SurfaceError {
     #[error("the plane {plane} does not meet the mesh, whose box goes from {lo:?} to {hi:?}; choose a point in it")]
     Missed {
         /// The plane.
-        plane: Plane,
+        plane: Cut,
         /// The lower corner of the box.
         lo: [f64; 3],
         /// The upper one.

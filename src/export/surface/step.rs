@@ -5,8 +5,9 @@ use crate::error::{FileError, FileResult};
 use crate::export::appended::Values;
 use crate::export::stored::Group;
 use crate::field::{Association, FieldInfo};
-use crate::mesh::Topology;
-use crate::mesh::contour::{Domain, Plane, Surface};
+use crate::mesh::contour::{Domain, Surface};
+use crate::mesh::{Plane, Positions, Topology};
+use crate::render::surfaces::Cut;
 use crate::store::{FieldReader, Store};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -62,12 +63,7 @@ impl<'a> Steps<'a> {
         let cuts = match shape {
             Shape::Isovalues(values) => Cuts::Isovalues(values.clone()),
             Shape::Boundary => Cuts::Boundary,
-            Shape::Plane(plane) => {
-                let distances = plane.distances(&points, &positions);
-                let (lo, hi) = positions.world_bounds();
-                check_plane(*plane, &distances, lo, hi)?;
-                Cuts::Plane(distances)
-            }
+            Shape::Plane(plane) => Cuts::Plane(distances(plane, &points, &positions)?),
         };
         let buffered = |reader: FieldReader| (reader, vec![0.0; points.len()]);
         let field = |Group { name, components }: Group| {
@@ -126,11 +122,17 @@ impl<'a> Steps<'a> {
     }
 }
 
+/// How far each of some points (world coordinates) lies on the side of a plane to which its normal points, in the unit of local coordinates; below 0
+/// on the other side.
+///
 /// # Errors
-/// If no vertex, or every vertex, is at 0 or on the side of the normal: there is no section then.
-fn check_plane(plane: Plane, distances: &[f64], lo: DVec3, hi: DVec3) -> Result<(), SurfaceError> {
-    if distances.iter().any(|d| *d < 0.0) && distances.iter().any(|d| *d >= 0.0) {
-        return Ok(());
-    }
-    Err(SurfaceError::Missed { plane, lo: lo.to_array(), hi: hi.to_array() })
+/// If no point, or every point, is at 0 or on the side of the normal: there is no section then.
+fn distances(cut: &Cut, points: &[DVec3], positions: &Positions) -> Result<Vec<f64>, SurfaceError> {
+    let plane = Plane::new(positions, cut.point.into(), cut.normal.into());
+    // Differences come first, so that a mesh far from the origin keeps its digits.
+    let distance = |plane: Plane, p: &DVec3| plane.distance((*p - positions.origin) / positions.scale);
+    let found = plane.map(|plane| points.par_iter().map(|p| distance(plane, p)).collect::<Vec<f64>>());
+    let meets = |found: &Vec<f64>| found.iter().any(|d| *d < 0.0) && found.iter().any(|d| *d >= 0.0);
+    let (lo, hi) = positions.world_bounds();
+    found.filter(meets).ok_or(SurfaceError::Missed { plane: *cut, lo: lo.to_array(), hi: hi.to_array() })
 }

@@ -16,11 +16,8 @@
 //! - Results do not depend on the number of threads: triangles are in the order of cells, points in that of their edges.
 
 mod cells;
-mod plane;
 #[cfg(test)]
 mod tests;
-
-pub use plane::{Plane, PlaneError};
 
 use super::{FACE_VERTICES, Topology};
 use cells::{Cut, Key, Triangles};
