@@ -252,6 +252,13 @@ impl SceneArgs {
         if !draws_faces && faces != FaceDetail::default() {
             bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
         }
+        // A field of vectors is shown by its magnitude; a surface asks for more thought.
+        if let Some(FieldSelector { name, component: None }) = &self.field
+            && self.surfaces.has_isosurfaces()
+            && series.field().name != *name
+        {
+            bail!("--iso is of a scalar, and {name} is a field of vectors; add --field {name}:mag, or {name}:0");
+        }
         let look = Look::default_for(series, tf)?;
         let framing = look.camera.fit_to_aspect(size.0, size.1);
         let camera = match &self.camera {
@@ -270,7 +277,7 @@ impl SceneArgs {
             faces,
             backend: self.backend,
             optics: self.optics,
-            surfaces: self.surfaces.look()?,
+            surfaces: self.surfaces.look(series, &look.tf, look.lengths)?,
             skip: self.skip,
             ..look
         })

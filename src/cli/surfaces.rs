@@ -1,25 +1,30 @@
 //! The options that say which surfaces are seen.
 
 use crate::mesh::Mesh;
-use crate::pipeline::{Series, Shown, SurfaceLook};
+use crate::pipeline::{ColorsBeside, Series, Shown, SurfaceLook};
 use crate::project::Project;
 use crate::render::domain::DomainSurface;
-use crate::render::surfaces::{self, CropBox, Cut, IsosurfaceText, Light, Normals, SurfaceShading, cut_planes};
+use crate::render::surfaces::{
+    self, ByField, CropBox, Cut, CutText, Isosurface, IsosurfaceText, Light, Normals, SurfaceShading, cut_planes,
+};
 use crate::short::Short;
 use crate::store::StoredField;
-use anyhow::bail;
+use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource};
+use crate::ui::mapped_range;
+use anyhow::{Context, bail};
+use std::sync::Arc;
 
 /// Surfaces in the volume, and whether that is seen.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct SurfaceArgs {
     /// Isosurface at a value of the field, once for each (at most 32): VALUE[:COLOR[/BACK]][:OPACITY], COLOR as #rrggbb (default: that of
-    /// the transfer function), BACK that of the side towards higher values
+    /// the transfer function), BACK that of the side towards higher values; VALUE:by=FIELD[@MAP[:OPACITY]] has the colours of another field
     #[arg(long, value_name = "ISO", allow_hyphen_values = true)]
     iso: Vec<IsosurfaceText>,
-    /// Plane through the cells, once for each: "point=x,y,z normal=x,y,z" shows its section in the colours of the transfer function, with
-    /// clip behind it what lies on the side that the normal points to is cut away
+    /// Plane through the cells, once for each: "point=x,y,z normal=x,y,z" shows its section in the colours of the transfer function, or
+    /// with field=NAME[@MAP] behind it of another field; with clip what lies on the side that the normal points to is cut away
     #[arg(long, value_name = "CUT")]
-    cut: Vec<Cut>,
+    cut: Vec<CutText>,
     /// Cut away what lies outside of a box: "min=x,y,z max=x,y,z"
     #[arg(long, value_name = "BOX")]
     crop: Option<CropBox>,
@@ -49,10 +54,25 @@ pub(super) struct SurfaceArgs {
 }
 
 impl SurfaceArgs {
-    /// What looks have of them.
-    pub(super) fn look(&self) -> anyhow::Result<SurfaceLook> {
+    /// Whether there is an isosurface.
+    pub(super) fn has_isosurfaces(&self) -> bool {
+        !self.iso.is_empty()
+    }
+
+    /// What looks have of them: of a series, beside which other fields are, with a transfer function whose colours these have where none
+    /// are named.
+    pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {
         let Self { iso, cut, crop, surface, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
-        let isosurfaces: Vec<_> = iso.iter().map(|IsosurfaceText(surface)| *surface).collect();
+        let mut beside = Beside { series, tf, lengths, found: Vec::new(), colors: Vec::new() };
+        let mut isosurfaces = Vec::with_capacity(iso.len());
+        for IsosurfaceText { surface, by } in iso {
+            isosurfaces.push(Isosurface { by: beside.place(by.as_ref())?, ..*surface });
+        }
+        let mut cuts = Vec::with_capacity(cut.len());
+        for CutText { cut, by } in cut {
+            cuts.push(Cut { by: beside.place(by.as_ref())?, ..*cut });
+        }
+        let beside = beside.colors;
         let shading = SurfaceShading {
             normals: *shade,
             light: *light,
@@ -63,7 +83,7 @@ impl SurfaceArgs {
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }
-        if *no_volume && isosurfaces.is_empty() && surface.is_empty() && cut.iter().all(|cut| cut.clips) {
+        if *no_volume && isosurfaces.is_empty() && surface.is_empty() && cuts.iter().all(|cut| cut.clips) {
             bail!("--no-volume leaves nothing to be seen; add --iso VALUE, a --cut or --surface, or leave it out");
         }
         let shown = match (isosurfaces.is_empty(), no_volume) {
@@ -71,7 +91,44 @@ impl SurfaceArgs {
             (_, true) => Shown::Surfaces,
             (false, false) => Shown::Both,
         };
-        Ok(SurfaceLook { isosurfaces, cuts: cut.clone(), crop: *crop, domain: surface.clone(), shading, shown })
+        Ok(SurfaceLook { isosurfaces, cuts, crop: *crop, domain: surface.clone(), beside, shading, shown })
+    }
+}
+
+/// Fields beside a series, as far as they were named.
+struct Beside<'a> {
+    series: &'a Series,
+    tf: &'a TransferFunction,
+    lengths: Lengths,
+    found: Vec<ByField>,
+    colors: Vec<ColorsBeside>,
+}
+
+impl Beside<'_> {
+    /// The place of a field, which it has from now on.
+    fn place(&mut self, by: Option<&ByField>) -> anyhow::Result<Option<u8>> {
+        let Some(by) = by else { return Ok(None) };
+        let place = match self.found.iter().position(|found| found == by) {
+            Some(place) => place,
+            None => {
+                self.colors.push(self.colors(by).with_context(|| format!("colours by '{by}'"))?);
+                self.found.push(by.clone());
+                self.found.len() - 1
+            }
+        };
+        Ok(Some(u8::try_from(place).context("surfaces have the colours of 256 other fields at most")?))
+    }
+
+    fn colors(&self, by: &ByField) -> anyhow::Result<ColorsBeside> {
+        let other = self.series.beside(&by.field)?;
+        let function = match &by.map {
+            Some(map) => TransferFunction::parse(map)?,
+            None => self.tf.clone(),
+        };
+        let range = mapped_range(&other, &RangePolicy::Series, 0.into())?;
+        let content = TransferContent::Function { function, range };
+        let source = TransferSource { content, kind: OpacityKind::Alpha, lengths: self.lengths };
+        Ok(ColorsBeside { field: by.field.to_string(), colors: Arc::new(source.formula()?.colors()?) })
     }
 }
 

@@ -86,6 +86,7 @@ impl Series {
             rankings: Default::default(),
             ranges: Default::default(),
             quantities: self.quantities.clone(),
+            beside: self.beside.of_the_same_store(),
         })
     }
 }

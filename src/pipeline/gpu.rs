@@ -44,7 +44,7 @@ struct Beyond {
     faces: usize,
     /// Values of its table of more than the scalar.
     joint_values: usize,
-    extras: [bool; 4],
+    extras: [bool; 5],
     error: RenderError,
 }
 
@@ -57,11 +57,12 @@ impl Beyond {
     }
 }
 
-/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume.
-fn extras_of(job: &RenderJob) -> [bool; 4] {
+/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume, colours of other fields.
+fn extras_of(job: &RenderJob) -> [bool; 5] {
     let of_scene = |has: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(has);
     let is_cut = of_scene(|scene| !scene.planes().is_empty());
-    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, of_scene(SurfaceScene::lights_volume)]
+    let is_colored = of_scene(SurfaceScene::has_beside);
+    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, of_scene(SurfaceScene::lights_volume), is_colored]
 }
 
 fn joint_values_of(job: &RenderJob) -> usize {

@@ -3,7 +3,7 @@
 use super::text::shared;
 use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
-use crate::node_table::TransferTable;
+use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::render::domain::{self, DomainSurface};
 use crate::render::surfaces::{self, CropBox, Cut, CutError, Isosurface, SurfaceError, SurfaceShading};
@@ -44,6 +44,10 @@ impl Layer {
         surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
         surfaces::check_cuts(&layer.cuts).map_err(|error| error.to_string())?;
         domain::check(&layer.domain)?;
+        let by = layer.surfaces.iter().map(|surface| surface.by).chain(layer.cuts.iter().map(|cut| cut.by)).flatten();
+        if let Some(by) = by.into_iter().find(|by| usize::from(*by) >= layer.beside.len()) {
+            return Err(format!("a surface has the colours of field {by} beside, of {}", layer.beside.len()));
+        }
         layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
     }
 }
@@ -70,6 +74,9 @@ pub struct TetLayer {
     /// Planes through the cells: sections, and clips of volume, surfaces and sections.
     #[serde(default)]
     pub cuts: Vec<Cut>,
+    /// Other fields of the store, whose colours surfaces and sections have.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<ColorsBeside>,
     /// The surface of the domain, once for each way to draw it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
@@ -84,18 +91,45 @@ pub struct TetLayer {
     pub draw: TetDraw,
 }
 
+/// Another field of the store, and its colours.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColorsBeside {
+    /// As options name it: `NAME`, `NAME:mag` or `NAME:0`.
+    pub field: String,
+    /// A table of colours over its scalars.
+    #[serde(with = "whole")]
+    pub colors: Arc<NodeTable>,
+}
+
+/// A shared table by what is in it.
+mod whole {
+    use crate::node_table::NodeTable;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::sync::Arc;
+
+    pub(super) fn serialize<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
+        table.as_ref().serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<Arc<NodeTable>, D::Error> {
+        Ok(Arc::new(NodeTable::deserialize(data)?))
+    }
+}
+
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
-        let (field, formula, optics, surfaces, cuts, domain, shading, draw) = Default::default();
-        Self { field, table: table.into(), formula, optics, surfaces, cuts, domain, shading, volume: true, draw }
+        let (field, formula, optics, surfaces, cuts, beside, domain, shading, draw) = Default::default();
+        let table = table.into();
+        Self { field, table, formula, optics, surfaces, cuts, beside, domain, shading, volume: true, draw }
     }
 
     /// Shows these surfaces, or the volume, or both, cut by planes.
     pub fn show(&mut self, look: &SurfaceLook) {
         let sides = look.crop.iter().flat_map(CropBox::cuts);
         self.cuts = look.cuts.iter().copied().chain(sides).collect();
-        self.domain = look.domain.clone();
+        (self.domain, self.beside) = (look.domain.clone(), look.beside.clone());
         self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
@@ -119,8 +153,9 @@ impl TetLayer {
 
     /// Whether both show the same.
     fn looks_like(&self, other: &Self) -> bool {
-        let Self { field, table, formula, optics, surfaces, cuts, domain, shading, volume, draw } = self;
+        let Self { field, table, formula, optics, surfaces, cuts, beside, domain, shading, volume, draw } = self;
         (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
+            && *beside == other.beside
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
             && *table == other.table
             && (!self.needs_formula() || *formula == other.formula)
@@ -138,6 +173,8 @@ pub struct SurfaceLook {
     pub crop: Option<CropBox>,
     /// The surface of the domain.
     pub domain: Vec<DomainSurface>,
+    /// Other fields, whose colours surfaces and sections have.
+    pub beside: Vec<ColorsBeside>,
     /// Light on isosurfaces.
     pub shading: SurfaceShading,
     /// Which of the two are drawn.
@@ -225,6 +262,9 @@ pub enum RequestError {
         "shading by screen, by depth and ambient occlusion need all pixels of the image; leave them out, or the samples"
     )]
     ScreenOfSome,
+    /// No field of that name beside the one that is shown.
+    #[error("the field beside {0}")]
+    NoFieldBeside(String),
     /// Planes that there cannot be.
     #[error("the cuts of the request: {0}")]
     Cuts(#[from] CutError),

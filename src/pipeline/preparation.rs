@@ -3,7 +3,7 @@
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, DrawnBy, FaceDetail, FrameRequest, PipelineError, RequestError, SampleSet, TetLayer};
+use super::{Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
@@ -14,7 +14,7 @@ use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
 use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
 use crate::render::surfaces::screen::{Screen, set_guides};
-use crate::render::surfaces::{Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
+use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
 use crate::render::{CompressedStep, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -38,6 +38,8 @@ pub(super) struct Decoded {
     clear: Arc<ClearIntervals>,
     /// The colours of surfaces and sections.
     colors: SurfaceColors,
+    /// Other fields at the same moment.
+    beside: Vec<FieldBeside>,
     /// The labels of chunks whose scalars are not there; empty if all are.
     known: Vec<Option<Label>>,
     stats: FrameStats,
@@ -49,6 +51,8 @@ pub(super) struct Decode {
     steps: StepCache,
     clear: Clear,
     colors: Option<SurfaceColors>,
+    /// Steps of other fields.
+    beside: Vec<(String, StepCache)>,
     blank: Option<Blank>,
 }
 
@@ -72,7 +76,7 @@ impl Decode {
         let started = Instant::now();
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
-            (self.steps, self.clear, self.colors, self.blank) = Default::default();
+            (self.steps, self.clear, self.colors, self.beside, self.blank) = Default::default();
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
@@ -90,6 +94,7 @@ impl Decode {
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
         let scalars = scalars.ok_or(PipelineError::Cancelled)?;
+        let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
         // A mixture of two steps is not in any block, and the CPU has no use for one.
@@ -100,7 +105,34 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer, by, scalars, compressed, clear, colors, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, clear, colors, beside, known, stats })
+    }
+
+    /// The other fields of a layer at a moment.
+    fn beside(
+        &mut self,
+        series: &Series,
+        layer: &TetLayer,
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Vec<FieldBeside>, PipelineError> {
+        self.beside.retain(|(field, _)| layer.beside.iter().any(|of| of.field == *field));
+        let decoded = layer.beside.iter().map(|of| {
+            let no_field = |error| RequestError::NoFieldBeside(format!("'{}': {error}", of.field));
+            let other = series.beside(&of.field.parse().map_err(no_field)?)?;
+            if !self.beside.iter().any(|(field, _)| *field == of.field) {
+                self.beside.push((of.field.clone(), StepCache::default()));
+            }
+            let steps = self.beside.iter_mut().find(|(field, _)| *field == of.field).map(|(_, steps)| steps);
+            let scalars = match steps {
+                Some(steps) => steps.show(&other, time, None, cancel, stats)?,
+                None => None,
+            };
+            let scalars = scalars.ok_or(PipelineError::Cancelled)?;
+            Ok(FieldBeside { scalars, colors: of.colors.clone() })
+        });
+        decoded.collect()
     }
 }
 
@@ -170,6 +202,7 @@ impl Blank {
             compressed: None,
             clear: self.clear.clone(),
             colors: SurfaceColors { table: self.table.clone(), source: None },
+            beside: Vec::new(),
             known: Vec::new(),
             stats: FrameStats::default(),
         }
@@ -266,7 +299,7 @@ impl Order {
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let (activity, clipped) = self.activity(series, request, &decoded, &planes, cancel)?;
         let Activity { finite, active, classified } = activity;
-        let Decoded { layer, by, scalars, compressed, colors, known, mut stats, .. } = decoded;
+        let Decoded { layer, by, scalars, compressed, colors, beside, known, mut stats, .. } = decoded;
         (stats.cells_classified, stats.cells_clipped) = (classified, clipped);
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
@@ -290,7 +323,8 @@ impl Order {
         let shading = layer.shading;
         let domain = layer.domain.iter().map(|surface| (*surface, colors.table.clone())).collect::<Vec<_>>();
         let clips = planes.clips.clone();
-        let surfaces = self.surfaces(series, &layer, (colors, planes), (&scalars, &active), cancel)?;
+        let of_scene = (colors, planes, beside);
+        let surfaces = self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?;
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
@@ -327,7 +361,7 @@ impl Order {
         &mut self,
         series: &Series,
         layer: &TetLayer,
-        (colors, planes): (SurfaceColors, CutPlanes),
+        (colors, planes, beside): (SurfaceColors, CutPlanes, Vec<FieldBeside>),
         (scalars, active): (&Arc<Vec<f32>>, &Arc<CellSet>),
         cancel: &Cancel,
     ) -> Result<Option<SurfaceScene>, PipelineError> {
@@ -335,7 +369,8 @@ impl Order {
             return Ok(None);
         }
         let scene = SurfaceScene::new(&layer.surfaces, layer.shading, &colors.table).map_err(RequestError::from)?;
-        let scene = scene.with_planes(planes).with_source(colors.source);
+        let section_by = layer.cuts.iter().filter(|cut| !cut.clips).map(|cut| cut.by).collect();
+        let scene = scene.with_planes(planes).with_beside(beside, section_by).with_source(colors.source);
         if !scene.lacks_gradients() {
             return Ok(Some(scene));
         }

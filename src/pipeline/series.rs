@@ -15,7 +15,8 @@ use crate::mesh::Mesh;
 use crate::moments::VertexStatistics;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::Cancel;
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Where steps come from. [`FieldReader`], or in tests one that fails.
 pub(super) trait StepSource: Send + Sync {
@@ -128,9 +129,41 @@ pub struct Series {
     pub(super) rankings: Rankings,
     pub(super) ranges: ChunkRanges,
     pub(super) quantities: Arc<Quantities>,
+    pub(super) beside: Beside,
+}
+
+/// Other fields of the store of a series, opened when they are first asked for.
+#[derive(Debug, Default)]
+pub(super) struct Beside {
+    /// Where the store is; none of a series that comes from elsewhere.
+    store: Option<PathBuf>,
+    opened: Mutex<Vec<(FieldSelector, Arc<Series>)>>,
+}
+
+impl Beside {
+    /// The same fields, not opened yet.
+    pub(super) fn of_the_same_store(&self) -> Self {
+        Self { store: self.store.clone(), ..Self::default() }
+    }
 }
 
 impl Series {
+    /// Another field of the same store, on the same mesh and within the same budget.
+    ///
+    /// # Errors
+    /// If the store cannot be opened, has no such field, or it is damaged.
+    pub fn beside(&self, field: &FieldSelector) -> FileResult<Arc<Self>> {
+        let mut opened = self.beside.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, series)) = opened.iter().find(|(of, _)| of == field) {
+            return Ok(series.clone());
+        }
+        let no_store = || FileError::invalid("", field.to_string(), "is of a series that is in no store");
+        let store = Store::open(self.beside.store.as_ref().ok_or_else(no_store)?)?;
+        let series = Arc::new(self.reopened(&store, Some(field))?);
+        opened.push((field.clone(), series.clone()));
+        Ok(series)
+    }
+
     /// Bytes for blocks of steps, unless another budget is given.
     pub const BLOCK_BYTES: u64 = 256 << 20;
 
@@ -182,6 +215,7 @@ impl Series {
             rankings: Rankings::default(),
             ranges: ChunkRanges::default(),
             quantities: Arc::default(),
+            beside: Beside { store: Some(store.path().to_owned()), ..Beside::default() },
         })
     }
 

@@ -165,6 +165,7 @@ fn of_field(steps: usize, field: StoredField) -> (Arc<Series>, Log) {
             source,
             blocks,
             rankings: Default::default(),
+            beside: Default::default(),
             ranges: Default::default(),
             quantities: Default::default(),
         }),

@@ -101,6 +101,7 @@ fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShadin
         front,
         back,
         opacity,
+        by: None,
     });
     let normals = prop::sample::select(Normals::ALL.to_vec());
     let direction = prop::array::uniform3(finite()).prop_filter("a direction", |direction| *direction != [0.0; 3]);
@@ -116,7 +117,8 @@ fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShadin
     );
     let vector = || prop::array::uniform3(finite());
     let normal = vector().prop_filter("a normal", |normal| *normal != [0.0; 3]);
-    let cut = (vector(), normal, prop::bool::ANY).prop_map(|(point, normal, clips)| Cut { point, normal, clips });
+    let cut =
+        (vector(), normal, prop::bool::ANY).prop_map(|(point, normal, clips)| Cut { point, normal, clips, by: None });
     (prop::collection::vec(surface, 0..4), prop::collection::vec(cut, 0..3), shading)
 }
 

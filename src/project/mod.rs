@@ -21,7 +21,7 @@ use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
 use crate::render::domain::DomainSurface;
-use crate::render::surfaces::{Cut, IsosurfaceText};
+use crate::render::surfaces::{CutText, IsosurfaceText};
 use crate::short::Short;
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
@@ -126,7 +126,7 @@ impl Project {
             surface.parse::<DomainSurface>().map_err(ProjectError::BadDomain)?;
         }
         for cut in &self.look.cut {
-            cut.parse::<Cut>().map_err(ProjectError::BadCut)?;
+            cut.parse::<CutText>().map_err(ProjectError::BadCut)?;
         }
         self.check_mode()?;
         Ok(self.playback.check()?)

@@ -77,6 +77,7 @@ fn random_job(random: &mut Random) -> RenderJob {
         point: (target + 0.5 * DVec3::from_array(std::array::from_fn(|_| random.signed()))).to_array(),
         normal: std::array::from_fn(|_| random.signed()),
         clips: random.below(2) == 0,
+        by: None,
     };
     if random_cuts {
         scene = scene.with_planes(cut_planes(&[plane(), plane()], &job.mesh.positions).unwrap());

@@ -171,7 +171,7 @@ fn it_is_cut_by_clips_and_is_the_same_at_the_pixels_that_are_asked_for() {
     let temp = tempfile::tempdir().unwrap();
     let (mut pipeline, request) = slab(temp.path(), &["solid", "edges"]);
     let (lo, hi) = pipeline.mesh().positions.world_bounds();
-    let cut = Cut { point: (0.5 * (lo + hi)).to_array(), normal: [1.0, 0.2, 0.3], clips: true };
+    let cut = Cut { point: (0.5 * (lo + hi)).to_array(), normal: [1.0, 0.2, 0.3], clips: true, by: None };
     let clipped = request.clone().with_tets(|tets| tets.cuts = vec![cut]);
     let [whole, clipped_planes] = [&request, &clipped].map(|request| planes(&mut pipeline, request, TetDraw::Raycast));
     assert!(whole.color != clipped_planes.color);

@@ -107,7 +107,9 @@ impl Job<'_> {
                     Some(held.insert(frame).stats.clone())
                 }
             };
-            let record = pending.record(self.plan, stats);
+            let is_empty = |frame: &SharedFrame| frame.planes.color.pixels.iter().all(|p| *p == [0.0; 4]);
+            let empty = held.as_ref().filter(|_| pending.origin != Origin::Kept).map(is_empty);
+            let record = pending.record(self.plan, empty, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = output_of(frame, pending.attributes);
                 if let (Some(annotator), Some((map, range))) = (&self.annotator, pending.scale) {
@@ -176,7 +178,7 @@ struct Pending {
 }
 
 impl Pending {
-    fn record(&self, plan: &Plan, stats: Option<FrameStats>) -> FrameRecord {
+    fn record(&self, plan: &Plan, empty: Option<bool>, stats: Option<FrameStats>) -> FrameRecord {
         let moment = plan.frames[self.index].time;
         FrameRecord {
             frame: self.index,
@@ -185,6 +187,7 @@ impl Pending {
             time: self.attributes.time,
             file: self.file.clone(),
             origin: self.origin,
+            empty,
             stats,
         }
     }

@@ -17,7 +17,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
-use crate::pipeline::RenderMode;
+use crate::pipeline::{Pipeline, RenderMode};
 use crate::project::Project;
 use crate::short::Short;
 use crate::stats::FrameStats;
@@ -205,6 +205,9 @@ pub(super) struct FrameRecord {
     #[serde(serialize_with = "files::serialize_path")]
     file: PathBuf,
     origin: Origin,
+    /// Whether it shows nothing; of a file that was kept nobody knows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    empty: Option<bool>,
     /// Of rendered frames only.
     stats: Option<FrameStats>,
 }
@@ -251,7 +254,16 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     terminal.begin("check", plan.steps.len() as u64, "steps");
     let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
     terminal.end();
-    let checksums = checked?;
+    let mut checksums = checked?;
+    // Fields whose colours surfaces have count as well.
+    for of in &scene.look.surfaces.beside {
+        let other = Pipeline::new(scene.pipeline.series().beside(&of.field.parse()?)?);
+        let others = other.check_steps(&plan.steps, terminal, &terminal.cancel)?;
+        checksums
+            .iter_mut()
+            .zip(others)
+            .for_each(|(sum, other)| *sum = crc32c::crc32c_append(*sum, &other.to_le_bytes()));
+    }
     terminal.detail(&format!("camera: {}", scene.look.camera));
     if project.is_none() {
         say_look(args, &scene, terminal)?;
@@ -377,14 +389,20 @@ fn summary(output: &Target, records: &[FrameRecord]) -> String {
     let count = records.len();
     let first = output.path(0).display().to_string();
     let all = format!("{first} to {}", output.path(count.saturating_sub(1)).display());
-    match (output, count - kept) {
+    let empty = match records.iter().filter(|record| record.empty == Some(true)).count() {
+        0 => String::new(),
+        1 if count == 1 => "; it shows nothing".to_owned(),
+        empty => format!("; {empty} of them show nothing"),
+    };
+    let written = match (output, count - kept) {
         (Target::Movie(..), written) => format!("wrote {first}, {written} frames"),
         (Target::Images(_), 0) if count == 1 => format!("{first} was there already"),
         (Target::Images(_), 1) if count == 1 => format!("wrote {first}"),
         (Target::Images(_), 0) => format!("all {count} frames were there already, {all}"),
         (Target::Images(_), written) if kept == 0 => format!("wrote {written} frames, {all}"),
         (Target::Images(_), written) => format!("wrote {written} of {count} frames, {all}; {kept} were there already"),
-    }
+    };
+    written + &empty
 }
 
 /// Renders each step to the next file of the pattern.

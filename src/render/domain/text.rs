@@ -1,7 +1,7 @@
 //! The surface of the domain as text: `STYLE[:COLOR][:OPACITY]`.
 
 use super::{DomainStyle, DomainSurface};
-use crate::render::surfaces::IsosurfaceText;
+use crate::render::surfaces::{Isosurface, IsosurfaceText};
 use crate::words::words;
 use std::fmt;
 use std::str::FromStr;
@@ -26,7 +26,10 @@ impl FromStr for DomainSurface {
         let (style, rest) = text.split_once(':').map_or((text, ""), |(style, rest)| (style, rest));
         let style: DomainStyle = style.parse()?;
         // Colour and opacity are those of an isosurface.
-        let IsosurfaceText(of) = format!("0:{rest}").parse()?;
+        let IsosurfaceText { surface: of, by } = format!("0:{rest}").parse()?;
+        if by.is_some() {
+            return Err(format!("'{text}': the surface of the domain has the colours of the field that is shown"));
+        }
         if of.back.is_some() {
             return Err(format!("'{text}' has two colours; the surface of the domain has one"));
         }
@@ -39,8 +42,9 @@ impl fmt::Display for DomainSurface {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { style, color, opacity } = *self;
         let color = color.filter(|color| style != DomainStyle::Edges || *color != GRAY);
-        let of = IsosurfaceText(crate::render::surfaces::Isosurface { value: 0.0, front: color, back: None, opacity });
-        write!(f, "{style}{}", of.to_string().trim_start_matches('0'))
+        let surface = Isosurface { front: color, opacity, ..Isosurface::new(0.0) };
+        let of = IsosurfaceText { surface, by: None }.to_string();
+        write!(f, "{style}{}", of.trim_start_matches('0'))
     }
 }
 

@@ -207,6 +207,9 @@ impl Context {
         if job.surfaces.as_ref().is_some_and(|scene| scene.lights_volume()) {
             return Err(self.beyond("light on the volume".to_owned()));
         }
+        if job.surfaces.as_ref().is_some_and(|scene| scene.has_beside()) {
+            return Err(self.beyond("colours of another field".to_owned()));
+        }
         if let Samples::Pixels(_) = job.view.samples {
             return Err(self.beyond("a list of pixels".to_owned()));
         }

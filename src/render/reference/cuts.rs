@@ -19,7 +19,7 @@ pub(super) struct WithCuts<'a, M, C> {
     pub(super) first_number: u32,
     /// Whether normals and numbers are shown.
     pub(super) guides: bool,
-    /// The colour of sections at a scalar.
+    /// The colour of a section (number from 1) where a segment begins.
     pub(super) color: C,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
     pub(super) origin: DVec3,
@@ -52,7 +52,7 @@ impl<M, C> WithCuts<'_, M, C> {
     }
 }
 
-impl<M: Medium<Light = Sum>, C: Fn(f64) -> [f64; 3] + Sync> Medium for WithCuts<'_, M, C> {
+impl<M: Medium<Light = Sum>, C: Fn(&Segment, usize) -> [f64; 3] + Sync> Medium for WithCuts<'_, M, C> {
     type Ray = M::Ray;
     type Light = Sum;
     const HAS_VALUES: bool = M::HAS_VALUES;
@@ -67,12 +67,13 @@ impl<M: Medium<Light = Sum>, C: Fn(f64) -> [f64; 3] + Sync> Medium for WithCuts<
         for (depth, section) in self.met(segment.part) {
             let Some((before, behind)) = rest.map(|rest| rest.split(depth)) else { break };
             before.into_iter().for_each(|part| pass(part, sum));
-            if let Some((normal, number)) = section.filter(|_| self.guides && !self.is_cut_away(depth)) {
-                sum.end_with_guide(depth, toward_eye(normal, self.direction), number);
-                return count + 1;
-            }
-            if section.is_some() && !self.is_cut_away(depth) {
-                sum.add_surface(depth, (self.color)(behind.part_scalar[0]), 1.0);
+            if let Some((normal, number)) = section.filter(|_| !self.is_cut_away(depth)) {
+                if self.guides {
+                    sum.end_with_guide(depth, toward_eye(normal, self.direction), number);
+                    return count + 1;
+                }
+                let of_sections = (number - self.first_number) as usize + 1;
+                sum.add_surface(depth, (self.color)(&behind, of_sections), 1.0);
             }
             rest = Some(behind);
         }

@@ -144,6 +144,9 @@ impl Sum {
 
     /// The nearest surface shows its normal and its number, and hides all else.
     pub(super) fn end_with_guide(&mut self, depth: f64, normal: DVec3, number: u32) {
+        if self.guide.is_some() {
+            return;
+        }
         (self.rgb, self.guide) = (normal.to_array(), Some(number));
         (self.depth_so_far, self.visible_from) = (f64::INFINITY, depth);
     }

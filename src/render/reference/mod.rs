@@ -147,8 +147,12 @@ impl JudgedJob {
         let beside = px * view.right + py * view.up;
         let (origin, direction) =
             if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
-        let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, origin, direction };
-        let color = |scalar: f64| colors.map_or_else(|| scene.section_color(scalar), |colors| colors.eval(scalar).0);
+        let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, scene, origin, direction };
+        let color = |behind: &Segment, section: usize| match (scene.beside_section(section), colors) {
+            (Some(beside), _) => medium.color_by(beside, behind.cell, behind.part[0]),
+            (None, Some(colors)) => colors.eval(behind.part_scalar[0]).0,
+            (None, None) => scene.section_color(behind.part_scalar[0]),
+        };
         let (first_number, guides) = (scene.sheets().len() as u32 + 1, scene.shows_guides());
         let medium =
             WithCuts { inner: &medium, planes: scene.planes(), first_number, guides, color, origin, direction };

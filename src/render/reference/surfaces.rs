@@ -6,8 +6,8 @@
 use super::integrate::Sum;
 use crate::render::RenderJob;
 use crate::render::medium::{Medium, Segment};
-use crate::render::surfaces::{Light, Normals, Sheet, SurfaceScene};
-use glam::{DMat3, DVec3, DVec4};
+use crate::render::surfaces::{FieldBeside, Light, Normals, Sheet, SurfaceScene};
+use glam::{DMat3, DVec3};
 
 /// The surfaces of a job.
 pub(super) struct Surfaces {
@@ -76,6 +76,7 @@ pub(super) struct WithSurfaces<'a, M> {
     pub(super) volume: &'a M,
     pub(super) surfaces: &'a Surfaces,
     pub(super) job: &'a RenderJob,
+    pub(super) scene: &'a SurfaceScene,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
     pub(super) origin: DVec3,
     /// How far it goes for a unit of depth.
@@ -126,7 +127,11 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
                 sum.end_with_guide(depth, toward_eye(normal, self.direction), sheet.number);
                 return count + 1;
             }
-            let rgb = if s1 > s0 { sheet.front } else { sheet.back };
+            let rgb = match self.scene.beside(sheet.by) {
+                Some(beside) => self.color_by(beside, segment.cell, depth),
+                None if s1 > s0 => sheet.front,
+                None => sheet.back,
+            };
             sum.add_surface(depth, rgb.map(|c| c * self.light_on(segment.cell, depth)), sheet.opacity);
             (rest.part[0], rest.part_scalar[0]) = (depth, sheet.value);
         }
@@ -158,15 +163,26 @@ impl<M> WithSurfaces<'_, M> {
         scalar.clamp(corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max))
     }
 
+    /// The colour of another field at a depth in a cell.
+    pub(super) fn color_by(&self, beside: &FieldBeside, cell: u32, depth: f64) -> [f64; 3] {
+        let tet = self.job.mesh.topology.tets[cell as usize];
+        beside.color(tet, self.weights(cell, depth))
+    }
+
+    /// Barycentric coordinates of the ray at a depth in a cell.
+    fn weights(&self, cell: u32, depth: f64) -> [f64; 4] {
+        let [o, a, b, c] = corners(self.job, cell);
+        let point = self.origin + depth * self.direction;
+        let weights = DMat3::from_cols(a - o, b - o, c - o).inverse() * (point - o);
+        [1.0 - weights.element_sum(), weights.x, weights.y, weights.z]
+    }
+
     /// Across a surface in a cell, of any length.
     fn normal(&self, cell: u32, depth: f64) -> DVec3 {
         match self.surfaces.normals {
             Normals::None | Normals::Cell | Normals::Screen | Normals::Depth => gradient(self.job, cell),
             Normals::Vertex => {
-                let [o, a, b, c] = corners(self.job, cell);
-                let point = self.origin + depth * self.direction;
-                let weights = DMat3::from_cols(a - o, b - o, c - o).inverse() * (point - o);
-                let weights = DVec4::new(1.0 - weights.element_sum(), weights.x, weights.y, weights.z);
+                let weights = self.weights(cell, depth);
                 let tet = self.job.mesh.topology.tets[cell as usize];
                 let gradients = tet.map(|v| self.surfaces.gradients[v as usize]);
                 (0..4).map(|i| weights[i] * gradients[i]).sum()

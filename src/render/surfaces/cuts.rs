@@ -1,5 +1,6 @@
 //! Planes through the cells: sections and clips, and the box that is six clips.
 
+use super::text::ByField;
 use crate::mesh::{Plane, Positions};
 use crate::short::Short;
 use crate::visibility::CutPlanes;
@@ -21,6 +22,9 @@ pub struct Cut {
     /// function, without light on it.
     #[serde(default)]
     pub clips: bool,
+    /// The place of the field beside whose colours the section has, instead of those of the transfer function.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<u8>,
 }
 
 impl Cut {
@@ -48,7 +52,7 @@ impl CropBox {
         let side = |axis: usize, point: [f64; 3], sign: f64| {
             let mut normal = [0.0; 3];
             normal[axis] = sign;
-            Cut { point, normal, clips: true }
+            Cut { point, normal, clips: true, by: None }
         };
         std::array::from_fn(|at| if at < 3 { side(at, self.min, -1.0) } else { side(at - 3, self.max, 1.0) })
     }
@@ -87,11 +91,39 @@ pub fn check_cuts(cuts: &[Cut]) -> Result<(), CutError> {
 pub fn cut_planes(cuts: &[Cut], positions: &Positions) -> Result<CutPlanes, CutError> {
     check_cuts(cuts)?;
     let mut planes = CutPlanes::default();
-    for (place, &Cut { point, normal, clips }) in cuts.iter().enumerate() {
+    for (place, &Cut { point, normal, clips, .. }) in cuts.iter().enumerate() {
         let plane = Plane::new(positions, point.into(), normal.into()).ok_or(CutError { place, point, normal })?;
         if clips { planes.clips.push(plane) } else { planes.sections.push(plane) }
     }
     Ok(planes)
+}
+
+/// A cut as options say it: `point=x,y,z normal=x,y,z [clip] [field=NAME[@MAP]]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CutText {
+    /// The plane.
+    pub cut: Cut,
+    /// The field that its section shows.
+    pub by: Option<ByField>,
+}
+
+impl FromStr for CutText {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (fields, rest): (Vec<&str>, Vec<&str>) =
+            text.split_whitespace().partition(|part| part.starts_with("field="));
+        let cut: Cut = rest.join(" ").parse()?;
+        let by = match fields[..] {
+            [] => None,
+            [field] => Some(field.trim_start_matches("field=").parse()?),
+            _ => return Err("field= comes twice; a section shows one".to_owned()),
+        };
+        if cut.clips && by.is_some() {
+            return Err("a clip has no section to show a field on; leave 'clip' or field= out".to_owned());
+        }
+        Ok(Self { cut, by })
+    }
 }
 
 impl FromStr for Cut {
@@ -108,13 +140,13 @@ impl FromStr for Cut {
         if normal == [0.0; 3] {
             return Err("normal=0,0,0 has no direction; write one that has, as in normal=0,0,1".to_owned());
         }
-        Ok(Self { point, normal, clips })
+        Ok(Self { point, normal, clips, by: None })
     }
 }
 
 impl fmt::Display for Cut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { point, normal, clips } = self;
+        let Self { point, normal, clips, .. } = self;
         write!(f, "point={} normal={}{}", Triple(point), Triple(normal), if *clips { " clip" } else { "" })
     }
 }
@@ -210,7 +242,7 @@ mod tests {
             let said = text.parse::<CropBox>().unwrap_err();
             assert!(said.contains(words), "{text}: {said}");
         }
-        let bad = Cut { point: [0.0; 3], normal: [0.0, f64::NAN, 1.0], clips: false };
+        let bad = Cut { point: [0.0; 3], normal: [0.0, f64::NAN, 1.0], clips: false, by: None };
         assert_eq!(check_cuts(&[bad]).unwrap_err().place, 0);
         assert_eq!(
             check_cuts(&[Cut { normal: [1.0; 3], ..bad }, Cut { normal: [0.0; 3], ..bad }]).unwrap_err().place,
@@ -240,7 +272,7 @@ mod tests {
     proptest! {
         #[test]
         fn texts_come_back(point: [i32; 3], normal in prop::array::uniform3(1e-3..1e3_f64), clips: bool) {
-            let cut = Cut { point: point.map(|x| f64::from(x) / 64.0), normal, clips };
+            let cut = Cut { point: point.map(|x| f64::from(x) / 64.0), normal, clips, by: None };
             prop_assert_eq!(cut.to_string().parse::<Cut>().unwrap(), cut);
             let crop = CropBox { min: cut.point, max: [0, 1, 2].map(|axis| cut.point[axis] + normal[axis]) };
             prop_assert_eq!(crop.to_string().parse::<CropBox>().unwrap(), crop);

@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts between the pieces of a segment, as a [`Medium`] around that of the volume.
 
 use super::cuts_in_view::CutsInView;
-use super::{Normals, Sheet, SurfaceScene};
+use super::{FieldBeside, Normals, Sheet, SurfaceScene};
 use crate::camera::View;
 use crate::mesh::{self, Mesh};
 use crate::optics::exact::ExactTable;
@@ -90,7 +90,11 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
                 let normal = self.shader.turned(self.cuts.section_normal(number), segment);
                 guide(normal, (self.sheets.len() + number) as u32)
             } else {
-                let [r, g, b] = self.scene.section_color(behind.part_scalar[0]).map(|c| c as f32);
+                let rgb = match self.scene.beside_section(number) {
+                    None => self.scene.section_color(behind.part_scalar[0]),
+                    Some(beside) => self.shader.color_by(beside, segment, depth),
+                };
+                let [r, g, b] = rgb.map(|c| c as f32);
                 [r, g, b, 1.0]
             };
             light.add_premultiplied(Vec4::new(r, g, b, a), 1.0);
@@ -134,7 +138,11 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
                 return pieces + 1;
             }
             if sheet.opacity > 0.0 {
-                let rgb = if ascends { sheet.front } else { sheet.back };
+                let rgb = match self.scene.beside(sheet.by) {
+                    Some(beside) => self.shader.color_by(beside, segment, depth),
+                    None if ascends => sheet.front,
+                    None => sheet.back,
+                };
                 let lit = self.shader.light_on(segment, depth);
                 let [r, g, b] = rgb.map(|c| (c * lit * sheet.opacity) as f32);
                 light.add_premultiplied(Vec4::new(r, g, b, sheet.opacity as f32), sheet.opacity as f32);
@@ -237,6 +245,18 @@ impl<'a> Shader<'a> {
 
     /// The gradients of the vertices of a segment's cell, interpolated where the ray is at a depth.
     fn smooth_normal(&self, segment: &Segment, depth: f64, gradients: &[[f32; 3]]) -> DVec3 {
+        let (tet, weights) = self.place(segment, depth);
+        tet.iter().zip(weights).map(|(&v, weight)| weight * DVec3::from(gradients[v as usize].map(f64::from))).sum()
+    }
+
+    /// The colour that another field has where the ray is at a depth.
+    fn color_by(&self, beside: &FieldBeside, segment: &Segment, depth: f64) -> [f64; 3] {
+        let (tet, weights) = self.place(segment, depth);
+        beside.color(tet, weights)
+    }
+
+    /// Where the ray is at a depth: the vertices of a segment's cell, and barycentric coordinates.
+    fn place(&self, segment: &Segment, depth: f64) -> ([u32; 4], [f64; 4]) {
         let View { right, up, forward, perspective, eye, .. } = *self.view;
         let RayLine { px, py, .. } = segment.line;
         let (x, y) = if perspective { (px * depth, py * depth) } else { (px, py) };
@@ -244,8 +264,7 @@ impl<'a> Shader<'a> {
         // The point relative to the first corner: the eye may be far away.
         let corners = self.mesh.positions.corners(tet).map(|corner| corner.as_dvec3());
         let point = (eye - corners[0]) + x * right + y * up + depth * forward;
-        let weights = weights(corners, point);
-        tet.iter().zip(weights).map(|(&v, weight)| weight * DVec3::from(gradients[v as usize].map(f64::from))).sum()
+        (tet, weights(corners, point))
     }
 }
 

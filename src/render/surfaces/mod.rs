@@ -22,12 +22,12 @@ mod text;
 use crate::node_table::NodeTable;
 use crate::transfer::TransferSource;
 use crate::visibility::CutPlanes;
-pub use cuts::{CropBox, Cut, CutError, check_cuts, cut_planes};
+pub use cuts::{CropBox, Cut, CutError, CutText, check_cuts, cut_planes};
 use glam::DVec3;
 pub use normals::VertexGradients;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-pub use text::IsosurfaceText;
+pub use text::{ByField, IsosurfaceText};
 
 /// Isosurfaces of a frame, at most.
 pub const SURFACES_MAX: usize = 32;
@@ -48,6 +48,9 @@ pub struct Isosurface {
     /// Share of the light that it takes, 0..=1.
     #[serde(default = "opaque")]
     pub opacity: f64,
+    /// The place of the field beside whose colours it has on both sides, instead of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<u8>,
 }
 
 /// What a text means that does not say.
@@ -58,7 +61,7 @@ fn opaque() -> f64 {
 impl Isosurface {
     /// An opaque surface in the colours of the transfer function.
     pub fn new(value: f64) -> Self {
-        Self { value, front: None, back: None, opacity: 1.0 }
+        Self { value, front: None, back: None, opacity: 1.0, by: None }
     }
 }
 
@@ -180,7 +183,7 @@ pub fn check(surfaces: &[Isosurface], shading: &SurfaceShading) -> Result<(), Su
         return Err(SurfaceError::TooMany(surfaces.len()));
     }
     for (place, surface) in surfaces.iter().enumerate() {
-        let Isosurface { value, front, back, opacity } = *surface;
+        let Isosurface { value, front, back, opacity, .. } = *surface;
         if !value.is_finite() {
             return Err(SurfaceError::Value { place, value });
         }
@@ -207,6 +210,28 @@ pub(super) struct Sheet {
     pub(super) front: [f64; 3],
     pub(super) back: [f64; 3],
     pub(super) opacity: f64,
+    /// The place of the field beside whose colours it has.
+    pub(super) by: Option<u8>,
+}
+
+/// A field beside that of the job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldBeside {
+    /// One scalar per vertex of the mesh.
+    pub scalars: Arc<Vec<f32>>,
+    /// Its colours.
+    pub colors: Arc<NodeTable>,
+}
+
+/// Where a field beside has no finite value.
+const NO_VALUE: [f64; 3] = [0.5; 3];
+
+impl FieldBeside {
+    /// The colour at a place in a cell, by barycentric coordinates.
+    pub(super) fn color(&self, tet: [u32; 4], weights: [f64; 4]) -> [f64; 3] {
+        let scalar: f64 = (0..4).map(|i| weights[i] * f64::from(self.scalars[tet[i] as usize])).sum();
+        if scalar.is_finite() { self.colors.eval(scalar).rgb } else { NO_VALUE }
+    }
 }
 
 /// The surfaces of a job. Cheap to clone.
@@ -219,6 +244,10 @@ pub struct SurfaceScene {
     gradients: Option<Arc<Vec<[f32; 3]>>>,
     /// Planes that cut the cells.
     planes: CutPlanes,
+    /// For each section the place of the field beside whose colours it has.
+    section_by: Arc<[Option<u8>]>,
+    /// Fields beside that of the job.
+    beside: Arc<[FieldBeside]>,
     /// The transfer function whose colours sections have.
     colors: Arc<NodeTable>,
     /// What these come from, for the judge.
@@ -237,9 +266,9 @@ impl SurfaceScene {
         let mut sheets: Vec<Sheet> = surfaces
             .iter()
             .zip(1..)
-            .map(|(&Isosurface { value, front, back, opacity }, number)| {
+            .map(|(&Isosurface { value, front, back, opacity, by }, number)| {
                 let front = front.unwrap_or_else(|| table.eval(value).rgb);
-                Sheet { number, value, front, back: back.unwrap_or(front), opacity }
+                Sheet { number, value, front, back: back.unwrap_or(front), opacity, by }
             })
             .collect();
         sheets.sort_by(|a, b| a.value.total_cmp(&b.value));
@@ -248,6 +277,8 @@ impl SurfaceScene {
             shading,
             gradients: None,
             planes: CutPlanes::default(),
+            section_by: Arc::default(),
+            beside: Arc::default(),
             colors: table.clone(),
             source: None,
             guides: false,
@@ -287,6 +318,27 @@ impl SurfaceScene {
     /// What the colours come from, if that is known.
     pub(super) fn source(&self) -> Option<&Arc<TransferSource>> {
         self.source.as_ref()
+    }
+
+    /// The same with fields beside that of the job, one of them for some of the sections.
+    #[must_use]
+    pub fn with_beside(self, beside: Vec<FieldBeside>, section_by: Vec<Option<u8>>) -> Self {
+        Self { beside: beside.into(), section_by: section_by.into(), ..self }
+    }
+
+    /// The field beside at a place, if there is one.
+    pub(super) fn beside(&self, by: Option<u8>) -> Option<&FieldBeside> {
+        self.beside.get(usize::from(by?))
+    }
+
+    /// The field beside whose colours a section has (number from 1), if it has such.
+    pub(super) fn beside_section(&self, number: usize) -> Option<&FieldBeside> {
+        self.beside(*self.section_by.get(number - 1)?)
+    }
+
+    /// Whether some have colours of another field.
+    pub(crate) fn has_beside(&self) -> bool {
+        !self.beside.is_empty()
     }
 
     /// The planes that cut the cells.

@@ -1,19 +1,58 @@
 //! Isosurfaces as text: `VALUE[:COLOR[/BACK]][:OPACITY]`.
 
 use super::{Isosurface, Light, Normals};
+use crate::field::FieldSelector;
 use crate::short::Short;
 use crate::words::{numbers, words};
 use std::fmt;
 use std::str::FromStr;
 
-/// An isosurface as options of the command line say it: `0.5`, `-2e3:#ff8800`, `0.5:#9ecbff/#2a4d9b:0.4`, `0.5::0.3`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IsosurfaceText(pub Isosurface);
+/// Another field of the store, and the colour map over its range: `NAME[@MAP]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ByField {
+    /// The field.
+    pub field: FieldSelector,
+    /// The colour map, or a file with one; `None`: that of the transfer function.
+    pub map: Option<String>,
+}
+
+impl FromStr for ByField {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (field, map) = text.split_once('@').map_or((text, None), |(field, map)| (field, Some(map)));
+        if field.is_empty() || map.is_some_and(str::is_empty) {
+            return Err(format!("'{text}' names no field; write NAME or NAME@MAP, as in pressure@viridis"));
+        }
+        let field = field.parse().map_err(|error| format!("'{field}': {error}"))?;
+        Ok(Self { field, map: map.map(str::to_owned) })
+    }
+}
+
+/// An isosurface as options of the command line say it: `0.5`, `-2e3:#ff8800`, `0.5:#9ecbff/#2a4d9b:0.4`, `0.5::0.3`, `0.5:by=pressure`,
+/// `0.5:by=velocity:mag@viridis:0.5`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IsosurfaceText {
+    /// The surface.
+    pub surface: Isosurface,
+    /// The field whose colours it has.
+    pub by: Option<ByField>,
+}
 
 impl FromStr for IsosurfaceText {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        let (value, rest) = text.split_once(':').map_or((text, ""), |(value, rest)| (value, rest));
+        if let Some(by) = rest.strip_prefix("by=") {
+            // Names of components have a colon: opacity comes behind a colour map only.
+            let (by, opacity) = match by.split_once('@').and_then(|(field, map)| Some((field, map.split_once(':')?))) {
+                Some((field, (map, opacity))) => (format!("{field}@{map}"), opacity),
+                None => (by.to_owned(), ""),
+            };
+            let Self { surface, .. } = format!("{value}::{opacity}").trim_end_matches(':').parse()?;
+            return Ok(Self { surface, by: Some(by.parse()?) });
+        }
         let mut parts = text.split(':');
         let value = number(parts.next().unwrap_or_default(), "isovalue")?;
         let (front, back) = match parts.next().unwrap_or_default() {
@@ -32,7 +71,7 @@ impl FromStr for IsosurfaceText {
         }
         match parts.next() {
             Some(more) => Err(format!("'{more}' behind the opacity; write VALUE[:COLOR[/BACK]][:OPACITY]")),
-            None => Ok(Self(Isosurface { value, front, back, opacity })),
+            None => Ok(Self { surface: Isosurface { front, back, opacity, ..Isosurface::new(value) }, by: None }),
         }
     }
 }
@@ -54,19 +93,27 @@ fn color(text: &str) -> Result<[f64; 3], String> {
     Ok([16, 8, 0].map(|shift| f64::from(number >> shift & 0xff) / 255.0))
 }
 
+impl fmt::Display for ByField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { field, map } = self;
+        write!(f, "{field}{}", map.as_ref().map_or_else(String::new, |map| format!("@{map}")))
+    }
+}
+
 impl fmt::Display for IsosurfaceText {
     /// As it is read; colours to the nearest of 256 levels.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Isosurface { value, front, back, opacity } = self.0;
+        let Isosurface { value, front, back, opacity, .. } = self.surface;
         let color = |rgb: [f64; 3]| {
             let [r, g, b] = rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
             format!("#{r:02x}{g:02x}{b:02x}")
         };
         write!(f, "{}", Short(value))?;
-        let colors = match (front, back) {
-            (None, _) => String::new(),
-            (Some(front), None) => color(front),
-            (Some(front), Some(back)) => format!("{}/{}", color(front), color(back)),
+        let colors = match (&self.by, front, back) {
+            (Some(by), ..) => format!("by={by}"),
+            (None, None, _) => String::new(),
+            (None, Some(front), None) => color(front),
+            (None, Some(front), Some(back)) => format!("{}/{}", color(front), color(back)),
         };
         match (colors.is_empty(), opacity == 1.0) {
             (true, true) => Ok(()),
@@ -109,7 +156,37 @@ mod tests {
     use proptest::prelude::*;
 
     fn read(text: &str) -> Result<Isosurface, String> {
-        text.parse().map(|IsosurfaceText(surface)| surface)
+        text.parse().map(|IsosurfaceText { surface, .. }| surface)
+    }
+
+    fn written(surface: Isosurface) -> String {
+        IsosurfaceText { surface, by: None }.to_string()
+    }
+
+    #[test]
+    fn surfaces_have_colours_of_other_fields() {
+        for (text, field, map, opacity) in [
+            ("0.5:by=pressure", "pressure", None, 1.0),
+            ("-2:by=velocity:mag", "velocity:mag", None, 1.0),
+            ("0.5:by=u:0@viridis", "u:0", Some("viridis"), 1.0),
+            ("0.5:by=velocity:mag@viridis:0.25", "velocity:mag", Some("viridis"), 0.25),
+        ] {
+            let read: IsosurfaceText = text.parse().unwrap();
+            let by = read.by.clone().unwrap();
+            assert_eq!((by.field.to_string().as_str(), by.map.as_deref()), (field, map));
+            assert_eq!((read.surface.opacity, read.to_string().as_str()), (opacity, text));
+        }
+        for (text, words) in [
+            ("0.5:by=", "names no field"),
+            ("0.5:by=@viridis", "names no field"),
+            ("0.5:by=p@", "names no field"),
+            ("x:by=p", "'x' is no isovalue"),
+            ("0.5:by=p@viridis:2", "an opacity of 2"),
+            ("0.5:by=p@viridis:x", "'x' is no opacity"),
+        ] {
+            let said = text.parse::<IsosurfaceText>().unwrap_err();
+            assert!(said.contains(words), "{text}: {said}");
+        }
     }
 
     #[test]
@@ -129,7 +206,7 @@ mod tests {
             ),
         ] {
             assert_eq!(read(text).unwrap(), expected);
-            assert_eq!(IsosurfaceText(expected).to_string(), text);
+            assert_eq!(written(expected), text);
         }
         assert_eq!(read("-2e3:#FF8800:1").unwrap().front, Some([1.0, 136.0 / 255.0, 0.0]));
     }
@@ -178,8 +255,8 @@ mod tests {
         ) {
             let shares = |rgb: [u8; 3]| rgb.map(|c| f64::from(c) / 255.0);
             let (front, back) = (front.map(shares), back.map(shares).filter(|_| front.is_some()));
-            let surface = Isosurface { value, front, back, opacity };
-            prop_assert_eq!(read(&IsosurfaceText(surface).to_string()).unwrap(), surface);
+            let surface = Isosurface { front, back, opacity, ..Isosurface::new(value) };
+            prop_assert_eq!(read(&written(surface)).unwrap(), surface);
         }
     }
 }

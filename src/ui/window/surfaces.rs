@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts: which are shown, where, and in which colours.
 
 use super::overlay;
-use super::widgets::{choice, color, icon, number};
+use super::widgets::{choice, color, icon, number, toggle};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
@@ -107,20 +107,15 @@ fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
     let mut removed = None;
     for (at, cut) in look.cuts.iter_mut().enumerate() {
         let name = |what: &str| if at == 0 { what.to_owned() } else { format!("{what} {}", at + 1) };
+        choice(ui, &name("Kind of the cut"), &mut cut.clips, &[(false, "section"), (true, "clip")]);
         ui.horizontal(|ui| {
-            let axes = [(DVec3::X, "x"), (DVec3::Y, "y"), (DVec3::Z, "z")];
-            for (axis, word) in axes {
+            for (axis, word) in [(DVec3::X, "x"), (DVec3::Y, "y"), (DVec3::Z, "z")] {
                 let is_along = DVec3::from(cut.normal).normalize_or_zero().dot(axis).abs() > 1.0 - 1e-9;
-                let label = egui::Button::selectable(is_along, word);
-                if ui.add(label).on_hover_text(name(&format!("Cut across {word}"))).clicked() {
+                if toggle(ui, word, &name(&format!("Cut across {word}")), is_along).clicked() {
                     (cut.normal, cut.point) = (axis.to_array(), middle.to_array());
                 }
             }
-            let mut kind = cut.clips;
-            if choice(ui, &name("Kind of the cut"), &mut kind, &[(false, "section"), (true, "clip")]) {
-                cut.clips = kind;
-            }
-            if cut.clips && icon(ui, "turn", &name("Keep the other side"), true).clicked() {
+            if icon(ui, "turn", &name("Keep the other side"), cut.clips).clicked() {
                 cut.normal = cut.normal.map(|x| -x);
             }
             if icon(ui, "x", &name("Remove the cut"), true).clicked() {
@@ -145,7 +140,7 @@ fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
     ui.horizontal(|ui| {
         for (word, clips) in [("Add section", false), ("Add clip", true)] {
             if ui.button(word).clicked() {
-                look.cuts.push(Cut { point: middle.to_array(), normal: [0.0, 0.0, 1.0], clips });
+                look.cuts.push(Cut { point: middle.to_array(), normal: [0.0, 0.0, 1.0], clips, by: None });
             }
         }
     });

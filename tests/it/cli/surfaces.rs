@@ -59,6 +59,80 @@ fn surfaces_that_are_never_met_or_are_none_are_refused_before_anything_is_writte
 }
 
 #[test]
+fn frames_without_the_isovalue_are_drawn_empty_and_counted() {
+    let place = Place::with_slab();
+    let info = place.json(&["info", "slab.zarr", "--json"]);
+    let fields = info["fields"].as_array().unwrap();
+    let hi = fields.iter().find(|field| field["name"] == "linear").unwrap()["range"][1].as_f64().unwrap();
+    // The field grows: only the last step reaches this.
+    let iso = format!("{}", 0.99 * hi);
+    let options = ["-o", "f_%d.png", "--iso", &iso, "--no-volume", "--stats", "s.json"];
+    let run = place.run(&render(&options));
+    assert!(run.code == Some(0) && run.err.contains("; 4 of them show nothing"), "{}", run.err);
+    let stats: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(place.path("s.json")).unwrap()).unwrap();
+    let empty: Vec<bool> = stats.as_array().unwrap().iter().map(|frame| frame["empty"].as_bool().unwrap()).collect();
+    assert_eq!(empty, [true, true, true, true, false]);
+}
+
+#[test]
+fn a_surface_may_have_the_colours_of_another_field() {
+    let place = Place::with_slab();
+    place.ok(&["synth", "tornado", "-o", "t.zarr", "--cells", "3000", "--steps", "3"]);
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    let fields = info["fields"].as_array().unwrap();
+    let scalar = |field: &serde_json::Value| field["range"].as_array().is_some();
+    let names: Vec<&str> =
+        fields.iter().filter(|field| scalar(field)).map(|field| field["name"].as_str().unwrap()).collect();
+    let [shown, other, ..] = names[..] else { panic!("{names:?}") };
+    let range = &fields.iter().find(|field| field["name"] == shown).unwrap()["range"];
+    let middle = 0.5 * (range[0].as_f64().unwrap() + range[1].as_f64().unwrap());
+    let draw = |iso: &str, file: &str, more: &[&str]| {
+        let args = [
+            &["render", "t.zarr", "-o", file, "--exr", "raw", "--size", "64x64", "--steps", "1"][..],
+            &["--field", shown, "--no-volume", "--shade", "none", "--iso", iso],
+            more,
+        ]
+        .concat();
+        place.ok(&args);
+        read_exr(&place.path(file)).unwrap().planes
+    };
+    let own = draw(&format!("{middle}"), "own.exr", &[]);
+    let by_itself = draw(&format!("{middle}:by={shown}@viridis"), "itself.exr", &["--tf", "viridis"]);
+    let by_other = draw(&format!("{middle}:by={other}@viridis:0.5"), "other.exr", &[]);
+    // By itself it has one colour: that of the middle of the range.
+    let colors: Vec<[f32; 4]> = by_itself.color.pixels.iter().filter(|p| p[3] > 0.0).copied().collect();
+    assert!(colors.len() > 20 && colors.iter().all(|p| (p[0] - colors[0][0]).abs() < 1e-4), "{} pixels", colors.len());
+    let seen: Vec<[f32; 4]> = by_other.color.pixels.iter().filter(|p| p[3] > 0.0).copied().collect();
+    assert!(seen.iter().any(|p| (p[0] - seen[0][0]).abs() > 1e-3) && seen.iter().all(|p| p[3] <= 1.0));
+    assert!(own.depth == by_other.depth && own.color != by_other.color);
+    let judge = draw(&format!("{middle}:by={other}@viridis:0.5"), "judge.exr", &["--mode", "reference"]);
+    let apart = judge.color.pixels.iter().flatten().zip(by_other.color.pixels.iter().flatten());
+    assert!(apart.fold(0.0_f32, |most, (a, b)| most.max((a - b).abs())) < 1e-4);
+    // A section as well.
+    let cut = format!("point=0,0,0 normal=0,0,1 field={other}");
+    place.run(&[
+        "render", "t.zarr", "-o", "cut.exr", "--steps", "1", "--size", "64x64", "--field", shown, "--cut", &cut,
+    ]);
+    let missing =
+        ["render", "t.zarr", "-o", "x.png", "--steps", "1", "--field", shown, "--iso", &format!("{middle}:by=nothing")];
+    place.refuses(&missing, &["colours by 'nothing'", "nothing"]);
+}
+
+#[test]
+fn a_field_of_vectors_has_no_isosurface_without_a_component() {
+    let place = Place::with_slab();
+    place.ok(&["synth", "tornado", "-o", "t.zarr", "--cells", "2000", "--steps", "2"]);
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    let fields = info["fields"].as_array().unwrap();
+    let names: Vec<&str> = fields.iter().map(|field| field["name"].as_str().unwrap()).collect();
+    let vector = names.iter().find_map(|name| name.strip_suffix(":0")).unwrap_or_else(|| panic!("{names:?}"));
+    let run = place.run(&["render", "t.zarr", "-o", "f.png", "--field", vector, "--iso", "0.5", "--steps", "1"]);
+    assert_eq!((run.code, place.path("f.png").exists()), (Some(2), false), "{}", run.err);
+    assert!(run.err.contains(":mag"), "{}", run.err);
+}
+
+#[test]
 fn a_resumed_run_keeps_frames_of_the_same_surfaces_only() {
     let place = Place::with_slab();
     let run = |options: &[&str]| {

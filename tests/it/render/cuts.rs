@@ -10,11 +10,11 @@ use tetreel::render::surfaces::{CropBox, Cut, Normals, SurfaceScene, cut_planes}
 const SLANTED: [f64; 3] = [0.6, -0.3, 0.9];
 
 fn section(point: [f64; 3], normal: [f64; 3]) -> Cut {
-    Cut { point, normal, clips: false }
+    Cut { point, normal, clips: false, by: None }
 }
 
 fn clip(point: [f64; 3], normal: [f64; 3]) -> Cut {
-    Cut { point, normal, clips: true }
+    Cut { point, normal, clips: true, by: None }
 }
 
 /// The job cut by planes, with its surfaces if it has some.

@@ -156,6 +156,35 @@ fn surfaces_are_drawn_as_the_judge_draws_them() {
 }
 
 #[test]
+fn surfaces_and_sections_have_the_colours_of_another_field_as_the_judge_has_them() {
+    use tetreel::node_table::Node;
+    use tetreel::render::surfaces::{Cut, FieldBeside, cut_planes};
+    let node = |scalar: f64, rgb: [f64; 3]| Node { scalar, rgb, tau: 0.0 };
+    let colors = NodeTable::new(vec![node(-1.0, [0.1, 0.2, 0.9]), node(0.0, [0.9; 3]), node(1.0, [0.9, 0.1, 0.0])]);
+    let colors = Arc::new(colors.unwrap());
+    for base in [with_holes((61, 47), OUTSIDE, PERSPECTIVE), slivers()] {
+        let mut scalars = sample(&base.mesh, |p| (3.0 * p.x).sin() * p.y + 50.0 * p.z);
+        // It may have no value where the field that is drawn has one.
+        scalars[base.mesh.topology.tets[5][0] as usize] = f32::NAN;
+        let beside = FieldBeside { scalars: Arc::new(scalars), colors: colors.clone() };
+        let cut = Cut { point: [0.1, 0.0, 0.0], normal: [1.0, 0.2, 0.0], clips: false, by: Some(0) };
+        let planes_of = cut_planes(&[cut], &base.mesh.positions).unwrap();
+        let surfaces = [Isosurface { by: Some(0), ..surface(0.2, RED, 0.6) }, surface(-0.6, BLUE, 0.35)];
+        let plain = alone(&base, &surfaces, shading(Normals::Vertex));
+        let scene = plain.surfaces.clone().unwrap().with_planes(planes_of);
+        let job = RenderJob { surfaces: Some(scene.clone().with_beside(vec![beside], vec![Some(0)])), ..plain.clone() };
+        let judge = planes("reference", &job);
+        for path in ["raycast", "faces"] {
+            assert_within(path, &planes(path, &job).color, &judge.color);
+        }
+        assert!(planes("raycast", &job) == planes("portable", &job));
+        let own = RenderJob { surfaces: Some(scene), ..plain };
+        assert_noticed("its own colours", &planes("raycast", &own).color, &judge.color);
+        assert_eq!(planes("raycast", &own).depth, planes("raycast", &job).depth);
+    }
+}
+
+#[test]
 fn a_lit_volume_is_as_the_judge_lights_it() {
     for base in [with_holes((61, 47), OUTSIDE, PERSPECTIVE), slivers()] {
         for normals in [Normals::Cell, Normals::Vertex] {
