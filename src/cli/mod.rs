@@ -81,7 +81,7 @@ enum Command {
     Play(Box<play::Args>),
     Render(Box<render::Args>),
     Compare(compare::Args),
-    Bench(bench::Args),
+    Bench(Box<bench::Args>),
     Synth(synth::Args),
     Export(export::Args),
     Manual(manual::Args),

@@ -75,6 +75,9 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     if says("iso") {
         (project.look.iso, project.timeline.isovalue) = Default::default();
     }
+    if says("parts") {
+        project.look.parts.clear();
+    }
     if says("surface") {
         project.look.surface.clear();
     }

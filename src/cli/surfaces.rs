@@ -11,6 +11,7 @@ use crate::short::Short;
 use crate::store::StoredField;
 use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource};
 use crate::ui::mapped_range;
+use crate::visibility::parts_of;
 use anyhow::{Context, bail};
 use std::sync::Arc;
 
@@ -32,6 +33,9 @@ pub(super) struct SurfaceArgs {
     /// where none is given
     #[arg(long, value_name = "SURFACE")]
     surface: Vec<DomainSurface>,
+    /// Show these connected parts of the mesh alone, by their numbers: 0 has most cells
+    #[arg(long, value_name = "0,2,..", value_delimiter = ',')]
+    parts: Vec<u32>,
     /// Leave the volume out and draw surfaces and sections alone
     #[arg(long)]
     no_volume: bool,
@@ -62,7 +66,7 @@ impl SurfaceArgs {
     /// What looks have of them: of a series, beside which other fields are, with a transfer function whose colours these have where none
     /// are named.
     pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, cut, crop, surface, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
+        let Self { iso, cut, crop, surface, parts, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
         let mut beside = Beside { series, tf, lengths, found: Vec::new(), colors: Vec::new() };
         let mut isosurfaces = Vec::with_capacity(iso.len());
         for IsosurfaceText { surface, by } in iso {
@@ -91,7 +95,16 @@ impl SurfaceArgs {
             (_, true) => Shown::Surfaces,
             (false, false) => Shown::Both,
         };
-        Ok(SurfaceLook { isosurfaces, cuts, crop: *crop, domain: surface.clone(), beside, shading, shown })
+        Ok(SurfaceLook {
+            isosurfaces,
+            cuts,
+            crop: *crop,
+            domain: surface.clone(),
+            beside,
+            parts: parts.clone(),
+            shading,
+            shown,
+        })
     }
 }
 
@@ -134,8 +147,27 @@ impl Beside<'_> {
 
 /// Whether all of it can be seen of a series: [`check_range`] and [`check_cuts`].
 pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Series) -> anyhow::Result<()> {
+    check_parts(look, series.mesh())?;
     check_range(look, project, series.field())?;
     check_cuts(look, project, series.mesh())
+}
+
+/// Whether the mesh has the parts that are shown.
+fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
+    if look.parts.is_empty() {
+        return Ok(());
+    }
+    let (_, sizes) = parts_of(&mesh.topology);
+    if let Some(part) = look.parts.iter().find(|part| **part as usize >= sizes.len()) {
+        let cells: Vec<String> = sizes.iter().take(10).map(ToString::to_string).collect();
+        let more = if sizes.len() > 10 { ", .." } else { "" };
+        bail!(
+            "--parts {part}: the mesh has {} parts, counted from 0, of {}{more} cells",
+            sizes.len(),
+            cells.join(", ")
+        );
+    }
+    Ok(())
 }
 
 /// Whether all isosurfaces lie within the range of the whole series, that of the timeline at some time: one that does not is never

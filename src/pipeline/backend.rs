@@ -121,13 +121,11 @@ impl Renderers {
                 Some(frame) => Some(frame.planes.clone()),
             },
         };
-        let renderer = self.draw_job(job, by, backend)?;
-        Ok(renderer.map(|renderer| {
-            if let (Some(on_image), Some(guides)) = (on_image, guides) {
-                on_image.finish(&mut renderer.frame_mut().planes, &guides);
-            }
-            renderer
-        }))
+        let Some(renderer) = self.draw_job(job, by, backend)? else { return Ok(None) };
+        if let (Some(on_image), Some(guides)) = (on_image, guides) {
+            on_image.finish(&mut renderer.frame_mut().planes, &guides);
+        }
+        Ok(Some(renderer))
     }
 
     fn draw_job(

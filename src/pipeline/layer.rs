@@ -80,6 +80,9 @@ pub struct TetLayer {
     /// The surface of the domain, once for each way to draw it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
+    /// The connected parts of the mesh that are shown, by their numbers ([`parts_of`](crate::visibility::parts_of)); all if there is none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<u32>,
     /// Light on surfaces.
     #[serde(default)]
     pub shading: SurfaceShading,
@@ -120,16 +123,17 @@ mod whole {
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
-        let (field, formula, optics, surfaces, cuts, beside, domain, shading, draw) = Default::default();
+        let (field, formula, optics, surfaces, cuts, beside) = Default::default();
+        let (domain, parts, shading, draw) = Default::default();
         let table = table.into();
-        Self { field, table, formula, optics, surfaces, cuts, beside, domain, shading, volume: true, draw }
+        Self { field, table, formula, optics, surfaces, cuts, beside, domain, parts, shading, volume: true, draw }
     }
 
     /// Shows these surfaces, or the volume, or both, cut by planes.
     pub fn show(&mut self, look: &SurfaceLook) {
         let sides = look.crop.iter().flat_map(CropBox::cuts);
         self.cuts = look.cuts.iter().copied().chain(sides).collect();
-        (self.domain, self.beside) = (look.domain.clone(), look.beside.clone());
+        (self.domain, self.beside, self.parts) = (look.domain.clone(), look.beside.clone(), look.parts.clone());
         self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
@@ -153,9 +157,9 @@ impl TetLayer {
 
     /// Whether both show the same.
     fn looks_like(&self, other: &Self) -> bool {
-        let Self { field, table, formula, optics, surfaces, cuts, beside, domain, shading, volume, draw } = self;
+        let Self { field, table, formula, optics, surfaces, cuts, beside, domain, parts, shading, volume, draw } = self;
         (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
-            && *beside == other.beside
+            && (beside, parts) == (&other.beside, &other.parts)
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
             && *table == other.table
             && (!self.needs_formula() || *formula == other.formula)
@@ -175,6 +179,8 @@ pub struct SurfaceLook {
     pub domain: Vec<DomainSurface>,
     /// Other fields, whose colours surfaces and sections have.
     pub beside: Vec<ColorsBeside>,
+    /// The parts of the mesh that are shown; all if there is none.
+    pub parts: Vec<u32>,
     /// Light on isosurfaces.
     pub shading: SurfaceShading,
     /// Which of the two are drawn.

@@ -22,7 +22,7 @@ use crate::task::Cancel;
 use crate::transfer::TransferSource;
 use crate::visibility::{
     ActiveCells, Activity, CellSet, ClearIntervals, CutCells, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label,
-    Skip,
+    PartCells, Skip,
 };
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -269,6 +269,7 @@ pub(super) struct Order {
     /// For smooth normals of surfaces.
     vertex_gradients: VertexGradients,
     cut_cells: CutCells,
+    part_cells: PartCells,
     domain_faces: DomainFaces,
     placer: Placer,
 }
@@ -459,7 +460,10 @@ impl Order {
         let Decoded { scalars, clear, known, .. } = decoded;
         let forget = !request.skip.unchanged;
         let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
-        let found = found.ok_or(PipelineError::Cancelled)?;
+        let mut found = found.ok_or(PipelineError::Cancelled)?;
+        if !decoded.layer.parts.is_empty() {
+            found = self.part_cells.restrict(&series.mesh, &decoded.layer.parts, found);
+        }
         if planes.is_empty() {
             return Ok((found, 0));
         }

@@ -57,6 +57,9 @@ pub struct LookSettings {
     /// The surface of the domain, as `--surface` has it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surface: Vec<String>,
+    /// Numbers of the parts of the mesh that are shown, as `--parts` has them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<u32>,
     /// Whether the volume is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_volume: Option<bool>,

@@ -11,6 +11,7 @@ mod face_selection;
 #[cfg(test)]
 mod order_tests;
 mod outside;
+mod part_cells;
 mod parts;
 mod pool;
 mod radix;
@@ -25,6 +26,7 @@ pub use depth_order::DepthOrder;
 pub use drawn_faces::DrawnFaces;
 pub use face_selection::FaceSelection;
 pub use outside::NeededClusters;
+pub use part_cells::{PartCells, parts_of};
 pub use pool::Pool;
 pub use radix::ascending_bits;
 pub use skip::Skip;

@@ -36,7 +36,7 @@ fn edges(planes: &Planes) -> Vec<bool> {
     let (width, id) = (planes.id.width, &planes.id.pixels);
     let differs = |a: usize, b: usize| id.get(b).is_some_and(|other| *other != id[a]);
     let is_edge = |i: usize| {
-        let (right, left) = (i % width + 1 < width && differs(i, i + 1), i % width > 0 && differs(i, i - 1));
+        let (right, left) = (!(i + 1).is_multiple_of(width) && differs(i, i + 1), i % width >= 1 && differs(i, i - 1));
         right || left || differs(i, i + width) || i >= width && differs(i, i - width)
     };
     (0..id.len()).map(is_edge).collect()

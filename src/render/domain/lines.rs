@@ -54,7 +54,7 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
     let (from, to) = (main(ends[0].at), main(ends[1].at));
     let (lo, hi) = (from.min(to).max(0.0), from.max(to).min(count));
     // Not so for what is no number.
-    if !(lo < hi) {
+    if lo.partial_cmp(&hi) != Some(std::cmp::Ordering::Less) {
         return;
     }
     for place in (lo.floor() as usize)..(hi.ceil() as usize) {

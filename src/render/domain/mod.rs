@@ -1,7 +1,7 @@
 //! The surface of the domain: the faces behind which there is no cell with finite scalars, as a surface, as their edges, or as the edges at
 //! which the surface turns.
 //!
-//! It is no part of what is in the cells, but a layer beside them: its [fragments](LayerFragments) are found before the cells are drawn, by whatever
+//! It is no part of what is in the cells, but a layer beside them: its [fragments](crate::render::LayerFragments) are found before the cells are drawn, by whatever
 //! draws these.
 
 mod faces;

@@ -337,7 +337,7 @@ impl SurfaceScene {
     }
 
     /// Whether some have colours of another field.
-    pub(crate) fn has_beside(&self) -> bool {
+    pub fn has_beside(&self) -> bool {
         !self.beside.is_empty()
     }
 
@@ -363,7 +363,7 @@ impl SurfaceScene {
     }
 
     /// Whether the volume is lit, too.
-    pub(crate) fn lights_volume(&self) -> bool {
+    pub fn lights_volume(&self) -> bool {
         self.shading.volume
     }
 

@@ -120,6 +120,15 @@ fn a_surface_may_have_the_colours_of_another_field() {
 }
 
 #[test]
+fn parts_that_there_are_not_are_refused_and_the_only_one_is_the_whole() {
+    let place = Place::with_slab();
+    let all = exr(&place, &[]);
+    assert!(exr(&place, &["--parts", "0"]).color == all.color);
+    let missing = render(&["-o", "x.png", "--steps", "1", "--parts", "0,1"]);
+    place.refuses(&missing, &["--parts 1: the mesh has 1 part, counted from 0"]);
+}
+
+#[test]
 fn a_field_of_vectors_has_no_isosurface_without_a_component() {
     let place = Place::with_slab();
     place.ok(&["synth", "tornado", "-o", "t.zarr", "--cells", "2000", "--steps", "2"]);

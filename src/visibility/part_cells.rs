@@ -1,0 +1,111 @@
+//! The connected parts of a mesh, by number.
+
+use super::{Activity, CellSet};
+use crate::mesh::{CellNeighbour, Mesh, Topology};
+use std::sync::{Arc, Weak};
+
+/// For each cell the number of its part: the one with most cells is 0, of equal ones that with the lower cell comes first. Returned with the number of
+/// cells of each part.
+pub fn parts_of(topology: &Topology) -> (Vec<u32>, Vec<usize>) {
+    let mut part = vec![u32::MAX; topology.tets.len()];
+    let (mut sizes, mut front) = (Vec::new(), Vec::new());
+    for seed in 0..topology.tets.len() as u32 {
+        if part[seed as usize] != u32::MAX {
+            continue;
+        }
+        let number = sizes.len() as u32;
+        let mut size = 0;
+        part[seed as usize] = number;
+        front.push(seed);
+        while let Some(cell) = front.pop() {
+            size += 1;
+            for next in topology.neighbours[cell as usize].into_iter().filter_map(CellNeighbour::cell) {
+                if std::mem::replace(&mut part[next as usize], number) != number {
+                    front.push(next);
+                }
+            }
+        }
+        sizes.push(size);
+    }
+    // Stable: they were found by their lowest cells.
+    let mut by_size: Vec<usize> = (0..sizes.len()).collect();
+    by_size.sort_by_key(|&found| std::cmp::Reverse(sizes[found]));
+    let mut number = vec![0; sizes.len()];
+    by_size.iter().zip(0..).for_each(|(&found, rank)| number[found] = rank);
+    part.iter_mut().for_each(|part| *part = number[*part as usize]);
+    (part, by_size.into_iter().map(|found| sizes[found]).collect())
+}
+
+/// The cells of some parts of a mesh, kept while mesh and parts stay.
+#[derive(Debug, Default)]
+pub struct PartCells {
+    of: Weak<Mesh>,
+    parts: Vec<u32>,
+    cells: CellSet,
+    last: Option<([Weak<CellSet>; 2], Activity)>,
+}
+
+impl PartCells {
+    /// What is left of the cells of a mesh if these parts of it are shown alone.
+    pub fn restrict(&mut self, mesh: &Arc<Mesh>, parts: &[u32], activity: Activity) -> Activity {
+        if self.of.as_ptr() != Arc::as_ptr(mesh) || self.parts != parts {
+            let (part, _) = parts_of(&mesh.topology);
+            let cells = CellSet::of(part.len(), |cell| parts.contains(&part[cell]));
+            *self = Self { of: Arc::downgrade(mesh), parts: parts.to_vec(), cells, last: None };
+        }
+        let of = [&activity.finite, &activity.active].map(Arc::downgrade);
+        if let Some((last, left)) = &self.last
+            && std::iter::zip(last, &of).all(|(a, b)| a.ptr_eq(b))
+        {
+            return Activity { classified: activity.classified, ..left.clone() };
+        }
+        let both = |set: &CellSet| {
+            let mut left = set.clone();
+            left.words_mut().iter_mut().zip(self.cells.words()).for_each(|(word, part)| *word &= part);
+            Arc::new(left)
+        };
+        let finite = both(&activity.finite);
+        let is_all = Arc::ptr_eq(&activity.finite, &activity.active);
+        let active = if is_all { finite.clone() } else { both(&activity.active) };
+        let left = Activity { finite, active, classified: activity.classified };
+        self.last = Some((of, left.clone()));
+        left
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::RawMesh;
+    use crate::mesh::test_meshes::kuhn_grid;
+    use glam::DVec3;
+
+    #[test]
+    fn the_largest_part_is_the_first_and_others_are_left_out() {
+        let mut raw = RawMesh::default();
+        for (size, offset) in [([1, 1, 1], 0.0), ([3, 2, 1], 10.0), ([1, 1, 1], 20.0), ([2, 2, 2], 30.0)] {
+            let more = kuhn_grid(size);
+            let first = raw.points.len() as u32;
+            raw.points.extend(more.points.iter().map(|p| *p + DVec3::splat(offset)));
+            raw.tets.extend(more.tets.iter().map(|tet| tet.map(|v| v + first)));
+        }
+        let mesh = Arc::new(Mesh::build(raw).unwrap().0);
+        let (part, sizes) = parts_of(&mesh.topology);
+        assert_eq!(sizes, [48, 36, 6, 6]);
+        assert_eq!((0..4).map(|p| part.iter().filter(|q| **q == p).count()).collect::<Vec<_>>(), sizes);
+        assert_eq!(sizes.len() as u64, mesh.topology.count_parts());
+        let first = |p: u32| part.iter().position(|q| *q == p);
+        assert!(first(2) < first(3), "of equal ones the one with the lower cell");
+        let all = Arc::new(CellSet::all(part.len()));
+        let activity = Activity { finite: all.clone(), active: all, classified: 0 };
+        let mut cells = PartCells::default();
+        let left = cells.restrict(&mesh, &[1, 3], activity.clone());
+        assert!(Arc::ptr_eq(&left.finite, &left.active));
+        assert!((0..part.len()).all(|cell| left.active.contains(cell as u32) == [1, 3].contains(&part[cell])));
+        assert!(Arc::ptr_eq(&cells.restrict(&mesh, &[1, 3], activity.clone()).active, &left.active));
+        let some = Activity { active: Arc::new(CellSet::of(part.len(), |cell| cell % 2 == 0)), ..activity };
+        let left = cells.restrict(&mesh, &[0], some);
+        assert!((0..part.len()).all(|c| left.active.contains(c as u32) == (c % 2 == 0 && part[c] == 0)));
+        assert_eq!(left.finite.count(), 48);
+    }
+}
