@@ -73,7 +73,8 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     }
     // Options that are given several times add to what is there.
     if says("iso") {
-        (project.look.iso, project.timeline.isovalue) = Default::default();
+        project.look.iso.clear();
+        (project.timeline.isovalue, project.timeline.iso_opacity) = Default::default();
     }
     if says("parts") {
         project.look.parts.clear();

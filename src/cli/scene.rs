@@ -398,7 +398,7 @@ impl Scene {
         let optics = said.optics.unwrap_or(optics);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&self.look.surfaces.moved(said.isovalue, said.cut));
+            tets.show(&self.look.surfaces.at(said.surfaces));
         });
         let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
         Ok(FrameRequest { backend, skip, guides: self.guides && has_surfaces, ..request })

@@ -187,6 +187,17 @@ pub struct SurfaceLook {
     pub shown: Shown,
 }
 
+/// What a timeline says of the surfaces of a look; `None`: nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceMoment {
+    /// Isovalue of the last surface.
+    pub isovalue: Option<f64>,
+    /// Its opacity.
+    pub opacity: Option<f64>,
+    /// How far the last cut is moved along its normal, world units.
+    pub cut: Option<f64>,
+}
+
 /// Which of the volume and the surfaces in it are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shown {
@@ -212,14 +223,15 @@ impl SurfaceLook {
         }
     }
 
-    /// The same look with the last surface at another isovalue, and the last cut moved along its normal (world units), if there are such.
+    /// The same look as it is at a moment.
     #[must_use]
-    pub fn moved(&self, isovalue: Option<f64>, cut_by: Option<f64>) -> Self {
+    pub fn at(&self, moment: SurfaceMoment) -> Self {
         let mut look = self.clone();
-        if let (Some(surface), Some(value)) = (look.isosurfaces.last_mut(), isovalue) {
-            surface.value = value;
+        if let Some(surface) = look.isosurfaces.last_mut() {
+            surface.value = moment.isovalue.unwrap_or(surface.value);
+            surface.opacity = moment.opacity.unwrap_or(surface.opacity);
         }
-        if let (Some(cut), Some(by)) = (look.cuts.last_mut(), cut_by) {
+        if let (Some(cut), Some(by)) = (look.cuts.last_mut(), moment.cut) {
             *cut = cut.moved(by);
         }
         look

@@ -35,7 +35,7 @@ mod window_gpu;
 pub use backend::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
-pub use layer::{ColorsBeside, Layer, RequestError, Shown, SurfaceLook, TetLayer};
+pub use layer::{ColorsBeside, Layer, RequestError, Shown, SurfaceLook, SurfaceMoment, TetLayer};
 pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;

@@ -6,7 +6,7 @@ use crate::histograms::{Histogram, Kind};
 use crate::moments::Distribution;
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
-use crate::pipeline::{FrameTime, Series};
+use crate::pipeline::{FrameTime, Series, SurfaceMoment};
 use crate::task::Cancel;
 use crate::timeline::{At, Keyframed};
 use crate::transfer::{
@@ -26,10 +26,8 @@ pub struct Moment {
     pub camera: Option<Camera>,
     /// Level of detail.
     pub lod: Option<f64>,
-    /// Isovalue of the last surface.
-    pub isovalue: Option<f64>,
-    /// How far the last cut is moved along its normal, world units.
-    pub cut: Option<f64>,
+    /// Where surfaces and cuts are.
+    pub surfaces: SurfaceMoment,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
@@ -108,7 +106,9 @@ impl Animation {
                 At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
             })
         };
-        let [lod, isovalue, cut] = [&timeline.lod, &timeline.isovalue, &timeline.cut].map(number);
+        let lod = number(&timeline.lod);
+        let [isovalue, opacity, cut] = [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].map(number);
+        let surfaces = SurfaceMoment { isovalue, opacity, cut };
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
@@ -116,7 +116,7 @@ impl Animation {
             Some(Tables { table, formula }) => (Some(table), formula),
             None => (None, None),
         };
-        Ok(Moment { table, formula, camera, lod, isovalue, cut, optics })
+        Ok(Moment { table, formula, camera, lod, surfaces, optics })
     }
 
     fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {

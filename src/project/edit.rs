@@ -90,6 +90,8 @@ pub enum Edit {
     Lod(TrackEdit<f64>),
     /// Changes the isovalue of the last surface.
     Isovalue(TrackEdit<f64>),
+    /// Changes its opacity.
+    IsoOpacity(TrackEdit<f64>),
     /// Moves the last cut.
     Cut(TrackEdit<f64>),
     /// Changes how segments are integrated when.
@@ -200,6 +202,7 @@ impl Edit {
             Self::Cameras(edit) => Self::Cameras(edit.apply(&mut timeline.cameras)?),
             Self::Lod(edit) => Self::Lod(edit.apply(&mut timeline.lod)?),
             Self::Isovalue(edit) => Self::Isovalue(edit.apply(&mut timeline.isovalue)?),
+            Self::IsoOpacity(edit) => Self::IsoOpacity(edit.apply(&mut timeline.iso_opacity)?),
             Self::Cut(edit) => Self::Cut(edit.apply(&mut timeline.cut)?),
             Self::Optics(edit) => Self::Optics(edit.apply(&mut timeline.optics)?),
             Self::Maps { track, edit } => {

@@ -109,7 +109,11 @@ impl Project {
         if let Some(key) = isovalues.iter().find(|key| !key.value.is_finite()) {
             return Err(ProjectError::BadIsovalue(key.value));
         }
-        if !isovalues.is_empty() && self.look.iso.is_empty() {
+        let opacities = self.timeline.iso_opacity.keys();
+        if let Some(key) = opacities.iter().find(|key| !(0.0..=1.0).contains(&key.value)) {
+            return Err(ProjectError::BadSurface(format!("an opacity of {}; it lies between 0 and 1", key.value)));
+        }
+        if !(isovalues.is_empty() && opacities.is_empty()) && self.look.iso.is_empty() {
             return Err(ProjectError::NoSurface);
         }
         for iso in &self.look.iso {
@@ -245,7 +249,7 @@ pub enum ProjectError {
     NoCut,
     /// Isovalues on the timeline, of no surface.
     #[error(
-        "the timeline has isovalues, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] out"
+        "the timeline has isovalues or their opacities, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] and [[timeline.iso-opacity]] out"
     )]
     NoSurface,
     /// Levels of detail for a renderer that has none.

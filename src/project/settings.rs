@@ -151,6 +151,8 @@ pub struct Timeline {
     pub lod: Keyframed<f64>,
     /// Isovalues of the last surface of the look.
     pub isovalue: Keyframed<f64>,
+    /// Opacities of that surface, 0 to 1.
+    pub iso_opacity: Keyframed<f64>,
     /// How far the last cut of the look is moved along its normal, world units.
     pub cut: Keyframed<f64>,
     /// How segments are integrated; holds until the next key.

@@ -71,6 +71,7 @@ fn whole() -> Project {
         cameras: keys(vec![key(0.0, camera(0.1)), key(3.0, camera(5.0))]),
         lod: keys(vec![key(0.0, 0.1), key(1.0, 1.0)]),
         isovalue: keys(vec![key(0.5, -1.25), key(2.0, 3.5)]),
+        iso_opacity: keys(vec![key(0.0, 1.0), key(2.0, 0.25)]),
         cut: keys(vec![key(0.0, -0.5), key(2.0, 0.25)]),
         optics: keys(vec![key(2.0, OpticsKind::Exact)]),
     };
@@ -165,6 +166,7 @@ fn parts_that_do_not_belong_together_are_errors() {
     );
     assert!(broken(|p| p.timeline.lod = keys(vec![key(0.0, 1.5)])).contains("1.5"));
     assert!(broken(|p| p.timeline.isovalue = keys(vec![key(0.0, f64::NAN)])).contains("isovalues are finite"));
+    assert!(broken(|p| p.timeline.iso_opacity = keys(vec![key(0.0, 1.5)])).contains("an opacity of 1.5"));
     assert!(broken(|p| p.look.iso.clear()).contains("no surface; add iso"));
     assert!(broken(|p| p.look.iso.push("warm".into())).contains("iso: 'warm' is no isovalue"));
     assert!(broken(|p| p.timeline.cut = keys(vec![key(0.0, f64::INFINITY)])).contains("distances are finite"));

@@ -4,7 +4,9 @@ use super::moments::{Followed, Moments};
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, SurfaceLook, TetDraw};
+use crate::pipeline::{
+    Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, SurfaceLook, SurfaceMoment, TetDraw,
+};
 use crate::project::{Moment, Project};
 use crate::task::Cancel;
 use crate::transfer::{
@@ -175,8 +177,8 @@ impl Requests {
         let request = FrameRequest::new(time, camera, table, size);
         let request = request.with_tets(|tets| {
             (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            let [isovalue, cut] = [said.isovalue, said.cut].map(|said| said.filter(|_| followed.surfaces));
-            tets.show(&look.surfaces.moved(isovalue, cut));
+            let moment = if followed.surfaces { said.surfaces } else { SurfaceMoment::default() };
+            tets.show(&look.surfaces.at(moment));
         });
         Some(FrameRequest { backend, for_window, skip, ..request })
     }

@@ -102,8 +102,7 @@ fn go_to(desk: &mut Desk, step: usize) {
 
 fn said(request: &FrameRequest) -> Moment {
     Moment {
-        isovalue: None,
-        cut: None,
+        surfaces: Default::default(),
         table: Some(request.tets().unwrap().table.clone()),
         formula: request.tets().unwrap().formula.clone(),
         camera: Some(request.camera),

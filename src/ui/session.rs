@@ -14,7 +14,7 @@ use super::moments::{EnsembleChoice, Moments};
 use super::motion::Motion;
 use super::notice::{self, Notice, NoticeKind};
 use crate::camera::Camera;
-use crate::pipeline::{FrameRequest, Series, SharedFrame, SurfaceLook};
+use crate::pipeline::{FrameRequest, Series, SharedFrame, SurfaceLook, SurfaceMoment};
 use crate::playback::{Player, State};
 use crate::project::Project;
 use crate::store::Store;
@@ -316,8 +316,9 @@ impl Session {
     pub fn shown_surfaces(&self) -> SurfaceLook {
         let follows = self.look.followed.surfaces && self.project().is_some();
         let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
-        let isovalue = tets.and_then(|tets| tets.surfaces.last()).map(|surface| surface.value);
-        let mut look = self.look.surfaces.moved(isovalue, None);
+        let last = tets.and_then(|tets| tets.surfaces.last());
+        let (isovalue, opacity) = (last.map(|surface| surface.value), last.map(|surface| surface.opacity));
+        let mut look = self.look.surfaces.at(SurfaceMoment { isovalue, opacity, cut: None });
         let shown = tets.and_then(|tets| tets.cuts.get(..look.cuts.len()));
         look.cuts.copy_from_slice(shown.unwrap_or(&self.look.surfaces.cuts));
         look

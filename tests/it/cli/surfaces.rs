@@ -186,6 +186,19 @@ fn the_timeline_of_a_project_moves_an_isovalue() {
         assert!(moved(step).color == alone.color && moved(step).depth == alone.depth, "step {step}");
         assert!(moved(2).depth != alone.depth, "in between it is elsewhere");
     }
+    // Its opacity has keys of its own.
+    let fading = format!(
+        "{}[[timeline.iso-opacity]]\ntime = 0.0\nvalue = 1.0\n[[timeline.iso-opacity]]\ntime = {end:?}\nvalue = 0.5\n",
+        project([share(0.5); 2])
+    );
+    std::fs::write(place.path("fading.toml"), fading).unwrap();
+    place.ok(&["render", "fading.toml", "-o", "fading_%d.exr"]);
+    let most = |step: usize| {
+        let image = read_exr(&place.path(&format!("fading_{step}.exr"))).unwrap().planes;
+        image.color.pixels.iter().map(|p| p[3]).fold(0.0, f32::max)
+    };
+    assert_eq!([most(0), most(4)], [1.0, 0.5]);
+    assert!((0.5..1.0).contains(&most(2)));
     // A surface of the command line stays where it is; one that is never within the range is refused.
     place.ok(&["render", "p.toml", "--iso", &format!("{}:#ff0000", share(0.5)), "-o", "q_%d.exr"]);
     let still = [0, 4].map(|step| read_exr(&place.path(&format!("q_{step}.exr"))).unwrap().planes.color);
