@@ -326,8 +326,10 @@ impl Session {
 
     /// The colour that the transfer function on the screen has at a scalar.
     pub fn color_at(&self, scalar: f64) -> [f64; 3] {
-        let table = self.shown.as_ref().and_then(|shown| shown.request.tets()).map(|tets| &tets.table);
-        table.map_or([1.0; 3], |table| table.over_scalars().eval(scalar).rgb)
+        let Some(tets) = self.shown.as_ref().and_then(|shown| shown.request.tets()) else { return [1.0; 3] };
+        // A table has no colours where it is clear.
+        let formula = tets.formula.as_ref().and_then(|source| source.formula().ok());
+        formula.map_or_else(|| tets.table.over_scalars().eval(scalar).rgb, |formula| formula.eval(scalar).0)
     }
 
     /// The scalars that a legend covers, and their colours by positions 0..=1.
