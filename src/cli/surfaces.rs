@@ -161,11 +161,8 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     if let Some(part) = look.parts.iter().find(|part| **part as usize >= sizes.len()) {
         let cells: Vec<String> = sizes.iter().take(10).map(ToString::to_string).collect();
         let more = if sizes.len() > 10 { ", .." } else { "" };
-        bail!(
-            "--parts {part}: the mesh has {} parts, counted from 0, of {}{more} cells",
-            sizes.len(),
-            cells.join(", ")
-        );
+        let count = if sizes.len() == 1 { "1 part".to_owned() } else { format!("{} parts", sizes.len()) };
+        bail!("--parts {part}: the mesh has {count}, counted from 0, of {}{more} cells", cells.join(", "));
     }
     Ok(())
 }
