@@ -19,12 +19,21 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let before = session.shown_surfaces();
     let mut look = before.clone();
     let kinds = [(Shown::Volume, "volume"), (Shown::Surfaces, "isosurfaces"), (Shown::Both, "volume and isosurfaces")];
-    if choice(ui, "What is shown (M)", &mut look.shown, &kinds)
-        && look.shown != Shown::Volume
-        && look.isosurfaces.is_empty()
-    {
-        look.isosurfaces.push(Isosurface::new(0.5 * lo + 0.5 * hi));
-    }
+    // What else there is would take the room of what comes below, whoever needs it or not.
+    let id = ui.id().with("cuts are open");
+    let mut is_open = ui.data(|data| data.get_temp(id)).unwrap_or(!look.cuts.is_empty() || !look.domain.is_empty());
+    ui.horizontal(|ui| {
+        if choice(ui, "What is shown (M)", &mut look.shown, &kinds)
+            && look.shown != Shown::Volume
+            && look.isosurfaces.is_empty()
+        {
+            look.isosurfaces.push(Isosurface::new(0.5 * lo + 0.5 * hi));
+        }
+        if toggle(ui, "cuts", "Cuts, light on the volume, surface of the domain", is_open).clicked() {
+            is_open = !is_open;
+            ui.data_mut(|data| data.insert_temp(id, is_open));
+        }
+    });
     if look.shown != Shown::Volume {
         isosurfaces(ui, session, &mut look, (lo, hi));
         let kinds = [
@@ -37,12 +46,13 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         choice(ui, "Light on surfaces", &mut look.shading.normals, &kinds);
         ui.checkbox(&mut look.shading.ambient_occlusion, "ambient occlusion");
     }
-    let mut lit = look.shading.volume;
-    if look.shown != Shown::Surfaces && ui.checkbox(&mut lit, "light on the volume").changed() {
-        look.shading.volume = lit;
+    if is_open {
+        if look.shown != Shown::Surfaces {
+            ui.checkbox(&mut look.shading.volume, "light on the volume");
+        }
+        domain(ui, &mut look);
+        cuts(ui, session, &mut look);
     }
-    domain(ui, &mut look);
-    cuts(ui, session, &mut look);
     if look != before {
         actions.push(Action::Surfaces(look));
     }

@@ -289,6 +289,7 @@ fn cuts_and_the_surface_of_the_domain_are_made_moved_and_removed_in_the_side_pan
     desk.settle();
     let volume = desk.session().shown().unwrap().frame.planes.color.clone();
     let tets = |desk: &Desk| desk.session().shown().unwrap().request.tets().unwrap().clone();
+    desk.click("Cuts, light on the volume, surface of the domain");
     desk.click("Add section");
     desk.settle();
     let section = tets(&desk).cuts[0];
