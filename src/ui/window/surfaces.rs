@@ -20,7 +20,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let mut look = before.clone();
     let kinds = [(Shown::Volume, "volume"), (Shown::Surfaces, "isosurfaces"), (Shown::Both, "volume and isosurfaces")];
     // What else there is would take the room of what comes below, whoever needs it or not.
-    let id = ui.id().with("cuts are open");
+    let id = ui.scope_id().with("cuts are open");
     let mut is_open = ui.data(|data| data.get_temp(id)).unwrap_or(!look.cuts.is_empty() || !look.domain.is_empty());
     ui.horizontal(|ui| {
         if choice(ui, "What is shown (M)", &mut look.shown, &kinds)
