@@ -392,6 +392,7 @@ fn summary(output: &Target, records: &[FrameRecord]) -> String {
     let empty = match records.iter().filter(|record| record.empty == Some(true)).count() {
         0 => String::new(),
         1 if count == 1 => "; it shows nothing".to_owned(),
+        1 => "; 1 of them shows nothing".to_owned(),
         empty => format!("; {empty} of them show nothing"),
     };
     let written = match (output, count - kept) {
