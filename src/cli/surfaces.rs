@@ -11,7 +11,6 @@ use crate::short::Short;
 use crate::store::StoredField;
 use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource};
 use crate::ui::mapped_range;
-use crate::visibility::parts_of;
 use anyhow::{Context, bail};
 use std::sync::Arc;
 
@@ -157,7 +156,7 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     if look.parts.is_empty() {
         return Ok(());
     }
-    let (_, sizes) = parts_of(&mesh.topology);
+    let (_, sizes) = mesh.topology.parts();
     if let Some(part) = look.parts.iter().find(|part| **part as usize >= sizes.len()) {
         let cells: Vec<String> = sizes.iter().take(10).map(ToString::to_string).collect();
         let more = if sizes.len() > 10 { ", .." } else { "" };

@@ -97,27 +97,40 @@ impl Topology {
         (0u32..).zip(&self.face_cells).filter(|(_, cells)| cells[1] == NONE).map(|(face, _)| face)
     }
 
-    /// Number of components of cells connected through faces.
-    pub fn count_parts(&self) -> u64 {
-        let mut reached = vec![false; self.tets.len()];
-        let mut front = Vec::new();
-        let mut parts = 0;
-        for seed in 0u32.. {
-            let Some(seed_reached) = reached.get_mut(seed as usize) else { break };
-            if std::mem::replace(seed_reached, true) {
+    /// The parts of the mesh, whose cells are connected through faces: for each cell the number of its part, and for each part the number of its
+    /// cells. The part with most cells is 0; of equal ones that with the lower cell comes first.
+    pub fn parts(&self) -> (Vec<u32>, Vec<usize>) {
+        let mut part = vec![NONE; self.tets.len()];
+        let (mut sizes, mut front) = (Vec::new(), Vec::new());
+        for seed in 0..self.tets.len() as u32 {
+            if part[seed as usize] != NONE {
                 continue;
             }
-            parts += 1;
+            let (number, mut size) = (sizes.len() as u32, 0);
+            part[seed as usize] = number;
             front.push(seed);
             while let Some(cell) = front.pop() {
+                size += 1;
                 for next in self.neighbours[cell as usize].into_iter().filter_map(CellNeighbour::cell) {
-                    if !std::mem::replace(&mut reached[next as usize], true) {
+                    if std::mem::replace(&mut part[next as usize], number) != number {
                         front.push(next);
                     }
                 }
             }
+            sizes.push(size);
         }
-        parts
+        // Stable: they were found by their lowest cells.
+        let mut by_size: Vec<usize> = (0..sizes.len()).collect();
+        by_size.sort_by_key(|&found| std::cmp::Reverse(sizes[found]));
+        let mut number = vec![0; sizes.len()];
+        by_size.iter().zip(0..).for_each(|(&found, rank)| number[found] = rank);
+        part.iter_mut().for_each(|part| *part = number[*part as usize]);
+        (part, by_size.into_iter().map(|found| sizes[found]).collect())
+    }
+
+    /// Number of these parts.
+    pub fn count_parts(&self) -> u64 {
+        self.parts().1.len() as u64
     }
 }
 

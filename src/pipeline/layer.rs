@@ -80,7 +80,7 @@ pub struct TetLayer {
     /// The surface of the domain, once for each way to draw it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
-    /// The connected parts of the mesh that are shown, by their numbers ([`parts_of`](crate::visibility::parts_of)); all if there is none.
+    /// The connected parts of the mesh that are shown, by their numbers ([`Topology::parts`](crate::mesh::Topology::parts)); all if there is none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<u32>,
     /// Light on surfaces.

@@ -121,14 +121,12 @@ impl Decode {
         let decoded = layer.beside.iter().map(|of| {
             let no_field = |error| RequestError::NoFieldBeside(format!("'{}': {error}", of.field));
             let other = series.beside(&of.field.parse().map_err(no_field)?)?;
-            if !self.beside.iter().any(|(field, _)| *field == of.field) {
+            let known = self.beside.iter().position(|(field, _)| *field == of.field);
+            let place = known.unwrap_or_else(|| {
                 self.beside.push((of.field.clone(), StepCache::default()));
-            }
-            let steps = self.beside.iter_mut().find(|(field, _)| *field == of.field).map(|(_, steps)| steps);
-            let scalars = match steps {
-                Some(steps) => steps.show(&other, time, None, cancel, stats)?,
-                None => None,
-            };
+                self.beside.len() - 1
+            });
+            let scalars = self.beside[place].1.show(&other, time, None, cancel, stats)?;
             let scalars = scalars.ok_or(PipelineError::Cancelled)?;
             Ok(FieldBeside { scalars, colors: of.colors.clone() })
         });
@@ -224,6 +222,7 @@ pub(super) struct OnImage {
     view: View,
     shading: SurfaceShading,
     depth_range: (f64, f64),
+    isosurfaces: u32,
     is_thinned: bool,
     /// Whether normals and numbers were asked for.
     keeps_guides: bool,
@@ -231,24 +230,24 @@ pub(super) struct OnImage {
 
 impl OnImage {
     fn of(request: &FrameRequest, job: &RenderJob, shading: SurfaceShading, by: DrawnBy) -> Option<Self> {
-        let has_surfaces = job.surfaces.as_ref().is_some_and(|scene| !scene.is_empty());
-        let is_wanted = has_surfaces && (shading.is_of_screen() || request.guides);
-        is_wanted.then(|| {
+        let scene = job.surfaces.as_ref().filter(|scene| !scene.is_empty())?;
+        (shading.is_of_screen() || request.guides).then(|| {
             let (lo, hi) = job.mesh.positions.world_bounds();
             let (view, middle) = (job.view.clone(), 0.5 * lo + 0.5 * hi);
             let (depth, radius) = (view.forward.dot(middle - view.eye), 0.5 * (hi - lo).length());
             let depth_range = (depth - radius, depth + radius);
             let is_thinned = by.faces().is_some_and(|detail| detail.lod < 1.0);
-            Self { view, shading, depth_range, is_thinned, keeps_guides: request.guides }
+            let isosurfaces = scene.isosurfaces();
+            Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides: request.guides }
         })
     }
 
     /// Lights surfaces by what is seen of them.
     pub(super) fn finish(self, planes: &mut Planes, guides: &Planes) {
         let depth = set_guides(planes, guides);
-        let Self { view, shading, depth_range, is_thinned, keeps_guides } = self;
+        let Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides } = self;
         if shading.is_of_screen() {
-            Screen { view: &view, shading, depth_range, is_thinned }.light(planes, depth);
+            Screen { view: &view, shading, depth_range, isosurfaces, is_thinned }.light(planes, depth);
         }
         if !keeps_guides {
             (planes.normal, planes.id) = Default::default();
@@ -305,7 +304,7 @@ impl Order {
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
-            self.cut_cells = CutCells::default();
+            (self.cut_cells, self.part_cells, self.domain_faces) = Default::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -322,8 +321,7 @@ impl Order {
             }
         };
         let shading = layer.shading;
-        let domain = layer.domain.iter().map(|surface| (*surface, colors.table.clone())).collect::<Vec<_>>();
-        let clips = planes.clips.clone();
+        let (domain_colors, clips) = (colors.table.clone(), planes.clips.clone());
         let of_scene = (colors, planes, beside);
         let surfaces = self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?;
         let mut job = RenderJob {
@@ -346,7 +344,7 @@ impl Order {
         if by != DrawnBy::Reference {
             self.prepare_table(&mut job)?;
         }
-        job.fragments = self.domain(&job, &finite, &domain, &clips, shading)?;
+        job.fragments = self.domain(&job, &finite, (&layer.domain, &domain_colors), &clips, shading)?;
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);
         if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {
@@ -384,7 +382,7 @@ impl Order {
         &mut self,
         job: &RenderJob,
         finite: &Arc<CellSet>,
-        domain: &[(DomainSurface, Arc<NodeTable>)],
+        (domain, colors): (&[DomainSurface], &NodeTable),
         clips: &[Plane],
         shading: SurfaceShading,
     ) -> Result<Option<Arc<LayerFragments>>, RenderError> {
@@ -393,10 +391,9 @@ impl Order {
         }
         self.domain_faces.update(&job.mesh, finite);
         let view = job.local_view();
-        let of_surface = |(surface, colors): &(DomainSurface, Arc<NodeTable>)| {
-            let (mesh, scalars) = (&*job.mesh, job.scalars.as_slice());
-            self.domain_faces.fragments(surface, &DomainScene { mesh, scalars, colors, shading, view: &view, clips })
-        };
+        let (mesh, scalars) = (&*job.mesh, job.scalars.as_slice());
+        let scene = DomainScene { mesh, scalars, colors, shading, view: &view, clips };
+        let of_surface = |surface: &DomainSurface| self.domain_faces.fragments(surface, &scene);
         let (width, height) = view.plane_px();
         let fragments = LayerFragments::new(width * height, domain.iter().flat_map(of_surface))?;
         Ok(Some(Arc::new(fragments)))

@@ -26,7 +26,7 @@ pub use depth_order::DepthOrder;
 pub use drawn_faces::DrawnFaces;
 pub use face_selection::FaceSelection;
 pub use outside::NeededClusters;
-pub use part_cells::{PartCells, parts_of};
+pub use part_cells::PartCells;
 pub use pool::Pool;
 pub use radix::ascending_bits;
 pub use skip::Skip;

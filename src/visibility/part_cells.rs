@@ -1,40 +1,8 @@
 //! The connected parts of a mesh, by number.
 
 use super::{Activity, CellSet};
-use crate::mesh::{CellNeighbour, Mesh, Topology};
+use crate::mesh::Mesh;
 use std::sync::{Arc, Weak};
-
-/// For each cell the number of its part: the one with most cells is 0, of equal ones that with the lower cell comes first. Returned with the number of
-/// cells of each part.
-pub fn parts_of(topology: &Topology) -> (Vec<u32>, Vec<usize>) {
-    let mut part = vec![u32::MAX; topology.tets.len()];
-    let (mut sizes, mut front) = (Vec::new(), Vec::new());
-    for seed in 0..topology.tets.len() as u32 {
-        if part[seed as usize] != u32::MAX {
-            continue;
-        }
-        let number = sizes.len() as u32;
-        let mut size = 0;
-        part[seed as usize] = number;
-        front.push(seed);
-        while let Some(cell) = front.pop() {
-            size += 1;
-            for next in topology.neighbours[cell as usize].into_iter().filter_map(CellNeighbour::cell) {
-                if std::mem::replace(&mut part[next as usize], number) != number {
-                    front.push(next);
-                }
-            }
-        }
-        sizes.push(size);
-    }
-    // Stable: they were found by their lowest cells.
-    let mut by_size: Vec<usize> = (0..sizes.len()).collect();
-    by_size.sort_by_key(|&found| std::cmp::Reverse(sizes[found]));
-    let mut number = vec![0; sizes.len()];
-    by_size.iter().zip(0..).for_each(|(&found, rank)| number[found] = rank);
-    part.iter_mut().for_each(|part| *part = number[*part as usize]);
-    (part, by_size.into_iter().map(|found| sizes[found]).collect())
-}
 
 /// The cells of some parts of a mesh, kept while mesh and parts stay.
 #[derive(Debug, Default)]
@@ -49,7 +17,7 @@ impl PartCells {
     /// What is left of the cells of a mesh if these parts of it are shown alone.
     pub fn restrict(&mut self, mesh: &Arc<Mesh>, parts: &[u32], activity: Activity) -> Activity {
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.parts != parts {
-            let (part, _) = parts_of(&mesh.topology);
+            let (part, _) = mesh.topology.parts();
             let cells = CellSet::of(part.len(), |cell| parts.contains(&part[cell]));
             *self = Self { of: Arc::downgrade(mesh), parts: parts.to_vec(), cells, last: None };
         }
@@ -90,7 +58,7 @@ mod tests {
             raw.tets.extend(more.tets.iter().map(|tet| tet.map(|v| v + first)));
         }
         let mesh = Arc::new(Mesh::build(raw).unwrap().0);
-        let (part, sizes) = parts_of(&mesh.topology);
+        let (part, sizes) = mesh.topology.parts();
         assert_eq!(sizes, [48, 36, 6, 6]);
         assert_eq!((0..4).map(|p| part.iter().filter(|q| **q == p).count()).collect::<Vec<_>>(), sizes);
         assert_eq!(sizes.len() as u64, mesh.topology.count_parts());

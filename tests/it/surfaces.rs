@@ -232,6 +232,27 @@ fn what_is_far_is_darker_by_depth_and_what_is_in_a_corner_by_occlusion() {
 }
 
 #[test]
+fn no_light_that_is_found_on_the_image_falls_on_sections() {
+    let temp = tempfile::tempdir().unwrap();
+    let mut pipeline = jet(temp.path(), 6000);
+    let [plain, screen, depth, occluded] =
+        [(Normals::None, false), (Normals::Screen, false), (Normals::Depth, false), (Normals::None, true)].map(
+            |(normals, occlusion)| {
+                let request = request(&pipeline, 2, 0, normals);
+                let request = request.with_tets(|tets| tets.shading.ambient_occlusion = occlusion);
+                planes(&mut pipeline, &request, TetDraw::Raycast)
+            },
+        );
+    for lit in [&screen, &depth, &occluded] {
+        let mut changed = [0, 0];
+        for (pixel, id) in plain.id.pixels.iter().enumerate().filter(|(_, id)| **id != 0) {
+            changed[usize::from(*id == 3)] += usize::from(plain.color.pixels[pixel] != lit.color.pixels[pixel]);
+        }
+        assert!(changed[0] > 20 && changed[1] == 0, "{changed:?}");
+    }
+}
+
+#[test]
 fn smoothing_closes_holes_where_faces_are_left_out_and_does_nothing_where_none_are() {
     let temp = tempfile::tempdir().unwrap();
     let mut pipeline = jet(temp.path(), 60_000);

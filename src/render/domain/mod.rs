@@ -9,7 +9,7 @@ mod lines;
 mod text;
 
 use super::layers::LayerFragment;
-use super::surfaces::{Light, Normals, SurfaceShading};
+use super::surfaces::{Normals, SurfaceShading};
 use crate::camera::View;
 use crate::mesh::{Mesh, NONE, Plane};
 use crate::node_table::NodeTable;
@@ -187,12 +187,10 @@ impl DomainScene<'_> {
             return 1.0;
         }
         let facing = -normal.dot(along);
-        match self.shading.light {
-            Light::Headlight => facing.abs(),
-            Light::From(direction) => {
-                let direction = DVec3::from(direction);
-                let direction = (direction / direction.abs().max_element()).normalize();
-                let in_view = DVec3::new(right.dot(direction), up.dot(direction), forward.dot(direction));
+        match self.shading.towards_light() {
+            None => facing.abs(),
+            Some(light) => {
+                let in_view = DVec3::new(right.dot(light), up.dot(light), forward.dot(light));
                 (normal.dot(in_view) * facing.signum()).max(0.0)
             }
         }

@@ -110,7 +110,7 @@ pub struct SurfaceShading {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub ambient_occlusion: bool,
     /// Whether depths are smoothed first where faces were left out, for all that is found on the image.
-    #[serde(default = "smooth", skip_serializing_if = "Clone::clone")]
+    #[serde(default = "smooth", skip_serializing_if = "is_smooth")]
     pub smooth: bool,
 }
 
@@ -133,9 +133,14 @@ fn smooth() -> bool {
     true
 }
 
+/// Whether that need not be said.
+fn is_smooth(smooth: &bool) -> bool {
+    *smooth
+}
+
 impl SurfaceShading {
     /// Towards the light, world coordinates, of length 1; `None`: from the eye.
-    pub(super) fn towards_light(&self) -> Option<DVec3> {
+    pub(in crate::render) fn towards_light(&self) -> Option<DVec3> {
         match self.light {
             Light::Headlight => None,
             // Squares of very long and very short vectors leave the range of numbers.
@@ -375,6 +380,11 @@ impl SurfaceScene {
     /// The surfaces by isovalue.
     pub(super) fn sheets(&self) -> &[Sheet] {
         &self.sheets
+    }
+
+    /// Number of isosurfaces.
+    pub(crate) fn isosurfaces(&self) -> u32 {
+        self.sheets.len() as u32
     }
 
     /// How they are lit.

@@ -9,7 +9,7 @@
 //! A difference is central where both neighbours lie on the same surface; to one side where the other neighbour lies on another one, or so much
 //! farther off that the surface ends in between.
 
-use super::{Light, Normals, SurfaceShading};
+use super::{Normals, SurfaceShading};
 use crate::camera::View;
 use crate::image::{DepthImage, Plane, Planes};
 use glam::DVec3;
@@ -54,6 +54,8 @@ pub(crate) struct Screen<'a> {
     pub(crate) shading: SurfaceShading,
     /// Least and greatest depth of the mesh in the view.
     pub(crate) depth_range: (f64, f64),
+    /// Number of isosurfaces: what has a greater number is a section, on which no light falls.
+    pub(crate) isosurfaces: u32,
     /// Whether faces were left out.
     pub(crate) is_thinned: bool,
 }
@@ -71,7 +73,7 @@ impl Screen<'_> {
         let factors: Vec<f32> = (0..planes.color.pixels.len())
             .into_par_iter()
             .map(|pixel| {
-                if planes.id.pixels[pixel] == 0 {
+                if !(1..=self.isosurfaces).contains(&planes.id.pixels[pixel]) {
                     return 1.0;
                 }
                 let (column, row) = (pixel % width, pixel / width);
@@ -150,13 +152,7 @@ impl Screen<'_> {
 
     /// The cosine between a normal towards the eye and the light; 1 without a normal.
     fn facing(&self, normal: DVec3, column: usize, row: usize) -> f64 {
-        let toward = match self.shading.light {
-            Light::Headlight => self.to_eye(column, row),
-            Light::From(direction) => {
-                let direction = DVec3::from(direction);
-                (direction / direction.abs().max_element()).normalize()
-            }
-        };
+        let toward = self.shading.towards_light().unwrap_or_else(|| self.to_eye(column, row));
         if normal == DVec3::ZERO { 1.0 } else { normal.dot(toward).max(0.0) }
     }
 
@@ -167,9 +163,9 @@ impl Screen<'_> {
         1.0 + share * (FARTHEST - 1.0)
     }
 
-    /// The share of light from all around that reaches a pixel: 1 - mean of max(0, n . v - bias) |v|... over places around it on the image, v the
-    /// way to what is seen there (McGuire et al., "The Alchemy Screen-Space Ambient Obscurance Algorithm", HPG 2011, equation 10, with a fall-off
-    /// beyond the reach).
+    /// The share of light from all around that reaches a pixel: 1 - 2 mean of max(0, n . v / |v| - bias) f(|v|) over places around it on the image,
+    /// v the way to what is seen there, f falling from 1 to 0 at twice the reach (after McGuire et al., "The Alchemy Screen-Space Ambient Obscurance
+    /// Algorithm", HPG 2011).
     fn openness(&self, depth: &DepthImage, id: &Plane<u32>, normal: DVec3, (column, row): (usize, usize)) -> f64 {
         let (width, height) = (depth.width, depth.height);
         let here = self.point(column, row, f64::from(depth.pixels[row * width + column]));
