@@ -8,6 +8,7 @@
 use super::weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
+use arrayvec::ArrayVec;
 use glam::Vec4;
 
 /// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
@@ -294,22 +295,21 @@ struct Pieces<'a> {
     out: &'a mut Accumulator,
     /// How many there have been.
     count: u64,
-    waiting: usize,
     near_depth: [f32; ROOM],
     far_depth: [f32; ROOM],
-    colors: [[Vec4; 2]; ROOM],
+    /// Colours at their ends. Not an array: clearing one takes as long as compositing some pieces.
+    colors: ArrayVec<[Vec4; 2], ROOM>,
 }
 
 impl TakePiece for Pieces<'_> {
     #[inline(always)]
     fn take(&mut self, piece: Piece) {
-        if self.waiting == ROOM {
+        if self.colors.is_full() {
             self.make_room();
         }
-        let at = self.waiting % ROOM;
+        let at = self.colors.len() % ROOM;
         (self.near_depth[at], self.far_depth[at]) = (piece.near_depth, piece.far_depth);
-        self.colors[at] = [piece.near, piece.far];
-        self.waiting = at + 1;
+        self.colors.push([piece.near, piece.far]);
         self.count += 1;
     }
 }
@@ -317,32 +317,30 @@ impl TakePiece for Pieces<'_> {
 impl<'a> Pieces<'a> {
     #[inline(always)]
     fn new(out: &'a mut Accumulator) -> Self {
-        let (near_depth, far_depth) = ([0.0; ROOM], [0.0; ROOM]);
-        Self { out, count: 0, waiting: 0, near_depth, far_depth, colors: [[Vec4::ZERO; 2]; ROOM] }
+        Self { out, count: 0, near_depth: [0.0; ROOM], far_depth: [0.0; ROOM], colors: ArrayVec::new_const() }
     }
 
     #[cold]
     #[inline(never)]
     fn make_room(&mut self) {
         self.composite();
+        self.colors.clear();
     }
 
-    /// Weighs the pieces side by side and composites them one after the other.
+    /// Weighs those that wait side by side and composites them one after the other.
     #[inline(always)]
     fn composite(&mut self) {
+        // A copy stays in registers, from one piece to the next.
+        let mut out = *self.out;
         let depths = self.near_depth.as_chunks().0.iter().zip(self.far_depth.as_chunks().0);
-        for ((near, far), colors) in depths.zip(self.colors.chunks(WEIGHED_AT_ONCE)) {
-            let count = self.waiting.min(WEIGHED_AT_ONCE);
-            let weights = weigh(near, far, count);
-            for (i, [near, far]) in colors.iter().enumerate().take(count) {
+        for (colors, (near, far)) in self.colors.chunks(WEIGHED_AT_ONCE).zip(depths) {
+            let weights = weigh(near, far, colors.len());
+            for (i, [near, far]) in colors.iter().enumerate() {
                 let [near_weight, far_weight] = weights.map(|w| w[i]);
-                self.out.add(PieceWeights { near: near_weight, far: far_weight }, *near, *far);
-            }
-            self.waiting -= count;
-            if self.waiting == 0 {
-                break;
+                out.add(PieceWeights { near: near_weight, far: far_weight }, *near, *far);
             }
         }
+        *self.out = out;
     }
 }
 
@@ -367,11 +365,12 @@ impl Integrator for ExactTable {
         segments: impl Iterator<Item = (f64, f64)>,
         out: &mut Accumulator,
     ) -> u64 {
-        let mut pieces = Pieces::new(out);
+        let (mut pieces, mut ray) = (Pieces::new(out), *place);
         for (s1, length) in segments {
-            place.split(self, s0, s1, length, &mut pieces);
+            ray.split(self, s0, s1, length, &mut pieces);
             s0 = s1;
         }
+        *place = ray;
         pieces.composite();
         pieces.count
     }

@@ -44,7 +44,7 @@ pub struct PieceWeights {
 }
 
 /// Weights of a piece whose extinction times length is `a0` at the near and `a1` at the far end (both finite and >= 0).
-#[inline]
+#[inline(always)]
 pub fn piece_weights(a0: f32, a1: f32) -> PieceWeights {
     let depth = 0.5 * (a0 + a1);
     if depth <= SERIES_MAX { series(a0, a1, depth) } else { quadrature(a0, a1, depth) }

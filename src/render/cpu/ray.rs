@@ -80,6 +80,12 @@ impl Ray {
     #[inline]
     pub(super) fn of_pixel(view: &View, i: usize, j: usize) -> Self {
         let (px, py) = view.ray(i, j);
+        Self::through(view, px, py)
+    }
+
+    /// The ray through a point of the image plane.
+    #[inline]
+    pub(super) fn through(view: &View, px: f64, py: f64) -> Self {
         let line = RayLine { px, py, length_per_depth: view.length_per_depth(px, py) };
         Self { line, perspective: view.perspective }
     }

@@ -48,6 +48,11 @@ impl FaceBins {
         self.chunks[chunk].lists.faces(tile)
     }
 
+    /// Whether a tile has to look at a face.
+    pub(super) fn has_faces(&self, tile: usize) -> bool {
+        self.chunks[..self.used].iter().any(|chunk| !chunk.lists.faces(tile).is_empty())
+    }
+
     /// No face of this chunk or a later one has a place nearer than that; infinite behind the last chunk.
     pub(super) fn nearest_from(&self, chunk: usize) -> f64 {
         below(self.nearest_from[chunk])

@@ -52,7 +52,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: La
             of_pixel.extend(run.iter().map(|(_, fragment)| *fragment));
             sort_all(&mut of_pixel, scene.tie);
             let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
-            let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
+            let optics = scene.optics(&rays.ray(scene.view, pixel));
             let mut light = scene.ray(column, row);
             if scene.is_complete {
                 for path in paths(&of_pixel) {

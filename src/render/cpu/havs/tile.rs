@@ -8,7 +8,7 @@ use super::super::raster::lists::TileFace;
 use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
-use super::super::tiles::TilePixel;
+use super::super::tiles::{PixelRect, TilePixel};
 use super::super::values::ValuesOnRay;
 use super::TILE_PX;
 use super::bins::FaceBins;
@@ -46,6 +46,12 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// Fragments that a pixel has room for.
     fn room(&self) -> usize {
         usize::from(self.k_buffer.k) + BATCH
+    }
+
+    /// Whether rays of a tile meet nothing.
+    #[inline(never)]
+    fn is_clear_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
+        self.eye_cells.is_empty() && !self.bins.has_faces(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
     }
 
     /// The ray of a pixel before its first fragment.
@@ -127,6 +133,10 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
     fn call(self) -> FrameStats {
         let Self { lanes, scene, tile, scratch, pixels } = self;
         let rect = scene.bins.grid.rect(tile);
+        if scene.is_clear_in(tile, rect) {
+            pixels.fill(TilePixel::CLEAR);
+            return FrameStats::default();
+        }
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
         let rays = TileRays::new(scene.view, bounds);
         let mut lights = [FragmentRay::new(scene.view.near_depth(), Y::Ahead::NONE); PIXELS];
@@ -192,6 +202,7 @@ fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
         loop {
             let TileScratch { slots, counts, full, faces, candidates, .. } = &mut *scratch;
             if next < ready {
+                let slots = slots.as_mut_slice();
                 // A face has at most one fragment for a pixel: the room of each is looked at face by face.
                 faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
                     let count = counts[pixel] as usize;
@@ -346,8 +357,7 @@ fn let_go<M: Medium<Light = Accumulator>, Y: Layers, A: Ahead>(
     if !light.is_opaque {
         sort_in_window(fragments, held, k, scene.tie);
     }
-    let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
-    let optics = scene.optics(&Ray::of_pixel(scene.view, column, row));
+    let optics = scene.optics(&rays.ray(scene.view, pixel));
     light.advance_all(&optics, &fragments[..leaving]);
     fragments.copy_within(leaving.., 0);
     let left = (count - leaving) as u32;

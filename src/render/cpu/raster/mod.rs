@@ -43,6 +43,9 @@ type Eight = [f64; EIGHT];
 pub(super) struct TileRays {
     pub(super) bounds: Bounds,
     centre: [f64; 2],
+    /// Places of the columns and rows in the image plane.
+    px: [f64; TILE_PX],
+    py: [f64; TILE_PX],
     /// Distances of the columns and rows from the middle.
     dx: [f64; TILE_PX],
     dy: [f64; TILE_PX],
@@ -61,16 +64,12 @@ impl TileRays {
     pub(super) fn new(view: &View, bounds: Bounds) -> Self {
         let middle = |a: usize, b: usize| 0.5 * (a + b) as f64;
         let (cx, cy) = view.ray_at(middle(bounds.x0, bounds.x1), middle(bounds.y0, bounds.y1));
-        let (mut dx, mut dy, mut reach) = ([0.0; TILE_PX], [0.0; TILE_PX], [0.0f64; 2]);
-        for (i, dx) in dx.iter_mut().take(bounds.x1 - bounds.x0).enumerate() {
-            *dx = view.ray(bounds.x0 + i, bounds.y0).0 - cx;
-            reach[0] = reach[0].max(dx.abs());
-        }
-        for (j, dy) in dy.iter_mut().take(bounds.y1 - bounds.y0).enumerate() {
-            *dy = view.ray(bounds.x0, bounds.y0 + j).1 - cy;
-            reach[1] = reach[1].max(dy.abs());
-        }
-        // Beyond the tile anything will do.
+        // Beyond the image anything will do.
+        let px: [f64; TILE_PX] = std::array::from_fn(|i| view.ray(bounds.x0 + i, bounds.y0).0);
+        let py: [f64; TILE_PX] = std::array::from_fn(|j| view.ray(bounds.x0, bounds.y0 + j).1);
+        let (dx, dy) = (px.map(|px| px - cx), py.map(|py| py - cy));
+        let most = |of: &[f64]| of.iter().fold(0.0f64, |most, d| most.max(d.abs()));
+        let reach = [most(&dx[..bounds.x1 - bounds.x0]), most(&dy[..bounds.y1 - bounds.y0])];
         let at = |of: &[f64; TILE_PX], i: usize| of[i.min(TILE_PX - 1)] as f32;
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
@@ -81,11 +80,18 @@ impl TileRays {
             false => view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0)),
         };
         let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
-        Self { bounds, centre: [cx, cy], dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
+        Self { bounds, centre: [cx, cy], px, py, dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
 }
 
 impl TileRays {
+    /// The ray of a pixel, row times [`TILE_PX`] plus column.
+    #[inline(always)]
+    pub(super) fn ray(&self, view: &View, pixel: usize) -> Ray {
+        let pixel = pixel % (TILE_PX * TILE_PX);
+        Ray::through(view, self.px[pixel % TILE_PX], self.py[pixel / TILE_PX])
+    }
+
     /// Brings the pixels of a list that rays are cast for to its begin, in their order; returns how many.
     #[cold]
     #[inline(never)]
