@@ -2,10 +2,8 @@
 
 use super::super::super::layers::Layers;
 use super::super::super::medium::Medium;
-use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::Lanes;
 use super::super::raster::{FACES_AT_ONCE, TileRays};
-use super::super::ray::Ray;
 use super::TILE_PX;
 use super::fragment::{Fragment, sort_all};
 use super::light::FragmentRay;
@@ -79,12 +77,11 @@ fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
 ) {
     let TileScratch { faces, candidates, again: out, .. } = scratch;
     out.clear();
-    let Bounds { x0, y0, .. } = rays.bounds;
     let is_wanted = |pixel: usize| wanted[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
     for &cell in scene.eye_cells {
         for pixel in (0..TILE_PX * TILE_PX).filter(|&pixel| is_wanted(pixel)) {
-            let ray = Ray::of_pixel(scene.view, x0 + pixel % TILE_PX, y0 + pixel / TILE_PX);
-            out.extend(scene.start_at_eye(&ray, cell).map(|start| (pixel as u32, start)));
+            let start = scene.start_at_eye(&rays.ray(scene.view, pixel), cell);
+            out.extend(start.map(|start| (pixel as u32, start)));
         }
     }
     for chunk in 0..scene.bins.chunk_count() {

@@ -319,16 +319,13 @@ fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     rays: &TileRays,
     scratch: &mut TileScratch,
 ) {
-    let (room, Bounds { x0, x1, y0, y1 }) = (scene.room(), rays.bounds);
+    let room = scene.room();
+    let is_rendered = |pixel: &usize| rays.rendered[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
     for &cell in scene.eye_cells {
-        for (row, column) in (y0..y1).flat_map(|row| (x0..x1).map(move |column| (row, column))) {
-            if !scene.view.renders(column, row) {
-                continue;
-            }
-            let pixel = (row - y0) * TILE_PX + column - x0;
+        for pixel in (0..PIXELS).filter(is_rendered) {
             let count = &mut scratch.counts[pixel];
             // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
-            if let Some(start) = scene.start_at_eye(&Ray::of_pixel(scene.view, column, row), cell)
+            if let Some(start) = scene.start_at_eye(&rays.ray(scene.view, pixel), cell)
                 && (*count as usize) < BATCH
             {
                 scratch.slots[pixel * room + *count as usize] = start;

@@ -82,9 +82,7 @@ impl TileRays {
         let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
         Self { bounds, centre: [cx, cy], px, py, dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
-}
 
-impl TileRays {
     /// The ray of a pixel, row times [`TILE_PX`] plus column.
     #[inline(always)]
     pub(super) fn ray(&self, view: &View, pixel: usize) -> Ray {
@@ -265,8 +263,7 @@ impl Faces {
             while doubtful != 0 {
                 let pixel = pixels[doubtful.trailing_zeros() as usize % EIGHT] as usize;
                 doubtful &= doubtful - 1;
-                let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
-                let found = careful_hit(&self.faces[i], view, vertices, column, row);
+                let found = careful_hit(&self.faces[i], vertices, &rays.ray(view, pixel));
                 found.into_iter().for_each(|found| hit(pixel, found));
             }
             first += EIGHT;
@@ -402,15 +399,14 @@ fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
 /// Where the ray of one pixel hits a face, by the definition.
 #[cold]
 #[inline(never)]
-fn careful_hit(face: &TileFace, view: &View, vertices: &[ViewVertex], column: usize, row: usize) -> Option<Hit> {
-    let ray = Ray::of_pixel(view, column, row);
+fn careful_hit(face: &TileFace, vertices: &[ViewVertex], ray: &Ray) -> Option<Hit> {
     let [a, b, c] = face.ids;
     let [front, behind] = face.cells;
-    let (ids, cells, is_turned, found) = match crossing(&ray, vertices, [a, b, c]) {
+    let (ids, cells, is_turned, found) = match crossing(ray, vertices, [a, b, c]) {
         Some(found) => ([a, b, c], [front, behind], false, found),
-        None => ([a, c, b], [behind, front], true, crossing(&ray, vertices, [a, c, b])?),
+        None => ([a, c, b], [behind, front], true, crossing(ray, vertices, [a, c, b])?),
     };
-    let is_seen = !view.perspective || found.is_in_front(ids);
+    let is_seen = !ray.perspective || found.is_in_front(ids);
     is_seen.then_some(Hit { depth: found.depth, scalar: found.scalar, cells, is_turned })
 }
 

@@ -41,7 +41,7 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
     for face in all {
         let face = in_tile(&face, bounds);
         for (row, column) in (0..view.height_px).flat_map(|j| (0..view.width_px).map(move |i| (j, i))) {
-            let found = careful_hit(&face, view, &vertices, column, row);
+            let found = careful_hit(&face, &vertices, &Ray::of_pixel(view, column, row));
             defined.extend(found.map(|hit| (row * TILE_PX + column, hit)));
         }
     }
