@@ -63,6 +63,11 @@ impl Series {
         self.ranges.steps.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Least and greatest scalar of each chunk of a step, if they have been learned.
+    pub(super) fn ranges_of(&self, step: usize) -> Option<StepRanges> {
+        self.known_ranges().get(&step).cloned()
+    }
+
     /// Learns the ranges of a step from all of its scalars.
     pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
         let steps_max = self.ranges.steps_max(scalars.len());
@@ -80,14 +85,12 @@ impl Series {
 
     /// Which chunks of a moment are needed where the table is not clear; `None` if all of them are, or nothing is known.
     pub(super) fn needed_chunks(&self, time: FrameTime, clear: &ClearIntervals) -> Option<Needed> {
-        let steps = self.known_ranges();
-        let ranges = steps.get(&time.step())?.clone();
+        let ranges = self.ranges_of(time.step())?;
         // What is mixed lies between what it is mixed from.
         let others = match time.toward() {
             None => ranges.clone(),
-            Some((next, _)) => steps.get(&next)?.clone(),
+            Some((next, _)) => self.ranges_of(next)?,
         };
-        drop(steps);
         let hull = |(&[a, b], &[c, d]): (&[f32; 2], &[f32; 2])| {
             let is_known = ![a, b, c, d].iter().any(|end| end.is_nan());
             clear.label_of_range(a.min(c), b.max(d)).filter(|_| is_known)

@@ -55,7 +55,8 @@ pub(super) struct StepCache {
 
 impl StepCache {
     /// The scalars of a moment, one per vertex, at least in those chunks of [`Clusters::VERTICES`] that are `needed` (all without a
-    /// list); `None` if `cancel` was raised.
+    /// list); `None` if `cancel` was raised. The others have their least scalar throughout. Who asks for other chunks of the same moment gets
+    /// all of them, and may go on asking for others.
     ///
     /// # Errors
     /// If a step cannot be read.
@@ -76,16 +77,18 @@ impl StepCache {
             return Ok(Some(found));
         }
         let vertices = series.vertices();
+        let needed = needed.filter(|_| self.held.iter().all(|held| held.time != time));
         let Some((next, weight)) = time.toward() else {
             let mut decoded = DecodeStats::default();
+            let ranges = needed.and_then(|_| series.ranges_of(time.step()));
+            let needed = needed.filter(|_| ranges.is_some());
             let filled = self.fill(time, vertices, needed, |out| {
                 let wanted = needed.map(|chunks| Wanted { length: Clusters::VERTICES, chunks });
                 let cost = series.source.decode_step(time.step(), wanted, out, cancel)?;
                 decoded = cost.unwrap_or_default();
-                if let Some(chunks) = needed {
-                    // Nobody needs to know what these are, but that they are finite.
-                    let parts = out.chunks_mut(Clusters::VERTICES).zip(chunks);
-                    parts.filter(|(_, needed)| !**needed).for_each(|(part, _)| part.fill(0.0));
+                if let (Some(chunks), Some(ranges)) = (needed, &ranges) {
+                    let parts = out.chunks_mut(Clusters::VERTICES).zip(chunks).zip(ranges.iter());
+                    parts.filter(|((_, needed), _)| !**needed).for_each(|((part, _), range)| part.fill(range[0]));
                 }
                 if cost.is_some() && needed.is_none() {
                     series.learn_ranges(time.step(), out);

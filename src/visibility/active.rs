@@ -5,11 +5,13 @@
 //! labels -> cells                                                   each cluster: nothing changed: as before
 //!                                                                                 one label: none, or all, of its cells
 //!                                                                                 else cell by cell
+//! the same scalars -> ranges of words (64 cells)                    each word: no interval ends otherwise in its range: as before
 //! ```
 //! So a step in which little moves, or a table of which only a part was edited, costs little, and a cluster in the empty part of
 //! the mesh costs a look at a few labels.
 
 use super::clear::{ClearIntervals, HOLE, Label, VISIBLE};
+use super::moved::{Differences, WordRanges};
 use super::{CellSet, Clusters, Pool};
 use crate::mesh::{Mesh, Topology};
 use crate::slowdown::{Slow, waste};
@@ -50,6 +52,7 @@ pub struct ActiveCells {
     before: Vec<Label>,
     states: Vec<ClusterState>,
     last: Option<Last>,
+    ranges: WordRanges,
     pool: Pool<CellSet>,
 }
 
@@ -69,7 +72,7 @@ impl ActiveCells {
 
     /// The cells that can be seen where the table is not `clear`; `None` if `cancel` was raised. `scalars`: one per vertex.
     /// `clusters`: those of the mesh. With the clear intervals, `known`: the label of each cluster of vertices whose scalars are not to be looked
-    /// at, as [`ClearIntervals::label_of_range`] gives it; empty for none.
+    /// at, as [`ClearIntervals::label_of_range`] gives it; empty for none. Each of these has a scalar of its cluster's range.
     ///
     /// With `forget`, nothing that is known from before is used.
     ///
@@ -92,14 +95,15 @@ impl ActiveCells {
             let (all, clusters) = (Arc::new(CellSet::all(mesh.topology.tets.len())), clusters.clone());
             *self = Self { of: Arc::downgrade(mesh), clusters, all, ..Self::default() };
         }
-        if let Some(last) = &self.last
-            && last.scalars.as_ptr() == Arc::as_ptr(scalars)
+        let of_these = self.last.as_ref().filter(|last| last.scalars.as_ptr() == Arc::as_ptr(scalars));
+        if let Some(last) = of_these
             && (Arc::ptr_eq(&last.clear, clear) || last.clear == *clear)
         {
             return Some(Activity { classified: 0, ..last.activity.clone() });
         }
+        let differences = of_these.and_then(|last| Differences::between(&last.clear, clear));
         self.label(scalars, clear, known);
-        let activity = self.find(&mesh.topology, cancel);
+        let activity = self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel);
         waste(Slow::ActiveCells, mesh.topology.tets.len());
         // Labels have moved on: what was found for those before no longer goes with them.
         self.last =
@@ -131,19 +135,27 @@ impl ActiveCells {
         states.collect_into_vec(&mut self.states);
     }
 
-    /// The cells of the present labels.
-    fn find(&mut self, topology: &Topology, cancel: &Cancel) -> Option<Activity> {
+    /// The cells of the present labels. `moved`: the scalars, if they are those of before, and what of the clear intervals is not.
+    fn find(
+        &mut self,
+        topology: &Topology,
+        moved: Option<(&Arc<Vec<f32>>, Differences)>,
+        cancel: &Cancel,
+    ) -> Option<Activity> {
         let before = self.last.as_ref().map(|last| &last.activity);
         if let Some(before) = before
             && self.states.iter().all(|state| !state.changed)
         {
             return Some(Activity { classified: 0, ..before.clone() });
         }
-        let Self { clusters, all, labels, states, pool, .. } = self;
+        let Self { clusters, all, labels, states, ranges, pool, .. } = self;
         let classified = AtomicU64::new(0);
-        let scene = Scene { topology, clusters, labels, states, cancel, classified: &classified };
+        let moved = moved.map(|(scalars, differences)| (ranges.of(topology, scalars), differences));
+        let scene = Scene { topology, clusters, labels, states, moved, cancel, classified: &classified };
         let has_holes = states.iter().any(|state| state.has_holes);
-        let finite = if has_holes {
+        let finite = if let (Some(before), Some(_)) = (before, &scene.moved) {
+            before.finite.clone()
+        } else if has_holes {
             scene.find(pool, before.map(|before| &before.finite), all, |labels| !labels.contains(&HOLE))
         } else {
             all.clone()
@@ -172,6 +184,8 @@ struct Scene<'a> {
     clusters: &'a Clusters,
     labels: &'a [Label],
     states: &'a [ClusterState],
+    /// The ranges of words, if scalars are those of before, and what has changed in the intervals.
+    moved: Option<(&'a [[f32; 2]], Differences)>,
     cancel: &'a Cancel,
     classified: &'a AtomicU64,
 }
@@ -208,13 +222,21 @@ impl Scene<'_> {
                 Some(label) => fill_words(words, tets.len(), is_member([label; 4])),
                 None if self.cancel.is_cancelled() => {}
                 None => {
-                    self.classified.fetch_add(tets.len() as u64, Ordering::Relaxed);
-                    for (word, tets) in words.iter_mut().zip(tets.chunks(64)) {
+                    let mut classified = 0;
+                    for (at, (word, tets)) in (WORDS * cluster..).zip(words.iter_mut().zip(tets.chunks(64))) {
+                        if let (Some(before), Some((ranges, differences))) = (before, &self.moved)
+                            && differences.leave(ranges[at])
+                        {
+                            *word = before.words()[at];
+                            continue;
+                        }
+                        classified += tets.len();
                         let bit = |(at, tet): (usize, &[u32; 4])| {
                             u64::from(is_member(tet.map(|v| self.labels[v as usize]))) << at
                         };
                         *word = tets.iter().enumerate().map(bit).fold(0, |word, bit| word | bit);
                     }
+                    self.classified.fetch_add(classified as u64, Ordering::Relaxed);
                 }
             }
         });

@@ -47,6 +47,11 @@ fn wave(mesh: &Mesh, time: f64) -> Arc<Vec<f32>> {
     Arc::new((0..mesh.positions.local.len()).map(value).collect())
 }
 
+/// Level nowhere.
+fn slope(mesh: &Mesh) -> Arc<Vec<f32>> {
+    Arc::new(mesh.positions.local.iter().map(|p| p.x + 0.5 * p.y + 0.25 * p.z).collect())
+}
+
 fn clusters(mesh: &Mesh) -> Arc<Clusters> {
     Arc::new(Clusters::new(mesh))
 }
@@ -89,6 +94,70 @@ proptest! {
             other.set(cell, !other.contains(cell));
             prop_assert!(other != naive(&mesh, &scalars, Some(&table)));
         }
+    }
+}
+
+/// Cell by cell from labels.
+fn by_label(mesh: &Mesh, scalars: &[f32], clear: &ClearIntervals) -> CellSet {
+    CellSet::of(mesh.topology.tets.len(), |cell| {
+        let labels = mesh.topology.tets[cell].map(|v| clear.label(scalars[v as usize]));
+        !labels.contains(&HOLE) && (labels[0] == VISIBLE || labels.iter().any(|&label| label != labels[0]))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn isovalues_that_move_over_the_same_scalars_change_the_cells_that_they_should(seed in any::<u64>()) {
+        let random = &mut Random(seed);
+        let mesh = Arc::new(Mesh::build(jittered(kuhn_grid([12, 9, 9]), random)).unwrap().0);
+        let clusters = clusters(&mesh);
+        let mut cells = ActiveCells::new();
+        // Few values, zeros of both signs and isovalues among them.
+        let places = [-1.0, -0.5, -0.0, 0.0, 0.25, 0.5, 1.0, f32::MIN, f32::MAX];
+        let value = |random: &mut Random| match random.below(50) {
+            0 => f32::NAN,
+            1 => f32::INFINITY,
+            2..25 => places[random.below(places.len())],
+            _ => random.signed() as f32,
+        };
+        for _ in 0..3 {
+            let holes = random.below(2) == 0;
+            let some = |random: &mut Random| Some(value(random)).filter(|v| holes || v.is_finite()).unwrap_or(0.5);
+            let scalars: Arc<Vec<f32>> = Arc::new((0..mesh.positions.local.len()).map(|_| some(random)).collect());
+            let mut table = random_table(random);
+            for _ in 0..6 {
+                if random.below(4) == 0 {
+                    table = if random.below(2) == 0 { random_table(random) } else { NodeTable::clear() };
+                }
+                let isovalues: Vec<f64> = (0..random.below(4)).map(|_| {
+                    if random.below(2) == 0 { f64::from(places[random.below(7)]) } else { random.signed() }
+                }).collect();
+                let clear = Arc::new(ClearIntervals::of(&table).cut_at(&isovalues));
+                let found = cells.update(&mesh, &clusters, &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
+                prop_assert!(*found.active == by_label(&mesh, &scalars, &clear));
+                prop_assert!(*found.finite == naive(&mesh, &scalars, None));
+            }
+        }
+    }
+}
+
+#[test]
+fn an_isovalue_that_moves_costs_the_cells_near_it() {
+    let mesh = large_mesh();
+    let (scalars, clusters) = (slope(&mesh), clusters(&mesh));
+    let nowhere = ClearIntervals::of(&NodeTable::clear());
+    let mut cells = ActiveCells::new();
+    let mut update = |isovalue: f64| {
+        let clear = Arc::new(nowhere.cut_at(&[isovalue]));
+        let found = cells.update(&mesh, &clusters, &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
+        assert_eq!(*found.active, by_label(&mesh, &scalars, &clear));
+        found.classified
+    };
+    let first = update(0.3);
+    for isovalue in [0.31, 0.3, 0.28] {
+        let classified = update(isovalue);
+        assert!(classified > 0 && classified < first / 3, "{isovalue}: {classified}, and {first} at first");
     }
 }
 
@@ -167,6 +236,36 @@ fn chunks_whose_label_is_known_are_not_looked_at() {
     let found =
         cells.update(&mesh, &clusters(&mesh), &Arc::new(partial), (&clear, &known), false, &Cancel::new()).unwrap();
     assert_eq!(*found.active, naive(&mesh, &whole, Some(&tent)));
+}
+
+#[test]
+fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
+    let mesh = large_mesh();
+    let (whole, clusters) = (slope(&mesh), clusters(&mesh));
+    let range = |s: &[f32]| s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
+    let ranges: Vec<_> = whole.chunks(Clusters::VERTICES).map(range).collect();
+    let nowhere = ClearIntervals::of(&NodeTable::clear());
+    let known = |clear: &ClearIntervals| -> Vec<Option<Label>> {
+        let labels: Vec<_> = ranges.iter().map(|&(lo, hi)| clear.label_of_range(lo, hi)).collect();
+        let needed = clusters.needed_scalars(&labels);
+        labels.into_iter().zip(needed).map(|(label, needed)| label.filter(|_| !needed)).collect()
+    };
+    let isovalues = [0.3, 0.31, 0.29, 0.33, 0.3];
+    let all: Vec<_> = isovalues.iter().map(|&value| Arc::new(nowhere.cut_at(&[value]))).collect();
+    // What one of them needs is there.
+    let mut partial = (*whole).clone();
+    for (at, chunk) in partial.chunks_mut(Clusters::VERTICES).enumerate() {
+        if all.iter().all(|clear| known(clear)[at].is_some()) {
+            chunk.fill(ranges[at].0);
+        }
+    }
+    assert!(partial != *whole);
+    let (partial, mut cells) = (Arc::new(partial), ActiveCells::new());
+    for clear in &all {
+        let found = cells.update(&mesh, &clusters, &partial, (clear, &known(clear)), false, &Cancel::new()).unwrap();
+        assert_eq!(*found.active, by_label(&mesh, &whole, clear));
+        assert!(found.active.count() > 0);
+    }
 }
 
 #[test]

@@ -104,6 +104,15 @@ impl ClearIntervals {
         self.intervals.is_empty()
     }
 
+    /// The scalars whose label is another one than that of those just below, ascending.
+    pub(super) fn steps(&self) -> Vec<f32> {
+        // A zero is one step, whatever its sign: scalars are compared by their value.
+        let ends = self.intervals.iter().flat_map(|&[lo, hi]| [lo + 0.0, hi.next_up() + 0.0]);
+        let mut steps: Vec<f32> = ends.filter(|step| step.is_finite()).collect();
+        steps.dedup();
+        steps
+    }
+
     /// The label of a scalar.
     pub fn label(&self, scalar: f32) -> Label {
         if !scalar.is_finite() {

@@ -8,6 +8,7 @@ mod cut_cells;
 mod depth_order;
 mod drawn_faces;
 mod face_selection;
+mod moved;
 #[cfg(test)]
 mod order_tests;
 mod outside;

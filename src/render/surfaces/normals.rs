@@ -9,6 +9,7 @@ use crate::task::Cancel;
 use crate::visibility::{CellSet, Pool};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Weak};
 
 /// Vertices that a thread looks at between two looks at the flag that cancels.
@@ -19,21 +20,28 @@ const CHUNK: usize = 4096;
 pub struct VertexGradients {
     of: Weak<Mesh>,
     cells: CellsOfVertices,
+    vertices: Vec<AtomicU8>,
     pool: Pool<Vec<[f32; 3]>>,
     last: Option<Last>,
 }
 
 /// What the last gradients are of.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Last {
     scalars: Weak<Vec<f32>>,
-    active: Weak<CellSet>,
+    active: Arc<CellSet>,
     gradients: Arc<Vec<[f32; 3]>>,
 }
 
+/// A vertex of no active cell, one whose gradient is asked for, and one that has it.
+const OUTSIDE: u8 = 0;
+const WANTED: u8 = 1;
+const KNOWN: u8 = 2;
+
 impl VertexGradients {
     /// For each vertex of an active cell a unit vector (local coordinates) along the gradient of the scalar there, zero where that
-    /// is zero, from all of its cells with finite scalars; vertices of other cells have a zero. `None` if `cancel` was raised.
+    /// is zero, from all of its cells with finite scalars. Vertices of other cells have a zero, or what they had when their cells were active
+    /// with the same scalars. `None` if `cancel` was raised.
     pub fn update(
         &mut self,
         mesh: &Arc<Mesh>,
@@ -45,31 +53,58 @@ impl VertexGradients {
             let of = Arc::downgrade(mesh);
             *self = Self { of, cells: CellsOfVertices::of(&mesh.topology.tets, scalars.len()), ..Self::default() };
         }
-        let is_same =
-            |last: &&Last| last.scalars.as_ptr() == Arc::as_ptr(scalars) && last.active.as_ptr() == Arc::as_ptr(active);
-        if let Some(last) = self.last.as_ref().filter(is_same) {
+        let last = self.last.take().filter(|last| last.scalars.as_ptr() == Arc::as_ptr(scalars));
+        if let Some(last) = last.as_ref().filter(|last| Arc::ptr_eq(&last.active, active)) {
+            self.last = Some(last.clone());
             return Some(last.gradients.clone());
         }
-        let cells = &self.cells;
-        let gradients = self.pool.make(|out| {
+        if last.is_none() {
+            self.vertices.clear();
+            self.vertices.resize_with(scalars.len(), || AtomicU8::new(OUTSIDE));
+        }
+        self.want(&mesh.topology.tets, active, last.as_ref().map(|last| &*last.active));
+        let Self { cells, vertices, pool, .. } = self;
+        let gradients = pool.make(|out| {
             out.resize(scalars.len(), [0.0; 3]);
-            out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
-                if !cancel.is_cancelled() {
-                    out.iter_mut().zip(chunk * CHUNK..).for_each(|(out, vertex)| {
-                        let of_vertex = cells.of_vertex(vertex);
-                        let is_wanted = of_vertex.iter().any(|&cell| active.contains(cell));
-                        *out = if is_wanted { gradient(mesh, scalars, of_vertex) } else { [0.0; 3] };
-                    });
+            let chunks = out.par_chunks_mut(CHUNK).zip(vertices.par_chunks_mut(CHUNK)).enumerate();
+            chunks.filter(|_| !cancel.is_cancelled()).for_each(|(chunk, (out, vertices))| {
+                let first = chunk * CHUNK;
+                match &last {
+                    Some(last) => out.copy_from_slice(&last.gradients[first..][..out.len()]),
+                    None => out.fill([0.0; 3]),
+                }
+                for (vertex, (out, state)) in (first..).zip(out.iter_mut().zip(vertices)) {
+                    if *state.get_mut() == WANTED {
+                        *state.get_mut() = KNOWN;
+                        *out = gradient(mesh, scalars, cells.of_vertex(vertex));
+                    }
                 }
             });
         });
         if cancel.is_cancelled() {
-            self.last = None;
             return None;
         }
-        let (scalars, active) = (Arc::downgrade(scalars), Arc::downgrade(active));
-        self.last = Some(Last { scalars, active, gradients: gradients.clone() });
+        self.last =
+            Some(Last { scalars: Arc::downgrade(scalars), active: active.clone(), gradients: gradients.clone() });
         Some(gradients)
+    }
+
+    /// Marks the vertices of active cells that have no gradient; `before`: cells whose vertices have theirs.
+    fn want(&self, tets: &[[u32; 4]], active: &CellSet, before: Option<&CellSet>) {
+        let words = active.words().par_iter().enumerate().with_min_len(256);
+        words.for_each(|(at, &word)| {
+            let mut new = before.map_or(word, |before| word & !before.words()[at]);
+            while new != 0 {
+                let cell = 64 * at + new.trailing_zeros() as usize;
+                new &= new - 1;
+                for &vertex in &tets[cell] {
+                    let state = &self.vertices[vertex as usize];
+                    if state.load(Ordering::Relaxed) == OUTSIDE {
+                        state.store(WANTED, Ordering::Relaxed);
+                    }
+                }
+            }
+        });
     }
 }
 
@@ -177,6 +212,32 @@ mod tests {
         let with_hole = gradients.update(&mesh, &Arc::new(with_hole), &all, &Cancel::new()).unwrap();
         assert_eq!(with_hole[hole as usize], [0.0; 3]);
         assert!(with_hole.iter().flatten().all(|c| c.is_finite()) && with_hole != found);
+    }
+
+    #[test]
+    fn cells_that_become_active_over_the_same_scalars_have_the_gradients_that_they_would_have_alone() {
+        let mesh = mesh();
+        let scalars = of(&mesh, |p| p.x * p.x + 0.3 * p.y * p.z);
+        let every = |n: usize| Arc::new(CellSet::of(mesh.topology.tets.len(), |cell| cell % n == 1));
+        let mut gradients = VertexGradients::default();
+        let mut held = Vec::new();
+        for (scalars, active) in [
+            (scalars.clone(), every(31)),
+            (scalars.clone(), every(29)),
+            (of(&mesh, |p| p.y), every(29)),
+            (scalars.clone(), every(7)),
+            (scalars, every(31)),
+        ] {
+            let found = gradients.update(&mesh, &scalars, &active, &Cancel::new()).unwrap();
+            let alone = VertexGradients::default().update(&mesh, &scalars, &active, &Cancel::new()).unwrap();
+            let is_of_active =
+                |v: &u32| (0..).zip(&mesh.topology.tets).any(|(c, tet)| active.contains(c) && tet.contains(v));
+            let vertices: Vec<u32> = (0..scalars.len() as u32).filter(is_of_active).collect();
+            assert!(!vertices.is_empty() && vertices.iter().all(|&v| found[v as usize] == alone[v as usize]));
+            assert!(vertices.iter().any(|&v| found[v as usize] != [0.0; 3]));
+            held.push((found.clone(), found.to_vec()));
+        }
+        assert!(held.iter().all(|(shared, copy)| **shared == *copy), "what was handed out stays as it is");
     }
 
     #[test]
