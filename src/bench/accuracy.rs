@@ -27,7 +27,7 @@ use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, TetDraw, TetLayer};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, SampleSet, TetDraw, TetLayer};
 use crate::render::cpu::raycast::Raycast;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
@@ -202,6 +202,7 @@ impl AccuracyPath {
         };
         FrameRequest {
             backend: self.backend,
+            samples: self.contrast.map_or(SampleSet::All, |contrast| SampleSet::Adaptive { contrast }),
             size_px: (scaled(width), scaled(height)),
             skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },
             ..scene.clone().with_tets(with_path)

@@ -139,6 +139,7 @@ pub(super) fn describe(
         exact_order: k_buffer.map(|buffer| buffer.exact_order),
         table_size: (optics == OpticsKind::Table3d).then_some(Table3dResolution::default().scalars),
         image_scale: 1.0,
+        contrast: request.samples.contrast().map(|contrast| f64::from(contrast.get())),
         ratio: None,
         scene: None,
         threads: rayon::current_num_threads(),

@@ -73,6 +73,9 @@ pub struct BenchRun {
     /// Width and height of the image that was rendered and then enlarged, over those of `size`.
     #[serde(default = "whole")]
     pub image_scale: f64,
+    /// The contrast that decided which rays were cast; `None` where all were.
+    #[serde(default)]
+    pub contrast: Option<f64>,
     /// Bytes of the values as f32 over those in the store; `None` if that was not looked at.
     #[serde(default)]
     pub ratio: Option<f64>,
@@ -209,6 +212,7 @@ mod tests {
             exact_order: Some(true),
             table_size: None,
             image_scale: 0.5,
+            contrast: None,
             ratio: Some(12.5),
             scene: Some(SceneName {
                 series: "jet".to_owned(),
@@ -244,7 +248,7 @@ mod tests {
         assert_eq!(keys(&json["machine"]), listed("cpu cores adapter"));
         let run = &json["runs"][0];
         let documented = "dataset cells vertices viewpoints time_moves camera_moves size backend mode lod optics codec skip k \
-            exact_order table_size image_scale ratio scene threads ms fps cells_per_s error stats";
+            exact_order table_size image_scale contrast ratio scene threads ms fps cells_per_s error stats";
         assert_eq!(keys(run), listed(documented));
         assert_eq!(keys(&run["ms"]), listed("frame decode order place render p50 p95"));
         assert_eq!(keys(&run["error"]), listed("rmse max psnr flip judge"));
@@ -256,7 +260,7 @@ mod tests {
     #[test]
     fn a_record_from_before_the_accuracy_suite_still_reads() {
         let mut json = serde_json::to_value(run()).unwrap();
-        for key in ["k", "exact_order", "table_size", "image_scale", "ratio", "scene"] {
+        for key in ["k", "exact_order", "table_size", "image_scale", "contrast", "ratio", "scene"] {
             json.as_object_mut().unwrap().remove(key);
         }
         let old: BenchRun = serde_json::from_value(json).unwrap();

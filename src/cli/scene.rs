@@ -9,7 +9,9 @@ use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, Sampling, Series, TetDraw};
+use crate::pipeline::{
+    Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, SampleSet, Sampling, Series, TetDraw,
+};
 use crate::project::{Animation, Project};
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
@@ -201,6 +203,8 @@ pub(super) struct Scene {
     colors: Option<Colors>,
     /// Whether frames have planes of normals and numbers of surfaces.
     pub(super) guides: bool,
+    /// The pixels that rays are cast for.
+    pub(super) samples: SampleSet,
     /// What a project says, in place of the look.
     animation: Option<Animation>,
     /// Ends what takes long.
@@ -343,6 +347,7 @@ impl Scene {
             gpu: args.gpu(),
             colors: None,
             guides: false,
+            samples: SampleSet::All,
             animation: None,
             cancel: cancel.clone(),
         };
@@ -401,7 +406,8 @@ impl Scene {
             tets.show(&self.look.surfaces.at(said.surfaces));
         });
         let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
-        Ok(FrameRequest { backend, skip, guides: self.guides && has_surfaces, ..request })
+        let (guides, samples) = (self.guides && has_surfaces, self.samples.clone());
+        Ok(FrameRequest { backend, skip, guides, samples, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.
@@ -461,7 +467,7 @@ impl Scene {
             opacity_kind: self.look.opacity_kind,
             unit_distance: self.look.lengths.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
-            extras: Default::default(),
+            extras: request.samples.contrast().map(|c| ("contrast".to_owned(), c.to_string())).into_iter().collect(),
         }
     }
 

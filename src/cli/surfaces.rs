@@ -62,6 +62,12 @@ impl SurfaceArgs {
         !self.iso.is_empty()
     }
 
+    /// Whether surfaces have light that is found on the whole image.
+    pub(super) fn needs_whole_image(&self) -> bool {
+        let is_of_screen = self.ao || matches!(self.shade, Normals::Screen | Normals::Depth);
+        is_of_screen && !(self.iso.is_empty() && self.cut.is_empty())
+    }
+
     /// What looks have of them: of a series, beside which other fields are, with a transfer function whose colours these have where none
     /// are named.
     pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {

@@ -277,9 +277,14 @@ pub enum RequestError {
     Surfaces(#[from] SurfaceError),
     /// Light that is found on an image of which not all is there.
     #[error(
-        "shading by screen, by depth and ambient occlusion need all pixels of the image; leave them out, or the samples"
+        "shading by screen, by depth and ambient occlusion need the rays of all pixels; leave them out, or cast all rays"
     )]
     ScreenOfSome,
+    /// Contrast decides which rays are cast, and no rays go from cell to cell.
+    #[error(
+        "rays that contrast asks for go from cell to cell, and {0} draws otherwise; choose raycast or auto, or cast all rays"
+    )]
+    AdaptiveBy(&'static str),
     /// No field of that name beside the one that is shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

@@ -259,6 +259,9 @@ impl OnImage {
 #[derive(Debug, Default)]
 pub(super) struct Order {
     cells: ActiveCells,
+    /// For contrast-adaptive sampling, which is to be the same whatever is skipped.
+    domain_cells: ActiveCells,
+    clear: Clear,
     /// For modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
@@ -296,8 +299,16 @@ impl Order {
         let started = Instant::now();
         let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
         view.samples = request.samples.samples(request.size_px)?;
+        let contrast = request.samples.contrast();
+        if contrast.is_some() && decoded.by != DrawnBy::Raycast {
+            return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
+        }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let (activity, clipped) = self.activity(series, request, &decoded, &planes, cancel)?;
+        let domain = match contrast {
+            Some(_) if !request.skip.clear_cells => Some(self.domain_of(series, request, &decoded, &planes, cancel)?),
+            _ => None,
+        };
         let Activity { finite, active, classified } = activity;
         let Decoded { layer, by, scalars, compressed, colors, beside, known, mut stats, .. } = decoded;
         (stats.cells_classified, stats.cells_clipped) = (classified, clipped);
@@ -327,7 +338,11 @@ impl Order {
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
-            finite: Some(finite.clone()).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
+            // Where contrast decides, rays that meet active cells are told from others.
+            finite: Some(finite.clone())
+                .filter(|finite| contrast.is_none() && known.is_empty() && !Arc::ptr_eq(finite, &active)),
+            contrast,
+            domain,
             // A joint table is integrated exactly: nothing is to be prepared for other optics.
             optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
             formula: layer.formula.filter(|_| joint.is_none()),
@@ -445,6 +460,22 @@ impl Order {
         drawn.ok_or(PipelineError::Cancelled)
     }
 
+    /// The cells that the request would show if none that are clear were gone through.
+    fn domain_of(
+        &mut self,
+        series: &Series,
+        request: &FrameRequest,
+        decoded: &Decoded,
+        planes: &CutPlanes,
+        cancel: &Cancel,
+    ) -> Result<Arc<CellSet>, PipelineError> {
+        let clear = self.clear.of(&decoded.layer, decoded.by, Skip { clear_cells: true, ..request.skip });
+        std::mem::swap(&mut self.cells, &mut self.domain_cells);
+        let found = self.activity_where(series, request, decoded, (&clear, planes), cancel);
+        std::mem::swap(&mut self.cells, &mut self.domain_cells);
+        Ok(found?.0.active)
+    }
+
     /// The cells that the request shows, and how many it would show without clips.
     fn activity(
         &mut self,
@@ -454,7 +485,19 @@ impl Order {
         planes: &CutPlanes,
         cancel: &Cancel,
     ) -> Result<(Activity, u64), PipelineError> {
-        let Decoded { scalars, clear, known, .. } = decoded;
+        self.activity_where(series, request, decoded, (&decoded.clear, planes), cancel)
+    }
+
+    /// The same where the table is not `clear`.
+    fn activity_where(
+        &mut self,
+        series: &Series,
+        request: &FrameRequest,
+        decoded: &Decoded,
+        (clear, planes): (&Arc<ClearIntervals>, &CutPlanes),
+        cancel: &Cancel,
+    ) -> Result<(Activity, u64), PipelineError> {
+        let Decoded { scalars, known, .. } = decoded;
         let forget = !request.skip.unchanged;
         let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
         let mut found = found.ok_or(PipelineError::Cancelled)?;

@@ -2,12 +2,14 @@
 
 use super::RequestError;
 use crate::camera::{Lattice, PixelSet, Samples};
+use crate::render::Contrast;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
+use std::str::FromStr;
 use std::sync::Arc;
 
 /// The pixels of an image that rays are cast for. What a ray sees does not depend on which others are cast.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum SampleSet {
     /// All of them.
@@ -22,6 +24,12 @@ pub enum SampleSet {
     /// These, row times the width of the image plus column, in any order and each once: a plane of one row, which has their order.
     /// Rendered on the CPU.
     Pixels(#[serde(with = "pixels")] Arc<[u32]>),
+    /// Those that contrast asks for; the others are filled in between, so that the planes have all pixels. By rays from cell to cell, on the
+    /// CPU. At a contrast of 0 these are all of them.
+    Adaptive {
+        /// How much neighbouring rays may differ.
+        contrast: Contrast,
+    },
 }
 
 impl SampleSet {
@@ -31,10 +39,34 @@ impl SampleSet {
     /// If pixels are listed that the image does not have, one twice, or none.
     pub fn samples(&self, size_px: (usize, usize)) -> Result<Samples, RequestError> {
         Ok(match self {
-            Self::All => Samples::ALL,
+            Self::All | Self::Adaptive { .. } => Samples::ALL,
             Self::Lattice { stride_px } => Samples::Lattice(Lattice::new(*stride_px)),
             Self::Pixels(pixels) => Samples::Pixels(Arc::new(PixelSet::new(size_px, pixels)?)),
         })
+    }
+
+    /// The contrast that decides which rays are cast, if that is what decides.
+    pub fn contrast(&self) -> Option<Contrast> {
+        match self {
+            Self::Adaptive { contrast } => Some(*contrast),
+            Self::All | Self::Lattice { .. } | Self::Pixels(_) => None,
+        }
+    }
+}
+
+/// As options name it: `exact`, or `adaptive` with a contrast behind a colon.
+impl FromStr for SampleSet {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "exact" => Ok(Self::All),
+            None if text == "adaptive" => Ok(Self::Adaptive { contrast: Contrast::default() }),
+            Some(("adaptive", contrast)) => Ok(Self::Adaptive { contrast: contrast.parse()? }),
+            _ => Err(format!(
+                "there are no rays '{text}'; write exact, adaptive or adaptive:CONTRAST, as in adaptive:0.02"
+            )),
+        }
     }
 }
 

@@ -120,6 +120,9 @@ pub struct Output {
     /// Degrees that the camera turns by.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub turntable: Option<f64>,
+    /// Rays that are cast, as `--rays` has them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rays: Option<String>,
     /// Colour behind the volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<String>,

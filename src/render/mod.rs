@@ -5,6 +5,7 @@
 //! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`]
 //! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
 
+mod adaptive;
 pub mod cpu;
 pub mod domain;
 mod frame_run;
@@ -29,6 +30,7 @@ use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, DrawnFaces, Skip};
+pub use adaptive::{BadContrast, Contrast};
 pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
 pub use layers::{LayerFragment, LayerFragments};
@@ -76,6 +78,10 @@ pub struct RenderJob {
     pub prepared: Option<PreparedOptics>,
     /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
     pub placed: Option<cpu::Placed>,
+    /// The contrast that decides which rays are cast, by the CPU's ray caster; all of them without.
+    pub contrast: Option<Contrast>,
+    /// The cells that decide with it, if these are not the active ones.
+    pub domain: Option<Arc<CellSet>>,
     /// What may be left out; the image is the same.
     pub skip: Skip,
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
@@ -250,6 +256,8 @@ impl RenderJob {
             optics: OpticsKind::default(),
             prepared: None,
             placed: None,
+            contrast: None,
+            domain: None,
             skip: Skip::default(),
             cancel: Cancel::default(),
             thread_limit: ThreadLimit::default(),
@@ -311,6 +319,12 @@ impl RenderJob {
 }
 
 impl RenderJob {
+    /// The contrast by which it is decided which rays are cast; `None` if all are.
+    fn adaptive_contrast(&self) -> Option<f32> {
+        let beside_cells = self.fragments.is_some();
+        self.contrast.map(Contrast::get).filter(|&contrast| contrast > 0.0 && !beside_cells)
+    }
+
     /// The job whose image has the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its number in place of
     /// opacity, and its depth; `None` if there is none.
     pub(crate) fn of_guides(&self) -> Option<Self> {
@@ -318,7 +332,8 @@ impl RenderJob {
         let (formula, joint, prepared, fragments, compressed) = Default::default();
         let (table, optics, for_window) = (Arc::new(NodeTable::clear()), OpticsKind::Exact, false);
         let stats = FrameStats::default();
-        let of_guides = Self { surfaces, formula, joint, prepared, fragments, compressed, ..self.clone() };
+        let of_guides =
+            Self { surfaces, formula, joint, prepared, fragments, compressed, contrast: None, ..self.clone() };
         Some(Self { table, optics, for_window, stats, ..of_guides })
     }
 }

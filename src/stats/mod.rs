@@ -62,6 +62,13 @@ pub struct FrameStats {
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
+    /// Rays that were cast at strides 8, 4, 2 and 1, where contrast decides which.
+    pub rays_by_level: [u64; 4],
+    /// Blocks between rays that were split since their corners differ, since the border of the domain goes through them, since a face of
+    /// it reaches into them, and since one beside them is.
+    pub blocks_split: [u64; 4],
+    /// Blocks between rays whose pixels were filled.
+    pub blocks_filled: u64,
     /// Whether the reference evaluated the transfer function by its formula; by its table otherwise.
     pub by_formula: bool,
     /// Whether the GPU rendered it.

@@ -56,7 +56,7 @@ fn measured(pipeline: &mut Pipeline, judged: &Judged) -> AccuracyRuns {
 /// Whether a path leaves nothing out, and must therefore be right.
 fn is_exact(run: &BenchRun) -> bool {
     let is_whole = run.lod == 1.0 && run.image_scale == 1.0 && run.optics == "exact";
-    is_whole && run.codec == "raw" && run.exact_order != Some(false)
+    is_whole && run.contrast.is_none() && run.codec == "raw" && run.exact_order != Some(false)
 }
 
 /// The exact paths and scenes that are further from the truth than they may be.
@@ -95,7 +95,7 @@ fn every_path_is_measured_and_those_that_leave_nothing_out_are_exact() {
         ] {
             let is_it = |run: &BenchRun| {
                 let factors = (run.mode.as_str(), run.optics.as_str(), run.table_size, run.image_scale, run.lod);
-                run.backend == backend && factors == (mode, optics, table, scale, 1.0)
+                run.backend == backend && run.contrast.is_none() && factors == (mode, optics, table, scale, 1.0)
             };
             assert!(has(&is_it) || !is_there, "{backend} {mode} {optics} {table:?} {scale}");
         }
@@ -133,8 +133,11 @@ fn errors_grow_with_all_that_is_left_out() {
     let is_cast = |run: &BenchRun| run.mode == "raycast" && run.backend == "cpu";
     let of_table = |size| worst(&runs, |run| is_cast(run) && run.table_size == Some(size) && run.image_scale == 1.0);
     assert!(of_table(32) > of_table(256), "{} {}", of_table(32), of_table(256));
-    let at_scale = |scale: f64| worst(&runs, |run| is_cast(run) && has_no_table(run) && run.image_scale == scale);
+    let casts_all = |run: &BenchRun| is_cast(run) && has_no_table(run) && run.contrast.is_none();
+    let at_scale = |scale: f64| worst(&runs, |run| casts_all(run) && run.image_scale == scale);
     assert!(at_scale(0.25) > at_scale(0.5) && at_scale(0.5) > at_scale(1.0));
+    let with = |contrast: f32| worst(&runs, |run| run.contrast == Some(f64::from(contrast)));
+    assert!(with(0.2) > with(0.01) && with(0.01) < at_scale(0.5), "{} {}", with(0.2), with(0.01));
 }
 
 #[test]

@@ -276,6 +276,40 @@ fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
 }
 
 #[test]
+fn no_switch_changes_which_rays_contrast_asks_for() {
+    let (_out, store) = stored(SeriesName::Jet, 40_000, CodecChoice::default());
+    let open = || Pipeline::open(&store, None).unwrap();
+    let mut plain = open();
+    let requests: Vec<FrameRequest> = journey(&plain)
+        .into_iter()
+        .map(|request| FrameRequest { samples: "adaptive:0.03".parse().unwrap(), size_px: (150, 110), ..request })
+        .collect();
+    let off: Vec<Frame> = requests
+        .iter()
+        .map(|request| plain.render(&with(request, TetDraw::Raycast, Skip::NONE)).unwrap().clone())
+        .collect();
+    let reasons = off.iter().fold([0; 4], |sum, frame| std::array::from_fn(|i| sum[i] + frame.stats.blocks_split[i]));
+    assert!(reasons.iter().all(|&count| count > 0), "{reasons:?}");
+    let mut sampled = 0;
+    for skip in all_but_one().chain([Skip::ALL]) {
+        let mut pipeline = open();
+        for (i, (request, off)) in requests.iter().zip(&off).enumerate() {
+            let on = pipeline.render(&with(request, TetDraw::Raycast, skip)).unwrap();
+            // Where nothing is to be seen, that may be known without a ray.
+            if on.stats.rays_by_level != [0; 4] {
+                assert_eq!(on.stats.rays_by_level, off.stats.rays_by_level, "{i}, {skip}");
+                assert_eq!(on.stats.blocks_split, off.stats.blocks_split, "{i}, {skip}");
+                sampled += 1;
+            }
+            assert!(bits(on) == bits(off), "{i}, {skip}");
+        }
+    }
+    assert!(sampled > 20, "{sampled} frames");
+    let other = FrameRequest { samples: "adaptive:0.1".parse().unwrap(), ..requests[7].clone() };
+    assert!(bits(plain.render(&with(&other, TetDraw::Raycast, Skip::ALL)).unwrap()) != bits(&off[7]));
+}
+
+#[test]
 fn every_counter_fires_and_none_without_its_switch() {
     let (_out, store) =
         stored(SeriesName::Jet, 200_000, CodecChoice::Vq(VqOptions { entries: 64, ..VqOptions::default() }));

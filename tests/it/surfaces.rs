@@ -322,7 +322,7 @@ fn light_of_the_image_needs_all_of_it() {
     for (normals, occlusion) in [(Normals::Screen, false), (Normals::Depth, false), (Normals::Cell, true)] {
         let request = opaque(&pipeline, 0.4, normals).with_tets(|tets| tets.shading.ambient_occlusion = occlusion);
         let refused = pipeline.render(&FrameRequest { samples: samples.clone(), ..request }).unwrap_err();
-        assert!(refused.to_string().contains("need all pixels of the image"), "{refused}");
+        assert!(refused.to_string().contains("need the rays of all pixels"), "{refused}");
     }
     let cells = FrameRequest { samples, ..opaque(&pipeline, 0.4, Normals::Cell) };
     assert_eq!(planes(&mut pipeline, &cells, TetDraw::Raycast).id.width, 54);

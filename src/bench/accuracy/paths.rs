@@ -3,7 +3,7 @@
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{Backend, FaceDetail, RenderMode};
-use crate::render::KBuffer;
+use crate::render::{Contrast, KBuffer};
 
 /// One way from scalars to pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,8 @@ pub struct AccuracyPath {
     pub k_buffer: KBuffer,
     /// Width and height of the image that is rendered and then enlarged, as a share of those that are judged.
     pub image_scale: f64,
+    /// The contrast that decides which rays are cast; all are without.
+    pub contrast: Option<Contrast>,
 }
 
 /// Levels of detail beside the whole.
@@ -32,6 +34,16 @@ pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
 pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
 /// Image scales beside 1.
 pub const IMAGE_SCALES: [f64; 2] = [0.5, 0.25];
+/// Contrasts that decide which rays are cast.
+pub const CONTRASTS: [Contrast; 5] = [contrast(0.2), contrast(0.1), contrast(0.05), contrast(0.02), contrast(0.01)];
+
+/// One that there is: what is none does not compile.
+const fn contrast(contrast: f32) -> Contrast {
+    match Contrast::new(contrast) {
+        Some(contrast) => contrast,
+        None => panic!("0 to 1"),
+    }
+}
 
 /// The ray caster on the CPU with nothing left out: every other path differs from it, or from [`FACES`], in one thing or two.
 const RAYS: AccuracyPath = AccuracyPath {
@@ -42,6 +54,7 @@ const RAYS: AccuracyPath = AccuracyPath {
     lod: 1.0,
     k_buffer: KBuffer::USUAL,
     image_scale: 1.0,
+    contrast: None,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
 /// The judge's integration of the table that all others draw: what the table itself is off.
@@ -66,6 +79,7 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
     all.push(AccuracyPath { optics: OpticsKind::Table3d, ..FACES });
     all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
     all.extend(IMAGE_SCALES.map(|image_scale| AccuracyPath { image_scale, ..RAYS }));
+    all.extend(CONTRASTS.map(|contrast| AccuracyPath { contrast: Some(contrast), ..RAYS }));
     all.extend(LODS.map(|lod| AccuracyPath { lod, ..FACES }));
     for exact_order in [true, false] {
         all.extend(KS.map(|k| AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
@@ -94,11 +108,12 @@ pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<Accuracy
 }
 
 impl AccuracyPath {
-    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, and in exact order no
-    /// buffer.
+    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, casts all rays, and has in
+    /// exact order no buffer.
     fn is_of_gpu(&self) -> bool {
         let KBuffer { k, exact_order } = self.k_buffer;
         self.mode != RenderMode::Reference
+            && self.contrast.is_none()
             && self.table_scalars == Table3dResolution::default().scalars
             && (!exact_order || k == RAYS.k_buffer.k)
     }
@@ -144,6 +159,7 @@ mod tests {
             .into_iter()
             .for_each(|table_scalars| has(AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
         IMAGE_SCALES.into_iter().for_each(|image_scale| has(AccuracyPath { image_scale, ..RAYS }));
+        CONTRASTS.into_iter().for_each(|contrast| has(AccuracyPath { contrast: Some(contrast), ..RAYS }));
         for exact_order in [true, false] {
             KS.into_iter().for_each(|k| has(AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
         }

@@ -49,6 +49,9 @@ pub fn path_label(run: &BenchRun) -> String {
     if run.image_scale != 1.0 {
         label.push_str(&format!(", image 1/{}", percent(1.0 / run.image_scale / 100.0)));
     }
+    if let Some(contrast) = run.contrast {
+        label.push_str(&format!(", contrast {}", (contrast * 1e6).round() / 1e6));
+    }
     if let (false, Some(ratio)) = (run.codec == raw::NAME, run.ratio) {
         label.push_str(&format!(", {} {ratio:.0}:1", run.codec));
     }
@@ -202,6 +205,8 @@ mod tests {
         assert_eq!(path_label(&inexact), "havs GPU, k = 8 inexact");
         let small = BenchRun { image_scale: 0.25, table_size: Some(64), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&small), "raycast, table 64, image 1/4");
+        let fewer = BenchRun { contrast: Some(f64::from(0.05_f32)), ..run("jet", 1.0, 0.0) };
+        assert_eq!(path_label(&fewer), "raycast, contrast 0.05");
         let partial = BenchRun { optics: "partial".to_owned(), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&partial), "raycast, partial");
         let packed = BenchRun { codec: "vq".to_owned(), ratio: Some(12.4), ..run("jet", 1.0, 0.0) };

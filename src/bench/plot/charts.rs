@@ -108,7 +108,7 @@ pub(super) static CHARTS: [Kind; 6] = [
             axis: "width rendered over width shown [1]",
             ticks_at_points: true,
             place: |run| {
-                let is_alone = run.mode == "raycast" && run.table_size.is_none();
+                let is_alone = run.mode == "raycast" && run.table_size.is_none() && run.contrast.is_none();
                 is_alone.then_some((run.image_scale, on(run, ["ray caster", "ray caster, GPU"])))
             },
             is_of_codecs: false,
@@ -123,7 +123,7 @@ fn on(run: &BenchRun, names: [&'static str; 2]) -> &'static str {
 
 /// Full size, integrated without a table.
 fn is_plain(run: &BenchRun) -> bool {
-    run.image_scale == 1.0 && run.table_size.is_none()
+    run.image_scale == 1.0 && run.table_size.is_none() && run.contrast.is_none()
 }
 
 fn has_usual_buffer(run: &BenchRun) -> bool {

@@ -23,6 +23,7 @@ pub(in crate::bench) fn run(series: &str, ms: f64, rmse: f64) -> BenchRun {
         exact_order: None,
         table_size: None,
         image_scale: 1.0,
+        contrast: None,
         ratio: Some(1.0),
         scene: Some(SceneName {
             series: series.to_owned(),

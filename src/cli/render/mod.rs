@@ -17,7 +17,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
-use crate::pipeline::{Pipeline, RenderMode};
+use crate::pipeline::{Backend, DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw};
 use crate::project::Project;
 use crate::short::Short;
 use crate::stats::FrameStats;
@@ -59,6 +59,10 @@ pub(super) struct Args {
     scene: SceneArgs,
     #[command(flatten)]
     image: SizeArgs,
+    /// Rays that are cast: exact (one for each pixel), or adaptive[:CONTRAST] (more where neighbouring ones differ by more than that, 0 to 1;
+    /// 0.05 if not said) and the pixels between them filled (docs/sampling.md)
+    #[arg(long, value_name = "RAYS", default_value = "exact")]
+    rays: SampleSet,
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
@@ -111,6 +115,30 @@ impl Args {
         })
     }
 
+    /// Refuses what cannot be drawn with fewer rays.
+    fn check_rays(&self) -> anyhow::Result<()> {
+        let SceneArgs { mode, faces, backend, surfaces, .. } = &self.scene;
+        if self.rays.contrast().is_none() {
+            return Ok(());
+        }
+        match TetDraw::chosen(*mode, faces.detail()).drawn_by() {
+            DrawnBy::Raycast => {}
+            by => bail!(
+                "--rays adaptive is about rays from cell to cell, and {} draws otherwise; choose --mode raycast, all faces, or --rays exact",
+                by.name()
+            ),
+        }
+        if *backend == Backend::Gpu {
+            bail!("--rays adaptive is rendered on the CPU only; leave --backend gpu out");
+        }
+        if surfaces.needs_whole_image() {
+            bail!(
+                "--shade screen, --shade depth and --ao need the rays of all pixels; leave them out, or choose --rays exact"
+            );
+        }
+        Ok(())
+    }
+
     /// Files that are written beside the frames.
     fn side_files(&self) -> Vec<(&'static str, &Path)> {
         let files = [("--stats", &self.stats), ("--trace", &self.trace)];
@@ -143,6 +171,7 @@ impl Args {
         };
         self.time.check(format.is_some())?;
         self.scene.check_adapter()?;
+        self.check_rays()?;
         self.still_options()?;
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
@@ -248,6 +277,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let in_file = |error| project::in_file(error, args.project.as_deref());
     let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
     let mut scene = scene.map_err(in_file)?;
+    scene.samples = args.rays.clone();
     // An EXR has room for all planes.
     scene.guides = matches!(output, Target::Images(_)) && StillFormat::of(&output.path(0)) == Some(StillFormat::Exr);
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.

@@ -1,5 +1,6 @@
 //! The image in tiles, and which of its pixels a triangle may cover.
 
+use super::super::adaptive::{PixelBits, Seen};
 use super::super::{Frame, Planes, RenderJob};
 use super::ray::ViewVertex;
 use crate::camera::{Lattice, PixelSet, Samples, View};
@@ -34,7 +35,11 @@ pub(super) struct TileGrid {
 impl TileGrid {
     /// The tiles of a view's image.
     pub(super) fn of(view: &View) -> Self {
-        let (width, height) = (view.width_px, view.height_px);
+        Self::of_size((view.width_px, view.height_px))
+    }
+
+    /// The tiles of an image of this width and height.
+    pub(super) fn of_size((width, height): (usize, usize)) -> Self {
         Self { columns: width.div_ceil(TILE_PX), rows: height.div_ceil(TILE_PX), width, height }
     }
 
@@ -66,7 +71,12 @@ struct TileTurn {
     tile: u32,
     /// Nanoseconds that it took when it was last rendered.
     nanos: u64,
+    /// Rays that met something, when it was last rendered.
+    met: TileBits,
 }
+
+/// Some pixels of a tile: for each row a bit per column.
+pub(super) type TileBits = [u16; TILE_PX];
 
 /// The tiles of a grid in the order in which they are done: the costliest of the last frame first, so that only cheap ones are
 /// left when a thread finds no more. The image does not depend on it.
@@ -91,7 +101,11 @@ impl TileOrder {
                 let [x, y] = [away(tile % grid.columns, grid.columns), away(tile / grid.columns, grid.rows)];
                 u64::from(u32::MAX).saturating_sub(x * x + y * y)
             };
-            self.turns.extend((0..grid.tile_count()).map(|tile| TileTurn { tile: tile as u32, nanos: nearness(tile) }));
+            self.turns.extend((0..grid.tile_count()).map(|tile| TileTurn {
+                tile: tile as u32,
+                nanos: nearness(tile),
+                met: [0; TILE_PX],
+            }));
         }
         let by_cost = |turn: &TileTurn| (std::cmp::Reverse(turn.nanos), turn.tile);
         if costly_first {
@@ -129,10 +143,7 @@ impl<S: Default + Send> Tiles<S> {
         self.next = 0;
     }
 
-    /// Renders the next tiles for about `budget` (one at least) into the planes of the frame; whether that were the last.
-    ///
-    /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
-    /// is done is always a prefix, and no thread waits for others before the end of the slice.
+    /// Renders the next tiles of a view's image for about `budget` (one at least) into the planes of the frame; whether that were the last.
     pub(super) fn render(
         &mut self,
         job: &RenderJob,
@@ -140,6 +151,34 @@ impl<S: Default + Send> Tiles<S> {
         frame: &mut Frame,
         render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> FrameStats + Sync,
     ) -> bool {
+        let is_rendered = |PixelRect { x, y, width, height }| job.view.renders_some_in(x..x + width, y..y + height);
+        let done = self.render_some(job, budget, &mut frame.stats, is_rendered, |tile, scratch, pixels| {
+            (render_tile(tile, scratch, pixels), [0; TILE_PX])
+        });
+        match &job.view.samples {
+            Samples::Lattice(lattice) => done.copy_lattice(*lattice, &mut frame.planes),
+            Samples::Pixels(pixels) => done.copy_pixels(pixels, &mut frame.planes),
+        }
+        self.are_done()
+    }
+
+    /// Whether all tiles are there.
+    pub(super) fn are_done(&self) -> bool {
+        self.next * TILE_PX * TILE_PX >= self.pixels.len()
+    }
+
+    /// Renders the next tiles of which something `is_rendered` for about `budget` (one at least); returns all tiles that were gone through.
+    ///
+    /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
+    /// is done is always a prefix, and no thread waits for others before the end of the slice.
+    pub(super) fn render_some(
+        &mut self,
+        job: &RenderJob,
+        budget: Duration,
+        stats: &mut FrameStats,
+        is_rendered: impl Fn(PixelRect) -> bool + Sync,
+        render_tile: impl Fn(usize, &mut S, &mut [TilePixel]) -> (FrameStats, TileBits) + Sync,
+    ) -> TilesDone<'_> {
         let started = Instant::now();
         let (first, scratch, grid) = (self.next, &self.scratch, self.order.grid);
         let goes_on = || started.elapsed() < budget && !job.cancel.is_cancelled();
@@ -150,16 +189,19 @@ impl<S: Default + Send> Tiles<S> {
             .take_while(|&(_, place)| place == first || goes_on())
             .inspect(|_| self.next += 1)
             .par_bridge()
-            .map(|((pixels, TileTurn { tile, nanos }), _)| {
+            .map(|((pixels, TileTurn { tile, nanos, met }), _)| {
                 let _turn = job.thread_limit.turn();
                 // A thread of the pool has a scratch of its own: the lock is never waited for.
                 let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
                 let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
                 let begun = Instant::now();
-                let rect = grid.rect(*tile as usize);
-                let is_rendered = job.view.renders_some_in(rect.x..rect.x + rect.width, rect.y..rect.y + rect.height);
-                let counts =
-                    if is_rendered { render_tile(*tile as usize, &mut scratch, pixels) } else { FrameStats::default() };
+                let counts = if is_rendered(grid.rect(*tile as usize)) {
+                    let (counts, met_by) = render_tile(*tile as usize, &mut scratch, pixels);
+                    *met = met_by;
+                    counts
+                } else {
+                    FrameStats::default()
+                };
                 *nanos = begun.elapsed().as_nanos() as u64;
                 counts
             })
@@ -169,24 +211,19 @@ impl<S: Default + Send> Tiles<S> {
             });
         let busy_nanos: u64 = self.order.turns[first..self.next].iter().map(|turn| turn.nanos).sum();
         let all_ms = started.elapsed().as_secs_f64() * 1e3 * rayon::current_num_threads() as f64;
-        frame.stats.add_counts(&counts);
-        frame.stats.ms_idle += (all_ms - busy_nanos as f64 * 1e-6).max(0.0);
-        let done = TilesDone {
+        stats.add_counts(&counts);
+        stats.ms_idle += (all_ms - busy_nanos as f64 * 1e-6).max(0.0);
+        TilesDone {
             order: &self.order,
             pixels: &self.pixels,
             done: first..self.next,
             depth_scale: job.mesh.positions.scale,
-        };
-        match &job.view.samples {
-            Samples::Lattice(lattice) => done.copy_lattice(*lattice, &mut frame.planes),
-            Samples::Pixels(pixels) => done.copy_pixels(pixels, &mut frame.planes),
         }
-        self.next * TILE_PX * TILE_PX >= self.pixels.len()
     }
 }
 
 /// Tiles in some places of their order.
-struct TilesDone<'a> {
+pub(super) struct TilesDone<'a> {
     order: &'a TileOrder,
     /// The pixels of all tiles.
     pixels: &'a [TilePixel],
@@ -198,7 +235,7 @@ struct TilesDone<'a> {
 
 impl TilesDone<'_> {
     /// Copies the pixels of a lattice into the planes.
-    fn copy_lattice(&self, lattice: Lattice, planes: &mut Planes) {
+    pub(super) fn copy_lattice(&self, lattice: Lattice, planes: &mut Planes) {
         let grid = self.order.grid;
         if self.done.is_empty() {
             return;
@@ -230,8 +267,37 @@ impl TilesDone<'_> {
         });
     }
 
+    /// Copies the `wanted` pixels of a lattice, of whose places the tiles are, to where they are in the image.
+    pub(super) fn copy_wanted(&self, lattice: Lattice, wanted: &PixelBits, seen: &mut Seen) {
+        let Seen { planes: Planes { color, depth, .. }, met } = seen;
+        let (grid, width, height) = (self.order.grid, color.width, color.height);
+        let rows = color.pixels.par_chunks_mut(width).zip(depth.pixels.par_chunks_mut(width)).zip(met.par_rows_mut());
+        rows.enumerate().with_min_len(TILE_PX).for_each(|(row, ((color, depth), met))| {
+            if !lattice.has(row, height) {
+                return;
+            }
+            let at = lattice.first_from(row, height);
+            for tile in at / TILE_PX * grid.columns..(at / TILE_PX + 1) * grid.columns {
+                let place = self.order.places[tile] as usize;
+                if !self.done.contains(&place) {
+                    continue;
+                }
+                let rect = grid.rect(tile);
+                let line = &self.pixels[place * TILE_PX * TILE_PX + at % TILE_PX * rect.width..][..rect.width];
+                let has_met = self.order.turns[place].met[at % TILE_PX];
+                for (i, pixel) in line.iter().enumerate() {
+                    let column = lattice.pixel(rect.x + i, width);
+                    if wanted.contains(column, row) {
+                        (color[column], depth[column]) = (pixel.rgba, (pixel.depth * self.depth_scale) as f32);
+                        met[column / 64] |= u64::from(has_met >> i & 1) << (column % 64);
+                    }
+                }
+            }
+        });
+    }
+
     /// Copies listed pixels into the planes, which have one row of them.
-    fn copy_pixels(&self, pixels: &PixelSet, planes: &mut Planes) {
+    pub(super) fn copy_pixels(&self, pixels: &PixelSet, planes: &mut Planes) {
         let grid = self.order.grid;
         let planes = planes.color.pixels.par_iter_mut().zip(&mut planes.depth.pixels).enumerate();
         planes.with_min_len(TILE_PX * TILE_PX).for_each(|(at, (color, depth))| {

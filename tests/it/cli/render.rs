@@ -69,6 +69,35 @@ fn backends_and_annotations_that_do_not_exist_are_refused() {
 }
 
 #[test]
+fn fewer_rays_are_cast_where_that_is_asked_for_and_files_say_so() {
+    let place = Place::with_slab();
+    let exr = |rays: &[&'static str]| {
+        let how = [&["-o", "f.exr", "--steps", "1", "--exr", "raw", "--stats", "s.json"], rays].concat();
+        place.ok(&render(&how));
+        let stats: Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+        let frame = &stats.get("frames").unwrap_or(&stats)[0];
+        let rays: u64 = frame["stats"]["rays_by_level"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
+        (read_exr(&place.path("f.exr")).unwrap(), rays)
+    };
+    let ((exact, _), (same, _)) = (exr(&[]), exr(&["--rays", "adaptive:0"]));
+    assert!(exact.planes == same.planes);
+    let (fewer, rays) = exr(&["--rays", "adaptive:0.2", "--backend", "cpu"]);
+    assert!(rays > 0 && rays < 64 * 64 && fewer.planes != exact.planes, "{rays}");
+    assert!(std::fs::read(place.path("f.exr")).unwrap().windows(8).any(|bytes| bytes == b"contrast"));
+    for (how, words) in [
+        (&["--rays", "few"][..], &["--rays", "exact, adaptive or adaptive:CONTRAST"][..]),
+        (&["--rays", "adaptive:-1"], &["--rays", "0 to 1"]),
+        (&["--rays", "adaptive", "--mode", "havs"], &["--rays adaptive", "havs", "--rays exact"]),
+        (&["--rays", "adaptive", "--mode", "reference"], &["reference"]),
+        (&["--rays", "adaptive", "--lod", "0.5"], &["havs"]),
+        (&["--rays", "adaptive", "--backend", "gpu"], &["CPU only"]),
+        (&["--rays", "adaptive", "--iso", "0.5", "--ao"], &["--ao", "--rays exact"]),
+    ] {
+        place.refuses(&render(&[&["-o", "no.png", "--steps", "1"], how].concat()), words);
+    }
+}
+
+#[test]
 fn steps_behind_the_last_one_are_left_out_which_is_said() {
     let place = Place::with_slab();
     let run = place.run(&render(&["-o", "f_%d.png", "--steps", "1..99:2"]));

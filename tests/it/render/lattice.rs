@@ -79,7 +79,7 @@ const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 35.0 };
 
 /// Scenes with the eye outside, in the mesh and far behind its near plane; opaque, clear in places, by formula, joint; sizes that are
 /// no multiple of a tile.
-fn scenes() -> Vec<(&'static str, RenderJob)> {
+pub fn scenes() -> Vec<(&'static str, RenderJob)> {
     let outside = DVec3::new(3.0, 2.0, 2.5);
     let (mesh, scalars) = field(5);
     let range = MappedRange::new(0.0, 1.0, false).unwrap();

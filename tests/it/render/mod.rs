@@ -1,5 +1,6 @@
 //! Renderers against closed forms and against the reference.
 
+mod adaptive;
 mod clear_cells;
 mod cuts;
 mod depth;

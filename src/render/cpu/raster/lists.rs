@@ -4,6 +4,9 @@ use super::super::tiles::{TILE_PX, TileGrid};
 use super::boxes::Bounds;
 use crate::mesh::NONE;
 
+/// For each pixel of a tile in one direction, and the one behind the last, a place in another tile.
+pub(in crate::render::cpu) type PlacesInTile = [u8; TILE_PX + 1];
+
 /// A face that a tile has to look at, with what all tiles would else look for: they read them one after the other.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render::cpu) struct TileFace {
@@ -28,6 +31,15 @@ impl TileFace {
         let Bounds { x0, x1, y0, y1 } = face.bounds;
         let in_tile = [within(x0, tile[0]), within(x1, tile[0]), within(y0, tile[1]), within(y1, tile[1])];
         Self { ids: face.face.ids, cells: face.face.cells, in_tile, nearest: face.nearest }
+    }
+
+    /// The face with its box in other places than pixels: `columns` and `rows` have for each pixel of the tile, and the one behind the last,
+    /// the first place from there on. `None` if no place is in the box.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn in_places(&self, columns: &PlacesInTile, rows: &PlacesInTile) -> Option<Self> {
+        let [x0, x1, y0, y1] = self.in_tile.map(|pixel| usize::from(pixel) % (TILE_PX + 1));
+        let in_tile = [columns[x0], columns[x1], rows[y0], rows[y1]];
+        (in_tile[0] < in_tile[1] && in_tile[2] < in_tile[3]).then_some(Self { in_tile, ..*self })
     }
 
     /// No place of the face is nearer than that.

@@ -30,7 +30,7 @@ pub(super) mod lists;
 
 use super::ray::{Ray, ViewVertex, crossing};
 use super::tiles::TILE_PX;
-use crate::camera::{Samples, View};
+use crate::camera::{Lattice, Samples, View};
 use boxes::{Bounds, least, most};
 use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use lists::TileFace;
@@ -61,25 +61,33 @@ pub(super) struct TileRays {
 }
 
 impl TileRays {
+    /// Those of the pixels that rays are cast for in a tile of the image.
     pub(super) fn new(view: &View, bounds: Bounds) -> Self {
-        let middle = |a: usize, b: usize| 0.5 * (a + b) as f64;
-        let (cx, cy) = view.ray_at(middle(bounds.x0, bounds.x1), middle(bounds.y0, bounds.y1));
+        let Bounds { x0, x1, y0, y1 } = bounds;
+        let in_row = |row: usize| view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0));
+        let is_all = view.samples == Samples::ALL;
+        let some = || std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
+        Self::of_lattice(view, Lattice::ALL, bounds, (!is_all).then(some))
+    }
+
+    /// Those of a tile of places of a lattice; `bounds` are places. `some`: the ones that rays are cast for, for each row a bit per column;
+    /// all without.
+    pub(super) fn of_lattice(view: &View, lattice: Lattice, bounds: Bounds, some: Option<[u16; TILE_PX]>) -> Self {
+        let Bounds { x0, x1, y0, y1 } = bounds;
         // Beyond the image anything will do.
-        let px: [f64; TILE_PX] = std::array::from_fn(|i| view.ray(bounds.x0 + i, bounds.y0).0);
-        let py: [f64; TILE_PX] = std::array::from_fn(|j| view.ray(bounds.x0, bounds.y0 + j).1);
+        let [column, row] = [view.width_px, view.height_px].map(|pixels| move |at| lattice.pixel(at, pixels));
+        let middle = |first: usize, last: usize| 0.5 * (first + last + 1) as f64;
+        let (cx, cy) = view.ray_at(middle(column(x0), column(x1 - 1)), middle(row(y0), row(y1 - 1)));
+        let px: [f64; TILE_PX] = std::array::from_fn(|i| view.ray(column(x0 + i), 0).0);
+        let py: [f64; TILE_PX] = std::array::from_fn(|j| view.ray(0, row(y0 + j)).1);
         let (dx, dy) = (px.map(|px| px - cx), py.map(|py| py - cy));
         let most = |of: &[f64]| of.iter().fold(0.0f64, |most, d| most.max(d.abs()));
-        let reach = [most(&dx[..bounds.x1 - bounds.x0]), most(&dy[..bounds.y1 - bounds.y0])];
+        let reach = [most(&dx[..x1 - x0]), most(&dy[..y1 - y0])];
         let at = |of: &[f64; TILE_PX], i: usize| of[i.min(TILE_PX - 1)] as f32;
         let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
         let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
-        let Bounds { x0, x1, y0, y1 } = bounds;
-        let all_rendered = view.samples == Samples::ALL;
-        let in_row = |row: usize| match all_rendered {
-            true => u16::MAX >> (TILE_PX - (x1 - x0)),
-            false => view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0)),
-        };
-        let rendered = std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
+        let all = |j: usize| if y0 + j < y1 { u16::MAX >> (TILE_PX - (x1 - x0)) } else { 0 };
+        let (all_rendered, rendered) = (some.is_none(), some.unwrap_or_else(|| std::array::from_fn(all)));
         Self { bounds, centre: [cx, cy], px, py, dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
     }
 

@@ -8,7 +8,7 @@
 use super::super::raster::boxes::{Bounds, BoxSource};
 use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists};
 use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
-use super::super::tiles::TileGrid;
+use super::super::tiles::{TILE_PX, TileGrid};
 use crate::camera::View;
 use crate::mesh::{FACE_VERTICES, Mesh, Topology};
 use crate::task::Cancel;
@@ -191,9 +191,26 @@ pub(super) struct EntryBins {
 }
 
 impl EntryBins {
-    /// The entry faces of a tile, chunk by chunk.
-    pub(super) fn faces(&self, tile: usize) -> impl Iterator<Item = &[TileFace]> {
-        self.chunks[..self.parts.len()].iter().map(move |chunk| chunk.faces(tile))
+    /// The list of a chunk for a tile; `None` if there is no such chunk.
+    #[inline]
+    pub(super) fn list(&self, chunk: usize, tile: usize) -> Option<&[TileFace]> {
+        (chunk < self.parts.len()).then(|| self.chunks[chunk].faces(tile))
+    }
+
+    /// Whether the box of an entry face reaches into some columns and rows of pixels.
+    pub(super) fn reach(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+        let tiles = |pixels: &Range<usize>| pixels.start / TILE_PX..(pixels.end - 1) / TILE_PX + 1;
+        let meet = |face: &TileFace, [x, y]: [usize; 2]| {
+            let Bounds { x0, x1, y0, y1 } = face.bounds();
+            x + x0 < columns.end && columns.start < x + x1 && y + y0 < rows.end && rows.start < y + y1
+        };
+        tiles(&rows).any(|row| {
+            tiles(&columns).any(|column| {
+                let tile = row * self.grid.columns + column;
+                let mut faces = self.chunks[..self.parts.len()].iter().flat_map(|chunk| chunk.faces(tile));
+                faces.any(|face| meet(face, [column * TILE_PX, row * TILE_PX]))
+            })
+        })
     }
 
     /// Sorts the entry faces of `needed` clusters of cells, or of all, into the tiles of a view; some of them if `cancel` is

@@ -39,25 +39,33 @@ mod lanes;
 mod outside;
 mod path;
 mod place;
+mod rays;
 pub(in crate::render) mod skips;
 mod starts;
 mod walk;
 
+use super::super::adaptive::Adaptive;
 use super::super::layers::Layers;
 use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
-use super::tiles::Tiles;
+use super::tiles::{TilePixel, Tiles};
 use super::{RenderTiles, TileJob};
+use crate::camera::{Lattice, Samples};
 use crate::optics::Accumulator;
 use crate::optics::table3d::Table3dResolution;
+use crate::stats::FrameStats;
 pub(in crate::render::cpu) use place::{CellPlacer, CellsInView};
+use rays::RayPlane;
 use starts::Entries;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use walk::{Scene, TileScratch};
 
 /// Cells so near to the eye, local units, may be the first on a ray: view coordinates are rounded by some 2^-53 of the local
 /// box's diameter, which is below 4.
 pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
+
+/// The level of adaptive sampling at which rays are cast for all pixels.
+const LAST_LEVEL: usize = 3;
 
 /// The CPU ray caster.
 pub type Raycast = FrameRun<CellWalk>;
@@ -66,7 +74,11 @@ pub type Raycast = FrameRun<CellWalk>;
 #[derive(Default)]
 pub struct CellWalk {
     placer: CellPlacer,
-    tiles: Tiles<TileScratch>,
+    /// Places what decides about rays, where that is not what they go through.
+    domain_placer: CellPlacer,
+    /// For each level of adaptive sampling; all pixels are those of the last.
+    tiles: [Tiles<TileScratch>; 4],
+    adaptive: Adaptive,
     /// For jobs that come without.
     tables: OpticsTables,
     /// Walk one ray after the other, with no instructions that not every processor of its kind has.
@@ -77,6 +89,10 @@ pub struct CellWalk {
 pub struct WalkJob {
     tiles: TileJob,
     in_view: CellsInView,
+    /// The contrast, where it decides which rays are cast.
+    contrast: Option<f32>,
+    /// What decides with it, if that is not what rays go through.
+    domain: Option<CellsInView>,
 }
 
 impl Raycast {
@@ -110,8 +126,23 @@ impl LayerRenderer for CellWalk {
             placed.unwrap_or_else(|| self.placer.place(job, view, &mut frame.stats))
         };
         frame.stats.add_counts(in_view.counts());
-        self.tiles.begin(in_view.lists.bins.grid, job.skip.costly_first);
-        Ok(Some(WalkJob { tiles, in_view }))
+        // What is clear has no bins.
+        let contrast = job.adaptive_contrast().filter(|_| in_view.lists.bins.grid.tile_count() > 0);
+        let mut domain = None;
+        if let Some(contrast) = contrast {
+            self.adaptive.begin((view.width_px, view.height_px), contrast);
+            domain = job.domain.as_ref().map(|domain| {
+                let of_domain = RenderJob { active: domain.clone(), finite: None, ..job.clone() };
+                self.domain_placer.place(&of_domain, view, &mut FrameStats::default())
+            });
+            let plane = RayPlane::of_wanted(view, self.adaptive.lattice(), &self.adaptive.wanted);
+            self.tiles[self.adaptive.level()].begin(plane.grid, job.skip.costly_first);
+        } else {
+            let is_empty = in_view.lists.bins.grid.tile_count() == 0;
+            let grid = if is_empty { in_view.lists.bins.grid } else { RayPlane::of_view(view).grid };
+            self.tiles[LAST_LEVEL].begin(grid, job.skip.costly_first);
+        }
+        Ok(Some(WalkJob { tiles, in_view, contrast, domain }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -128,32 +159,77 @@ impl RenderTiles for CellWalk {
 
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        WalkJob { tiles: TileJob { job, view, .. }, in_view: CellsInView { cells, lists } }: &WalkJob,
+        of: &WalkJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
+        let WalkJob { tiles: TileJob { job, view, .. }, in_view: CellsInView { cells, lists }, domain, contrast } = of;
+        let portable = self.portable;
+        let entries = |lists| Entries::of(&job.mesh.topology, view, lists, portable);
         let scene = Scene {
             mesh: &job.mesh,
             active: cells,
             all_active: cells.count() == cells.universe(),
             view,
+            plane: RayPlane::of_view(view),
             medium,
             vertices: &lists.vertices,
             scalars: &job.scalars,
-            entries: Entries {
-                topology: &job.mesh.topology,
-                view,
-                vertices: &lists.vertices,
-                bins: &lists.bins,
-                eye_cells: &lists.eye_cells,
-                portable: self.portable,
-            },
+            entries: entries(lists),
+            domain: domain.as_ref().map(|domain| entries(&domain.lists)),
             early_termination: job.skip.opaque,
         };
-        let portable = self.portable;
-        self.tiles.render(job, budget, frame, |tile, scratch, out| {
-            walk::render_tile(portable, &scene, layers, tile, scratch, out)
-        })
+        if contrast.is_some() {
+            return self.render_adaptive(job, scene, layers, budget, frame);
+        }
+        let render = |tile, scratch: &mut TileScratch, out: &mut [TilePixel]| {
+            walk::render_tile(portable, &scene, layers, scene.plane.grid.rect(tile), scratch, out)
+        };
+        let tiles = &mut self.tiles[LAST_LEVEL];
+        let done = tiles.render_some(job, budget, &mut frame.stats, |rect| scene.plane.has_some_in(rect), render);
+        match &view.samples {
+            // The places of tiles are those of the lattice.
+            Samples::Lattice(_) => done.copy_lattice(Lattice::ALL, &mut frame.planes),
+            Samples::Pixels(pixels) => done.copy_pixels(pixels, &mut frame.planes),
+        }
+        tiles.are_done()
+    }
+}
+
+impl CellWalk {
+    /// Casts the rays of one level after the other for about `budget`, and fills the image when there are no more; whether it has.
+    fn render_adaptive<M: Medium<Light = Accumulator>, L: Layers>(
+        &mut self,
+        job: &RenderJob,
+        scene: Scene<'_, M>,
+        layers: &L,
+        budget: Duration,
+        frame: &mut Frame,
+    ) -> bool {
+        let (started, portable) = (Instant::now(), self.portable);
+        let Self { adaptive, tiles, .. } = self;
+        loop {
+            let (level, lattice) = (adaptive.level(), adaptive.lattice());
+            let Adaptive { wanted, seen, .. } = &mut *adaptive;
+            let plane = RayPlane::of_wanted(scene.view, lattice, wanted);
+            let of_level = Scene { plane, ..scene };
+            let render = |tile, scratch: &mut TileScratch, out: &mut [TilePixel]| {
+                walk::render_tile(portable, &of_level, layers, plane.grid.rect(tile), scratch, out)
+            };
+            let rest = budget.saturating_sub(started.elapsed());
+            let done = tiles[level].render_some(job, rest, &mut frame.stats, |rect| plane.has_some_in(rect), render);
+            done.copy_wanted(lattice, wanted, seen);
+            if !tiles[level].are_done() {
+                return false;
+            }
+            let entries = scene.domain.as_ref().unwrap_or(&scene.entries);
+            if !adaptive.refine(|columns, rows| entries.bins.reach(columns, rows), &mut frame.stats) {
+                adaptive.fill(&mut frame.planes);
+                return true;
+            }
+            let plane = RayPlane::of_wanted(scene.view, adaptive.lattice(), &adaptive.wanted);
+            tiles[adaptive.level()].begin(plane.grid, job.skip.costly_first);
+        }
     }
 }

@@ -5,16 +5,18 @@
 //! by pixel ([`raster`](super::super::raster) says why); depths, by which the paths of a ray are put in order, are right to a
 //! few 2^-20 of the extent of the face.
 
-use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
 use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
-use super::super::ray::{Ray, ViewVertex};
+use super::super::ray::{Ray, ViewVertex, crossing};
 use super::super::tiles::{PixelRect, TILE_PX};
-use super::entries::{EntryBins, EyeCell};
+use super::entries::{EntryBins, EyeCell, face_of};
+use super::place::EntryLists;
+use super::rays::{RayPlane, TilesInLine};
 use crate::camera::View;
 use crate::mesh::Topology;
 use pulp::{Arch, NullaryFnOnce, Scalar, Simd};
+use std::cmp::Ordering;
 
 /// Where a path begins: in `cell`, through the face opposite its vertex `opposite`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,33 +68,59 @@ impl Default for StartScratch {
     }
 }
 
-impl Entries<'_> {
-    /// All starts of paths in a tile, by pixel and depth.
-    pub(super) fn starts<'s>(&self, tile: usize, scratch: &'s mut StartScratch) -> &'s [PixelStart] {
+impl<'a> Entries<'a> {
+    /// Those of a view.
+    pub(super) fn of(topology: &'a Topology, view: &'a View, lists: &'a EntryLists, portable: bool) -> Self {
+        let EntryLists { vertices, bins, eye_cells, .. } = lists;
+        Self { topology, view, vertices, bins, eye_cells, portable }
+    }
+
+    /// All starts of paths in a tile of rays, by pixel and depth.
+    pub(super) fn starts<'s>(
+        &self,
+        plane: &RayPlane<'_>,
+        rect: PixelRect,
+        scratch: &'s mut StartScratch,
+    ) -> &'s [PixelStart] {
         scratch.found.clear();
-        let rect = self.bins.grid.rect(tile);
-        let entries = *self;
+        let (entries, rays) = (*self, plane.tile_rays(rect));
+        let feed = FaceFeed::new(self.bins, plane, rect);
         match if self.portable { Arch::Scalar } else { Arch::new() } {
             #[cfg(target_arch = "x86_64")]
-            Arch::V4(lanes) => lanes.vectorize(FindEntries { lanes, entries, tile, rect, scratch }),
+            Arch::V4(lanes) => lanes.vectorize(FindEntries { lanes, entries, feed, rays: &rays, rect, scratch }),
             #[cfg(target_arch = "x86_64")]
-            Arch::V3(lanes) => lanes.vectorize(FindEntries { lanes, entries, tile, rect, scratch }),
-            _ => Scalar.vectorize(FindEntries { lanes: Scalar, entries, tile, rect, scratch }),
+            Arch::V3(lanes) => lanes.vectorize(FindEntries { lanes, entries, feed, rays: &rays, rect, scratch }),
+            _ => Scalar.vectorize(FindEntries { lanes: Scalar, entries, feed, rays: &rays, rect, scratch }),
         }
-        self.find_at_eye(rect, &mut scratch.found);
+        self.find_at_eye(plane, (rect, &rays), &mut scratch.found);
         sort(&scratch.found, &mut scratch.starts);
+        for starts in scratch.starts.chunk_by_mut(|a, b| a.0 == b.0) {
+            if starts.array_windows().any(|[(_, a), (_, b)]| b.depth - a.depth < NEAR) {
+                self.sort_near(&plane.ray(rect, starts[0].0 as usize), starts);
+            }
+        }
         &scratch.starts
     }
 
+    /// Sorts the starts of a ray by depths that do not depend on the tile.
+    #[cold]
+    #[inline(never)]
+    fn sort_near(&self, ray: &Ray, starts: &mut [PixelStart]) {
+        for (_, start) in &mut *starts {
+            let ids = face_of(self.topology, start.cell, start.opposite as usize).vertices;
+            start.depth = crossing(ray, self.vertices, ids).map_or(start.depth, |crossing| crossing.depth);
+        }
+        starts.sort_unstable_by(by_depth);
+    }
+
     /// The starts of rays in cells that they enter behind (or at) the eye and leave in front of it.
-    fn find_at_eye(&self, rect: PixelRect, found: &mut Vec<PixelStart>) {
+    fn find_at_eye(&self, plane: &RayPlane<'_>, (rect, rays): (PixelRect, &TileRays), found: &mut Vec<PixelStart>) {
         for &cell in self.eye_cells {
             for pixel in 0..rect.width * rect.height {
-                let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-                if !self.view.renders(column, row) {
+                if rays.rendered[pixel / rect.width] >> (pixel % rect.width) & 1 == 0 {
                     continue;
                 }
-                let ray = Ray::of_pixel(self.view, column, row);
+                let ray = plane.ray(rect, pixel);
                 if let Some(EyeCell { entry, opposite, .. }) = EyeCell::new(self.topology, self.vertices, &ray, cell) {
                     found.push((pixel as u32, Start { depth: entry.depth, cell, opposite }));
                 }
@@ -101,11 +129,66 @@ impl Entries<'_> {
     }
 }
 
-/// Finds the starts of a tile at entry faces.
+/// The entry faces that a tile of rays has to look at.
+struct FaceFeed<'a> {
+    bins: &'a EntryBins,
+    /// The columns and rows of the image's tiles, and the places in them.
+    tiles: [TilesInLine; 2],
+    /// Whether boxes are those of the tile of rays as they are.
+    is_of_pixels: bool,
+    /// The next tile, its next list, and what is left of the last one.
+    tile: usize,
+    list: usize,
+    rest: &'a [TileFace],
+}
+
+impl<'a> FaceFeed<'a> {
+    fn new(bins: &'a EntryBins, plane: &RayPlane<'_>, rect: PixelRect) -> Self {
+        let (tiles, is_of_pixels) = (plane.image_tiles(rect), plane.has_all_places());
+        Self { bins, tiles, is_of_pixels, tile: 0, list: 0, rest: &[] }
+    }
+
+    /// The next faces, to the begin of `batch`; returns how many, none at the end.
+    fn next(&mut self, batch: &mut [TileFace; FACES_AT_ONCE]) -> usize {
+        let [columns, rows] = &self.tiles;
+        let mut ready = 0;
+        while ready < FACES_AT_ONCE {
+            let Some((_, in_columns)) = columns.get(self.tile % columns.len()) else { break };
+            let Some((row, in_rows)) = rows.get(self.tile / columns.len()) else { break };
+            if self.rest.is_empty() {
+                let tile = row * self.bins.grid.columns + columns[self.tile % columns.len()].0;
+                match self.bins.list(self.list, tile) {
+                    Some(list) => (self.rest, self.list) = (list, self.list + 1),
+                    None => (self.tile, self.list) = (self.tile + 1, 0),
+                }
+                continue;
+            }
+            if self.is_of_pixels {
+                let (now, after) = self.rest.split_at(self.rest.len().min(FACES_AT_ONCE - ready));
+                batch[ready..ready + now.len()].copy_from_slice(now);
+                (ready, self.rest) = (ready + now.len(), after);
+                continue;
+            }
+            while let Some((face, after)) = self.rest.split_first()
+                && ready < FACES_AT_ONCE
+            {
+                self.rest = after;
+                if let Some(face) = face.in_places(in_columns, in_rows) {
+                    batch[ready] = face;
+                    ready += 1;
+                }
+            }
+        }
+        ready
+    }
+}
+
+/// Finds the starts of a tile of rays at entry faces.
 struct FindEntries<'a, L> {
     lanes: L,
     entries: Entries<'a>,
-    tile: usize,
+    feed: FaceFeed<'a>,
+    rays: &'a TileRays,
     rect: PixelRect,
     scratch: &'a mut StartScratch,
 }
@@ -115,31 +198,16 @@ impl<L: Lanes> NullaryFnOnce for FindEntries<'_, L> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { lanes, entries, tile, rect, scratch } = self;
-        let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
-        let rays = TileRays::new(entries.view, bounds);
+        let Self { lanes, entries, mut feed, rays, rect, scratch } = self;
         let StartScratch { faces, batch, candidates, found, .. } = scratch;
-        let mut lists = entries.bins.faces(tile);
-        let mut rest: &[TileFace] = &[];
         loop {
-            let mut ready = 0;
-            while ready < FACES_AT_ONCE {
-                if rest.is_empty() {
-                    let Some(next) = lists.next() else { break };
-                    rest = next;
-                    continue;
-                }
-                let (now, after) = rest.split_at(rest.len().min(FACES_AT_ONCE - ready));
-                batch[ready..ready + now.len()].copy_from_slice(now);
-                ready += now.len();
-                rest = after;
-            }
+            let ready = feed.next(batch);
             if ready == 0 {
                 return;
             }
-            faces.set(entries.view, entries.vertices, &rays, &batch[..ready]);
+            faces.set(entries.view, entries.vertices, rays, &batch[..ready]);
             for i in 0..ready {
-                faces.hits(lanes, i, (entries.view, entries.vertices), &rays, candidates, |pixel, hit| {
+                faces.hits(lanes, i, (entries.view, entries.vertices), rays, candidates, |pixel, hit| {
                     // A cell may be entered through the front of its faces only.
                     if !hit.is_turned {
                         let pixel = pixel / TILE_PX * rect.width + pixel % TILE_PX;
@@ -150,6 +218,13 @@ impl<L: Lanes> NullaryFnOnce for FindEntries<'_, L> {
             }
         }
     }
+}
+
+/// Depths (local units) that differ by less are computed again: in a tile they are right to 2^-17 of the extent of a face, which is below 4.
+const NEAR: f64 = 1.0 / (1 << 14) as f64;
+
+fn by_depth((_, a): &PixelStart, (_, b): &PixelStart) -> Ordering {
+    a.depth.total_cmp(&b.depth).then(a.cell.cmp(&b.cell)).then(a.opposite.cmp(&b.opposite))
 }
 
 /// Puts starts in order: by pixel, depth, and cell, so that the order does not depend on how they were found.
@@ -175,9 +250,7 @@ fn sort(found: &[PixelStart], sorted: &mut Vec<PixelStart>) {
     for end in ends {
         let end = end as usize;
         if end > begin + 1 {
-            sorted[begin..end].sort_unstable_by(|(_, a), (_, b)| {
-                a.depth.total_cmp(&b.depth).then(a.cell.cmp(&b.cell)).then(a.opposite.cmp(&b.opposite))
-            });
+            sorted[begin..end].sort_unstable_by(by_depth);
         }
         begin = end;
     }

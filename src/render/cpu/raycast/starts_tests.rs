@@ -60,7 +60,10 @@ impl Scene {
     fn found(&self, prepared: &Prepared, portable: bool, scratch: &mut StartScratch) -> Vec<Vec<PixelStart>> {
         let Prepared { vertices, bins, eye_cells } = prepared;
         let entries = Entries { topology: &self.mesh.topology, view: &self.view, vertices, bins, eye_cells, portable };
-        (0..bins.grid.tile_count()).map(|tile| entries.starts(tile, scratch).to_vec()).collect()
+        let plane = RayPlane::of_view(&self.view);
+        (0..bins.grid.tile_count())
+            .map(|tile| entries.starts(&plane, plane.grid.rect(tile), scratch).to_vec())
+            .collect()
     }
 
     /// The same by their definition, with edge functions of a view that is `off` by so many pixels.

@@ -4,11 +4,14 @@ use super::super::super::layers::{Ahead, Layers, NoLayers};
 use super::super::super::medium::{Medium, Segment};
 use super::super::light::RayLight;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
-use super::super::tiles::{PixelRect, TilePixel};
+use super::super::tiles::{PixelRect, TILE_PX, TileBits, TilePixel};
 use super::super::values::value_on_face;
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{LaneScratch, WalkRays};
+#[cfg(not(target_arch = "x86_64"))]
+type LaneScratch = ();
 use super::path::{self, REPLACED, TURNED};
+use super::rays::RayPlane;
 use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
 use crate::mesh::Mesh;
@@ -24,10 +27,14 @@ pub(super) struct Scene<'a, M> {
     pub(super) active: &'a CellSet,
     pub(super) all_active: bool,
     pub(super) view: &'a View,
+    /// The rays that are cast.
+    pub(super) plane: RayPlane<'a>,
     pub(super) medium: &'a M,
     pub(super) vertices: &'a [ViewVertex],
     pub(super) scalars: &'a [f32],
     pub(super) entries: Entries<'a>,
+    /// Where rays meet the domain that decides which of them are cast, if that is not where they begin.
+    pub(super) domain: Option<Entries<'a>>,
     pub(super) early_termination: bool,
 }
 
@@ -35,25 +42,48 @@ pub(super) struct Scene<'a, M> {
 #[derive(Default)]
 pub(super) struct TileScratch {
     starts: StartScratch,
-    #[cfg(target_arch = "x86_64")]
     lanes: LaneScratch,
 }
 
-/// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost. Not `portable`: with the widest
-/// vectors that this processor has.
+/// Renders one tile of rays into the first pixels of `pixels`, row by row; returns what it cost, and which rays met an active cell. Not
+/// `portable`: with the widest vectors that this processor has.
 pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     portable: bool,
     scene: &Scene<'_, M>,
     layers: &L,
-    tile: usize,
+    rect: PixelRect,
     scratch: &mut TileScratch,
     pixels: &mut [TilePixel],
-) -> FrameStats {
-    let rect = scene.entries.bins.grid.rect(tile);
+) -> (FrameStats, TileBits) {
     pixels.fill(TilePixel::CLEAR);
-    let starts = scene.entries.starts(tile, &mut scratch.starts);
-    let mut stats = FrameStats { entries: starts.len() as u64, ..FrameStats::default() };
-    let has_layers = layers.has_some_in(rect.x..rect.x + rect.width, rect.y..rect.y + rect.height);
+    let mut met = [0; TILE_PX];
+    let mut meet = |starts: &[PixelStart]| {
+        for &(place, _) in starts {
+            met[place as usize / rect.width] |= 1 << (place as usize % rect.width);
+        }
+    };
+    if let Some(domain) = &scene.domain {
+        meet(domain.starts(&scene.plane, rect, &mut scratch.starts));
+    }
+    let starts = scene.entries.starts(&scene.plane, rect, &mut scratch.starts);
+    if scene.domain.is_none() {
+        meet(starts);
+    }
+    let stats = FrameStats { entries: starts.len() as u64, ..FrameStats::default() };
+    (walk_from(portable, scene, layers, rect, starts, (&mut scratch.lanes, pixels, stats)), met)
+}
+
+/// Walks the rays of a tile from where they begin.
+fn walk_from<M: Medium<Light = Accumulator>, L: Layers>(
+    portable: bool,
+    scene: &Scene<'_, M>,
+    layers: &L,
+    rect: PixelRect,
+    starts: &[PixelStart],
+    (lane_scratch, pixels, mut stats): (&mut LaneScratch, &mut [TilePixel], FrameStats),
+) -> FrameStats {
+    let (columns, rows) = scene.plane.pixels_in(rect);
+    let has_layers = layers.has_some_in(columns, rows);
     if has_layers {
         without_cells(scene, layers, rect, pixels);
     }
@@ -67,27 +97,11 @@ pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     match if portable { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
-            lanes.vectorize(WalkRays {
-                lanes,
-                scene,
-                rect,
-                starts,
-                scratch: &mut scratch.lanes,
-                pixels,
-                stats: &mut stats,
-            });
+            lanes.vectorize(WalkRays { lanes, scene, rect, starts, scratch: lane_scratch, pixels, stats: &mut stats });
         }
         #[cfg(target_arch = "x86_64")]
         Arch::V3(lanes) => {
-            lanes.vectorize(WalkRays {
-                lanes,
-                scene,
-                rect,
-                starts,
-                scratch: &mut scratch.lanes,
-                pixels,
-                stats: &mut stats,
-            });
+            lanes.vectorize(WalkRays { lanes, scene, rect, starts, scratch: lane_scratch, pixels, stats: &mut stats });
         }
         _ => walk_one_by_one(scene, &NoLayers, rect, starts, pixels, &mut stats),
     }
@@ -102,8 +116,8 @@ fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     pixels: &mut [TilePixel],
 ) {
     for (pixel, out) in pixels.iter_mut().enumerate().take(rect.width * rect.height) {
-        let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-        if scene.view.renders(column, row) {
+        let (column, row) = scene.plane.pixel(rect, pixel);
+        if scene.plane.renders(column, row) {
             *out = RayLight::<M::Ray, _>::new(scene.view.near_depth(), layers.ahead(column, row)).pixel();
         }
     }
@@ -120,7 +134,7 @@ fn walk_one_by_one<M: Medium<Light = Accumulator>, L: Layers>(
 ) {
     for starts in starts.chunk_by(|a, b| a.0 == b.0) {
         let pixel = starts[0].0 as usize;
-        let (column, row) = (rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        let (column, row) = scene.plane.pixel(rect, pixel);
         let ray = Ray::of_pixel(scene.view, column, row);
         let light = RayLight::new(scene.view.near_depth(), layers.ahead(column, row));
         let mut walk = Walk::new(scene, ray, light, starts);

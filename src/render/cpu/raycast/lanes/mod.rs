@@ -106,8 +106,8 @@ impl<'a, M> Rays<'a, M> {
         let count = self.rest.iter().take_while(|start| start.0 == pixel).count();
         let (starts, rest) = self.rest.split_at(count);
         self.rest = rest;
-        let (pixel, rect) = (pixel as usize, self.rect);
-        let ray = Ray::of_pixel(self.scene.view, rect.x + pixel % rect.width, rect.y + pixel / rect.width);
+        let pixel = pixel as usize;
+        let ray = self.scene.plane.ray(self.rect, pixel);
         Some(Lane { ray, pixel, starts })
     }
 }

@@ -1,0 +1,166 @@
+//! Contrast-adaptive sampling: which rays of an image are cast, and what the other pixels show.
+//!
+//! ```text
+//! rays at every 8th pixel in both directions, and in the last column and row
+//! for strides 8, 4, 2: blocks between four neighbouring rays
+//!     split where (a) a channel differs by more than the threshold between two corners
+//!                 (b) some of the corners' rays meet the domain, and some do not
+//!                 (c) none does, but the box of an entry face reaches into the block
+//!                 (d) one of the eight neighbours at this stride is split by a to c
+//!     rays at half the stride in what is split
+//! the pixels of a block that is not split: colour bilinear between its corners, depth that of the nearest corner
+//! ```
+//!
+//! The *domain* is the active cells, whatever is skipped. A block owns its pixels from its first column and row to before those of the next block;
+//! the last block of a row or column owns the last pixel, too. A ray is cast once, and is that of its pixel: sampled pixels have the bits of
+//! the exact image. Which rays are cast follows from what others have seen, and from nothing else. A contrast is an observation: what lies
+//! between samples can be missed (`docs/limitations.md`).
+//!
+//! Refining where neighbouring samples differ is E. Painter, K. Sloan, "Antialiased Ray Tracing by Adaptive Progressive Refinement", SIGGRAPH
+//! 1989; the blocks are those of M. Levoy, "Volume Rendering by Adaptive Refinement", The Visual Computer 6 (1990).
+
+mod bits;
+mod blocks;
+mod contrast;
+#[cfg(test)]
+mod tests;
+
+use crate::camera::Lattice;
+use crate::image::Planes;
+use crate::stats::FrameStats;
+pub(in crate::render) use bits::PixelBits;
+use blocks::Blocks;
+pub use contrast::{BadContrast, Contrast};
+use rayon::prelude::*;
+use std::num::NonZeroUsize;
+use std::ops::Range;
+
+/// Pixels between rays, level by level.
+const STRIDES: [usize; 4] = [8, 4, 2, 1];
+
+/// The last level: rays at every pixel of what is split.
+const LAST: usize = STRIDES.len() - 1;
+
+/// How far the sampling of a frame has come. Keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(in crate::render) struct Adaptive {
+    size: (usize, usize),
+    contrast: f32,
+    level: usize,
+    /// The pixels whose rays are cast at this level.
+    pub(in crate::render) wanted: PixelBits,
+    /// Those whose rays were cast before.
+    cast: PixelBits,
+    /// What the rays have seen.
+    pub(in crate::render) seen: Seen,
+    blocks: [Blocks; LAST],
+}
+
+/// What rays have seen that were cast; other pixels hold anything.
+#[derive(Debug, Default)]
+pub(in crate::render) struct Seen {
+    pub(in crate::render) planes: Planes,
+    /// Those that met the domain.
+    pub(in crate::render) met: PixelBits,
+}
+
+impl Adaptive {
+    /// Begins an image of so many columns and rows, with a threshold above zero for raw accumulators.
+    pub(in crate::render) fn begin(&mut self, size: (usize, usize), contrast: f32) {
+        (self.size, self.contrast, self.level) = (size, contrast, 0);
+        for bits in [&mut self.wanted, &mut self.cast, &mut self.seen.met] {
+            bits.clear(size);
+        }
+        self.seen.planes.clear(size.0, size.1);
+        for (blocks, stride) in self.blocks.iter_mut().zip(STRIDES) {
+            blocks.begin(size, stride);
+        }
+        self.blocks[0].open_all();
+        let lattice = self.lattice();
+        for row in (0..lattice.count(size.1)).map(|at| lattice.pixel(at, size.1)) {
+            (0..lattice.count(size.0)).for_each(|at| self.wanted.insert(lattice.pixel(at, size.0), row));
+        }
+    }
+
+    /// The level of the rays that are cast now.
+    pub(in crate::render) fn level(&self) -> usize {
+        self.level
+    }
+
+    /// The lattice of this level.
+    pub(in crate::render) fn lattice(&self) -> Lattice {
+        Lattice::new(NonZeroUsize::new(STRIDES[self.level]).unwrap_or(NonZeroUsize::MIN))
+    }
+
+    /// Goes on from rays that have all been cast to those of the next level; false if there are none. `reaches`: whether the box of an entry
+    /// face reaches into some columns and rows.
+    pub(in crate::render) fn refine(
+        &mut self,
+        reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
+        stats: &mut FrameStats,
+    ) -> bool {
+        loop {
+            stats.rays_by_level[self.level] += self.wanted.count();
+            self.cast.insert_all(&self.wanted);
+            let Some(blocks) = self.blocks.get_mut(self.level) else { return false };
+            blocks.split(&self.seen, self.contrast, &reaches);
+            blocks.count(stats);
+            if blocks.are_all_whole() {
+                return false;
+            }
+            let (blocks, stride, cast) = (&self.blocks[self.level], STRIDES[self.level + 1], &self.cast);
+            self.wanted.clear(self.size);
+            self.wanted
+                .par_rows_mut()
+                .enumerate()
+                .for_each(|(row, words)| blocks.want_in_row(row, stride, cast, words));
+            self.open_finer();
+            self.level += 1;
+            // The corners of the next blocks may have been cast, and their middle not.
+            if self.wanted.count() > 0 {
+                return true;
+            }
+        }
+    }
+
+    /// Opens the blocks in those of this level that are split.
+    fn open_finer(&mut self) {
+        let (coarser, finer) = self.blocks.split_at_mut(self.level + 1);
+        if let (Some(coarser), Some(finer)) = (coarser.last(), finer.first_mut()) {
+            finer.open_in(coarser);
+        }
+    }
+
+    /// Fills an image: what rays have seen, and between them what their blocks say.
+    pub(in crate::render) fn fill(&self, planes: &mut Planes) {
+        let width = self.size.0;
+        let rows = planes.color.pixels.par_chunks_mut(width).zip(planes.depth.pixels.par_chunks_mut(width));
+        rows.enumerate().with_min_len(8).for_each(|(row, (color, depth))| {
+            let of_row = row * width..(row + 1) * width;
+            color.copy_from_slice(&self.seen.planes.color.pixels[of_row.clone()]);
+            depth.copy_from_slice(&self.seen.planes.depth.pixels[of_row]);
+            let at = self.blocks[0].owner_of_row(row);
+            (0..self.blocks[0].columns()).for_each(|column| self.fill_block(0, (column, at), row, (color, depth)));
+        });
+    }
+
+    /// Fills the pixels of a row that a block owns.
+    fn fill_block(&self, level: usize, at: (usize, usize), row: usize, (color, depth): (&mut [[f32; 4]], &mut [f32])) {
+        let Some(blocks) = self.blocks.get(level) else { return };
+        if blocks.is_split(at) {
+            let Some(finer) = self.blocks.get(level + 1) else { return };
+            let below = finer.owner_of_row(row);
+            finer
+                .columns_in(blocks, at.0)
+                .for_each(|column| self.fill_block(level + 1, (column, below), row, (color, depth)));
+            return;
+        }
+        let corners = blocks.corners(at);
+        for column in blocks.owned_columns(at.0) {
+            // Rays on an edge that a block shares with one that is split have been cast.
+            if !self.cast.contains(column, row) {
+                (color[column], depth[column]) = corners.mix(&self.seen.planes, column, row);
+            }
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Contrast-adaptive sampling: rays that are cast have the bits of the whole image, however the work is cut.
+
+use super::lattice::scenes;
+use super::*;
+use crate::meshes::{build, grid, sample};
+use std::time::Duration;
+use tetreel::image::Planes;
+use tetreel::render::{Advance, Frame};
+
+fn with_contrast(job: &RenderJob, contrast: f32) -> RenderJob {
+    RenderJob { contrast: Some(contrast.try_into().unwrap()), ..job.clone() }
+}
+
+/// In as many slices as there are tiles.
+fn in_slices(renderer: &mut Raycast, job: &RenderJob) -> Frame {
+    renderer.begin(job.clone()).unwrap();
+    loop {
+        if let Advance::Done(frame) = renderer.advance(Duration::ZERO).unwrap() {
+            return frame.clone();
+        }
+    }
+}
+
+/// Pixels of two images with the same bits.
+fn same(a: &Planes, b: &Planes) -> u64 {
+    let colors = a.color.pixels.iter().zip(&b.color.pixels).map(|(a, b)| a == b);
+    let depths = a.depth.pixels.iter().zip(&b.depth.pixels).map(|(a, b)| a == b);
+    colors.zip(depths).filter(|(color, depth)| *color && *depth).count() as u64
+}
+
+#[test]
+fn without_contrast_the_image_is_the_whole_one() {
+    for (name, job) in scenes() {
+        let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
+        assert!(Raycast::new().render(with_contrast(&job, 0.0)).unwrap().planes == whole, "{name}");
+        // The least there is casts rays wherever something is to be seen.
+        let frame = Raycast::new().render(with_contrast(&job, f32::MIN_POSITIVE)).unwrap().clone();
+        let rays: u64 = frame.stats.rays_by_level.iter().sum();
+        assert!(same(&frame.planes, &whole) >= rays, "{name}");
+        assert!(frame.stats.rays_by_level[3] > 0, "{name}");
+    }
+}
+
+#[test]
+fn sampled_pixels_have_their_bits_and_no_frame_depends_on_how_it_was_drawn() {
+    let mut left_out = 0;
+    for (name, job) in scenes() {
+        let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
+        for contrast in [0.01, 0.1, 1.0] {
+            let job = with_contrast(&job, contrast);
+            let mut renderer = Raycast::new();
+            let frame = renderer.render(job.clone()).unwrap().clone();
+            let rays: u64 = frame.stats.rays_by_level.iter().sum();
+            let pixels = whole.color.pixels.len() as u64;
+            assert!(rays > 0 && rays <= pixels && same(&frame.planes, &whole) >= rays, "{name}, {contrast}");
+            left_out += pixels - rays;
+            let (width, height) = (whole.color.width, whole.color.height);
+            for at in (0..width * height).filter(|at| (at % width).is_multiple_of(8) && (at / width).is_multiple_of(8))
+            {
+                assert_eq!(frame.planes.color.pixels[at], whole.color.pixels[at], "{name}, {contrast}");
+            }
+            assert!(in_slices(&mut renderer, &job).planes == frame.planes, "{name}, {contrast}, in slices");
+            assert!(Raycast::portable().render(job.clone()).unwrap().planes == frame.planes, "{name}, one by one");
+            for threads in [1, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let planes = pool.install(|| Raycast::new().render(job.clone()).unwrap().planes.clone());
+                assert!(planes == frame.planes, "{name}, {contrast}, {threads} threads");
+            }
+            // Another image before, and one that was given up.
+            renderer.begin(with_contrast(&job, 0.003)).unwrap();
+            let _ = renderer.advance(Duration::ZERO).unwrap();
+            assert!(renderer.render(job.clone()).unwrap().planes == frame.planes, "{name}, after another");
+        }
+    }
+    assert!(left_out > 1000, "{left_out} rays were left out");
+}
+
+/// What is not sampled lies between what is: on these scenes the largest error stays below twice the threshold.
+#[test]
+fn errors_stay_near_the_contrast() {
+    let mesh = Arc::new(build(grid(10, 0.15, 4, |_| true)));
+    let scalars = sample(&mesh, wave);
+    for position in [DVec3::new(3.0, 2.0, 2.5), DVec3::new(-1.0, 4.0, 0.5)] {
+        let camera = camera(position, Projection::Perspective { view_angle: 35.0 });
+        let job = job(&mesh, scalars.clone(), &camera, (130, 70), dense());
+        let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
+        for contrast in [0.02, 0.05, 0.1] {
+            let frame = Raycast::new().render(with_contrast(&job, contrast)).unwrap().clone();
+            let (rmse, max) = difference(&frame.planes.color, &whole.color);
+            let share = frame.stats.rays_by_level.iter().sum::<u64>() as f64 / (130.0 * 70.0);
+            assert!(max <= f64::from(2.0 * contrast) && share < 1.0, "{contrast}: {rmse:.1e}, {max:.1e}, {share}");
+        }
+        let coarse = Raycast::new().render(with_contrast(&job, 1.0)).unwrap().planes.clone();
+        assert!(difference(&coarse.color, &whole.color).1 > 0.2, "the bound can be missed");
+    }
+}
