@@ -10,7 +10,7 @@ use crate::render::reference::Reference;
 use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Where a frame is rendered. Frames of both backends agree within the bounds of `docs/architecture.md`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -114,6 +114,7 @@ impl Renderers {
     /// The renderer that has drawn a job, with what is found on its image; `None` if it was cancelled.
     fn draw(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let Ordered { job, by, on_image } = ordered;
+        let started = Instant::now();
         let guides = match on_image.as_ref().and_then(|_| job.of_guides()) {
             None => None,
             Some(job) => match self.guides.of(by).render_unless_cancelled(job)? {
@@ -121,9 +122,14 @@ impl Renderers {
                 Some(frame) => Some(frame.planes.clone()),
             },
         };
+        let guided = started.elapsed();
         let Some(renderer) = self.draw_job(job, by, backend)? else { return Ok(None) };
+        let frame = renderer.frame_mut();
+        frame.stats.ms_guides = 0.0;
         if let (Some(on_image), Some(guides)) = (on_image, guides) {
-            on_image.finish(&mut renderer.frame_mut().planes, &guides);
+            let lit = Instant::now();
+            on_image.finish(&mut frame.planes, &guides);
+            frame.stats.ms_guides = (guided + lit.elapsed()).as_secs_f64() * 1e3;
         }
         Ok(Some(renderer))
     }

@@ -7,6 +7,7 @@
 
 mod apart;
 mod backend;
+mod clear;
 mod distribution;
 mod draw;
 mod frames;

@@ -1,5 +1,6 @@
 //! The first two stages of a frame: decode what it shows, order what is to be drawn.
 
+use super::clear::Clear;
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
@@ -10,7 +11,6 @@ use crate::lod::Selector;
 use crate::mesh::Plane;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
-use crate::optics::table3d::Table3dResolution;
 use crate::render::cpu::Placer;
 use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
 use crate::render::surfaces::screen::{Screen, set_guides};
@@ -304,7 +304,7 @@ impl Order {
             return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
         }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
-        let (activity, clipped) = self.activity(series, request, &decoded, &planes, cancel)?;
+        let (activity, clipped) = self.activity(series, request, &decoded, (&decoded.clear, &planes), cancel)?;
         let domain = match contrast {
             Some(_) if !request.skip.clear_cells => Some(self.domain_of(series, request, &decoded, &planes, cancel)?),
             _ => None,
@@ -471,25 +471,13 @@ impl Order {
     ) -> Result<Arc<CellSet>, PipelineError> {
         let clear = self.clear.of(&decoded.layer, decoded.by, Skip { clear_cells: true, ..request.skip });
         std::mem::swap(&mut self.cells, &mut self.domain_cells);
-        let found = self.activity_where(series, request, decoded, (&clear, planes), cancel);
+        let found = self.activity(series, request, decoded, (&clear, planes), cancel);
         std::mem::swap(&mut self.cells, &mut self.domain_cells);
         Ok(found?.0.active)
     }
 
-    /// The cells that the request shows, and how many it would show without clips.
+    /// The cells that the request shows where the table is not `clear`, and how many it would show without clips.
     fn activity(
-        &mut self,
-        series: &Series,
-        request: &FrameRequest,
-        decoded: &Decoded,
-        planes: &CutPlanes,
-        cancel: &Cancel,
-    ) -> Result<(Activity, u64), PipelineError> {
-        self.activity_where(series, request, decoded, (&decoded.clear, planes), cancel)
-    }
-
-    /// The same where the table is not `clear`.
-    fn activity_where(
         &mut self,
         series: &Series,
         request: &FrameRequest,
@@ -510,50 +498,5 @@ impl Order {
         // The judge looks at everything.
         let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
         Ok(self.cut_cells.update(&series.mesh, planes, keep_away, found))
-    }
-}
-
-/// Where nothing of the last request is to be seen.
-#[derive(Debug, Default)]
-struct Clear {
-    last: Option<ClearOf>,
-    nowhere: Arc<ClearIntervals>,
-}
-
-/// Intervals, and what they are of.
-#[derive(Debug)]
-struct ClearOf {
-    table: Arc<NodeTable>,
-    /// Samples of a sampled table.
-    samples: Option<usize>,
-    isovalues: Vec<f64>,
-    intervals: Arc<ClearIntervals>,
-}
-
-impl Clear {
-    fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<ClearIntervals> {
-        if !skip.clear_cells || by == DrawnBy::Reference {
-            // The judge looks at everything.
-            return self.nowhere.clone();
-        }
-        // A sampled table shows something beside what the transfer function has there.
-        let samples = match layer.optics {
-            OpticsKind::Exact | OpticsKind::Partial => None,
-            OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
-        };
-        let table = layer.table.over_scalars();
-        let isovalues: Vec<f64> = layer.surfaces.iter().map(|surface| surface.value).collect();
-        let is_same =
-            |last: &&ClearOf| Arc::ptr_eq(&last.table, table) && last.samples == samples && last.isovalues == isovalues;
-        if let Some(last) = self.last.as_ref().filter(is_same) {
-            return last.intervals.clone();
-        }
-        let of_table = match samples {
-            None => ClearIntervals::of(table),
-            Some(samples) => ClearIntervals::of_sampled(table, samples),
-        };
-        let intervals = Arc::new(of_table.cut_at(&isovalues));
-        self.last = Some(ClearOf { table: table.clone(), samples, isovalues, intervals: intervals.clone() });
-        intervals
     }
 }

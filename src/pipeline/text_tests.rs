@@ -143,7 +143,9 @@ fn request() -> impl Strategy<Value = FrameRequest> {
     let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "clear-cells,outside"]);
     let layers = prop::collection::vec(layer(), 0..3);
     let lattice = |stride| SampleSet::Lattice { stride_px: NonZeroUsize::new(stride).unwrap() };
-    let samples = prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice)];
+    let adaptive = |contrast: f32| SampleSet::Adaptive { contrast: contrast.try_into().unwrap() };
+    let samples =
+        prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice), (0.0..=1.0_f32).prop_map(adaptive)];
     let pixels = prop::collection::hash_set(0..u32::MAX, 1..20);
     let samples = (samples, prop::option::of(pixels));
     (time(), camera(), (1..400_000_usize, 1..9000_usize), layers, samples, backend, skip).prop_map(

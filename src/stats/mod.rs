@@ -101,6 +101,9 @@ pub struct FrameStats {
     pub ms_begin: f64,
     /// Milliseconds spent walking and compositing.
     pub ms_render: f64,
+    /// Milliseconds for what is found on the image of surfaces: a pass for normals and numbers, and light from them. Not among those of
+    /// rendering.
+    pub ms_guides: f64,
     /// Milliseconds that threads had nothing to do while others rendered, all of them together.
     pub ms_idle: f64,
     /// Milliseconds from job to frame.

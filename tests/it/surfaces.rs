@@ -324,6 +324,10 @@ fn light_of_the_image_needs_all_of_it() {
         let refused = pipeline.render(&FrameRequest { samples: samples.clone(), ..request }).unwrap_err();
         assert!(refused.to_string().contains("need the rays of all pixels"), "{refused}");
     }
-    let cells = FrameRequest { samples, ..opaque(&pipeline, 0.4, Normals::Cell) };
+    let cells = FrameRequest { samples, guides: true, ..opaque(&pipeline, 0.4, Normals::Cell) };
     assert_eq!(planes(&mut pipeline, &cells, TetDraw::Raycast).id.width, 54);
+    // What is found on the image has a time of its own.
+    assert!(pipeline.render(&cells).unwrap().stats.ms_guides > 0.0);
+    let without = FrameRequest { guides: false, ..cells };
+    assert_eq!(pipeline.render(&without).unwrap().stats.ms_guides, 0.0);
 }
