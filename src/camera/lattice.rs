@@ -37,7 +37,7 @@ impl Lattice {
     /// The pixel, of so many, at place `at` in the plane.
     #[inline]
     pub const fn pixel(self, at: usize, pixels: usize) -> usize {
-        let (pixel, last) = (at * self.stride_px(), pixels - 1);
+        let (pixel, last) = (at.saturating_mul(self.stride_px()), pixels - 1);
         if pixel < last { pixel } else { last }
     }
 

@@ -65,7 +65,7 @@ impl SurfaceArgs {
     /// Whether surfaces have light that is found on the whole image.
     pub(super) fn needs_whole_image(&self) -> bool {
         let is_of_screen = self.ao || matches!(self.shade, Normals::Screen | Normals::Depth);
-        is_of_screen && !(self.iso.is_empty() && self.cut.is_empty())
+        is_of_screen && !(self.iso.is_empty() && self.cut.iter().all(|of| of.cut.clips))
     }
 
     /// What looks have of them: of a series, beside which other fields are, with a transfer function whose colours these have where none

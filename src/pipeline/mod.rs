@@ -13,6 +13,7 @@ mod draw;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod in_sight;
 mod layer;
 mod pipelined;
 mod prefetch;

@@ -1,6 +1,7 @@
 //! The first two stages of a frame: decode what it shows, order what is to be drawn.
 
 use super::clear::Clear;
+use super::in_sight::{CellsInSight, InSight};
 use super::quantities::Gradients;
 use super::series::Series;
 use super::steps::StepCache;
@@ -21,8 +22,7 @@ use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::transfer::TransferSource;
 use crate::visibility::{
-    ActiveCells, Activity, CellSet, ClearIntervals, CutCells, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label,
-    PartCells, Skip,
+    Activity, CellSet, ClearIntervals, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label, Skip,
 };
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -258,9 +258,9 @@ impl OnImage {
 /// The second stage.
 #[derive(Debug, Default)]
 pub(super) struct Order {
-    cells: ActiveCells,
+    in_sight: CellsInSight,
     /// For contrast-adaptive sampling, which is to be the same whatever is skipped.
-    domain_cells: ActiveCells,
+    domain_in_sight: CellsInSight,
     clear: Clear,
     /// For modes that draw faces.
     selector: Selector,
@@ -270,8 +270,6 @@ pub(super) struct Order {
     gradients: Gradients,
     /// For smooth normals of surfaces.
     vertex_gradients: VertexGradients,
-    cut_cells: CutCells,
-    part_cells: PartCells,
     domain_faces: DomainFaces,
     placer: Placer,
 }
@@ -304,10 +302,19 @@ impl Order {
             return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
         }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
-        let (activity, clipped) = self.activity(series, request, &decoded, (&decoded.clear, &planes), cancel)?;
-        let domain = match contrast {
-            Some(_) if !request.skip.clear_cells => Some(self.domain_of(series, request, &decoded, &planes, cancel)?),
-            _ => None,
+        let Decoded { layer, scalars, known, clear, .. } = &decoded;
+        let forget = !request.skip.unchanged;
+        // The judge looks at everything.
+        let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
+        let in_sight = InSight { layer, scalars, known, clear, planes: &planes, keep_away };
+        let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
+        let goes_through_more = !request.skip.clear_cells || keep_away && !planes.clips.is_empty();
+        let domain = if contrast.is_some() && goes_through_more {
+            let clear = &self.clear.of(layer, decoded.by, Skip { clear_cells: true, ..request.skip });
+            let in_sight = InSight { clear, keep_away: false, ..in_sight };
+            Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.0.active)
+        } else {
+            None
         };
         let Activity { finite, active, classified } = activity;
         let Decoded { layer, by, scalars, compressed, colors, beside, known, mut stats, .. } = decoded;
@@ -315,7 +322,7 @@ impl Order {
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
-            (self.cut_cells, self.part_cells, self.domain_faces) = Default::default();
+            self.domain_faces = DomainFaces::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -458,45 +465,5 @@ impl Order {
         stats.face_sorts = self.depth.sorts() - sorts;
         stats.face_sorts_skipped = self.depth.sorts_skipped() - skipped;
         drawn.ok_or(PipelineError::Cancelled)
-    }
-
-    /// The cells that the request would show if none that are clear were gone through.
-    fn domain_of(
-        &mut self,
-        series: &Series,
-        request: &FrameRequest,
-        decoded: &Decoded,
-        planes: &CutPlanes,
-        cancel: &Cancel,
-    ) -> Result<Arc<CellSet>, PipelineError> {
-        let clear = self.clear.of(&decoded.layer, decoded.by, Skip { clear_cells: true, ..request.skip });
-        std::mem::swap(&mut self.cells, &mut self.domain_cells);
-        let found = self.activity(series, request, decoded, (&clear, planes), cancel);
-        std::mem::swap(&mut self.cells, &mut self.domain_cells);
-        Ok(found?.0.active)
-    }
-
-    /// The cells that the request shows where the table is not `clear`, and how many it would show without clips.
-    fn activity(
-        &mut self,
-        series: &Series,
-        request: &FrameRequest,
-        decoded: &Decoded,
-        (clear, planes): (&Arc<ClearIntervals>, &CutPlanes),
-        cancel: &Cancel,
-    ) -> Result<(Activity, u64), PipelineError> {
-        let Decoded { scalars, known, .. } = decoded;
-        let forget = !request.skip.unchanged;
-        let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
-        let mut found = found.ok_or(PipelineError::Cancelled)?;
-        if !decoded.layer.parts.is_empty() {
-            found = self.part_cells.restrict(&series.mesh, &decoded.layer.parts, found);
-        }
-        if planes.is_empty() {
-            return Ok((found, 0));
-        }
-        // The judge looks at everything.
-        let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
-        Ok(self.cut_cells.update(&series.mesh, planes, keep_away, found))
     }
 }

@@ -144,6 +144,10 @@ impl StepCache {
         match fill(values) {
             Ok(true) => {
                 self.uses += 1;
+                if needed.is_none() {
+                    // Who needs a part of it has it here.
+                    self.held.retain(|held| held.time != time);
+                }
                 let chunks = needed.map(<[bool]>::to_vec);
                 self.held.push(Held { time, scalars: scalars.clone(), chunks, used: self.uses });
                 Ok(Some(scalars))

@@ -78,7 +78,7 @@ pub struct RenderJob {
     pub prepared: Option<PreparedOptics>,
     /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
     pub placed: Option<cpu::Placed>,
-    /// The contrast that decides which rays are cast, by the CPU's ray caster; all of them without.
+    /// The contrast that decides which rays are cast, by the CPU's ray caster, where the samples are all pixels; all of them without.
     pub contrast: Option<Contrast>,
     /// The cells that decide with it, if these are not the active ones.
     pub domain: Option<Arc<CellSet>>,
@@ -275,8 +275,9 @@ impl RenderJob {
         if self.scalars.len() != vertices {
             return Err(RenderError::ScalarCount { scalars: self.scalars.len(), vertices });
         }
-        if self.active.universe() != cells {
-            return Err(RenderError::CellCount { set: self.active.universe(), cells });
+        let sets = [Some(&self.active), self.finite.as_ref(), self.domain.as_ref()];
+        if let Some(set) = sets.into_iter().flatten().map(|set| set.universe()).find(|&set| set != cells) {
+            return Err(RenderError::CellCount { set, cells });
         }
         let size_px = (self.view.width_px, self.view.height_px);
         match &self.view.samples {
@@ -321,8 +322,8 @@ impl RenderJob {
 impl RenderJob {
     /// The contrast by which it is decided which rays are cast; `None` if all are.
     fn adaptive_contrast(&self) -> Option<f32> {
-        let beside_cells = self.fragments.is_some();
-        self.contrast.map(Contrast::get).filter(|&contrast| contrast > 0.0 && !beside_cells)
+        let is_possible = self.fragments.is_none() && self.view.samples == Samples::ALL;
+        self.contrast.map(Contrast::get).filter(|&contrast| contrast > 0.0 && is_possible)
     }
 
     /// The job whose image has the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its number in place of

@@ -16,7 +16,7 @@ use tetreel::node_table::{Node, NodeTable};
 use tetreel::optics::OpticsKind;
 use tetreel::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, Sampling, TetDraw};
 use tetreel::render::cpu::havs::Havs;
-use tetreel::render::surfaces::{Isosurface, Normals};
+use tetreel::render::surfaces::{Cut, Isosurface, Normals};
 use tetreel::render::{Frame, RenderJob, Renderer};
 use tetreel::stats::FrameStats;
 use tetreel::store::Store;
@@ -280,9 +280,13 @@ fn no_switch_changes_which_rays_contrast_asks_for() {
     let (_out, store) = stored(SeriesName::Jet, 40_000, CodecChoice::default());
     let open = || Pipeline::open(&store, None).unwrap();
     let mut plain = open();
+    let (a, b) = plain.mesh().positions.world_bounds();
+    let clip = Cut { point: (0.5 * (a + b)).to_array(), normal: [0.3, -0.2, 1.0], clips: true, by: None };
     let requests: Vec<FrameRequest> = journey(&plain)
         .into_iter()
         .map(|request| FrameRequest { samples: "adaptive:0.03".parse().unwrap(), size_px: (150, 110), ..request })
+        .enumerate()
+        .map(|(i, request)| if i % 3 == 1 { request.with_tets(|tets| tets.cuts = vec![clip]) } else { request })
         .collect();
     let off: Vec<Frame> = requests
         .iter()

@@ -299,6 +299,9 @@ impl TilesDone<'_> {
     /// Copies listed pixels into the planes, which have one row of them.
     pub(super) fn copy_pixels(&self, pixels: &PixelSet, planes: &mut Planes) {
         let grid = self.order.grid;
+        if self.done.is_empty() {
+            return;
+        }
         let planes = planes.color.pixels.par_iter_mut().zip(&mut planes.depth.pixels).enumerate();
         planes.with_min_len(TILE_PX * TILE_PX).for_each(|(at, (color, depth))| {
             let (column, row) = pixels.pixel(at);

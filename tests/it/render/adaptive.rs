@@ -3,9 +3,12 @@
 use super::lattice::scenes;
 use super::*;
 use crate::meshes::{build, grid, sample};
+use std::num::NonZeroUsize;
 use std::time::Duration;
+use tetreel::camera::{Lattice, Samples};
 use tetreel::image::Planes;
 use tetreel::render::{Advance, Frame};
+use tetreel::visibility::CellSet;
 
 fn with_contrast(job: &RenderJob, contrast: f32) -> RenderJob {
     RenderJob { contrast: Some(contrast.try_into().unwrap()), ..job.clone() }
@@ -73,6 +76,18 @@ fn sampled_pixels_have_their_bits_and_no_frame_depends_on_how_it_was_drawn() {
         }
     }
     assert!(left_out > 1000, "{left_out} rays were left out");
+}
+
+#[test]
+fn contrast_says_nothing_where_samples_are_named_and_another_mesh_does_not_decide() {
+    for (name, job) in scenes() {
+        let mut some = job.clone();
+        some.view.samples = Samples::Lattice(Lattice::new(NonZeroUsize::new(3).unwrap()));
+        let expected = Raycast::new().render(some.clone()).unwrap().planes.clone();
+        assert!(Raycast::new().render(with_contrast(&some, 0.05)).unwrap().planes == expected, "{name}");
+        let wrong = Arc::new(CellSet::all(job.active.universe() + 1));
+        assert!(Raycast::new().render(RenderJob { domain: Some(wrong), ..job }).is_err(), "{name}");
+    }
 }
 
 /// What is not sampled lies between what is: on these scenes the largest error stays below twice the threshold.

@@ -11,7 +11,7 @@ use tetreel::image::Planes;
 use tetreel::optics::OpticsKind;
 use tetreel::render::{LayerFragment, LayerFragments};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind};
-use tetreel::visibility::Skip;
+use tetreel::visibility::{CellSet, Skip};
 
 fn lattice(stride: usize) -> Lattice {
     Lattice::new(NonZeroUsize::new(stride).unwrap())
@@ -106,7 +106,7 @@ fn a_lattice_has_the_bits_of_the_whole_image_on_the_cpu() {
         for path in CPU {
             let whole = cpu(path, &job);
             assert!(whole.color.pixels.iter().any(|p| p[3] > 0.1), "{name}, {path}");
-            for stride in [1, 2, 3, 5, 16, 17, 36, 1000] {
+            for stride in [1, 2, 3, 5, 16, 17, 36, 1000, usize::MAX] {
                 let found = cpu(path, &with_lattice(&job, stride));
                 let expected = of_lattice(&whole, stride);
                 assert!(found == expected, "{name}, {path}, every {stride}th pixel");
@@ -142,6 +142,17 @@ fn listed_pixels_have_the_bits_of_the_whole_image_on_the_cpu() {
             shifted.rotate_left(1);
             assert!(cpu(path, &with_pixels(&job, &lists[1])) != of_pixels(&whole, &shifted), "{name}, {path}");
         }
+    }
+}
+
+#[test]
+fn listed_pixels_are_clear_where_nothing_is_to_be_seen() {
+    let (_, job) = scenes().swap_remove(0);
+    let nothing = Arc::new(CellSet::none(job.active.universe()));
+    let job = RenderJob { active: nothing, ..with_pixels(&job, &[0, 2000, 77]) };
+    for path in CPU {
+        let planes = cpu(path, &job);
+        assert!(planes.color.pixels == [[0.0; 4]; 3] && planes.depth.pixels == [f32::INFINITY; 3], "{path}");
     }
 }
 

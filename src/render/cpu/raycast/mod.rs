@@ -57,6 +57,7 @@ use crate::stats::FrameStats;
 pub(in crate::render::cpu) use place::{CellPlacer, CellsInView};
 use rays::RayPlane;
 use starts::Entries;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use walk::{Scene, TileScratch};
 
@@ -131,7 +132,8 @@ impl LayerRenderer for CellWalk {
         let mut domain = None;
         if let Some(contrast) = contrast {
             self.adaptive.begin((view.width_px, view.height_px), contrast);
-            domain = job.domain.as_ref().map(|domain| {
+            let walked = (!Arc::ptr_eq(&in_view.cells, &job.active)).then_some(&job.active);
+            domain = job.domain.as_ref().or(walked).map(|domain| {
                 let of_domain = RenderJob { active: domain.clone(), finite: None, ..job.clone() };
                 self.domain_placer.place(&of_domain, view, &mut FrameStats::default())
             });

@@ -2,8 +2,8 @@
 //!
 //! A path begins where a ray enters an active cell through a face that has no active cell behind it, in front of the eye, or
 //! within a cell that the eye is in. Exactly those starts are found that [`crossing`](super::super::ray::crossing) finds pixel
-//! by pixel ([`raster`](super::super::raster) says why); depths, by which the paths of a ray are put in order, are right to a
-//! few 2^-20 of the extent of the face.
+//! by pixel ([`raster`](super::super::raster) says why); depths, by which the paths of a ray are put in order, are right to
+//! 2^-17 of the extent of the face, and computed again where that leaves the order open.
 
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
