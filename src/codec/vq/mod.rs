@@ -31,6 +31,8 @@ mod decoder;
 mod encode;
 mod encoder;
 mod layout;
+#[cfg(target_arch = "x86_64")]
+mod lookup;
 mod pca;
 mod prepare;
 #[cfg(test)]
