@@ -28,6 +28,8 @@ pub struct FrameStats {
     pub vertices_not_transformed: u64,
     /// Times that the faces through which rays may enter were those of the frame before.
     pub entry_lists_kept: u64,
+    /// Faces through which rays may enter that are those of the frame before and were not looked for.
+    pub entry_faces_kept: u64,
     /// Faces that were not looked at in a tile, since all pixels in their boxes are opaque in front of them (faces drawn).
     pub faces_hidden: u64,
     /// Faces that are drawn, by renderers that draw faces: those of the level of detail.
@@ -130,6 +132,7 @@ impl FrameStats {
         self.faces_hidden += part.faces_hidden;
         self.entry_faces += part.entry_faces;
         self.entry_lists_kept += part.entry_lists_kept;
+        self.entry_faces_kept += part.entry_faces_kept;
         self.clusters_outside += part.clusters_outside;
         self.vertices_not_transformed += part.vertices_not_transformed;
     }

@@ -340,6 +340,7 @@ fn every_counter_fires_and_none_without_its_switch() {
         ("chunks skipped", (|s| s.chunks_skipped) as fn(&FrameStats) -> u64),
         ("decodes skipped", |s| s.decodes_skipped),
         ("entry lists kept", |s| s.entry_lists_kept),
+        ("entry faces kept", |s| s.entry_faces_kept),
         ("vertices not transformed", |s| s.vertices_not_transformed),
     ] {
         let (on, off) = both(of);

@@ -184,6 +184,17 @@ fn entry_faces_are_kept_while_mesh_and_cells_are_the_same() {
         assert_eq!(frame.stats.entry_lists_kept, kept);
         assert_same("entry lists", &frame.planes.color, &expected);
     }
+    // One cell more or less: its faces and those beside it are found, the others are those of before.
+    for cell in [0, 17, 40] {
+        let mut cells = (*job.active).clone();
+        cells.set(cell, !cells.contains(cell));
+        let changed = RenderJob { active: Arc::new(cells), ..job.clone() };
+        let expected = Raycast::new().render(changed.clone()).unwrap().clone();
+        let frame = renderer.render(changed).unwrap();
+        let (kept, faces) = (frame.stats.entry_faces_kept, frame.stats.entry_faces);
+        assert!(kept > faces / 2 && kept < faces && faces == expected.stats.entry_faces, "{kept} of {faces}");
+        assert_same("changed cells", &frame.planes.color, &expected.planes.color);
+    }
 }
 
 #[test]

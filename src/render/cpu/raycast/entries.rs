@@ -6,19 +6,20 @@
 //! however many threads there are.
 
 use super::super::raster::boxes::{Bounds, BoxSource};
-use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists};
+use super::super::raster::lists::{Seen, SeenFace, TileFace, TileLists};
 use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
 use super::super::tiles::{TILE_PX, TileGrid};
+use super::entry_faces::EntryFaces;
 use crate::camera::View;
 use crate::mesh::{FACE_VERTICES, Mesh, Topology};
 use crate::task::Cancel;
 use crate::visibility::{CellSet, Clusters};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// Words of a set of cells that make a cluster.
-const CLUSTER_WORDS: usize = Clusters::CELLS / 64;
+pub(super) const CLUSTER_WORDS: usize = Clusters::CELLS / 64;
 
 /// A face of an active cell without an active cell behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,14 +44,14 @@ pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, cancel: 
     }));
 }
 
-fn cluster_count(cells: &CellSet) -> usize {
+pub(super) fn cluster_count(cells: &CellSet) -> usize {
     cells.words().len().div_ceil(CLUSTER_WORDS)
 }
 
 /// Calls `open` with each face (a cell and which of its four) of a cluster that is between an active cell and an inactive one
 /// or the outside.
 #[inline(always)]
-fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut open: impl FnMut(u32, usize)) {
+pub(super) fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut open: impl FnMut(u32, usize)) {
     let words = active.words();
     let first = cluster * CLUSTER_WORDS;
     for (at, &word) in (first..).zip(&words[first..words.len().min(first + CLUSTER_WORDS)]) {
@@ -58,14 +59,20 @@ fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut ope
         while rest != 0 {
             let cell = 64 * at + rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            for (i, neighbour) in topology.neighbours[cell].iter().enumerate() {
-                // No cell lies beyond the last word.
-                let other = (neighbour.0 >> 2) as usize;
-                let is_active = words.get(other / 64).is_some_and(|word| word >> (other % 64) & 1 == 1);
-                if !is_active {
-                    open(cell as u32, i);
-                }
-            }
+            open_faces(topology, active, cell, &mut open);
+        }
+    }
+}
+
+/// The same for an active cell.
+#[inline(always)]
+pub(super) fn open_faces(topology: &Topology, active: &CellSet, cell: usize, mut open: impl FnMut(u32, usize)) {
+    for (i, neighbour) in topology.neighbours[cell].iter().enumerate() {
+        // No cell lies beyond the last word.
+        let other = (neighbour.0 >> 2) as usize;
+        let is_active = active.words().get(other / 64).is_some_and(|word| word >> (other % 64) & 1 == 1);
+        if !is_active {
+            open(cell as u32, i);
         }
     }
 }
@@ -134,42 +141,6 @@ impl EyeCell {
         }
         let ((entry, opposite), exit) = (start?, end?);
         Some(Self { entry, opposite, exit })
-    }
-}
-
-/// The entry faces of a mesh and its active cells, cluster by cluster, kept as long as both are the same. The two numbers that
-/// a listed face has for its cells are which of the cell's four it is, and the cell.
-#[derive(Debug, Default)]
-pub(super) struct EntryFaces {
-    of: Option<(Arc<Mesh>, Arc<CellSet>)>,
-    clusters: Vec<Vec<ListedFace>>,
-}
-
-impl EntryFaces {
-    /// Finds them, unless `may_keep` and they are there; some of them if `cancel` is raised. Returns whether they were.
-    pub(super) fn update(&mut self, mesh: &Arc<Mesh>, active: &Arc<CellSet>, may_keep: bool, cancel: &Cancel) -> bool {
-        let same = |(of, cells): &(Arc<Mesh>, Arc<CellSet>)| Arc::ptr_eq(of, mesh) && Arc::ptr_eq(cells, active);
-        if may_keep && self.of.as_ref().is_some_and(same) {
-            return true;
-        }
-        let topology = &mesh.topology;
-        self.clusters.resize_with(cluster_count(active), Vec::new);
-        self.clusters.par_iter_mut().enumerate().for_each(|(cluster, faces)| {
-            faces.clear();
-            if !cancel.is_cancelled() {
-                each_open_face(topology, active, cluster, |cell, i| {
-                    let face = face_of(topology, cell, i);
-                    faces.push(ListedFace { ids: face.vertices, cells: [i as u32, cell] });
-                });
-            }
-        });
-        let is_complete = !cancel.is_cancelled();
-        self.of = is_complete.then(|| (mesh.clone(), active.clone()));
-        false
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.clusters.iter().map(Vec::len).sum()
     }
 }
 

@@ -34,6 +34,7 @@
 //! ([`light`](super::light)).
 
 pub(in crate::render) mod entries;
+mod entry_faces;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod outside;

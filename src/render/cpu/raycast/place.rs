@@ -3,7 +3,8 @@
 use super::super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::super::ray::{self, ViewVertex};
 use super::EYE_TOLERANCE;
-use super::entries::{EntryBins, EntryFaces, cells_at_eye};
+use super::entries::{EntryBins, cells_at_eye};
+use super::entry_faces::EntryFaces;
 use super::outside;
 use super::skips::CellChoice;
 use crate::camera::View;
@@ -81,7 +82,8 @@ impl CellPlacer {
             ray::transform(view, local, &job.scalars, vertices, &job.cancel, &mut lists.vertices);
             boxes::project(view, &lists.vertices, vertices, &job.cancel, screen);
             let kept = entry_faces.update(&job.mesh, &cells, job.skip.unchanged, &job.cancel);
-            lists.counts.entry_lists_kept = u64::from(kept);
+            lists.counts.entry_lists_kept = u64::from(kept.all);
+            lists.counts.entry_faces_kept = kept.faces;
             let source = BoxSource { view, vertices: &lists.vertices, screen };
             lists.bins.fill(source, entry_faces, knows_outside.then_some(&*needed.cells), &job.cancel);
             lists.counts.entry_faces = entry_faces.count() as u64;

@@ -3,7 +3,8 @@
 use super::super::super::raster::boxes::{BoxSource, project};
 use super::super::super::ray::{Crossing, crossing, transform};
 use super::super::EYE_TOLERANCE;
-use super::super::entries::{EntryFaces, face_of};
+use super::super::entries::face_of;
+use super::super::entry_faces::EntryFaces;
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
