@@ -116,10 +116,16 @@ impl Args {
     }
 
     /// Refuses what cannot be drawn with fewer rays.
-    fn check_rays(&self) -> anyhow::Result<()> {
+    fn check_rays(&self, project: Option<&Project>) -> anyhow::Result<()> {
         let SceneArgs { mode, faces, backend, surfaces, .. } = &self.scene;
         if self.rays.contrast().is_none() {
             return Ok(());
+        }
+        let levels = project.map_or(&[][..], |project| project.timeline.lod.keys());
+        if levels.iter().any(|key| key.value < 1.0) {
+            bail!(
+                "--rays adaptive is about rays from cell to cell, and [[timeline.lod]] of the project leaves faces out; take these keys out, or choose --rays exact"
+            );
         }
         match TetDraw::chosen(*mode, faces.detail()).drawn_by() {
             DrawnBy::Raycast => {}
@@ -163,7 +169,7 @@ impl Args {
     }
 
     /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
-    fn check(&self) -> anyhow::Result<Option<Ffmpeg>> {
+    fn check(&self, project: Option<&Project>) -> anyhow::Result<Option<Ffmpeg>> {
         let output = self.target()?;
         let format = match output {
             Target::Movie(_, format) => Some(*format),
@@ -171,7 +177,7 @@ impl Args {
         };
         self.time.check(format.is_some())?;
         self.scene.check_adapter()?;
-        self.check_rays()?;
+        self.check_rays(project)?;
         self.still_options()?;
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
@@ -252,7 +258,7 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
 }
 
 fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
-    let ffmpeg = args.check()?;
+    let ffmpeg = args.check(project.map(|project| &**project))?;
     let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;

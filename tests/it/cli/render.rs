@@ -95,6 +95,13 @@ fn fewer_rays_are_cast_where_that_is_asked_for_and_files_say_so() {
     ] {
         place.refuses(&render(&[&["-o", "no.png", "--steps", "1"], how].concat()), words);
     }
+    // Of a project, all moments count before the first is rendered.
+    let project = "version = 1\n[data]\nsource = \"slab.zarr\"\n[output]\noutput = \"p_%d.png\"\nsize = \"64x64\"\nrays = \"adaptive\"\n\
+                   [[timeline.lod]]\ntime = 0.0\nvalue = 1.0\n[[timeline.lod]]\ntime = 9.0\nvalue = 0.5\n";
+    std::fs::write(place.path("p.toml"), project).unwrap();
+    place.refuses(&["render", "p.toml"], &["--rays adaptive", "[[timeline.lod]]", "--rays exact"]);
+    assert!(!place.path("p_0.png").exists());
+    place.ok(&["render", "p.toml", "--rays", "exact"]);
 }
 
 #[test]
