@@ -19,6 +19,7 @@ use crate::playback::{Player, State};
 use crate::project::Project;
 use crate::store::Store;
 use crate::transfer::{MappedRange, RangePolicy};
+use std::cell::OnceCell;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -105,6 +106,8 @@ pub struct Session {
     opens_field: bool,
     wants_screenshot: bool,
     screenshot_folder: PathBuf,
+    /// Found when they are first asked for: cells of each connected part of the mesh.
+    part_sizes: OnceCell<Vec<usize>>,
 }
 
 /// Scales of the image that can be chosen.
@@ -157,6 +160,7 @@ impl Session {
             opens_field: false,
             wants_screenshot: false,
             screenshot_folder,
+            part_sizes: OnceCell::new(),
         })
     }
 
@@ -168,6 +172,11 @@ impl Session {
     /// What is played.
     pub fn series(&self) -> &Arc<Series> {
         self.player.pipelined().series()
+    }
+
+    /// Number of cells of each connected part of the mesh, that with most cells first.
+    pub fn part_sizes(&self) -> &[usize] {
+        self.part_sizes.get_or_init(|| self.series().mesh().topology.parts().1)
     }
 
     /// Where other fields come from.

@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts: which are shown, where, and in which colours.
 
 use super::overlay;
-use super::widgets::{choice, color, icon, number, toggle};
+use super::widgets::{choice, color, icon, named, number, toggle};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
@@ -51,6 +51,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
             ui.checkbox(&mut look.shading.volume, "light on the volume");
         }
         domain(ui, &mut look);
+        parts(ui, session.part_sizes(), &mut look.parts);
         cuts(ui, session, &mut look);
     }
     if look != before {
@@ -108,6 +109,37 @@ fn domain(ui: &mut Ui, look: &mut SurfaceLook) {
         look.domain =
             style.map(|(style, is_translucent)| DomainSurface::of_style(style, is_translucent)).into_iter().collect();
     }
+}
+
+/// The connected parts of the mesh, if there are several: those that are shown, none for all.
+fn parts(ui: &mut Ui, sizes: &[usize], shown: &mut Vec<u32>) {
+    /// Smaller ones are not listed.
+    const LISTED: usize = 100;
+    if sizes.len() < 2 {
+        return;
+    }
+    let is_shown = |shown: &[u32], part: u32| shown.is_empty() || shown.contains(&part);
+    let all = 0..sizes.len() as u32;
+    let count = all.clone().filter(|&part| is_shown(shown, part)).count();
+    let text = if count == sizes.len() { "all parts".to_owned() } else { format!("{count} of {} parts", sizes.len()) };
+    let combo = egui::ComboBox::from_id_salt("parts").selected_text(text);
+    let combo = combo.close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+    let response = combo.show_ui(ui, |ui| {
+        for (part, size) in (0..).zip(sizes).take(LISTED) {
+            let mut is_on = is_shown(shown, part);
+            let is_last = is_on && count == 1;
+            let cells = if *size == 1 { "1 cell".to_owned() } else { format!("{size} cells") };
+            if ui.add_enabled(!is_last, egui::Checkbox::new(&mut is_on, format!("{part}: {cells}"))).changed() {
+                let now = all.clone().filter(|&other| if other == part { is_on } else { is_shown(shown, other) });
+                let now: Vec<u32> = now.collect();
+                *shown = if now.len() == sizes.len() { Vec::new() } else { now };
+            }
+        }
+        if sizes.len() > LISTED {
+            ui.label(format!("and {} smaller ones", sizes.len() - LISTED));
+        }
+    });
+    named(response.response, egui::Role::ComboBox, "Connected parts");
 }
 
 /// A plane is moved by its place between the ends of the mesh's box along its normal.

@@ -326,3 +326,45 @@ fn cuts_and_the_surface_of_the_domain_are_made_moved_and_removed_in_the_side_pan
     assert!(tets(&desk).cuts.is_empty());
     assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
 }
+
+/// Two parts: two cells, and one.
+const TWO_PARTS: &str = r#"<?xml version="1.0"?>
+<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>
+<Piece NumberOfPoints="9" NumberOfCells="3">
+<PointData><DataArray type="Float32" Name="u" format="ascii">0 1 2 3 4 5 6 7 8</DataArray></PointData>
+<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">
+0 0 0 1 0 0 0 1 0 0 0 1 1 1 1 3 0 0 4 0 0 3 1 0 3 0 1</DataArray></Points>
+<Cells><DataArray type="Int32" Name="connectivity" format="ascii">0 1 2 3 1 2 3 4 5 6 7 8</DataArray>
+<DataArray type="Int32" Name="offsets" format="ascii">4 8 12</DataArray>
+<DataArray type="UInt8" Name="types" format="ascii">10 10 10</DataArray></Cells>
+</Piece></UnstructuredGrid></VTKFile>"#;
+
+#[test]
+fn connected_parts_are_switched_off_and_on_by_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("parts.vtu");
+    std::fs::write(&path, TWO_PARTS).unwrap();
+    let options = options(folder.path(), Start::Open(vec![path]));
+    let Some(mut desk) = Desk::with([1280.0, 800.0], 1.0, options, folder) else { return };
+    desk.begin();
+    desk.settle();
+    let shown = |desk: &Desk| {
+        let shown = desk.session().shown().unwrap();
+        (shown.request.tets().unwrap().parts.clone(), shown.frame.stats.cells_active)
+    };
+    assert_eq!(shown(&desk), (vec![], 3));
+    desk.click("Cuts, light on the volume, surface of the domain");
+    desk.click("Connected parts");
+    desk.click("0: 2 cells");
+    desk.settle();
+    assert_eq!(shown(&desk), (vec![1], 1));
+    // The last one stays, and the list stays open.
+    desk.click("1: 1 cell");
+    desk.settle();
+    assert_eq!(shown(&desk), (vec![1], 1));
+    desk.save("parts.png");
+    desk.click("0: 2 cells");
+    desk.settle();
+    assert_eq!(shown(&desk), (vec![], 3));
+    assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
+}
