@@ -5,7 +5,8 @@
 //! the thing itself; of equal ones the nearest. In that cell it is the point in front of which half of the segment's opacity
 //! lies. Both depend on the picture alone: the first visible point would be faint haze in front of what one sees, and the
 //! point where half of the *pixel's* opacity is reached may lie between two layers, where nothing is. The price: of a smooth
-//! haze without any layer the largest cell wins, wherever it is. An isosurface or a section is met in one point, and takes its opacity there; what clips cut away is not there.
+//! haze without any layer the largest cell wins, wherever it is. An isosurface, a section or the domain's surface is met in one point,
+//! and takes its opacity there; what clips cut away is not there, and one looks past lines.
 //!
 //! ```text
 //! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
@@ -17,6 +18,7 @@
 //! Clipping and pieces are the reference's own code, so that a probe sees the cells that the judge sees; tests compare the sum
 //! of all contributions with its pixels. All in f64 and on one thread.
 
+use super::domain::{DomainStyle, DomainSurface};
 use super::medium::Segment;
 use super::reference::clip::Cell;
 use super::reference::integrate::{END_DEPTH, Transfer};
@@ -55,14 +57,14 @@ pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
     first + (1..4).zip(rest).map(|(i, scalar)| weights[i] * (scalar - first)).sum::<f64>()
 }
 
-/// What is seen at a place in the image of a job: `at_px` is in pixels, from the left and from the top, with pixel centres at
+/// What is seen at a place in the image of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from the left and from the top, with pixel centres at
 /// (i + .5, j + .5). `None` beside the image and where nothing is visible.
 ///
 /// # Errors
 /// If the parts of the job do not belong together.
-pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
+pub fn probe(job: &RenderJob, domain: &[DomainSurface], at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
     job.check()?;
-    let Some(ray) = Ray::new(job, at_px) else { return Ok(None) };
+    let Some(ray) = Ray::new(job, domain, at_px) else { return Ok(None) };
     let chain = ray.chain(job);
     let mut total = 0.0;
     let mut best: Option<Seen> = None;
@@ -81,6 +83,8 @@ struct Ray {
     px: f64,
     py: f64,
     cuts: CutsInView,
+    /// Opacity of the domain's surface; 0 if it is not drawn.
+    domain: f64,
 }
 
 /// The part of a ray in a cell.
@@ -91,6 +95,8 @@ struct OnRay {
     segment: Segment,
     /// Depth at which the ray leaves the cell.
     exit: f64,
+    /// Depths at which it passes the domain's surface, into the cell and out of it.
+    on_domain: [Option<f64>; 2],
 }
 
 /// What gives something to the opacity of a pixel: the volume in a cell, or a surface there.
@@ -102,31 +108,30 @@ struct Seen<'a> {
     surface_depth: Option<f64>,
 }
 
-/// Depth and opacity of the surfaces and sections that a segment meets, nearest first.
-fn surfaces_on(job: &RenderJob, cuts: &CutsInView, OnRay { segment, exit, .. }: &OnRay) -> Vec<(f64, f64)> {
-    let ([near, far], [from, to]) = (segment.part, segment.part_scalar);
-    let sheets = job.surfaces.as_ref().map_or(&[][..], |surfaces| surfaces.sheets());
-    let met = sheets.iter().filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
-    let depth = |value: f64| near + (value - from) / (to - from) * (far - near);
-    let mut met: Vec<(f64, f64)> = met.map(|sheet| (depth(sheet.value), sheet.opacity)).collect();
-    let mut last = (f64::NEG_INFINITY, 0);
-    let whole = Segment { part: [segment.part[0], *exit], ..*segment };
-    while let Some(next) = cuts.next_section(&whole, segment.part, last) {
-        met.push((next.0, 1.0));
-        last = next;
-    }
-    met.sort_by(|a, b| a.0.total_cmp(&b.0));
-    met
-}
-
 impl Ray {
-    fn new(job: &RenderJob, (x_px, y_px): (f64, f64)) -> Option<Self> {
+    fn new(job: &RenderJob, domain: &[DomainSurface], (x_px, y_px): (f64, f64)) -> Option<Self> {
         let view = job.local_view();
         let is_inside = (0.0..=view.width_px as f64).contains(&x_px) && (0.0..=view.height_px as f64).contains(&y_px);
         let (px, py) = view.ray_at(x_px, y_px);
         let none = CutPlanes::default();
         let cuts = CutsInView::new(job.surfaces.as_ref().map_or(&none, |scene| scene.planes()), &view);
-        is_inside.then_some(Self { view, px, py, cuts })
+        let faces = domain.iter().filter(|surface| surface.style == DomainStyle::Solid);
+        let domain = 1.0 - faces.map(|surface| 1.0 - surface.opacity).product::<f64>();
+        is_inside.then_some(Self { view, px, py, cuts, domain })
+    }
+
+    /// Where the ray comes into a cell, or leaves it, through a face without a finite cell behind it.
+    fn on_domain(&self, job: &RenderJob, number: u32, cell: &Cell, ends: [f64; 2]) -> [Option<f64>; 2] {
+        /// What the weight of the corner opposite to a face is rounded to on the face, but at the eye in the cell.
+        const ON_FACE: f64 = 1e-6;
+        let finite = job.finite.as_ref().unwrap_or(&job.active);
+        ends.map(|depth| {
+            let weights = cell.weights(self.at(depth));
+            let (face, weight) = (0..4).zip(weights).min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let behind = job.mesh.topology.neighbours[number as usize][face].cell();
+            let is_open = !behind.is_some_and(|cell| finite.contains(cell));
+            (self.domain > 0.0 && is_open && weight < ON_FACE).then_some(depth)
+        })
     }
 
     /// View coordinates at a depth.
@@ -146,7 +151,8 @@ impl Ray {
             let tet = job.mesh.topology.tets[number as usize];
             let cell = Cell::new(job, view, number, tet.map(to_view))?;
             let segment = cell.clip(view, job.mesh.positions.scale, self.px, self.py)?;
-            Some(OnRay { number, cell, segment, exit: segment.part[1] })
+            let on_domain = self.on_domain(job, number, &cell, segment.part);
+            Some(OnRay { number, cell, segment, exit: segment.part[1], on_domain })
         };
         let mut found: Vec<OnRay> =
             self.near_cells(job).filter(|&number| job.active.contains(number)).filter_map(clipped).collect();
@@ -211,7 +217,7 @@ impl Ray {
         for on_ray in chain {
             let optical_depth = |part: &Segment| self.absorbing(table, part).map(|piece| piece.depth).sum::<f64>();
             let (mut rest, mut of_volume, mut is_over) = (on_ray.segment, 0.0, false);
-            for (depth, opacity) in surfaces_on(job, &self.cuts, on_ray) {
+            for (depth, opacity) in self.surfaces_on(job, on_ray) {
                 let (before, behind) = rest.split(depth);
                 rest = behind;
                 of_volume += before.map_or(0.0, |before| take(optical_depth(&before)).0);
@@ -230,6 +236,25 @@ impl Ray {
                 return;
             }
         }
+    }
+
+    /// Depth and opacity of the surfaces and sections that a segment meets, nearest first.
+    fn surfaces_on(&self, job: &RenderJob, OnRay { segment, exit, on_domain, .. }: &OnRay) -> Vec<(f64, f64)> {
+        let ([near, far], [from, to]) = (segment.part, segment.part_scalar);
+        let sheets = job.surfaces.as_ref().map_or(&[][..], |surfaces| surfaces.sheets());
+        let met = sheets.iter().filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
+        let depth = |value: f64| near + (value - from) / (to - from) * (far - near);
+        let mut met: Vec<(f64, f64)> = met.map(|sheet| (depth(sheet.value), sheet.opacity)).collect();
+        let mut last = (f64::NEG_INFINITY, 0);
+        let whole = Segment { part: [segment.part[0], *exit], ..*segment };
+        while let Some(next) = self.cuts.next_section(&whole, segment.part, last) {
+            met.push((next.0, 1.0));
+            last = next;
+        }
+        let on_domain = on_domain.iter().flatten().filter(|depth| (segment.part[0]..=segment.part[1]).contains(depth));
+        met.extend(on_domain.map(|&depth| (depth, self.domain)));
+        met.sort_by(|a, b| a.0.total_cmp(&b.0));
+        met
     }
 
     /// The pieces of a segment between the nodes of the table, from the front.

@@ -177,7 +177,8 @@ impl Finder {
         let request = asked.request.clone().with_draw(TetDraw::Raycast);
         let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
         let job = pipeline.prepare_unless(&request, cancel)?;
-        Ok(probe(&job, asked.at_px)?)
+        let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
+        Ok(probe(&job, domain, asked.at_px)?)
     }
 }
 
