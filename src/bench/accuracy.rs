@@ -10,12 +10,14 @@
 //! faces, pre-integrated tables, pipelines of a GPU) is made before the clock starts.
 
 mod enlarge;
+mod equal_time;
 mod integration;
 mod paths;
 mod scenes;
 mod summary;
 
 pub use enlarge::enlarged;
+pub use equal_time::{BUDGETS, EqualTime, EqualTimeTable, Family, Setting, equal_time};
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
 pub use scenes::{AccuracyScene, TRANSFER_FUNCTIONS, VIEWS, View, scenes};

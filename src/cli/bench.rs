@@ -5,7 +5,7 @@ mod accuracy;
 use super::progress::Terminal;
 use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::{Outcome, memory, print_result, source};
-use crate::bench::accuracy::{AccuracyTable, IntegrationTable, TABLE_SIZES, integration_errors};
+use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
     run_playback,
@@ -23,8 +23,8 @@ pub(super) struct Args {
     /// Stores, or sources to import to the cache first
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
-    /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, and the error
-    /// of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and seeks; all: all of them
+    /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, what error a
+    /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks
@@ -163,6 +163,7 @@ impl fmt::Display for Table<'_> {
         moving.iter().try_for_each(|run| row(f, run))?;
         self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
         AccuracyTable(&self.0.runs).fmt(f)?;
+        EqualTimeTable(&self.0.runs).fmt(f)?;
         IntegrationTable(&self.0.integration).fmt(f)
     }
 }

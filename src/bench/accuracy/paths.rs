@@ -33,7 +33,7 @@ pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
 /// Entries along a scalar axis of pre-integrated tables.
 pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
 /// Image scales beside 1.
-pub const IMAGE_SCALES: [f64; 2] = [0.5, 0.25];
+pub const IMAGE_SCALES: [f64; 3] = [0.5, 0.25, 0.125];
 /// Contrasts that decide which rays are cast.
 pub const CONTRASTS: [Contrast; 5] = [contrast(0.2), contrast(0.1), contrast(0.05), contrast(0.02), contrast(0.01)];
 

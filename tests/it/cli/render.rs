@@ -285,6 +285,7 @@ fn the_accuracy_suite_writes_records_tables_and_plots() {
     let table: Vec<&str> = run.out.lines().filter(|line| line.starts_with('|')).collect();
     assert_eq!(table[0], "| path | ms | dense: RMSE | max | tents: RMSE | max | FLIP |", "{}", run.out);
     assert!(table.iter().any(|row| row.contains("havs, k = 2 inexact")), "{}", run.out);
+    assert!(table.iter().any(|row| row.starts_with("| slab | tents | 100 % |")), "{}", run.out);
     assert!(run.err.contains("accuracy_ratio.svg was not written"), "{}", run.err);
     for name in ["time", "k", "lod", "table", "scale"] {
         let svg = std::fs::read_to_string(place.path(&format!("plots/accuracy_{name}.svg"))).unwrap();
