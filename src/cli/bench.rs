@@ -24,7 +24,8 @@ pub(super) struct Args {
     #[arg(required = true, value_name = "STORE")]
     stores: Vec<PathBuf>,
     /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, what error a
-    /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and seeks; all: all of them
+    /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and
+    /// seeks; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks

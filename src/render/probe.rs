@@ -57,8 +57,8 @@ pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
     first + (1..4).zip(rest).map(|(i, scalar)| weights[i] * (scalar - first)).sum::<f64>()
 }
 
-/// What is seen at a place in the image of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from the left and from the top, with pixel centres at
-/// (i + .5, j + .5). `None` beside the image and where nothing is visible.
+/// What is seen at a place in the image of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from
+/// the left and from the top, with pixel centres at (i + .5, j + .5). `None` beside the image and where nothing is visible.
 ///
 /// # Errors
 /// If the parts of the job do not belong together.
@@ -124,13 +124,16 @@ impl Ray {
     fn on_domain(&self, job: &RenderJob, number: u32, cell: &Cell, ends: [f64; 2]) -> [Option<f64>; 2] {
         /// What the weight of the corner opposite to a face is rounded to on the face, but at the eye in the cell.
         const ON_FACE: f64 = 1e-6;
+        if self.domain == 0.0 {
+            return [None; 2];
+        }
         let finite = job.finite.as_ref().unwrap_or(&job.active);
         ends.map(|depth| {
             let weights = cell.weights(self.at(depth));
             let (face, weight) = (0..4).zip(weights).min_by(|a, b| a.1.total_cmp(&b.1))?;
             let behind = job.mesh.topology.neighbours[number as usize][face].cell();
             let is_open = !behind.is_some_and(|cell| finite.contains(cell));
-            (self.domain > 0.0 && is_open && weight < ON_FACE).then_some(depth)
+            (is_open && weight < ON_FACE).then_some(depth)
         })
     }
 

@@ -17,8 +17,12 @@ impl PartCells {
     /// What is left of the cells of a mesh if these parts of it are shown alone.
     pub fn restrict(&mut self, mesh: &Arc<Mesh>, parts: &[u32], activity: Activity) -> Activity {
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.parts != parts {
-            let (part, _) = mesh.topology.parts();
-            let cells = CellSet::of(part.len(), |cell| parts.contains(&part[cell]));
+            let (part, sizes) = mesh.topology.parts();
+            let mut is_shown = vec![false; sizes.len()];
+            for &part in parts {
+                is_shown.get_mut(part as usize).into_iter().for_each(|is_shown| *is_shown = true);
+            }
+            let cells = CellSet::of(part.len(), |cell| is_shown[part[cell] as usize]);
             *self = Self { of: Arc::downgrade(mesh), parts: parts.to_vec(), cells, last: None };
         }
         let of = [&activity.finite, &activity.active].map(Arc::downgrade);

@@ -118,21 +118,22 @@ fn parts(ui: &mut Ui, sizes: &[usize], shown: &mut Vec<u32>) {
     if sizes.len() < 2 {
         return;
     }
-    let is_shown = |shown: &[u32], part: u32| shown.is_empty() || shown.contains(&part);
-    let all = 0..sizes.len() as u32;
-    let count = all.clone().filter(|&part| is_shown(shown, part)).count();
+    let mut is_shown = vec![shown.is_empty(); sizes.len()];
+    for &part in &*shown {
+        is_shown.get_mut(part as usize).into_iter().for_each(|is_shown| *is_shown = true);
+    }
+    let count = is_shown.iter().filter(|&&is_shown| is_shown).count();
     let text = if count == sizes.len() { "all parts".to_owned() } else { format!("{count} of {} parts", sizes.len()) };
     let combo = egui::ComboBox::from_id_salt("parts").selected_text(text);
     let combo = combo.close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
     let response = combo.show_ui(ui, |ui| {
-        for (part, size) in (0..).zip(sizes).take(LISTED) {
-            let mut is_on = is_shown(shown, part);
-            let is_last = is_on && count == 1;
+        for (part, size) in sizes.iter().enumerate().take(LISTED) {
+            let is_last = is_shown[part] && count == 1;
             let cells = if *size == 1 { "1 cell".to_owned() } else { format!("{size} cells") };
-            if ui.add_enabled(!is_last, egui::Checkbox::new(&mut is_on, format!("{part}: {cells}"))).changed() {
-                let now = all.clone().filter(|&other| if other == part { is_on } else { is_shown(shown, other) });
-                let now: Vec<u32> = now.collect();
-                *shown = if now.len() == sizes.len() { Vec::new() } else { now };
+            if ui.add_enabled(!is_last, egui::Checkbox::new(&mut is_shown[part], format!("{part}: {cells}"))).changed()
+            {
+                let now = (0..).zip(&is_shown).filter_map(|(part, &is_shown)| is_shown.then_some(part));
+                *shown = if is_shown.contains(&false) { now.collect() } else { Vec::new() };
             }
         }
         if sizes.len() > LISTED {

@@ -154,10 +154,6 @@ impl Merge<'_> {
     /// Adds the faces of a word's cells.
     fn word(&mut self, at: usize, touched: u64) {
         let Self { topology, active, .. } = *self;
-        if touched == 0 {
-            self.keep(64 * at + 64);
-            return;
-        }
         each_bit(touched, |bit| {
             let cell = 64 * at + bit;
             self.keep(cell);
