@@ -7,7 +7,7 @@ use super::preparation::Ordered;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Advance, Frame, RenderError, RenderJob, Renderer};
+use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -94,8 +94,7 @@ impl Renderers {
     pub(super) fn render(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&Frame>, RenderError> {
         let Some(renderer) = self.draw(ordered, backend)? else { return Ok(None) };
         // Without a job, the last frame.
-        let (Advance::Partial(frame) | Advance::Done(frame)) = renderer.advance(Duration::ZERO)?;
-        Ok(Some(frame))
+        Ok(Some(renderer.advance(Duration::ZERO)?.frame()))
     }
 
     /// The same frame to keep; the next one is rendered to the memory that `replacement` gives.

@@ -25,6 +25,11 @@ pub trait LayerRenderer: Send {
     /// If the device is lost or fails.
     fn advance(&mut self, budget: Duration, job: &mut Self::Job, frame: &mut Frame) -> Result<bool, RenderError>;
 
+    /// Whether the last slice gave each pixel a value although better ones follow ([`RenderJob::previews`]).
+    fn has_preview(&self) -> bool {
+        false
+    }
+
     /// Forgets what a job that is not wanted any more has under way outside of it.
     ///
     /// # Errors
@@ -114,7 +119,11 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
             let _ = self.layer.abandon();
             return Err(failed);
         }
-        Ok(if is_done { Advance::Done(&self.frame) } else { Advance::Partial(&self.frame) })
+        Ok(match is_done {
+            true => Advance::Done(&self.frame),
+            false if self.layer.has_preview() => Advance::Preview(&self.frame),
+            false => Advance::Partial(&self.frame),
+        })
     }
 
     fn take_frame(&mut self, replacement: Frame) -> Frame {
@@ -196,10 +205,8 @@ mod tests {
 
     /// How many pixels are there, and whether that is all.
     fn drawn(advance: Advance<'_>) -> (usize, bool) {
-        let (is_done, frame) = match advance {
-            Advance::Partial(frame) => (false, frame),
-            Advance::Done(frame) => (true, frame),
-        };
+        let is_done = matches!(advance, Advance::Done(_));
+        let frame = advance.frame();
         (frame.planes.color.pixels.iter().filter(|p| p[3] > 0.0).count(), is_done)
     }
 

@@ -80,6 +80,9 @@ pub struct RenderJob {
     pub placed: Option<cpu::Placed>,
     /// The contrast that decides which rays are cast, by the CPU's ray caster, where the samples are all pixels; all of them without.
     pub contrast: Option<Contrast>,
+    /// Contrasts at which the image is shown on the way, falling, where rays that have been cast serve those that follow. The frame in the end is
+    /// the same without.
+    pub previews: Vec<Contrast>,
     /// The cells that decide with it, if these are not the active ones.
     pub domain: Option<Arc<CellSet>>,
     /// What may be left out; the image is the same.
@@ -257,6 +260,7 @@ impl RenderJob {
             prepared: None,
             placed: None,
             contrast: None,
+            previews: Vec::new(),
             domain: None,
             skip: Skip::default(),
             cancel: Cancel::default(),
@@ -320,10 +324,22 @@ impl RenderJob {
 }
 
 impl RenderJob {
-    /// The contrast by which it is decided which rays are cast; `None` if all are.
-    fn adaptive_contrast(&self) -> Option<f32> {
-        let is_possible = self.fragments.is_none() && self.view.samples == Samples::ALL;
-        self.contrast.map(Contrast::get).filter(|&contrast| contrast > 0.0 && is_possible)
+    /// The contrasts by which it is decided which rays are cast, one after the other, 0 for all rays; none if all are cast at once.
+    fn contrasts(&self) -> Vec<f32> {
+        if self.fragments.is_some() || self.view.samples != Samples::ALL {
+            return Vec::new();
+        }
+        let last = self.contrast.map_or(0.0, Contrast::get);
+        let mut contrasts: Vec<f32> = Vec::new();
+        for preview in self.previews.iter().map(|preview| preview.get()) {
+            if preview > last && contrasts.last().is_none_or(|&before| preview < before) {
+                contrasts.push(preview);
+            }
+        }
+        if last > 0.0 || !contrasts.is_empty() {
+            contrasts.push(last);
+        }
+        contrasts
     }
 
     /// The job whose image has the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its number in place of
@@ -333,9 +349,9 @@ impl RenderJob {
         let (formula, joint, prepared, fragments, compressed) = Default::default();
         let (table, optics, for_window) = (Arc::new(NodeTable::clear()), OpticsKind::Exact, false);
         let stats = FrameStats::default();
-        let of_guides =
-            Self { surfaces, formula, joint, prepared, fragments, compressed, contrast: None, ..self.clone() };
-        Some(Self { table, optics, for_window, stats, ..of_guides })
+        let (contrast, previews) = Default::default();
+        let of_guides = Self { surfaces, formula, joint, prepared, fragments, compressed, ..self.clone() };
+        Some(Self { table, optics, for_window, stats, contrast, previews, ..of_guides })
     }
 }
 
@@ -367,8 +383,19 @@ impl Frame {
 pub enum Advance<'a> {
     /// Some pixels are final, the others still transparent.
     Partial(&'a Frame),
+    /// All pixels have a value, and better ones follow ([`RenderJob::previews`]).
+    Preview(&'a Frame),
     /// All pixels are final.
     Done(&'a Frame),
+}
+
+impl<'a> Advance<'a> {
+    /// The frame as it is.
+    pub fn frame(self) -> &'a Frame {
+        match self {
+            Self::Partial(frame) | Self::Preview(frame) | Self::Done(frame) => frame,
+        }
+    }
 }
 
 /// Renders one job at a time, in slices. Keeps its buffers from job to job: what grows with the mesh or the image is
@@ -405,16 +432,31 @@ pub trait Renderer: Send {
     /// # Errors
     /// As [`Self::begin`] and [`Self::advance`].
     fn render_unless_cancelled(&mut self, job: RenderJob) -> Result<Option<&Frame>, RenderError> {
+        self.render_with_previews(job, &mut |_| ())
+    }
+
+    /// The same; `previewed` sees the frame on the way, as often as the job says.
+    ///
+    /// # Errors
+    /// As [`Self::begin`] and [`Self::advance`].
+    fn render_with_previews(
+        &mut self,
+        job: RenderJob,
+        previewed: &mut dyn FnMut(&Frame),
+    ) -> Result<Option<&Frame>, RenderError> {
         let cancel = job.cancel.clone();
         let slice = self.slice();
         self.begin(job)?;
-        while let Advance::Partial(_) = self.advance(slice)? {
-            if cancel.is_cancelled() {
-                return Ok(None);
+        loop {
+            match self.advance(slice)? {
+                Advance::Done(_) => break,
+                _ if cancel.is_cancelled() => return Ok(None),
+                Advance::Preview(frame) => previewed(frame),
+                Advance::Partial(_) => {}
             }
         }
-        let (Advance::Partial(frame) | Advance::Done(frame)) = self.advance(Duration::ZERO)?;
-        Ok(Some(frame))
+        // Without a job, the last frame.
+        Ok(Some(self.advance(Duration::ZERO)?.frame()))
     }
 
     /// Renders a whole frame of a job that nobody cancels.
@@ -423,8 +465,7 @@ pub trait Renderer: Send {
     /// As [`Self::begin`] and [`Self::advance`].
     fn render(&mut self, job: RenderJob) -> Result<&Frame, RenderError> {
         self.begin(job)?;
-        match self.advance(Duration::MAX)? {
-            Advance::Partial(frame) | Advance::Done(frame) => Ok(frame),
-        }
+        while let Advance::Preview(_) = self.advance(Duration::MAX)? {}
+        Ok(self.advance(Duration::ZERO)?.frame())
     }
 }

@@ -36,6 +36,26 @@ impl PixelBits {
         self.words.iter_mut().zip(&other.words).for_each(|(word, other)| *word |= other);
     }
 
+    /// Becomes the pixels of the same image that are not in another set.
+    pub(super) fn become_rest_of(&mut self, other: &Self) {
+        self.clear((other.width, other.height));
+        let width = self.width;
+        self.words
+            .par_chunks_mut(self.words_per_row.max(1))
+            .zip(other.words.par_chunks(other.words_per_row.max(1)))
+            .for_each(|(words, others)| {
+                for (at, (word, other)) in words.iter_mut().zip(others).enumerate() {
+                    // The last word of a row may have bits beyond it.
+                    *word = !other & (u64::MAX >> 64_usize.saturating_sub(width - at * 64));
+                }
+            });
+    }
+
+    /// Whether there are none.
+    pub(in crate::render) fn is_empty(&self) -> bool {
+        self.words.iter().all(|&word| word == 0)
+    }
+
     /// How many there are.
     pub(super) fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()

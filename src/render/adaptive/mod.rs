@@ -39,13 +39,14 @@ use std::ops::Range;
 const STRIDES: [usize; 4] = [8, 4, 2, 1];
 
 /// The last level: rays at every pixel of what is split.
-const LAST: usize = STRIDES.len() - 1;
+pub(in crate::render) const LAST: usize = STRIDES.len() - 1;
 
 /// How far the sampling of a frame has come. Keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub(in crate::render) struct Adaptive {
     size: (usize, usize),
-    contrast: f32,
+    /// Thresholds that are still to be reached, the next one last.
+    contrasts: Vec<f32>,
     level: usize,
     /// The pixels whose rays are cast at this level.
     pub(in crate::render) wanted: PixelBits,
@@ -65,21 +66,43 @@ pub(in crate::render) struct Seen {
 }
 
 impl Adaptive {
-    /// Begins an image of so many columns and rows, with a threshold above zero for raw accumulators.
-    pub(in crate::render) fn begin(&mut self, size: (usize, usize), contrast: f32) {
-        (self.size, self.contrast, self.level) = (size, contrast, 0);
+    /// Begins an image of so many columns and rows, with thresholds for raw accumulators, the greatest first; 0 casts all rays.
+    pub(in crate::render) fn begin(&mut self, size: (usize, usize), mut contrasts: Vec<f32>) {
+        contrasts.reverse();
+        (self.size, self.contrasts) = (size, contrasts);
         for bits in [&mut self.wanted, &mut self.cast, &mut self.seen.met] {
             bits.clear(size);
         }
         self.seen.planes.clear(size.0, size.1);
-        for (blocks, stride) in self.blocks.iter_mut().zip(STRIDES) {
-            blocks.begin(size, stride);
-        }
-        self.blocks[0].open_all();
+        self.begin_blocks();
         let lattice = self.lattice();
         for row in (0..lattice.count(size.1)).map(|at| lattice.pixel(at, size.1)) {
             (0..lattice.count(size.0)).for_each(|at| self.wanted.insert(lattice.pixel(at, size.0), row));
         }
+    }
+
+    /// The coarsest blocks of an image, none of them split.
+    fn begin_blocks(&mut self) {
+        self.level = 0;
+        for (blocks, stride) in self.blocks.iter_mut().zip(STRIDES) {
+            blocks.begin(self.size, stride);
+        }
+        self.blocks[0].open_all();
+    }
+
+    /// Goes on from an image that is filled to the next threshold, at which the rays serve that have been cast; false if there is none.
+    pub(in crate::render) fn sharpen(&mut self) -> bool {
+        self.contrasts.pop();
+        let Some(&contrast) = self.contrasts.last() else { return false };
+        self.begin_blocks();
+        if contrast > 0.0 {
+            self.wanted.clear(self.size);
+        } else {
+            // Nothing is decided any more: equal corners prove nothing.
+            self.level = LAST;
+            self.wanted.become_rest_of(&self.cast);
+        }
+        true
     }
 
     /// The level of the rays that are cast now.
@@ -92,18 +115,22 @@ impl Adaptive {
         Lattice::new(NonZeroUsize::new(STRIDES[self.level]).unwrap_or(NonZeroUsize::MIN))
     }
 
-    /// Goes on from rays that have all been cast to those of the next level; false if there are none. `reaches`: whether the box of an entry
+    /// Goes on from rays that have all been cast to those of the next level; false if there are none, and the image can be filled. `reaches`: whether the box of an entry
     /// face reaches into some columns and rows.
     pub(in crate::render) fn refine(
         &mut self,
         reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
         stats: &mut FrameStats,
     ) -> bool {
+        let contrast = self.contrasts.last().copied().unwrap_or(0.0);
+        if self.level == 0 || contrast == 0.0 {
+            (stats.blocks_split, stats.blocks_filled) = Default::default();
+        }
         loop {
             stats.rays_by_level[self.level] += self.wanted.count();
             self.cast.insert_all(&self.wanted);
             let Some(blocks) = self.blocks.get_mut(self.level) else { return false };
-            blocks.split(&self.seen, self.contrast, &reaches);
+            blocks.split(&self.seen, contrast, &reaches);
             blocks.count(stats);
             if blocks.are_all_whole() {
                 return false;
@@ -117,7 +144,7 @@ impl Adaptive {
             self.open_finer();
             self.level += 1;
             // The corners of the next blocks may have been cast, and their middle not.
-            if self.wanted.count() > 0 {
+            if !self.wanted.is_empty() {
                 return true;
             }
         }

@@ -46,8 +46,8 @@ impl Exact {
     fn sampled(&self, contrast: f32) -> (Planes, BTreeSet<(usize, usize)>, FrameStats) {
         let (mut adaptive, mut stats, mut cast) = (Adaptive::default(), FrameStats::default(), BTreeSet::new());
         // Memory of another image.
-        adaptive.begin((9, 30), 0.5);
-        adaptive.begin(self.size, contrast);
+        adaptive.begin((9, 30), vec![0.5]);
+        adaptive.begin(self.size, vec![contrast]);
         loop {
             for pixel in (0..self.size.1).flat_map(|y| (0..self.size.0).map(move |x| (x, y))) {
                 if adaptive.wanted.contains(pixel.0, pixel.1) {

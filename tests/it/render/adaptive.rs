@@ -82,6 +82,48 @@ fn sampled_pixels_have_their_bits_and_no_frame_depends_on_how_it_was_drawn() {
     assert!(left_out > 1000, "{left_out} rays were left out");
 }
 
+/// What is shown on the way to an image: at each contrast that of a request for it, and in the end the one without.
+#[test]
+fn previews_are_the_images_of_their_contrasts_and_change_nothing_in_the_end() {
+    let contrasts = [0.1, 0.02, 0.02, 0.3, 0.005];
+    let mut shown = 0;
+    for (name, job) in scenes() {
+        for last in [0.0, 0.01] {
+            let mut previewed = with_contrast(&job, last);
+            let direct = Raycast::new().render(previewed.clone()).unwrap().clone();
+            previewed.previews = contrasts.iter().map(|&c: &f32| c.try_into().unwrap()).collect();
+            // Contrasts that do not fall, and those below the last one, are no previews.
+            let expected = if last == 0.0 { vec![0.1, 0.02, 0.005] } else { vec![0.1, 0.02] };
+            let at = |contrast| Raycast::new().render(with_contrast(&job, contrast)).unwrap().planes.clone();
+            let mut expected: Vec<Planes> = expected.into_iter().map(at).collect();
+            // What no more rays are cast for is shown once.
+            expected.push(direct.planes.clone());
+            expected.dedup();
+            let mut planes = Vec::new();
+            let mut renderer = Raycast::new();
+            let mut preview = |frame: &Frame| planes.push(frame.planes.clone());
+            let frame = renderer.render_with_previews(previewed.clone(), &mut preview).unwrap().unwrap().clone();
+            assert!(frame.planes == direct.planes, "{name}, {last}");
+            shown += planes.len();
+            let is_whole_at_once = planes.is_empty();
+            planes.push(frame.planes.clone());
+            planes.dedup();
+            assert!(planes == expected, "{name}, {last}: {} previews of {}", planes.len(), expected.len());
+            let rays: u64 = frame.stats.rays_by_level.iter().sum();
+            if last == 0.0 && !is_whole_at_once {
+                assert_eq!(rays, frame.planes.color.pixels.len() as u64, "{name}: each ray once");
+                assert_eq!((frame.stats.blocks_filled, frame.stats.blocks_split), (0, [0; 4]), "{name}");
+            } else if last > 0.0 {
+                assert_eq!(frame.stats.blocks_filled, direct.stats.blocks_filled, "{name}");
+                assert_eq!(rays, direct.stats.rays_by_level.iter().sum::<u64>(), "{name}");
+            }
+            assert!(in_slices(&mut renderer, &previewed).planes == direct.planes, "{name}, {last}, in slices");
+            assert!(Raycast::portable().render(previewed).unwrap().planes == direct.planes, "{name}, one by one");
+        }
+    }
+    assert!(shown > 10, "{shown} previews");
+}
+
 #[test]
 fn contrast_says_nothing_where_samples_are_named_and_another_mesh_does_not_decide() {
     for (name, job) in scenes() {

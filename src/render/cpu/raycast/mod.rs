@@ -45,7 +45,7 @@ pub(in crate::render) mod skips;
 mod starts;
 mod walk;
 
-use super::super::adaptive::Adaptive;
+use super::super::adaptive::{Adaptive, LAST};
 use super::super::layers::Layers;
 use super::super::medium::Medium;
 use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
@@ -66,9 +66,6 @@ use walk::{Scene, TileScratch};
 /// box's diameter, which is below 4.
 pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
 
-/// The level of adaptive sampling at which rays are cast for all pixels.
-const LAST_LEVEL: usize = 3;
-
 /// The CPU ray caster.
 pub type Raycast = FrameRun<CellWalk>;
 
@@ -81,6 +78,8 @@ pub struct CellWalk {
     /// For each level of adaptive sampling; all pixels are those of the last.
     tiles: [Tiles<TileScratch>; 4],
     adaptive: Adaptive,
+    /// Whether the last slice has filled an image between rays of which more are to be cast.
+    has_preview: bool,
     /// For jobs that come without.
     tables: OpticsTables,
     /// Walk one ray after the other, with no instructions that not every processor of its kind has.
@@ -91,8 +90,8 @@ pub struct CellWalk {
 pub struct WalkJob {
     tiles: TileJob,
     in_view: CellsInView,
-    /// The contrast, where it decides which rays are cast.
-    contrast: Option<f32>,
+    /// Whether contrast decides which rays are cast.
+    is_adaptive: bool,
     /// What decides with it, if that is not what rays go through.
     domain: Option<CellsInView>,
 }
@@ -129,10 +128,12 @@ impl LayerRenderer for CellWalk {
         };
         frame.stats.add_counts(in_view.counts());
         // What is clear has no bins.
-        let contrast = job.adaptive_contrast().filter(|_| in_view.lists.bins.grid.tile_count() > 0);
+        let contrasts = job.contrasts();
+        let is_adaptive = !contrasts.is_empty() && in_view.lists.bins.grid.tile_count() > 0;
         let mut domain = None;
-        if let Some(contrast) = contrast {
-            self.adaptive.begin((view.width_px, view.height_px), contrast);
+        self.has_preview = false;
+        if is_adaptive {
+            self.adaptive.begin((view.width_px, view.height_px), contrasts);
             let walked = (!Arc::ptr_eq(&in_view.cells, &job.active)).then_some(&job.active);
             domain = job.domain.as_ref().or(walked).map(|domain| {
                 let of_domain = RenderJob { active: domain.clone(), finite: None, ..job.clone() };
@@ -143,13 +144,18 @@ impl LayerRenderer for CellWalk {
         } else {
             let is_empty = in_view.lists.bins.grid.tile_count() == 0;
             let grid = if is_empty { in_view.lists.bins.grid } else { RayPlane::of_view(view).grid };
-            self.tiles[LAST_LEVEL].begin(grid, job.skip.costly_first);
+            self.tiles[LAST].begin(grid, job.skip.costly_first);
         }
-        Ok(Some(WalkJob { tiles, in_view, contrast, domain }))
+        Ok(Some(WalkJob { tiles, in_view, is_adaptive, domain }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
+        self.has_preview = false;
         Ok(self.render(job, budget, frame))
+    }
+
+    fn has_preview(&self) -> bool {
+        self.has_preview
     }
 }
 
@@ -167,7 +173,8 @@ impl RenderTiles for CellWalk {
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
-        let WalkJob { tiles: TileJob { job, view, .. }, in_view: CellsInView { cells, lists }, domain, contrast } = of;
+        let WalkJob { tiles: TileJob { job, view, .. }, in_view: CellsInView { cells, lists }, domain, is_adaptive } =
+            of;
         let portable = self.portable;
         let entries = |lists| Entries::of(&job.mesh.topology, view, lists, portable);
         let scene = Scene {
@@ -183,13 +190,13 @@ impl RenderTiles for CellWalk {
             domain: domain.as_ref().map(|domain| entries(&domain.lists)),
             early_termination: job.skip.opaque,
         };
-        if contrast.is_some() {
+        if *is_adaptive {
             return self.render_adaptive(job, scene, layers, budget, frame);
         }
         let render = |tile, scratch: &mut TileScratch, out: &mut [TilePixel]| {
             walk::render_tile(portable, &scene, layers, scene.plane.grid.rect(tile), scratch, out)
         };
-        let tiles = &mut self.tiles[LAST_LEVEL];
+        let tiles = &mut self.tiles[LAST];
         let done = tiles.render_some(job, budget, &mut frame.stats, |rect| scene.plane.has_some_in(rect), render);
         match &view.samples {
             // The places of tiles are those of the lattice.
@@ -201,7 +208,8 @@ impl RenderTiles for CellWalk {
 }
 
 impl CellWalk {
-    /// Casts the rays of one level after the other for about `budget`, and fills the image when there are no more; whether it has.
+    /// Casts the rays of one level after the other for about `budget`, and fills the image when there are no more; whether no smaller contrast
+    /// follows.
     fn render_adaptive<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
         job: &RenderJob,
@@ -211,7 +219,7 @@ impl CellWalk {
         frame: &mut Frame,
     ) -> bool {
         let (started, portable) = (Instant::now(), self.portable);
-        let Self { adaptive, tiles, .. } = self;
+        let Self { adaptive, tiles, has_preview, .. } = self;
         loop {
             let (level, lattice) = (adaptive.level(), adaptive.lattice());
             let Adaptive { wanted, seen, .. } = &mut *adaptive;
@@ -227,12 +235,21 @@ impl CellWalk {
                 return false;
             }
             let entries = scene.domain.as_ref().unwrap_or(&scene.entries);
-            if !adaptive.refine(|columns, rows| entries.bins.reach(columns, rows), &mut frame.stats) {
+            let reaches = |columns, rows| entries.bins.reach(columns, rows);
+            let mut is_filled = !adaptive.refine(reaches, &mut frame.stats);
+            while is_filled {
                 adaptive.fill(&mut frame.planes);
-                return true;
+                if !adaptive.sharpen() {
+                    return true;
+                }
+                *has_preview = true;
+                is_filled = adaptive.wanted.is_empty() && !adaptive.refine(reaches, &mut frame.stats);
             }
             let plane = RayPlane::of_wanted(scene.view, adaptive.lattice(), &adaptive.wanted);
             tiles[adaptive.level()].begin(plane.grid, job.skip.costly_first);
+            if *has_preview {
+                return false;
+            }
         }
     }
 }
