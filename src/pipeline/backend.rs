@@ -92,12 +92,12 @@ impl Renderers {
     /// # Errors
     /// As [`Renderer::render_unless_cancelled`], and `NoGpu`.
     pub(super) fn render(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&Frame>, RenderError> {
-        let Some(renderer) = self.draw(ordered, backend)? else { return Ok(None) };
+        let Some(renderer) = self.draw(ordered, backend, &mut |_| ())? else { return Ok(None) };
         // Without a job, the last frame.
         Ok(Some(renderer.advance(Duration::ZERO)?.frame()))
     }
 
-    /// The same frame to keep; the next one is rendered to the memory that `replacement` gives.
+    /// The same frame to keep, and its previews on the way; the next one is rendered to the memory that `replacement` gives.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -105,13 +105,19 @@ impl Renderers {
         &mut self,
         ordered: Ordered,
         backend: Backend,
+        previewed: &mut dyn FnMut(&Frame),
         replacement: impl FnOnce() -> Frame,
     ) -> Result<Option<Frame>, RenderError> {
-        Ok(self.draw(ordered, backend)?.map(|renderer| renderer.take_frame(replacement())))
+        Ok(self.draw(ordered, backend, previewed)?.map(|renderer| renderer.take_frame(replacement())))
     }
 
     /// The renderer that has drawn a job, with what is found on its image; `None` if it was cancelled.
-    fn draw(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&mut dyn Renderer>, RenderError> {
+    fn draw(
+        &mut self,
+        ordered: Ordered,
+        backend: Backend,
+        previewed: &mut dyn FnMut(&Frame),
+    ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let Ordered { job, by, on_image } = ordered;
         let started = Instant::now();
         let guides = match on_image.as_ref().and_then(|_| job.of_guides()) {
@@ -122,7 +128,7 @@ impl Renderers {
             },
         };
         let guided = started.elapsed();
-        let Some(renderer) = self.draw_job(job, by, backend)? else { return Ok(None) };
+        let Some(renderer) = self.draw_job(job, by, backend, previewed)? else { return Ok(None) };
         let frame = renderer.frame_mut();
         frame.stats.ms_guides = 0.0;
         if let (Some(on_image), Some(guides)) = (on_image, guides) {
@@ -138,6 +144,7 @@ impl Renderers {
         job: RenderJob,
         by: DrawnBy,
         backend: Backend,
+        previewed: &mut dyn FnMut(&Frame),
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let primitive = match by {
             DrawnBy::Raycast => Some(Primitive::Cells),
@@ -160,7 +167,7 @@ impl Renderers {
             }
         }
         let renderer = self.cpu.of(by);
-        let is_drawn = renderer.render_unless_cancelled(job)?.is_some();
+        let is_drawn = renderer.render_with_previews(job, previewed)?.is_some();
         Ok(is_drawn.then_some(renderer))
     }
 }

@@ -55,6 +55,9 @@ pub struct Delivery {
     pub frame: Result<SharedFrame, PipelineError>,
     /// Whether it was rendered for an earlier request; its counts and times are those of then.
     pub is_kept: bool,
+    /// Whether it is the frame that was asked for. Otherwise a preview of it ([`FrameRequest::previews`]): the same image at a greater
+    /// contrast. The frame follows, or one of a newer request.
+    pub is_final: bool,
 }
 
 /// A pipeline whose stages work at the same time. Dropped, it stops within milliseconds, whatever it was doing.
@@ -97,7 +100,7 @@ impl Pipelined {
     pub fn start(
         pipeline: Pipeline,
         options: &PipelinedOptions,
-        delivered: impl Fn() + Send + 'static,
+        delivered: impl Fn() + Send + Sync + 'static,
     ) -> io::Result<Self> {
         let Pipeline { series, decode, order, renderers } = pipeline;
         let shared = Shared {
@@ -159,7 +162,7 @@ impl Pipelined {
         self.ask(request, Before::Keep)
     }
 
-    /// Asks for a frame instead of those that are not being rendered yet. Frames that are being rendered or have been are
+    /// Asks for a frame instead of those that are not being rendered yet, or have previews. Other frames that are being rendered or have been are
     /// delivered first, and if there is none, the one that is next: on a slow machine there is something new to see now and
     /// then, however fast requests come.
     pub fn replace(&self, request: FrameRequest) -> Option<FrameId> {
@@ -195,10 +198,16 @@ impl Pipelined {
         self.shared.queue.preparations()
     }
 
-    /// Takes the next frame if it is there.
+    /// Takes the next frame or preview if it is there.
     pub fn take(&self) -> Option<Delivery> {
         let deliveries = self.deliveries.as_ref()?;
-        deliveries.try_iter().find(|delivery| self.shared.queue.take(delivery.id))
+        deliveries.try_iter().find(|delivery| self.takes(delivery))
+    }
+
+    /// Whether a frame is still wanted; if it is what was asked for, it then counts as taken.
+    fn takes(&self, delivery: &Delivery) -> bool {
+        let queue = &self.shared.queue;
+        if delivery.is_final { queue.take(delivery.id) } else { queue.is_wanted(delivery.id) }
     }
 
     /// Whether all stages work. A stage that does not has a fault that it could not even report: nothing will come any more.
@@ -208,14 +217,14 @@ impl Pipelined {
         })
     }
 
-    /// Waits for the next frame, `longest` at most; `None` at once if none is wanted.
+    /// Waits for the next frame or preview, `longest` at most; `None` at once if none is wanted.
     pub fn wait(&self, longest: Duration) -> Option<Delivery> {
         let deliveries = self.deliveries.as_ref()?;
         let started = Instant::now();
         while self.wanted() > 0 {
             let left = longest.saturating_sub(started.elapsed());
             let delivery = deliveries.recv_timeout(left).ok()?;
-            if self.shared.queue.take(delivery.id) {
+            if self.takes(&delivery) {
                 return Some(delivery);
             }
         }

@@ -298,6 +298,7 @@ impl Order {
         let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
         view.samples = request.samples.samples(request.size_px)?;
         let contrast = request.samples.contrast();
+        let is_adaptive = contrast.is_some() || !request.previews.is_empty();
         if contrast.is_some() && decoded.by != DrawnBy::Raycast {
             return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
         }
@@ -309,7 +310,7 @@ impl Order {
         let in_sight = InSight { layer, scalars, known, clear, planes: &planes, keep_away };
         let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.clear_cells || keep_away && !planes.clips.is_empty();
-        let domain = if contrast.is_some() && goes_through_more {
+        let domain = if is_adaptive && goes_through_more {
             let clear = &self.clear.of(layer, decoded.by, Skip { clear_cells: true, ..request.skip });
             let in_sight = InSight { clear, keep_away: false, ..in_sight };
             Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.0.active)
@@ -347,8 +348,9 @@ impl Order {
             // Nobody goes through cells whose scalars are not there.
             // Where contrast decides, rays that meet active cells are told from others.
             finite: Some(finite.clone())
-                .filter(|finite| contrast.is_none() && known.is_empty() && !Arc::ptr_eq(finite, &active)),
+                .filter(|finite| !is_adaptive && known.is_empty() && !Arc::ptr_eq(finite, &active)),
             contrast,
+            previews: if by == DrawnBy::Raycast { request.previews.clone() } else { Vec::new() },
             domain,
             // A joint table is integrated exactly: nothing is to be prepared for other optics.
             optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
@@ -374,6 +376,9 @@ impl Order {
         }
         // Planes are needed here.
         job.for_window &= on_image.is_none();
+        if on_image.is_some() {
+            job.previews.clear();
+        }
         Ok(Ordered { job, by, on_image })
     }
 

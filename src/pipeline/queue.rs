@@ -51,8 +51,8 @@ pub struct Preparations {
 pub(super) enum Before {
     /// They come first.
     Keep,
-    /// Those not yet being rendered are not wanted any more; but if none is, the one that will be first. Else requests that
-    /// come faster than they can be prepared would never bring a frame.
+    /// Those not yet being rendered are not wanted any more, nor one that has previews; but if no other is being rendered, the one that will be
+    /// first is. Else requests that come faster than they can be prepared would never bring a frame.
     DropPrepared,
     /// None of them is wanted any more.
     DropAll,
@@ -63,11 +63,20 @@ struct State {
     next_id: u64,
     waiting: VecDeque<Ticket>,
     preparing: Vec<(FrameId, Cancel)>,
-    rendering: Option<(FrameId, Cancel)>,
+    rendering: Option<Rendering>,
     /// Requests whose frames are wanted and have not been taken, oldest first.
     wanted: VecDeque<FrameId>,
     is_closed: bool,
     preparing_max: usize,
+}
+
+/// The request that is being rendered.
+#[derive(Clone, Debug)]
+struct Rendering {
+    id: FrameId,
+    cancel: Cancel,
+    /// Whether something of it is shown before it is done: it may take long, and gives way.
+    has_previews: bool,
 }
 
 /// See the module.
@@ -153,7 +162,11 @@ impl Queue {
         let mut state = self.state();
         state.preparing.retain(|(id, _)| *id != ticket.id);
         let goes_on = !ticket.cancel.is_cancelled();
-        state.rendering = goes_on.then(|| (ticket.id, ticket.cancel.clone()));
+        state.rendering = goes_on.then(|| Rendering {
+            id: ticket.id,
+            cancel: ticket.cancel.clone(),
+            has_previews: !ticket.request.previews.is_empty(),
+        });
         self.changed.notify_all();
         goes_on
     }
@@ -190,14 +203,17 @@ impl State {
         if which == Before::Keep {
             return;
         }
-        let is_idle = self.rendering.as_ref().is_none_or(|(_, cancel)| cancel.is_cancelled());
+        let stays = |rendering: &Rendering| which == Before::DropPrepared && !rendering.has_previews;
+        let is_idle =
+            self.rendering.as_ref().is_none_or(|rendering| rendering.cancel.is_cancelled() || !stays(rendering));
         let first = self.preparing.iter().find(|(_, cancel)| !cancel.is_cancelled()).map(|(id, _)| *id);
         let kept = first.filter(|_| which == Before::DropPrepared && is_idle);
         let dropped = self.waiting.drain(..).map(|ticket| (ticket.id, ticket.cancel));
         let preparing = self.preparing.iter().filter(|(id, _)| Some(*id) != kept).cloned();
         let mut dropped: Vec<(FrameId, Cancel)> = dropped.chain(preparing).collect();
+        let rendering = self.rendering.iter().filter(|rendering| !stays(rendering));
+        dropped.extend(rendering.map(|rendering| (rendering.id, rendering.cancel.clone())));
         if which == Before::DropAll {
-            dropped.extend(self.rendering.clone());
             self.wanted.clear();
         }
         for (id, cancel) in dropped {
@@ -213,6 +229,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::node_table::NodeTable;
+    use crate::render::Contrast;
     use crossbeam::channel::{RecvTimeoutError, bounded};
     use std::time::Duration;
 
@@ -249,5 +266,26 @@ mod tests {
             first.cancel.cancel();
             queue.changed.notify_all();
         }));
+    }
+
+    #[test]
+    fn a_frame_with_previews_gives_way_to_a_newer_one_while_it_is_rendered_and_another_does_not() {
+        let series = jet();
+        let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+        let plain = FrameRequest::new(0, camera, Arc::new(NodeTable::clear()), (8, 8));
+        let previewed = FrameRequest { previews: vec![Contrast::default()], ..plain.clone() };
+        for (request, gives_way) in [(plain.clone(), false), (previewed, true)] {
+            let queue = Queue::default();
+            let push = |request| queue.push(series.clone(), request, Before::DropPrepared).unwrap();
+            push(request);
+            let rendering = queue.next().unwrap();
+            assert!(queue.begin_render(&rendering));
+            push(plain.clone());
+            let second = queue.next().unwrap();
+            assert_eq!((rendering.cancel.is_cancelled(), queue.is_wanted(rendering.id)), (gives_way, !gives_way));
+            // What comes next is kept where nothing else comes out.
+            push(plain.clone());
+            assert_eq!(second.cancel.is_cancelled(), !gives_way);
+        }
     }
 }

@@ -1,11 +1,11 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
 use super::text::{as_text, size_px};
-use super::{Backend, FrameTime, Layer, RequestError, SampleSet, TetDraw, TetLayer};
+use super::{Backend, DrawnBy, FrameTime, Layer, RequestError, SampleSet, TetDraw, TetLayer};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
-use crate::render::RenderError;
+use crate::render::{Contrast, RenderError};
 use crate::visibility::Skip;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,11 @@ pub struct FrameRequest {
     /// there. What it shows is the same.
     #[serde(skip)]
     pub for_window: bool,
+    /// Contrasts at which the image is delivered on the way, falling, where it takes rays from cell to cell on the CPU
+    /// ([`Delivery::is_final`](super::Delivery::is_final)). The frame in the end is the same. A newer request takes the place of one
+    /// with previews even while it is rendered.
+    #[serde(skip)]
+    pub previews: Vec<Contrast>,
     /// What may be left out. What it shows is the same.
     #[serde(default, with = "as_text")]
     pub skip: Skip,
@@ -51,8 +56,8 @@ impl FrameRequest {
         size_px: (usize, usize),
     ) -> Self {
         let layers = vec![Layer::Tets(TetLayer::new(table))];
-        let (samples, guides, backend, for_window, skip) = Default::default();
-        Self { time: time.into(), camera, size_px, layers, samples, guides, backend, for_window, skip }
+        let (samples, guides, backend, for_window, previews, skip) = Default::default();
+        Self { time: time.into(), camera, size_px, layers, samples, guides, backend, for_window, previews, skip }
     }
 
     /// The layer of cells, if there is one.
@@ -80,6 +85,16 @@ impl FrameRequest {
         self.tets().map_or(1.0, |tets| tets.draw.lod())
     }
 
+    /// Whether contrast may decide which rays are cast ([`SampleSet::Adaptive`]): they go from cell to cell, and no light is found on the
+    /// whole image.
+    pub fn may_leave_rays_out(&self) -> bool {
+        let may = |tets: &TetLayer| {
+            matches!(tets.draw.drawn_by(), DrawnBy::Raycast)
+                && !(tets.shading.is_of_screen() && !(tets.surfaces.is_empty() && tets.domain.is_empty()))
+        };
+        !self.guides && self.tets().is_some_and(may)
+    }
+
     /// The one layer of cells, if there is one, checked against the name of the field that the series is of.
     ///
     /// # Errors
@@ -98,12 +113,12 @@ impl FrameRequest {
         }
     }
 
-    /// The same picture, without what says how it comes about: where it is rendered, what is left out on the way, whether it is for a
+    /// The same picture, without what says how it comes about: where it is rendered, what is left out or shown on the way, whether it is for a
     /// window, what the table was made from unless the judge or the colours of surfaces ask for it, and the light on surfaces that are not there. The text of this
     /// tells pictures apart.
     #[must_use]
     pub fn without_hints(self) -> Self {
-        let (backend, for_window, skip) = Default::default();
+        let (backend, for_window, previews, skip) = Default::default();
         let without_hints = |tets: &mut TetLayer| {
             if !tets.needs_formula() {
                 tets.formula = None;
@@ -112,7 +127,7 @@ impl FrameRequest {
                 tets.shading = Default::default();
             }
         };
-        Self { backend, for_window, skip, ..self.with_tets(without_hints) }
+        Self { backend, for_window, previews, skip, ..self.with_tets(without_hints) }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.

@@ -9,6 +9,7 @@ use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order, Ordered};
 use super::queue::{Queue, Ticket};
 use super::{Backend, PipelineError};
+use crate::render::Frame;
 use crate::slowdown::{Slow, waste};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
@@ -147,7 +148,7 @@ pub(super) fn render_all(
     threads: Option<&ThreadPool>,
     from: &Receiver<Passed<Ordered>>,
     to: &Sender<Delivery>,
-    delivered: &dyn Fn(),
+    delivered: &(dyn Fn() + Sync),
 ) -> Renderers {
     for (ticket, ordered) in from {
         if !shared.queue.begin_render(&ticket) {
@@ -156,7 +157,19 @@ pub(super) fn render_all(
         let span = span("render", &ticket);
         let rendered = ordered.and_then(|content| match content {
             Content::Kept(frame) => Ok((frame, true)),
-            Content::New(ordered) => guarded("render", || render(&mut renderers, shared, threads, &ticket, ordered)),
+            Content::New(ordered) => guarded("render", || {
+                let mut previewed = |frame: &Frame| {
+                    let mut copy = shared.pool.spare();
+                    copy.clone_from(frame);
+                    let (frame, request) = (Ok(shared.pool.share(copy)), ticket.request.clone());
+                    let preview = Delivery { id: ticket.id, request, frame, is_kept: false, is_final: false };
+                    // Nobody waits for it: where there is no room, a better one follows.
+                    if to.try_send(preview).is_ok() {
+                        delivered();
+                    }
+                };
+                render(&mut renderers, shared, threads, &ticket, ordered, &mut previewed)
+            }),
         });
         if has_panicked(&rendered) {
             renderers.begin_afresh();
@@ -169,7 +182,8 @@ pub(super) fn render_all(
             Ok((frame, is_kept)) => (Ok(frame), is_kept),
             Err(error) => (Err(error), false),
         };
-        if to.send(Delivery { id: ticket.id, request: ticket.request, frame, is_kept }).is_err() {
+        let Ticket { id, request, .. } = ticket;
+        if to.send(Delivery { id, request, frame, is_kept, is_final: true }).is_err() {
             break;
         }
         delivered();
@@ -184,13 +198,14 @@ fn render(
     threads: Option<&ThreadPool>,
     ticket: &Ticket,
     mut ordered: Ordered,
+    previewed: &mut (dyn FnMut(&Frame) + Send),
 ) -> Result<(SharedFrame, bool), PipelineError> {
     let Ticket { request, series, .. } = ticket;
     if let Some(frame) = shared.kept().get(series, request) {
         return Ok((frame, true));
     }
     ordered.job.thread_limit = shared.thread_limit.clone();
-    let work = || renderers.render_to_keep(ordered, request.backend, || shared.pool.spare());
+    let work = || renderers.render_to_keep(ordered, request.backend, previewed, || shared.pool.spare());
     let rendered = match threads {
         Some(threads) => threads.install(work),
         None => work(),

@@ -156,7 +156,18 @@ fn request() -> impl Strategy<Value = FrameRequest> {
             };
             let samples = pixels.map_or(samples, |pixels| SampleSet::Pixels(of_image(pixels)));
             let (skip, guides) = (skip.parse::<Skip>().unwrap(), layers.len() > 1);
-            FrameRequest { time, camera, size_px, layers, samples, guides, backend, skip, for_window: false }
+            FrameRequest {
+                time,
+                camera,
+                size_px,
+                layers,
+                samples,
+                guides,
+                backend,
+                skip,
+                for_window: false,
+                previews: Vec::new(),
+            }
         },
     )
 }

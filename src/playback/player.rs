@@ -34,6 +34,8 @@ pub struct Player {
     asked: VecDeque<Asked>,
     /// Delivered, in order, not shown yet.
     ready: VecDeque<Ready>,
+    /// Delivered, of a frame that is still on its way.
+    preview: Option<Ready>,
     /// A command may have gone elsewhere since the last tick.
     is_redirected: bool,
     /// What was due when nobody knew yet what it looks like. It comes first when that is known: the clock may be past it by then,
@@ -71,8 +73,19 @@ pub struct Tick {
 impl Player {
     /// A player of what `pipelined` renders. The first frame is due at once.
     pub fn new(clock: Clock, pipelined: Pipelined) -> Self {
-        let (asked, ready, is_redirected, unknown) = Default::default();
-        Self { clock, pipelined, look: 0, shown_look: 0, shown_number: 0, asked, ready, is_redirected, unknown }
+        let (asked, ready, preview, is_redirected, unknown) = Default::default();
+        Self {
+            clock,
+            pipelined,
+            look: 0,
+            shown_look: 0,
+            shown_number: 0,
+            asked,
+            ready,
+            preview,
+            is_redirected,
+            unknown,
+        }
     }
 
     /// The clock, to be read.
@@ -134,8 +147,9 @@ impl Player {
         let due = self.clock.due(now);
         self.ask(due.frame, due.dropped, request);
         let Some(Ready { delivery, look, number }) = self.next_to_show(due.frame) else {
-            return Tick { wait: due.wait, ..Tick::default() };
+            return Tick { shown: self.preview_to_show(), wait: due.wait, ..Tick::default() };
         };
+        self.preview = None;
         (self.shown_look, self.shown_number) = (look, number);
         self.clock.frame_shown(delivery.request.time, now);
         // The next one is asked for at once; if it is due and there already, it waits for the next tick.
@@ -164,6 +178,11 @@ impl Player {
     }
 
     fn receive(&mut self, delivery: Delivery) {
+        if !delivery.is_final {
+            let asked = self.asked.iter().find(|asked| asked.id == delivery.id);
+            self.preview = asked.map(|asked| Ready { delivery, look: asked.look, number: asked.number });
+            return;
+        }
         // Those before it were dropped on their way.
         while let Some(asked) = self.asked.pop_front_if(|asked| asked.id <= delivery.id) {
             if asked.id == delivery.id {
@@ -240,7 +259,15 @@ impl Player {
         }
     }
 
+    /// A preview of what is on its way, unless that looks different now. The clock goes by frames: to it nothing has been shown.
+    fn preview_to_show(&mut self) -> Option<Delivery> {
+        let Ready { delivery, look, number } = self.preview.take()?;
+        let is_on_its_way = self.asked.iter().any(|asked| asked.id == delivery.id);
+        (is_on_its_way && look == self.look && number >= self.shown_number).then_some(delivery)
+    }
+
     fn forget_all(&mut self) {
+        self.preview = None;
         self.pipelined.clear();
         self.asked.clear();
         self.ready.clear();

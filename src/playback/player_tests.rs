@@ -7,6 +7,7 @@ use crate::field::TimeAxis;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::test_series::{Log, logged};
 use crate::pipeline::{Pipeline, PipelinedOptions, Series};
+use crate::render::Contrast;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -296,6 +297,41 @@ fn a_paused_player_asks_for_nothing_until_something_changes() {
     theatre.run_until(LONG);
     assert_eq!(theatre.steps(), [0, 0]);
     assert_eq!(theatre.player.pipelined().wanted(), 0);
+}
+
+#[test]
+fn a_paused_player_shows_previews_ends_on_the_exact_frame_and_asks_for_nothing_more() {
+    let mut theatre = Theatre::uniform(5, every_step(10.0));
+    theatre.run_until(LONG);
+    let exact = FrameRequest { size_px: (90, 70), ..theatre.base.clone() };
+    let alone = Pipeline::new(theatre.player.pipelined().series().clone()).render(&exact).unwrap().planes.clone();
+    let mut previews = 0;
+    for round in 0..20 {
+        // Another look, so that it is drawn again: the first and the last of them are the same.
+        theatre.base.size_px = (80 + round, 60);
+        theatre.player.redraw();
+        theatre.run_until(LONG);
+        theatre.base =
+            FrameRequest { previews: [0.1, 0.01].map(|c| Contrast::new(c).unwrap()).into(), ..exact.clone() };
+        theatre.player.redraw();
+        let mut is_final = false;
+        while theatre.player.pipelined().wanted() > 0 || !is_final {
+            theatre.player.wait(Duration::from_millis(1));
+            if let Some(Delivery { frame, is_final: is_last, .. }) = theatre.tick().shown {
+                assert!(!is_final, "nothing comes after the frame itself");
+                is_final = is_last;
+                previews += usize::from(!is_last);
+                assert!(!is_last || frame.unwrap().planes == alone);
+            }
+        }
+        for _ in 0..3 {
+            assert!(theatre.tick().shown.is_none());
+            assert_eq!(theatre.player.pipelined().wanted(), 0);
+            theatre.now += Duration::from_secs(1);
+        }
+        theatre.base.previews.clear();
+    }
+    assert!(previews > 0, "none was there in time");
 }
 
 #[test]
