@@ -53,6 +53,31 @@ pub enum MetricsError {
 /// # Errors
 /// If sizes differ, there are no pixels, or a pixel is not finite.
 pub fn compare(a: &RgbaImage, b: &RgbaImage, background: [f32; 3]) -> Result<ImageMetrics, MetricsError> {
+    let RawDifference { max, rmse } = compare_raw(a, b)?;
+    let (a_over, b_over) = (a.over(background), b.over(background));
+    Ok(ImageMetrics {
+        max,
+        rmse,
+        psnr: -20.0 * rmse.log10(),
+        ssim: mean_ssim(&luminance(&a_over, a), &luminance(&b_over, b)),
+        flip: mean_flip(&a_over, &b_over, a.width, a.height),
+    })
+}
+
+/// Differences of the raw accumulators of two images of equal size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RawDifference {
+    /// Largest absolute one, over all pixels and four channels.
+    pub max: f64,
+    /// Root of the mean square, over the same.
+    pub rmse: f64,
+}
+
+/// The first two numbers of [`compare`], without the others, which take longer.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_raw(a: &RgbaImage, b: &RgbaImage) -> Result<RawDifference, MetricsError> {
     if (a.width, a.height) != (b.width, b.height) {
         return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
     }
@@ -70,15 +95,7 @@ pub fn compare(a: &RgbaImage, b: &RgbaImage, background: [f32; 3]) -> Result<Ima
         max = max.max(difference.abs());
         squares += difference * difference;
     }
-    let rmse = (squares / (4 * a.pixels.len()) as f64).sqrt();
-    let (a_over, b_over) = (a.over(background), b.over(background));
-    Ok(ImageMetrics {
-        max,
-        rmse,
-        psnr: -20.0 * rmse.log10(),
-        ssim: mean_ssim(&luminance(&a_over, a), &luminance(&b_over, b)),
-        flip: mean_flip(&a_over, &b_over, a.width, a.height),
-    })
+    Ok(RawDifference { max, rmse: (squares / (4 * a.pixels.len()) as f64).sqrt() })
 }
 
 /// Differences between two planes of distances of equal size.

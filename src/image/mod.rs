@@ -13,8 +13,8 @@ mod srgb;
 
 pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
 pub use metrics::{
-    DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, compare, compare_depth, compare_ids,
-    compare_normals,
+    DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, RawDifference, compare, compare_depth,
+    compare_ids, compare_normals, compare_raw,
 };
 pub use planes::{Plane, PlaneSamples, Planes};
 pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};

@@ -6,8 +6,7 @@
 //! their scalars at one step, and each [`Interval`] of the series has its own ranking. Neither is safe: on four
 //! of seven series a random subset is closer to the whole image (figures in docs/performance.md). What is drawn unless
 //! somebody chooses is therefore a random subset that is denser where faces matter: [`sampling_density`],
-//! [`Ranking::by_density`]. [`select()`] takes the first faces that belong to the active cells, and all faces of their surface;
-//! [`Controller`] says how many, so that a frame rate is held.
+//! [`Ranking::by_density`]. [`select()`] takes the first faces that belong to the active cells, and all faces of their surface.
 //!
 //! # Deviations from the dissertation
 //! 1. The coefficient of variation is divided by max(|mean|, 1 % of the series' range), not by the mean
@@ -18,7 +17,6 @@
 //! 3. The ranking that is used unless another is chosen is neither of its two.
 //! 4. The surface of the active cells is drawn whole at every level: it bounds the first and the last gap on a ray.
 
-mod controller;
 #[cfg(test)]
 mod density_tests;
 mod importance;
@@ -30,7 +28,6 @@ mod strata;
 #[cfg(test)]
 mod tests;
 
-pub use controller::Controller;
 pub use importance::importance;
 pub use interpolation_error::sampling_density;
 pub use intervals::{Interval, Partition, interval_at, step_change};

@@ -7,7 +7,7 @@ use super::preparation::Ordered;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Frame, RenderError, RenderJob, Renderer};
+use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -92,7 +92,7 @@ impl Renderers {
     /// # Errors
     /// As [`Renderer::render_unless_cancelled`], and `NoGpu`.
     pub(super) fn render(&mut self, ordered: Ordered, backend: Backend) -> Result<Option<&Frame>, RenderError> {
-        let Some(renderer) = self.draw(ordered, backend, &mut |_| ())? else { return Ok(None) };
+        let Some(renderer) = self.draw(ordered, backend, &mut |_, _| ())? else { return Ok(None) };
         // Without a job, the last frame.
         Ok(Some(renderer.advance(Duration::ZERO)?.frame()))
     }
@@ -105,7 +105,7 @@ impl Renderers {
         &mut self,
         ordered: Ordered,
         backend: Backend,
-        previewed: &mut dyn FnMut(&Frame),
+        previewed: &mut dyn FnMut(&Frame, Contrast),
         replacement: impl FnOnce() -> Frame,
     ) -> Result<Option<Frame>, RenderError> {
         Ok(self.draw(ordered, backend, previewed)?.map(|renderer| renderer.take_frame(replacement())))
@@ -116,7 +116,7 @@ impl Renderers {
         &mut self,
         ordered: Ordered,
         backend: Backend,
-        previewed: &mut dyn FnMut(&Frame),
+        previewed: &mut dyn FnMut(&Frame, Contrast),
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let Ordered { job, by, on_image } = ordered;
         let started = Instant::now();
@@ -144,7 +144,7 @@ impl Renderers {
         job: RenderJob,
         by: DrawnBy,
         backend: Backend,
-        previewed: &mut dyn FnMut(&Frame),
+        previewed: &mut dyn FnMut(&Frame, Contrast),
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
         let primitive = match by {
             DrawnBy::Raycast => Some(Primitive::Cells),

@@ -48,15 +48,14 @@ impl Default for PipelinedOptions {
 pub struct Delivery {
     /// Which one.
     pub id: FrameId,
-    /// What was asked for.
+    /// What was asked for; of a preview, the request that has it as its frame.
     pub request: FrameRequest,
     /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: of requests that are not wanted any more nothing
     /// is heard.
     pub frame: Result<SharedFrame, PipelineError>,
     /// Whether it was rendered for an earlier request; its counts and times are those of then.
     pub is_kept: bool,
-    /// Whether it is the frame that was asked for. Otherwise a preview of it ([`FrameRequest::previews`]): the same image at a greater
-    /// contrast. The frame follows, or one of a newer request.
+    /// Whether it is the frame that was asked for. Otherwise a preview of it ([`FrameRequest::previews`]). The frame follows, or one of a newer request.
     pub is_final: bool,
 }
 

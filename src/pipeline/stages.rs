@@ -8,8 +8,8 @@ use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order, Ordered};
 use super::queue::{Queue, Ticket};
-use super::{Backend, PipelineError};
-use crate::render::Frame;
+use super::{Backend, FrameRequest, PipelineError, SampleSet};
+use crate::render::{Contrast, Frame};
 use crate::slowdown::{Slow, waste};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, Sender};
@@ -158,10 +158,11 @@ pub(super) fn render_all(
         let rendered = ordered.and_then(|content| match content {
             Content::Kept(frame) => Ok((frame, true)),
             Content::New(ordered) => guarded("render", || {
-                let mut previewed = |frame: &Frame| {
+                let mut previewed = |frame: &Frame, contrast| {
                     let mut copy = shared.pool.spare();
                     copy.clone_from(frame);
-                    let (frame, request) = (Ok(shared.pool.share(copy)), ticket.request.clone());
+                    let (frame, samples) = (Ok(shared.pool.share(copy)), SampleSet::Adaptive { contrast });
+                    let request = FrameRequest { samples, previews: Vec::new(), ..ticket.request.clone() };
                     let preview = Delivery { id: ticket.id, request, frame, is_kept: false, is_final: false };
                     // Nobody waits for it: where there is no room, a better one follows.
                     if to.try_send(preview).is_ok() {
@@ -198,7 +199,7 @@ fn render(
     threads: Option<&ThreadPool>,
     ticket: &Ticket,
     mut ordered: Ordered,
-    previewed: &mut (dyn FnMut(&Frame) + Send),
+    previewed: &mut (dyn FnMut(&Frame, Contrast) + Send),
 ) -> Result<(SharedFrame, bool), PipelineError> {
     let Ticket { request, series, .. } = ticket;
     if let Some(frame) = shared.kept().get(series, request) {

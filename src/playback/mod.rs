@@ -66,6 +66,7 @@ mod command;
 mod course;
 mod measure;
 mod player;
+pub mod quality;
 mod screen;
 mod sequence;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! A frame from its job to its last pixel: what all renderers have in common.
 
-use super::{Advance, Frame, RenderError, RenderJob, Renderer};
+use super::{Advance, Contrast, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use std::time::{Duration, Instant};
@@ -25,9 +25,9 @@ pub trait LayerRenderer: Send {
     /// If the device is lost or fails.
     fn advance(&mut self, budget: Duration, job: &mut Self::Job, frame: &mut Frame) -> Result<bool, RenderError>;
 
-    /// Whether the last slice gave each pixel a value although better ones follow ([`RenderJob::previews`]).
-    fn has_preview(&self) -> bool {
-        false
+    /// The contrast at which the last slice gave each pixel a value, if better ones follow ([`RenderJob::previews`]).
+    fn preview(&self) -> Option<Contrast> {
+        None
     }
 
     /// Forgets what a job that is not wanted any more has under way outside of it.
@@ -119,10 +119,10 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
             let _ = self.layer.abandon();
             return Err(failed);
         }
-        Ok(match is_done {
-            true => Advance::Done(&self.frame),
-            false if self.layer.has_preview() => Advance::Preview(&self.frame),
-            false => Advance::Partial(&self.frame),
+        Ok(match self.layer.preview() {
+            _ if is_done => Advance::Done(&self.frame),
+            Some(contrast) => Advance::Preview(&self.frame, contrast),
+            None => Advance::Partial(&self.frame),
         })
     }
 

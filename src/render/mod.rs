@@ -383,8 +383,8 @@ impl Frame {
 pub enum Advance<'a> {
     /// Some pixels are final, the others still transparent.
     Partial(&'a Frame),
-    /// All pixels have a value, and better ones follow ([`RenderJob::previews`]).
-    Preview(&'a Frame),
+    /// All pixels have a value, that of the image at this contrast, and better ones follow ([`RenderJob::previews`]).
+    Preview(&'a Frame, Contrast),
     /// All pixels are final.
     Done(&'a Frame),
 }
@@ -393,7 +393,7 @@ impl<'a> Advance<'a> {
     /// The frame as it is.
     pub fn frame(self) -> &'a Frame {
         match self {
-            Self::Partial(frame) | Self::Preview(frame) | Self::Done(frame) => frame,
+            Self::Partial(frame) | Self::Preview(frame, _) | Self::Done(frame) => frame,
         }
     }
 }
@@ -432,7 +432,7 @@ pub trait Renderer: Send {
     /// # Errors
     /// As [`Self::begin`] and [`Self::advance`].
     fn render_unless_cancelled(&mut self, job: RenderJob) -> Result<Option<&Frame>, RenderError> {
-        self.render_with_previews(job, &mut |_| ())
+        self.render_with_previews(job, &mut |_, _| ())
     }
 
     /// The same; `previewed` sees the frame on the way, as often as the job says.
@@ -442,7 +442,7 @@ pub trait Renderer: Send {
     fn render_with_previews(
         &mut self,
         job: RenderJob,
-        previewed: &mut dyn FnMut(&Frame),
+        previewed: &mut dyn FnMut(&Frame, Contrast),
     ) -> Result<Option<&Frame>, RenderError> {
         let cancel = job.cancel.clone();
         let slice = self.slice();
@@ -451,7 +451,7 @@ pub trait Renderer: Send {
             match self.advance(slice)? {
                 Advance::Done(_) => break,
                 _ if cancel.is_cancelled() => return Ok(None),
-                Advance::Preview(frame) => previewed(frame),
+                Advance::Preview(frame, contrast) => previewed(frame, contrast),
                 Advance::Partial(_) => {}
             }
         }
@@ -465,7 +465,7 @@ pub trait Renderer: Send {
     /// As [`Self::begin`] and [`Self::advance`].
     fn render(&mut self, job: RenderJob) -> Result<&Frame, RenderError> {
         self.begin(job)?;
-        while let Advance::Preview(_) = self.advance(Duration::MAX)? {}
+        while let Advance::Preview(..) = self.advance(Duration::MAX)? {}
         Ok(self.advance(Duration::ZERO)?.frame())
     }
 }

@@ -6,6 +6,7 @@ use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, SurfaceLook};
 use crate::playback::Command;
+use crate::playback::quality::Family;
 use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
 use glam::DVec2;
 
@@ -81,10 +82,10 @@ pub enum Action {
     MoveIsovalue(f64),
     /// The last cut along its normal, as far as the mouse has moved, in heights of the image (x to the right, y upwards).
     MoveCut(DVec2),
-    /// Frames per second that are aimed at while something moves.
-    TargetRate(f64),
-    /// Whether that is done by the level of detail, and while playing, too.
-    HoldRate(bool),
+    /// Frames per second that are aimed at while something moves; `None`: all frames are drawn in full.
+    TargetRate(Option<f64>),
+    /// What is given up for that; `None`: what costs least.
+    GiveUp(Option<Family>),
     /// Pixels of the image per pixel of the screen, along a side.
     ImageScale(f64),
     /// The mouse is at this place of the picture, as shares of width and height from the left upper corner.

@@ -1,6 +1,7 @@
 //! What takes a while and touches files, on threads of its own.
 
 use super::look::Look;
+use super::session::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
@@ -22,6 +23,8 @@ pub(super) enum Done {
     Screenshot(FileResult<PathBuf>),
     /// A field is open, and how the one before it and this one are shown at first.
     Series(FileResult<(Arc<Series>, Box<[FirstLook; 2]>)>),
+    /// The last picture of a motion beside the one in full.
+    Compared(MotionError),
     /// It was not done, through a fault of this program or for want of a thread.
     Failed(String),
 }
@@ -60,6 +63,11 @@ impl Jobs {
     /// Writes an image into a folder.
     pub(super) fn write(&self, shot: Screenshot, folder: PathBuf) {
         self.run(move || Done::Screenshot(shot.write(&folder)));
+    }
+
+    /// Finds by how much a picture was off.
+    pub(super) fn compare(&self, found: impl FnOnce() -> MotionError + Send + 'static) {
+        self.run(move || Done::Compared(found()));
     }
 
     fn run(&self, job: impl FnOnce() -> Done + Send + 'static) {

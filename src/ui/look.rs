@@ -1,13 +1,16 @@
 //! What frames look like, and the requests for them.
 
 use super::moments::{Followed, Moments};
+use super::session::Drawing;
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
-    Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, SurfaceLook, SurfaceMoment, TetDraw,
+    Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, SampleSet, Series, SurfaceLook, SurfaceMoment, TetDraw,
 };
+use crate::playback::quality::Quality;
 use crate::project::{Moment, Project};
+use crate::render::Contrast;
 use crate::task::Cancel;
 use crate::transfer::{
     FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
@@ -118,6 +121,10 @@ pub(super) struct Requests {
     pub(super) problem: Option<String>,
     /// Whether frames may stay on the GPU of the window.
     pub(super) for_window: bool,
+    /// Whether contrast may decide which rays are cast, where they are.
+    pub(super) can_leave_rays_out: bool,
+    /// Contrasts that are shown on the way to a picture in full.
+    pub(super) previews: Vec<Contrast>,
 }
 
 impl Requests {
@@ -143,15 +150,15 @@ impl Requests {
         }
     }
 
-    /// The request for a moment; `None`: what the project says is not known yet. `level` is the level of detail for one that is
-    /// wanted. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
+    /// The request for a moment; `None`: what the project says is not known yet. `choose` says how it is drawn, `size` what a share of width and
+    /// height comes to. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
     pub(super) fn make(
         &mut self,
         look: &Look,
         series: &Arc<Series>,
         time: FrameTime,
-        size: (usize, usize),
-        level: &mut dyn FnMut(f64) -> f64,
+        size: &dyn Fn(f64) -> (usize, usize),
+        choose: &mut dyn FnMut(Drawing) -> Quality,
     ) -> Option<FrameRequest> {
         let said = match &mut self.moments {
             None => Ok(Moment::default()),
@@ -170,17 +177,24 @@ impl Requests {
         });
         let Look { mode, faces, backend, skip, followed, .. } = *look;
         let camera = said.camera.filter(|_| followed.camera).unwrap_or(look.camera);
-        let lod = level(said.lod.filter(|_| followed.lod).unwrap_or(faces.lod));
-        let draw = TetDraw::chosen(mode, FaceDetail { lod, ..faces });
+        let lod = said.lod.filter(|_| followed.lod).unwrap_or(faces.lod);
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
-        let request = FrameRequest::new(time, camera, table, size);
+        let request = FrameRequest::new(time, camera, table, size(1.0));
         let request = request.with_tets(|tets| {
-            (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
+            tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces });
+            (tets.optics, tets.formula) = (optics, formula);
             let moment = if followed.surfaces { said.surfaces } else { SurfaceMoment::default() };
             tets.show(&look.surfaces.at(moment));
         });
-        Some(FrameRequest { backend, for_window, skip, ..request })
+        let request = FrameRequest { backend, for_window, skip, ..request };
+        let has_rays = self.can_leave_rays_out && request.may_leave_rays_out();
+        Some(match choose(Drawing { mode, lod, has_rays }) {
+            Quality::Exact => FrameRequest { previews: self.previews.clone(), ..request },
+            Quality::Rays(contrast) => FrameRequest { samples: SampleSet::Adaptive { contrast }, ..request },
+            Quality::Scaled(share) => FrameRequest { size_px: size(share), ..request },
+            Quality::Faces(lod) => request.with_draw(TetDraw::Faces(FaceDetail { lod, ..faces })),
+        })
     }
 
     fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {

@@ -9,7 +9,6 @@
 //! own. While nothing changes, nothing is asked of the pipeline and the window is not painted.
 
 mod action;
-mod detail;
 pub mod following;
 mod history;
 mod insight;
@@ -18,7 +17,6 @@ mod keeper;
 pub mod keys;
 mod look;
 mod moments;
-mod motion;
 mod notice;
 pub mod opacity;
 pub mod opening;
@@ -43,7 +41,6 @@ pub use insight::Picked;
 pub use keeper::SettingsKeeper;
 pub use look::{DEFAULT_TF, Look, mapped_range};
 pub use moments::{EnsembleChoice, Followed};
-pub use motion::{DEFAULT_TARGET_FPS, TARGET_FPS};
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;
-pub use session::{IMAGE_SCALES, Session, SessionOptions, Shown};
+pub use session::{DEFAULT_TARGET_FPS, IMAGE_SCALES, MotionError, Session, SessionOptions, Shown, TARGET_FPS};

@@ -2,23 +2,25 @@
 
 mod act;
 mod insight;
+mod quality;
 mod tick;
 
-use super::detail::Detail;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
 use super::look::{Look, Requests};
 use super::mapped_range;
 use super::moments::{EnsembleChoice, Moments};
-use super::motion::Motion;
 use super::notice::{self, Notice, NoticeKind};
 use crate::camera::Camera;
 use crate::pipeline::{FrameRequest, Series, SharedFrame, SurfaceLook, SurfaceMoment};
+use crate::playback::quality::{Family, Quality, QualityControl};
 use crate::playback::{Player, State};
 use crate::project::Project;
 use crate::store::Store;
 use crate::transfer::{MappedRange, RangePolicy};
+pub(super) use quality::Drawing;
+pub use quality::{DEFAULT_TARGET_FPS, MotionError, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
 use std::path::PathBuf;
@@ -39,10 +41,10 @@ pub struct SessionOptions {
     pub background: [f32; 3],
     /// Pixels of the image per pixel of the screen, along a side; within [`IMAGE_SCALES`].
     pub image_scale: f64,
-    /// Frames per second to aim at while something moves; within [`TARGET_FPS`](super::TARGET_FPS).
-    pub target_fps: f64,
-    /// Whether that is done by the level of detail, and while playing, too.
-    pub holds_rate: bool,
+    /// Frames per second to aim at while something moves, within [`TARGET_FPS`]; `None`: all frames are drawn in full.
+    pub target_fps: Option<f64>,
+    /// What is given up for that; `None`: what costs least.
+    pub family: Option<Family>,
     /// Where images go.
     pub screenshot_folder: PathBuf,
 }
@@ -56,14 +58,20 @@ pub struct Shown {
     pub request: FrameRequest,
     /// Whether it was rendered earlier and kept.
     pub is_kept: bool,
+    /// How it was drawn: a preview at its contrast.
+    pub quality: Quality,
+    /// How it will be drawn when nothing moves.
+    pub at_rest: Quality,
+    /// Whether nothing follows as an answer to the same request.
+    pub is_final: bool,
 }
 
 /// What frames are asked for anew if it changes.
 struct Asked {
     look: Look,
+    /// Of an image in full.
     size_px: (usize, usize),
-    /// Levels of detail that the moment allows of the one that the look wants, and of all.
-    lods: [f64; 2],
+    quality: Quality,
 }
 
 /// A player, what its frames look like, and what the user is told.
@@ -81,13 +89,17 @@ pub struct Session {
     asked: Option<Asked>,
     home: Camera,
     camera_is_chosen: bool,
-    motion: Motion,
+    /// While the camera moves: until when.
+    moving_until: Option<Duration>,
+    /// What decided how the last moment that was asked for is drawn.
+    drawing: Option<Drawing>,
+    /// The last picture while something moved.
+    moved: Option<Shown>,
+    motion_error: Option<MotionError>,
     viewport_px: Option<(usize, usize)>,
     image_scale: f64,
     background: [f32; 3],
     shown: Option<Shown>,
-    /// What the last frame took to render.
-    pub(super) ms_per_pixel: Option<f64>,
     kept_frames: u64,
     history: History,
     insight: Insight,
@@ -95,9 +107,9 @@ pub struct Session {
     turns: u64,
     /// Until then the user has a core for themselves.
     busy_until: Duration,
-    target_fps: f64,
-    holds_rate: bool,
-    pub(super) detail: Detail,
+    target_fps: Option<f64>,
+    family: Option<Family>,
+    pub(super) quality: QualityControl,
     /// Whether frames may stay on the GPU of the window.
     has_window_gpu: bool,
     notices: Vec<Notice>,
@@ -125,7 +137,7 @@ impl Session {
     pub fn new(player: Player, options: SessionOptions, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let insight = Insight::of(player.pipelined().series().clone(), wake.clone())?;
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
-        let SessionOptions { target_fps, holds_rate, screenshot_folder, project, .. } = options;
+        let SessionOptions { target_fps, family, screenshot_folder, project, .. } = options;
         let requests = || -> io::Result<Requests> {
             let moments = project.clone().map(|project| Moments::start(project, wake.clone()));
             Ok(Requests::of(moments.transpose()?))
@@ -139,20 +151,22 @@ impl Session {
             previews: requests()?,
             asked: None,
             camera_is_chosen,
-            motion: Motion::default(),
+            moving_until: None,
+            drawing: None,
+            moved: None,
+            motion_error: None,
             viewport_px: None,
             image_scale,
             background,
             shown: None,
-            ms_per_pixel: None,
             kept_frames: 0,
             history: History::default(),
             insight,
             turns: 0,
             busy_until: Duration::ZERO,
             target_fps,
-            holds_rate,
-            detail: Detail::default(),
+            family,
+            quality: QualityControl::default(),
             has_window_gpu: false,
             notices: Vec::new(),
             help_is_open: false,
@@ -247,14 +261,14 @@ impl Session {
         &self.history
     }
 
-    /// Frames per second that are aimed at while something moves.
-    pub fn target_fps(&self) -> f64 {
+    /// Frames per second that are aimed at while something moves; `None`: all frames are drawn in full.
+    pub fn target_fps(&self) -> Option<f64> {
         self.target_fps
     }
 
-    /// Whether that is done by the level of detail, and while playing, too.
-    pub fn holds_rate(&self) -> bool {
-        self.holds_rate
+    /// What is given up for that; `None`: what costs least.
+    pub fn family(&self) -> Option<Family> {
+        self.family
     }
 
     /// How often a command has gone elsewhere: no frame that was delivered before the last one may come onto the screen any
@@ -363,17 +377,15 @@ impl Session {
         }
     }
 
-    /// Width and height of the images that are asked for; smaller while the camera moves and rendering is slow.
-    pub fn size_px(&self, now: Duration) -> Option<(usize, usize)> {
-        let share = self.motion.scale_at(now).unwrap_or(1.0);
-        self.size_at(share)
+    /// Width and height of images in full; those while something moves may be smaller.
+    pub fn size_px(&self) -> Option<(usize, usize)> {
+        self.size_at(1.0)
     }
 
     fn size_at(&self, share: f64) -> Option<(usize, usize)> {
         let (width, height) = self.viewport_px?;
-        let scale = (self.image_scale * share).min(SIDE_MAX_PX / width.max(height) as f64);
-        let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
-        Some((side(width), side(height)))
+        let scale = self.image_scale.min(SIDE_MAX_PX / width.max(height) as f64);
+        Some((width, height)).map(|full| scaled(full, scale)).map(|full| scaled(full, share))
     }
 
     fn home_camera(&self) -> Camera {
@@ -382,4 +394,10 @@ impl Session {
             _ => self.home,
         }
     }
+}
+
+/// An image of this share of width and height, of a pixel at least.
+fn scaled((width, height): (usize, usize), share: f64) -> (usize, usize) {
+    let side = |px: usize| ((px as f64 * share).round() as usize).max(1);
+    (side(width), side(height))
 }

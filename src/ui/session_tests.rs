@@ -1,11 +1,11 @@
 //! What the user does, and what becomes of it.
 
-use super::detail::Measured;
 use super::*;
 use crate::camera::{Axis, Camera, Projection};
 use crate::ingest::{IngestOptions, ingest};
 use crate::pipeline::test_series::{Log, logged};
-use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, Series};
+use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, SampleSet, Series};
+use crate::playback::quality::{Family, Quality};
 use crate::playback::{Clock, Command, Direction, Loop, Mode, Player, StepRange};
 use crate::project::Project;
 use crate::store::Store;
@@ -68,8 +68,8 @@ impl Desk {
             camera_is_chosen: false,
             background: [0.0; 3],
             image_scale: 1.0,
-            target_fps: DEFAULT_TARGET_FPS,
-            holds_rate: false,
+            target_fps: None,
+            family: None,
             screenshot_folder: folder.to_owned(),
         };
         let mut session = Session::new(Player::new(clock, pipelined), options, Arc::new(|| ())).unwrap();
@@ -199,24 +199,108 @@ fn images_have_the_size_of_the_viewport_times_the_scale() {
     desk.settle();
     assert_eq!(desk.shown().request.size_px, (16, 9));
     desk.session.set_viewport(0, 17);
-    assert_eq!((desk.session.size_px(desk.now), desk.settle()), (None, 0), "a minimised window renders nothing");
+    assert_eq!((desk.session.size_px(), desk.settle()), (None, 0), "a minimised window renders nothing");
     desk.session.set_viewport(100_000, 10);
-    assert_eq!(desk.session.size_px(desk.now), Some((8192, 1)));
+    assert_eq!(desk.session.size_px(), Some((8192, 1)));
+}
+
+/// As on a machine on which a frame in full takes so long.
+fn slow(desk: &mut Desk, ms: f64) {
+    desk.session.quality.forget_all();
+    // The first one is put in place of what the view was.
+    desk.session.quality.set_view(40 * 20, desk.session.camera().half_height_at_focus().unwrap());
+    (0..3).for_each(|_| desk.session.quality.measured(Quality::Exact, ms));
 }
 
 #[test]
-fn while_the_camera_moves_images_are_smaller_if_they_are_slow_and_in_full_afterwards() {
-    let (mut desk, _) = Desk::fake(2);
+fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards() {
+    let mut desk = Desk::open();
     desk.settle();
-    let slow_ms = 160.0;
-    desk.session.ms_per_pixel = Some(slow_ms / (40.0 * 20.0));
-    desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
+    let whole = desk.shown().frame.planes.clone();
+    let turn = |desk: &mut Desk, by: f64| {
+        desk.act(Action::Orbit(DVec2::new(by, 0.0)));
+        desk.settle();
+        desk.shown().clone()
+    };
+    // Nobody asked for a rate.
+    slow(&mut desk, 160.0);
+    assert_eq!(turn(&mut desk, 0.1).quality, Quality::Exact);
+    for (family, expected) in [(None, "rays"), (Some(Family::Scaled), "image"), (Some(Family::Faces), "faces")] {
+        desk.act(Action::TargetRate(Some(25.0)));
+        desk.act(Action::GiveUp(family));
+        slow(&mut desk, 160.0);
+        let shown = turn(&mut desk, -0.1);
+        let lacks = desk.session.lacks().expect("it is not all there is");
+        assert!(lacks.contains(expected), "{lacks}");
+        match shown.quality {
+            Quality::Rays(contrast) => assert_eq!(shown.request.samples, SampleSet::Adaptive { contrast }),
+            Quality::Scaled(share) => {
+                assert_eq!(shown.request.size_px, ((40.0 * share).round() as usize, (20.0 * share).round() as usize));
+            }
+            Quality::Faces(level) => assert_eq!((shown.request.lod(), level < 0.5), (level, true)),
+            Quality::Exact => panic!("{family:?}: all of it"),
+        }
+        let (_, wait) = desk.session.tick(desk.now);
+        desk.now += wait.expect("to be called when the camera is still");
+        assert!(desk.settle() > 0);
+        let rest = desk.shown().clone();
+        assert_eq!((rest.quality, rest.request.size_px, desk.session.lacks()), (Quality::Exact, (40, 20), None));
+        assert_eq!(rest.request.samples, SampleSet::All);
+        if family.is_none() {
+            assert!(rest.frame.planes == whole, "the view is that of the beginning");
+        }
+        // Both have been compared by then or a little later.
+        while desk.session.motion_error().is_none_or(|error| error.quality != shown.quality) {
+            std::thread::yield_now();
+            desk.session.tick(desk.now);
+        }
+        let error = desk.session.motion_error().unwrap();
+        assert_eq!(error.rays.is_some(), family.is_none());
+        assert_eq!(error.error.is_some(), family != Some(Family::Scaled), "{error:?}");
+        turn(&mut desk, 0.1);
+        desk.later(1000);
+        desk.settle();
+    }
+    desk.act(Action::TargetRate(Some(f64::NAN)));
+    assert_eq!(desk.session.target_fps(), Some(25.0));
+    desk.act(Action::TargetRate(Some(1e9)));
+    assert_eq!(desk.session.target_fps(), Some(*TARGET_FPS.end()));
+}
+
+#[test]
+fn a_slow_picture_comes_in_steps_and_is_exact_in_the_end() {
+    let mut desk = Desk::open();
+    desk.session.set_viewport(120, 90);
     desk.settle();
-    assert_eq!(desk.shown().request.size_px, (20, 10));
-    let (_, wait) = desk.session.tick(desk.now);
-    desk.now += wait.expect("to be called when the camera is still");
-    assert_eq!(desk.settle(), 1);
-    assert_eq!(desk.shown().request.size_px, (40, 20));
+    let whole = desk.shown().frame.planes.clone();
+    let mut previews = 0;
+    for _ in 0..20 {
+        desk.act(Action::TargetRate(Some(25.0)));
+        for by in [0.1, -0.1] {
+            slow(&mut desk, 500.0);
+            desk.act(Action::Orbit(DVec2::new(by, 0.0)));
+            desk.settle();
+        }
+        assert!(desk.session.lacks().is_some());
+        slow(&mut desk, 500.0);
+        desk.later(1000);
+        let mut is_final = false;
+        while !is_final || desk.session.is_waiting() {
+            let (is_new, _) = desk.session.tick(desk.now);
+            let shown = desk.shown();
+            if is_new && shown.is_final {
+                assert!(!is_final && shown.frame.planes == whole);
+                assert_eq!((shown.quality, desk.session.lacks()), (Quality::Exact, None));
+                is_final = true;
+            } else if is_new {
+                assert!(!is_final && shown.frame.planes.color != whole.color);
+                assert!(desk.session.lacks().is_some_and(|lacks| lacks.contains("contrast")));
+                previews += 1;
+            }
+        }
+        assert_eq!(desk.session.tick(desk.now), (false, None), "nothing more is asked for");
+    }
+    assert!(previews > 0, "none was there in time");
 }
 
 #[test]
@@ -408,17 +492,17 @@ fn screenshots_are_the_picture_in_full_and_never_overwrite() {
 }
 
 #[test]
-fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
+fn a_rate_is_held_while_it_plays_and_not_at_rest() {
     let mut desk = Desk::open();
     desk.act(Action::Play(Command::Loop(Loop::All)));
     desk.act(Action::Renderer(RenderMode::Havs));
     desk.settle();
     // As on a machine that is far too slow: then a few frames are not enough for the level to rise to 1 again.
-    let slow = Measured { level: Some(1.0), ms: 1e9, pixels: 40 * 20 };
     let play = |desk: &mut Desk| {
         desk.act(Action::Play(Command::Play));
         desk.settle();
-        (0..3).for_each(|_| desk.session.detail.measured(slow));
+        desk.session.quality.forget_all();
+        (0..3).for_each(|_| desk.session.quality.measured(Quality::Faces(1.0), 1e9));
         // The first ones may have been asked for before.
         for _ in 0..5 {
             desk.later(1000);
@@ -434,25 +518,42 @@ fn a_held_rate_is_paid_for_with_faces_while_it_plays_and_not_at_rest() {
     };
     assert_eq!(play(&mut desk), 1.0, "nobody asked for it");
     rest(&mut desk);
-    desk.act(Action::HoldRate(true));
-    assert!(desk.session.holds_rate());
+    desk.act(Action::TargetRate(Some(25.0)));
     let lod = play(&mut desk);
     let stats = &desk.shown().frame.stats;
     assert!(lod < 1.0 && 0 < stats.faces_drawn && stats.faces_drawn < stats.faces_total, "{lod}");
-    assert_eq!(rest(&mut desk), 1.0);
-    // Orbiting is motion, too; and the image keeps its size.
-    (0..3).for_each(|_| desk.session.detail.measured(slow));
-    desk.act(Action::Orbit(DVec2::new(0.1, 0.0)));
-    desk.settle();
-    assert!(desk.shown().request.lod() < 1.0 && desk.shown().request.size_px == (40, 20));
-    desk.later(1000);
-    desk.settle();
-    assert_eq!(desk.shown().request.lod(), 1.0);
+    assert!(desk.session.lacks().is_some_and(|lacks| lacks.contains("fewer faces")));
+    assert_eq!((rest(&mut desk), desk.session.lacks()), (1.0, None));
     // What was chosen is the most that is drawn, whatever would be fast enough.
     desk.act(Action::LevelOfDetail(0.25));
     desk.act(Action::LevelOfDetail(f64::NAN));
     desk.settle();
-    assert_eq!(desk.shown().request.lod(), 0.25);
+    assert_eq!((desk.shown().request.lod(), desk.session.lacks()), (0.25, None));
     desk.act(Action::LevelOfDetail(7.0));
     assert_eq!(desk.session.look().faces.lod, 1.0);
+}
+
+#[test]
+fn a_screenshot_is_exact_while_it_plays_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut desk = Desk::of(Arc::new(Series::open(store(), None).unwrap()), dir.path());
+    desk.act(Action::Play(Command::Loop(Loop::All)));
+    desk.act(Action::TargetRate(Some(25.0)));
+    desk.settle();
+    desk.act(Action::Play(Command::Play));
+    (0..3).for_each(|_| desk.session.quality.measured(Quality::Exact, 1e9));
+    let play = |desk: &mut Desk| {
+        desk.later(1000);
+        desk.settle();
+    };
+    (0..5).for_each(|_| play(&mut desk));
+    assert!(desk.session.lacks().is_some());
+    desk.act(Action::Screenshot);
+    let mut frames = 0;
+    while desk.session.notices().is_empty() {
+        play(&mut desk);
+        frames += 1;
+        assert!(frames < 100_000, "it is never taken");
+    }
+    assert_eq!(desk.session.notices()[0].kind, NoticeKind::Done, "{:?}", desk.session.notices());
 }

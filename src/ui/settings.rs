@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::pipeline::PipelinedOptions;
+use crate::playback::quality::Family;
 use crate::transfer::{RangePolicy, TransferFunction};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -95,10 +96,10 @@ pub struct Settings {
     pub background: [f32; 3],
     /// Pixels of the image per pixel of the screen, along a side.
     pub image_scale: f64,
-    /// Frames a second to aim at while something moves.
+    /// Frames a second to aim at while something moves; 0: all frames are drawn in full.
     pub target_rate: f64,
-    /// Whether that is done by the level of detail, and while playing, too.
-    pub holds_rate: bool,
+    /// What is given up for that; `None`: what costs least.
+    pub gives_up: Option<Family>,
     /// Bytes of rendered frames that are kept.
     pub frame_cache_bytes: u64,
     /// Where the last image was saved to.
@@ -116,7 +117,7 @@ impl Default for Settings {
             background: [22.0 / 255.0, 24.0 / 255.0, 29.0 / 255.0],
             image_scale: 1.0,
             target_rate: 25.0,
-            holds_rate: false,
+            gives_up: None,
             frame_cache_bytes: PipelinedOptions::default().frame_cache_bytes,
             screenshot_folder: None,
         }
@@ -175,7 +176,8 @@ impl Settings {
         }
         let scale = finite(self.image_scale, default.image_scale);
         self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
-        self.target_rate = finite(self.target_rate, default.target_rate).clamp(TARGET_RATE[0], TARGET_RATE[1]);
+        let rate = finite(self.target_rate, default.target_rate);
+        self.target_rate = if rate <= 0.0 { 0.0 } else { rate.clamp(TARGET_RATE[0], TARGET_RATE[1]) };
         self.frame_cache_bytes = self.frame_cache_bytes.min(FRAME_CACHE_MAX);
         self.screenshot_folder = self.screenshot_folder.filter(|folder| is_text(folder));
         self
@@ -192,7 +194,7 @@ impl Settings {
         take(map, "background", &mut settings.background, &mut wrong);
         take(map, "image_scale", &mut settings.image_scale, &mut wrong);
         take(map, "target_rate", &mut settings.target_rate, &mut wrong);
-        take(map, "holds_rate", &mut settings.holds_rate, &mut wrong);
+        take(map, "gives_up", &mut settings.gives_up, &mut wrong);
         take(map, "frame_cache_bytes", &mut settings.frame_cache_bytes, &mut wrong);
         take(map, "screenshot_folder", &mut settings.screenshot_folder, &mut wrong);
         (settings.within_bounds(), wrong)

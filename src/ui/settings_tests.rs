@@ -141,7 +141,7 @@ fn many_that_write_at_once_leave_a_whole_file() {
 #[test]
 fn values_out_of_range_come_back_within_it() {
     let dir = tempfile::tempdir().unwrap();
-    let text = r#"{"version": 1, "window_size": [1, 1e9], "background": [-1, 0.5, 7], "image_scale": 100, "target_rate": 0,
+    let text = r#"{"version": 1, "window_size": [1, 1e9], "background": [-1, 0.5, 7], "image_scale": 100, "target_rate": 0.5,
         "frame_cache_bytes": 18446744073709551615, "screenshot_folder": "here", "of_the_future": [1, {"a": null}]}"#;
     fs::write(dir.path().join("settings.json"), text).unwrap();
     let mut file = SettingsFile::at(dir.path());
@@ -247,7 +247,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             background,
             image_scale: scale,
             target_rate: rate,
-            holds_rate: shows_side,
+            gives_up: shows_side.then_some(Family::Rays),
             frame_cache_bytes: bytes,
             screenshot_folder: None,
         };

@@ -105,6 +105,11 @@ impl Adaptive {
         true
     }
 
+    /// The threshold that is being reached.
+    pub(in crate::render) fn contrast(&self) -> f32 {
+        self.contrasts.last().copied().unwrap_or(0.0)
+    }
+
     /// The level of the rays that are cast now.
     pub(in crate::render) fn level(&self) -> usize {
         self.level
@@ -122,7 +127,7 @@ impl Adaptive {
         reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
         stats: &mut FrameStats,
     ) -> bool {
-        let contrast = self.contrasts.last().copied().unwrap_or(0.0);
+        let contrast = self.contrast();
         if self.level == 0 || contrast == 0.0 {
             (stats.blocks_split, stats.blocks_filled) = Default::default();
         }

@@ -1,11 +1,11 @@
 //! What the user does to a session.
 
-use super::{IMAGE_SCALES, Session};
+use super::quality::SETTLE;
+use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
 use crate::transfer::{PositionKind, TransferError, TransferFunction};
-use crate::ui::motion::TARGET_FPS;
 use crate::ui::{Action, EnsembleChoice, Followed};
 use std::time::Duration;
 
@@ -113,9 +113,11 @@ impl Session {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);
                 self.leave(|followed| followed.lod = false);
             }
-            Action::TargetRate(fps) if fps.is_nan() => {}
-            Action::TargetRate(fps) => self.target_fps = fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()),
-            Action::HoldRate(holds) => self.holds_rate = holds,
+            Action::TargetRate(Some(fps)) if fps.is_nan() => {}
+            Action::TargetRate(fps) => {
+                self.target_fps = fps.map(|fps| fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()));
+            }
+            Action::GiveUp(family) => self.family = family,
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
             }
@@ -157,14 +159,12 @@ impl Session {
         self.command(Command::Range(Some(StepRange { a, b })), now);
     }
 
-    /// Follows the mouse: images are smaller meanwhile. At the end of the world the camera stays where it is.
+    /// Follows the mouse: less is drawn meanwhile, if it takes too long. At the end of the world the camera stays where it is.
     fn move_camera(&mut self, moved: impl FnOnce(&Camera) -> Result<Camera, CameraError>, now: Duration) {
         if let Ok(camera) = moved(&self.camera()) {
             self.look.camera = camera;
             self.leave(|followed| followed.camera = false);
-            // Where the level of detail holds the rate, images need not be smaller.
-            let full_ms = self.full_frame_ms().filter(|_| !self.has_levels());
-            self.motion.moved(now, full_ms, 1e3 / self.target_fps);
+            self.moving_until = Some(now.saturating_add(SETTLE));
         }
     }
 
@@ -209,12 +209,6 @@ impl Session {
     /// Least and greatest value of the field in all steps; `None` if none is finite.
     pub fn range_of_field(&self) -> Option<(f64, f64)> {
         self.series().field().range.map(|[lo, hi]| (f64::from(lo), f64::from(hi)))
-    }
-
-    /// What an image in full would take to render, judged by the last one.
-    fn full_frame_ms(&self) -> Option<f64> {
-        let (width, height) = self.size_at(1.0)?;
-        Some(self.ms_per_pixel? * (width * height) as f64)
     }
 }
 

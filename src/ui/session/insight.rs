@@ -1,6 +1,6 @@
 //! What a session knows beside its pictures.
 
-use super::Session;
+use super::{Drawing, Session, scaled};
 use crate::pipeline::FrameTime;
 use crate::ui::Picked;
 use crate::ui::picture::Picture;
@@ -36,7 +36,8 @@ impl Session {
             return None;
         };
         let series = self.series().clone();
-        let request = self.previews.make(&self.look, &series, FrameTime::from(step), size, &mut |lod| lod)?;
+        let (time, of_size) = (FrameTime::from(step), |share| scaled(size, share));
+        let request = self.previews.make(&self.look, &series, time, &of_size, &mut Drawing::at_rest)?;
         self.insight.thumbnail(&series, &request, self.background)
     }
 }

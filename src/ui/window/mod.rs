@@ -292,7 +292,8 @@ impl PlayerWindow {
         let settings = self.keeper.settings();
         let screenshot_folder = self.options.screenshot_folder.clone();
         let background = self.options.background.unwrap_or(settings.background);
-        let (image_scale, target_fps, holds_rate) = (settings.image_scale, settings.target_rate, settings.holds_rate);
+        let (image_scale, family) = (settings.image_scale, settings.gives_up);
+        let target_fps = Some(settings.target_rate).filter(|rate| *rate > 0.0);
         let options = SessionOptions {
             store,
             look,
@@ -301,7 +302,7 @@ impl PlayerWindow {
             background,
             image_scale,
             target_fps,
-            holds_rate,
+            family,
             screenshot_folder,
         };
         let player = Player::new(clock, pipelined);
@@ -319,8 +320,8 @@ impl PlayerWindow {
         }
         if let Some(session) = &self.session {
             settings.background = session.background();
-            (settings.image_scale, settings.target_rate) = (session.image_scale(), session.target_fps());
-            settings.holds_rate = session.holds_rate();
+            (settings.image_scale, settings.target_rate) = (session.image_scale(), session.target_fps().unwrap_or(0.0));
+            settings.gives_up = session.family();
         }
         let (told, wait) = self.keeper.tick(self.started.elapsed());
         if let Some(told) = told {

@@ -129,8 +129,9 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
         }
         None => write(rect.center(), Align2::CENTER_CENTER, "no picture of this step"),
     }
-    if let Some(shortfall) = shortfall(&session.state()) {
-        write(inner.left_bottom() - vec2(0.0, LINE), Align2::LEFT_BOTTOM, &shortfall);
+    let lines = shortfall(&session.state()).into_iter().chain(session.lacks().filter(|_| painted.is_some()));
+    for (above, line) in (1_u8..).zip(lines) {
+        write(inner.left_bottom() - vec2(0.0, f32::from(above) * LINE), Align2::LEFT_BOTTOM, &line);
     }
     let has_room = rect.width() >= LEGEND_ROOM.0 && rect.height() >= LEGEND_ROOM.1;
     if let Some((range, color)) = session.legend().filter(|_| overlays.legend && has_room) {

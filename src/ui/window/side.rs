@@ -8,6 +8,7 @@ use super::{point, project, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
+use crate::playback::quality::Family;
 use crate::transfer::{ColorMap, MappedRange, RangePolicy};
 use crate::ui::settings::RecentFile;
 use crate::ui::{Action, IMAGE_SCALES, Session, TARGET_FPS};
@@ -283,23 +284,8 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if choice(ui, "Optics", &mut optics, &kinds) {
         actions.push(Action::Optics(optics));
     }
-    let before = session.target_fps();
-    let mut fps = before;
-    ui.horizontal(|ui| {
-        let value = DragValue::new(&mut fps).range(TARGET_FPS).speed(0.2).max_decimals(0);
-        number(ui, value.suffix(" fps"), "Frames per second to aim at while the camera moves, with smaller images");
-        ui.label("while moving");
-    });
-    if fps != before {
-        actions.push(Action::TargetRate(fps));
-    }
+    rate(ui, session, actions);
     let has_levels = matches!(mode, RenderMode::Auto | RenderMode::Havs);
-    let mut holds = session.holds_rate();
-    let hold = ui.add_enabled(has_levels, egui::Checkbox::new(&mut holds, "hold it by level of detail"));
-    let why = "While it plays or the camera moves, draw only as many faces as this rate allows, instead of smaller images; at rest, all";
-    if hold.on_hover_text(why).changed() {
-        actions.push(Action::HoldRate(holds));
-    }
     let before = if has_levels { 100.0 * session.look().faces.lod } else { 100.0 };
     let mut percent = before;
     ui.horizontal(|ui| {
@@ -313,3 +299,38 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         actions.push(Action::LevelOfDetail(percent / 100.0));
     }
 }
+
+/// What may be given up for a frame rate, and which rate: from pictures that are always exact to fast ones.
+fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let before = session.target_fps().unwrap_or(0.0);
+    let mut fps = before;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().slider_width = SLIDER;
+        let text = |fps: f64, _| if fps < *TARGET_FPS.start() { "exact".to_owned() } else { format!("{fps:.0} fps") };
+        let number = |text: &str| match text.trim() {
+            "exact" => Some(0.0),
+            text => text.trim_end_matches("fps").trim().parse().ok(),
+        };
+        let slider = egui::Slider::new(&mut fps, 0.0..=*TARGET_FPS.end()).logarithmic(true);
+        let slider = slider.smallest_positive(*TARGET_FPS.start()).custom_formatter(text).custom_parser(number);
+        let response = ui.add(slider).on_hover_text("Frames per second while something moves; at rest all is drawn");
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("While moving"));
+        ui.label("moving");
+    });
+    if fps != before {
+        actions.push(Action::TargetRate((fps >= *TARGET_FPS.start()).then_some(fps)));
+    }
+    let mut family = session.family();
+    let families = [
+        (None, "by what costs least"),
+        (Some(Family::Rays), "by fewer rays"),
+        (Some(Family::Scaled), "by smaller images"),
+        (Some(Family::Faces), "by fewer faces"),
+    ];
+    if choice(ui, "Faster", &mut family, &families) {
+        actions.push(Action::GiveUp(family));
+    }
+}
+
+/// Width of the slider of the rate in points.
+const SLIDER: f32 = 100.0;

@@ -2,7 +2,7 @@
 
 use super::widgets::still_plot;
 use crate::playback::Mode;
-use crate::ui::{HISTORY_FRAMES, Session};
+use crate::ui::{HISTORY_FRAMES, MotionError, Session};
 use eframe::egui;
 use egui::{Role, WidgetInfo};
 use egui_plot::Line;
@@ -85,6 +85,15 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         let place = if stats.on_gpu { "GPU" } else { "CPU" };
         lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
         lines.push(("active cells", format!("{} of {}", stats.cells_active, stats.cells_total)));
+        let cast: u64 = stats.rays_by_level.iter().sum();
+        if cast > 0 {
+            lines.push(("rays", format!("{:.1} %", 100.0 * cast as f64 / (width * height) as f64)));
+        }
+    }
+    if let Some(MotionError { ms, rays, error, .. }) = session.motion_error() {
+        let rays = rays.map_or(String::new(), |share| format!(", {:.0} % of the rays", 100.0 * share));
+        let error = error.map_or(String::new(), |error| format!(", RMSE {:.0e}, max {:.2}", error.rmse, error.max));
+        lines.push(("while moving", format!("{ms:.0} ms{error}{rays}")));
     }
     let rate = |rate: Option<f64>| rate.map_or("-".to_owned(), |rate| format!("{rate:.1}"));
     let asked = if state.settings.mode == Mode::EveryStep { rate(state.speed) } else { "-".to_owned() };

@@ -101,7 +101,7 @@ fn previews_are_the_images_of_their_contrasts_and_change_nothing_in_the_end() {
             expected.dedup();
             let mut planes = Vec::new();
             let mut renderer = Raycast::new();
-            let mut preview = |frame: &Frame| planes.push(frame.planes.clone());
+            let mut preview = |frame: &Frame, _| planes.push(frame.planes.clone());
             let frame = renderer.render_with_previews(previewed.clone(), &mut preview).unwrap().unwrap().clone();
             assert!(frame.planes == direct.planes, "{name}, {last}");
             shown += planes.len();

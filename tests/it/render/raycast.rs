@@ -94,7 +94,9 @@ fn slices_do_not_change_the_image() {
     let image = loop {
         slices += 1;
         match sliced.advance(Duration::ZERO).unwrap() {
-            Advance::Partial(frame) | Advance::Preview(frame) => assert_eq!(frame.planes.color.pixels.len(), 70 * 50),
+            Advance::Partial(frame) | Advance::Preview(frame, _) => {
+                assert_eq!(frame.planes.color.pixels.len(), 70 * 50)
+            }
             Advance::Done(frame) => break frame.planes.color.clone(),
         }
     };

@@ -48,7 +48,7 @@ mod walk;
 use super::super::adaptive::{Adaptive, LAST};
 use super::super::layers::Layers;
 use super::super::medium::Medium;
-use super::super::{Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
+use super::super::{Contrast, Frame, FrameRun, LayerRenderer, OpticsTables, RenderError, RenderJob};
 use super::tiles::{TilePixel, Tiles};
 use super::{RenderTiles, TileJob};
 use crate::camera::{Lattice, Samples};
@@ -78,8 +78,8 @@ pub struct CellWalk {
     /// For each level of adaptive sampling; all pixels are those of the last.
     tiles: [Tiles<TileScratch>; 4],
     adaptive: Adaptive,
-    /// Whether the last slice has filled an image between rays of which more are to be cast.
-    has_preview: bool,
+    /// The contrast of the image that the last slice has filled, if more rays are to be cast.
+    preview: Option<Contrast>,
     /// For jobs that come without.
     tables: OpticsTables,
     /// Walk one ray after the other, with no instructions that not every processor of its kind has.
@@ -131,7 +131,7 @@ impl LayerRenderer for CellWalk {
         let contrasts = job.contrasts();
         let is_adaptive = !contrasts.is_empty() && in_view.lists.bins.grid.tile_count() > 0;
         let mut domain = None;
-        self.has_preview = false;
+        self.preview = None;
         if is_adaptive {
             self.adaptive.begin((view.width_px, view.height_px), contrasts);
             let walked = (!Arc::ptr_eq(&in_view.cells, &job.active)).then_some(&job.active);
@@ -150,12 +150,12 @@ impl LayerRenderer for CellWalk {
     }
 
     fn advance(&mut self, budget: Duration, job: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        self.has_preview = false;
+        self.preview = None;
         Ok(self.render(job, budget, frame))
     }
 
-    fn has_preview(&self) -> bool {
-        self.has_preview
+    fn preview(&self) -> Option<Contrast> {
+        self.preview
     }
 }
 
@@ -219,7 +219,7 @@ impl CellWalk {
         frame: &mut Frame,
     ) -> bool {
         let (started, portable) = (Instant::now(), self.portable);
-        let Self { adaptive, tiles, has_preview, .. } = self;
+        let Self { adaptive, tiles, preview, .. } = self;
         loop {
             let (level, lattice) = (adaptive.level(), adaptive.lattice());
             let Adaptive { wanted, seen, .. } = &mut *adaptive;
@@ -239,15 +239,16 @@ impl CellWalk {
             let mut is_filled = !adaptive.refine(reaches, &mut frame.stats);
             while is_filled {
                 adaptive.fill(&mut frame.planes);
+                let contrast = adaptive.contrast();
                 if !adaptive.sharpen() {
                     return true;
                 }
-                *has_preview = true;
+                *preview = Contrast::new(contrast);
                 is_filled = adaptive.wanted.is_empty() && !adaptive.refine(reaches, &mut frame.stats);
             }
             let plane = RayPlane::of_wanted(scene.view, adaptive.lattice(), &adaptive.wanted);
             tiles[adaptive.level()].begin(plane.grid, job.skip.costly_first);
-            if *has_preview {
+            if preview.is_some() {
                 return false;
             }
         }

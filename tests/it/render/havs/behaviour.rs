@@ -26,7 +26,7 @@ fn slices_and_threads_do_not_change_the_image_or_the_counts() {
         let frame = loop {
             slices += 1;
             match sliced.advance(Duration::ZERO).unwrap() {
-                Advance::Partial(frame) | Advance::Preview(frame) => {
+                Advance::Partial(frame) | Advance::Preview(frame, _) => {
                     assert_eq!(frame.planes.color.pixels.len(), 70 * 50)
                 }
                 Advance::Done(frame) => break frame.clone(),

@@ -159,7 +159,7 @@ fn finish(renderer: &mut GpuHavs, whole: &Frame) -> (Frame, usize) {
         slices += 1;
         match renderer.advance(Duration::ZERO).unwrap() {
             Advance::Done(frame) => return (frame.clone(), slices),
-            Advance::Partial(frame) | Advance::Preview(frame) => {
+            Advance::Partial(frame) | Advance::Preview(frame, _) => {
                 let pixels = frame.planes.color.pixels.iter().zip(&whole.planes.color.pixels);
                 let wrong = pixels.filter(|(now, then)| now != then && **now != [0.0; 4]).count();
                 assert_eq!(wrong, 0, "pixels that are neither transparent nor final, after slice {slices}");

@@ -1,0 +1,160 @@
+//! How frames are drawn while something moves, and at rest.
+
+use super::{Session, Shown};
+use crate::image::{RawDifference, RgbaImage, compare_raw};
+use crate::pipeline::{FrameRequest, RenderMode};
+use crate::playback::State;
+use crate::playback::quality::{Family, Quality, Wanted};
+use crate::render::Contrast;
+use crate::short::Short;
+use std::time::Duration;
+
+/// So long after the last motion the camera counts as still, and the image is drawn in full.
+pub(super) const SETTLE: Duration = Duration::from_millis(200);
+
+/// Frames per second that are aimed at while something moves, unless somebody chooses.
+pub const DEFAULT_TARGET_FPS: f64 = 25.0;
+
+/// What can be chosen.
+pub const TARGET_FPS: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+
+/// Contrasts that are shown on the way to an image in full, if that takes longer than this.
+const PREVIEWS: [f32; 2] = [0.1, 0.02];
+const PREVIEWED_MS: f64 = 100.0;
+/// A preview has at most this share of the contrast of what is on the screen.
+const BETTER: f32 = 0.5;
+
+/// What decides how a moment is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::ui) struct Drawing {
+    /// The renderer that was chosen.
+    pub(in crate::ui) mode: RenderMode,
+    /// The share of faces that is drawn at most.
+    pub(in crate::ui) lod: f64,
+    /// Whether contrast may decide which rays are cast.
+    pub(in crate::ui) has_rays: bool,
+}
+
+impl Drawing {
+    /// The same as the control wants to know it.
+    pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
+        let Self { mode, lod, has_rays } = self;
+        let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };
+        let are_faces = mode == RenderMode::Havs || mode == RenderMode::Auto && lod < 1.0;
+        let has_faces = matches!(mode, RenderMode::Auto | RenderMode::Havs);
+        let family = family.filter(|&family| family != Family::Faces || has_faces);
+        let faces = are_faces.then_some(lod);
+        Wanted { target_ms, family, has_rays, faces, or_exact: mode == RenderMode::Auto }
+    }
+
+    /// How it is drawn at rest, whatever that takes.
+    pub(in crate::ui) fn at_rest(self) -> Quality {
+        self.wanted(None, None).faces.map_or(Quality::Exact, Quality::Faces)
+    }
+}
+
+/// By how much the last picture of a motion was off, and what it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionError {
+    /// How it was drawn.
+    pub quality: Quality,
+    /// Milliseconds of all stages.
+    pub ms: f64,
+    /// The share of the rays that was cast, if contrast decided.
+    pub rays: Option<f64>,
+    /// From the image in full; `None` if one of them is on the GPU, or smaller.
+    pub error: Option<RawDifference>,
+}
+
+impl Session {
+    /// The share of width and height, the contrast or the level of a frame that was asked for.
+    pub(super) fn quality_of(&self, request: &FrameRequest) -> Quality {
+        if let Some(faces) = request.tets().and_then(|tets| tets.draw.drawn_by().faces()) {
+            return Quality::Faces(faces.lod);
+        }
+        let contrast = request.samples.contrast().filter(|contrast| contrast.get() > 0.0);
+        let share = self.size_at(1.0).map_or(1.0, |full| request.size_px.1 as f64 / full.1 as f64);
+        match contrast {
+            Some(contrast) => Quality::Rays(contrast),
+            // The nearest there is to a whole one.
+            None if share < 0.92 => Quality::Scaled(share),
+            None => Quality::Exact,
+        }
+    }
+
+    /// Milliseconds that a frame may take now: while something moves, and nobody waits for the picture in full.
+    pub(super) fn target_ms(&self, state: &State, now: Duration) -> Option<f64> {
+        let moves = (state.playing || self.rest(now).is_some()) && !self.wants_screenshot;
+        self.target_fps.filter(|_| moves).map(|fps| 1e3 / fps)
+    }
+
+    /// How long until the camera counts as still; `None` if it does.
+    pub(super) fn rest(&self, now: Duration) -> Option<Duration> {
+        self.moving_until.and_then(|until| until.checked_sub(now)).filter(|rest| !rest.is_zero())
+    }
+
+    /// What is shown on the way to a picture in full, better than what is on the screen.
+    pub(super) fn previews(&self) -> Vec<Contrast> {
+        if self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
+            return Vec::new();
+        }
+        let is_same_view = |shown: &&Shown| shown.request.camera == self.camera();
+        let shown = self.shown.as_ref().filter(is_same_view).and_then(|shown| shown.request.samples.contrast());
+        let is_better = |contrast: &Contrast| shown.is_none_or(|shown| contrast.get() <= BETTER * shown.get());
+        PREVIEWS.into_iter().filter_map(Contrast::new).filter(is_better).collect()
+    }
+
+    /// What the picture on the screen lacks, in words; `None` if it is what it will be at rest.
+    pub fn lacks(&self) -> Option<String> {
+        let shown = self.shown.as_ref()?;
+        match shown.quality {
+            Quality::Rays(contrast) => Some(format!("fewer rays: contrast {contrast}")),
+            Quality::Scaled(share) => Some(format!("smaller image: {:.0} %", 100.0 * share)),
+            Quality::Faces(level) if shown.at_rest != shown.quality => {
+                Some(format!("fewer faces: {} %", Short(100.0 * level)))
+            }
+            Quality::Faces(_) | Quality::Exact => None,
+        }
+    }
+
+    /// By how much the last picture of the last motion was off.
+    pub fn motion_error(&self) -> Option<MotionError> {
+        self.motion_error
+    }
+
+    /// A frame is on the screen: the last one of a motion is compared with the one in full, beside everything else.
+    pub(super) fn compare_with_motion(&mut self) {
+        let Some(shown) = &self.shown else { return };
+        if !shown.is_final {
+            return;
+        }
+        if shown.quality != shown.at_rest {
+            self.moved = Some(shown.clone());
+            return;
+        }
+        let Some(moved) = self.moved.take() else { return };
+        let (request, draw) = (&shown.request, shown.request.tets().map(|tets| tets.draw).unwrap_or_default());
+        let as_exact =
+            FrameRequest { size_px: request.size_px, samples: request.samples.clone(), ..moved.request.clone() };
+        let as_exact = as_exact.with_draw(draw);
+        if moved.request.time != request.time || !as_exact.same_view(request) {
+            return;
+        }
+        let exact = shown.frame.clone();
+        self.jobs.compare(move || MotionError::of(&moved, &exact.planes.color));
+    }
+}
+
+impl MotionError {
+    fn of(moved: &Shown, exact: &RgbaImage) -> Self {
+        let (stats, color) = (&moved.frame.stats, &moved.frame.planes.color);
+        let cast: u64 = stats.rays_by_level.iter().sum();
+        let pixels = moved.request.size_px.0 * moved.request.size_px.1;
+        Self {
+            quality: moved.quality,
+            ms: stats.ms_worked(),
+            rays: matches!(moved.quality, Quality::Rays(_)).then(|| cast as f64 / pixels as f64),
+            error: compare_raw(color, exact).ok(),
+        }
+    }
+}
