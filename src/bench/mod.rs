@@ -5,6 +5,7 @@
 
 pub mod accuracy;
 mod frames;
+mod held;
 mod machine;
 mod paired;
 mod playback;
@@ -13,6 +14,7 @@ mod report;
 mod statistics;
 
 pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
+pub use held::{HeldBench, HeldRun, run_held};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};

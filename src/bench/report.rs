@@ -4,7 +4,7 @@
 //! infinite.
 
 use super::accuracy::IntegrationRun;
-use super::{Machine, PlaybackRun, percentile};
+use super::{HeldRun, Machine, PlaybackRun, percentile};
 use crate::image::{RgbaImage, compare};
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,9 @@ pub struct BenchReport {
     /// How playing compares with standing still.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub playback: Vec<PlaybackRun>,
+    /// How well a frame rate is held while camera and time move, and with what error.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<HeldRun>,
     /// How wrong the integration of one segment is (accuracy suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integration: Vec<IntegrationRun>,
@@ -235,6 +238,7 @@ mod tests {
             machine: Machine::detect(),
             runs: vec![run()],
             playback: Vec::new(),
+            held: Vec::new(),
             integration: Vec::new(),
         };
         let json = serde_json::to_value(&report).unwrap();

@@ -7,11 +7,12 @@ use super::scene::{Scene, SceneArgs, SizeArgs};
 use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
-    BenchReport, BenchRun, FrameBench, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun, SeekTimes, run_frames,
-    run_playback,
+    BenchReport, BenchRun, FrameBench, HeldBench, HeldRun, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun,
+    SeekTimes, run_frames, run_held, run_playback,
 };
 use crate::files;
 use crate::task::Progress;
+use crate::ui::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -25,12 +26,16 @@ pub(super) struct Args {
     stores: Vec<PathBuf>,
     /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, what error a
     /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and
-    /// seeks; all: all of them
+    /// seeks; motion: how well a frame rate is held while camera and time move, and with what error; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
-    /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks
+    /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks;
+    /// of motion a tenth of the frames
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
+    /// Frames per second to be held by the motion suite
+    #[arg(long, default_value_t = DEFAULT_TARGET_FPS, value_name = "FPS", value_parser = target_fps)]
+    fps: f64,
     /// Write the record to a JSON file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -49,6 +54,7 @@ enum Suite {
     Frame,
     Accuracy,
     Playback,
+    Motion,
     All,
 }
 
@@ -58,7 +64,7 @@ impl Suite {
         match self {
             Self::Frame => MOTIONS.map(|m| (m, false)).to_vec(),
             Self::All => MOTIONS.map(|m| (m, m.time && m.camera)).to_vec(),
-            Self::Playback | Self::Accuracy => Vec::new(),
+            Self::Playback | Self::Motion | Self::Accuracy => Vec::new(),
         }
     }
 
@@ -68,6 +74,10 @@ impl Suite {
 
     fn is_accuracy_alone(self) -> bool {
         self == Self::Accuracy
+    }
+
+    fn has_motion(self) -> bool {
+        matches!(self, Self::Motion | Self::All)
     }
 
     fn has_playback(self) -> bool {
@@ -81,7 +91,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     }
     accuracy::check(args)?;
     let mut report =
-        BenchReport { machine: Machine::detect(), runs: Vec::new(), playback: Vec::new(), integration: Vec::new() };
+        BenchReport { machine: Machine::detect(), runs: vec![], playback: vec![], held: vec![], integration: vec![] };
     if !args.suite.is_accuracy_alone() {
         args.scene.check_adapter()?;
         for path in &args.stores {
@@ -126,8 +136,29 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
     if args.suite.has_playback() {
         report.playback.push(run_playback_on(path, &mut scene, args, terminal)?);
     }
+    if args.suite.has_motion() {
+        report.held.push(run_held_on(path, &mut scene, args, terminal)?);
+    }
     report.machine.adapter = scene.gpu_report().adapter.or(report.machine.adapter.take());
     Ok(())
+}
+
+/// The motion suite on one series.
+fn run_held_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<HeldRun> {
+    let (frames, request) = (10 * args.frames as usize, scene.request(0)?);
+    let bench = HeldBench { dataset: dataset_name(path), request, frames, target_ms: 1e3 / args.fps };
+    terminal.begin("bench", frames as u64, "frames");
+    let measured = run_held(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
+    terminal.end();
+    Ok(measured?)
+}
+
+/// A rate that the player could be asked for.
+fn target_fps(text: &str) -> Result<f64, String> {
+    let fps = text.parse().ok().filter(|fps| TARGET_FPS.contains(fps));
+    fps.ok_or_else(|| {
+        format!("'{text}' is no rate; give {} to {} frames per second", TARGET_FPS.start(), TARGET_FPS.end())
+    })
 }
 
 /// The playback suite on one series.
@@ -163,6 +194,7 @@ impl fmt::Display for Table<'_> {
         }
         moving.iter().try_for_each(|run| row(f, run))?;
         self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
+        self.0.held.iter().try_for_each(|run| held_rows(f, run))?;
         AccuracyTable(&self.0.runs).fmt(f)?;
         EqualTimeTable(&self.0.runs).fmt(f)?;
         IntegrationTable(&self.0.integration).fmt(f)
@@ -201,6 +233,24 @@ fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     let SeekTimes { ms, ratio, beyond_ms } = &run.seek;
     let quartiles = format!("quartiles {:.3} to {:.3}; {:.2} ms more", ratio.q1, ratio.q3, beyond_ms.median);
     writeln!(f, "  seeks: {:.1} ms, {:.3} of all its stages ({quartiles})", ms.median, ratio.median)
+}
+
+/// How a rate was held, and what was chosen for it.
+fn held_rows(f: &mut fmt::Formatter<'_>, run: &HeldRun) -> fmt::Result {
+    let ([width, height], HeldRun { target_ms, exact_ms, ms, .. }) = (run.size, run);
+    writeln!(f, "{}, {} cells, {width}x{height}, {}, {target_ms:.1} ms a frame", run.dataset, run.cells, run.backend)?;
+    let within = 100.0 * run.within;
+    writeln!(
+        f,
+        "  in full {exact_ms:.1} ms; in motion {:.1} (at most {:.1}), {within:.0} % in time",
+        ms.median, ms.max
+    )?;
+    let best = run.over_best.map_or("none to compare with".to_owned(), |of| {
+        format!("{:.2} of the least that is in time (quartiles {:.2} to {:.2})", of.median, of.q1, of.q3)
+    });
+    writeln!(f, "  RMSE {:.1e} (at most {:.1e}), {best}", run.rmse.median, run.rmse.max)?;
+    let chosen: Vec<String> = run.chosen.iter().map(|(name, count)| format!("{name} ({count})")).collect();
+    writeln!(f, "  {}", chosen.join(", "))
 }
 
 fn row(f: &mut fmt::Formatter<'_>, run: &BenchRun) -> fmt::Result {

@@ -6,7 +6,7 @@ use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
-    Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, SampleSet, Series, SurfaceLook, SurfaceMoment, TetDraw,
+    Backend, FaceDetail, FrameRequest, FrameTime, RenderMode, Series, SurfaceLook, SurfaceMoment, TetDraw,
 };
 use crate::playback::quality::Quality;
 use crate::project::{Moment, Project};
@@ -150,14 +150,14 @@ impl Requests {
         }
     }
 
-    /// The request for a moment; `None`: what the project says is not known yet. `choose` says how it is drawn, `size` what a share of width and
-    /// height comes to. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
+    /// The request for a moment; `None`: what the project says is not known yet. `size` is that of an image in full, `choose` says how it is
+    /// drawn. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
     pub(super) fn make(
         &mut self,
         look: &Look,
         series: &Arc<Series>,
         time: FrameTime,
-        size: &dyn Fn(f64) -> (usize, usize),
+        size: (usize, usize),
         choose: &mut dyn FnMut(Drawing) -> Quality,
     ) -> Option<FrameRequest> {
         let said = match &mut self.moments {
@@ -180,7 +180,7 @@ impl Requests {
         let lod = said.lod.filter(|_| followed.lod).unwrap_or(faces.lod);
         let optics = said.optics.filter(|_| followed.optics).unwrap_or(look.optics);
         let for_window = self.for_window;
-        let request = FrameRequest::new(time, camera, table, size(1.0));
+        let request = FrameRequest::new(time, camera, table, size);
         let request = request.with_tets(|tets| {
             tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces });
             (tets.optics, tets.formula) = (optics, formula);
@@ -189,12 +189,9 @@ impl Requests {
         });
         let request = FrameRequest { backend, for_window, skip, ..request };
         let has_rays = self.can_leave_rays_out && request.may_leave_rays_out();
-        Some(match choose(Drawing { mode, lod, has_rays }) {
-            Quality::Exact => FrameRequest { previews: self.previews.clone(), ..request },
-            Quality::Rays(contrast) => FrameRequest { samples: SampleSet::Adaptive { contrast }, ..request },
-            Quality::Scaled(share) => FrameRequest { size_px: size(share), ..request },
-            Quality::Faces(lod) => request.with_draw(TetDraw::Faces(FaceDetail { lod, ..faces })),
-        })
+        let quality = choose(Drawing { mode, lod, has_rays });
+        let previews = if quality == Quality::Exact { self.previews.clone() } else { Vec::new() };
+        Some(quality.of_request(FrameRequest { previews, ..request }, faces))
     }
 
     fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {

@@ -379,13 +379,10 @@ impl Session {
 
     /// Width and height of images in full; those while something moves may be smaller.
     pub fn size_px(&self) -> Option<(usize, usize)> {
-        self.size_at(1.0)
-    }
-
-    fn size_at(&self, share: f64) -> Option<(usize, usize)> {
         let (width, height) = self.viewport_px?;
         let scale = self.image_scale.min(SIDE_MAX_PX / width.max(height) as f64);
-        Some((width, height)).map(|full| scaled(full, scale)).map(|full| scaled(full, share))
+        let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
+        Some((side(width), side(height)))
     }
 
     fn home_camera(&self) -> Camera {
@@ -394,10 +391,4 @@ impl Session {
             _ => self.home,
         }
     }
-}
-
-/// An image of this share of width and height, of a pixel at least.
-fn scaled((width, height): (usize, usize), share: f64) -> (usize, usize) {
-    let side = |px: usize| ((px as f64 * share).round() as usize).max(1);
-    (side(width), side(height))
 }

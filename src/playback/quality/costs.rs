@@ -10,9 +10,12 @@
 
 use super::Family;
 use super::rungs::{EXACT, RUNGS, ladder};
+use std::collections::VecDeque;
 
 /// Measurements of a rung whose median counts: one slow frame changes nothing, a lasting step counts from the second.
 const FRAMES: usize = 3;
+/// Frames that say how dear others may be: a loop over a few steps comes back to the dearest.
+const RECENT: usize = 16;
 /// What was measured so many frames ago is not known any more: it may have been one slow frame.
 const LIFE: u32 = 250;
 
@@ -50,11 +53,13 @@ pub(super) struct Costs {
     rungs: [Measured; RUNGS.len()],
     /// The rung that was measured last.
     last: Option<usize>,
+    /// The last frames, the newest at the end.
+    recent: VecDeque<(usize, f64)>,
 }
 
 impl Default for Costs {
     fn default() -> Self {
-        Self { rungs: [Measured::default(); RUNGS.len()], last: None }
+        Self { rungs: [Measured::default(); RUNGS.len()], last: None, recent: VecDeque::with_capacity(RECENT) }
     }
 }
 
@@ -67,6 +72,10 @@ impl Costs {
         let before = self.rungs[rung].median().filter(|_| self.last == Some(rung));
         self.rungs[rung].add(ms.ln());
         self.last = Some(rung);
+        if self.recent.len() == RECENT {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((rung, ms.ln()));
         let after = self.rungs[rung].median();
         let by = before.zip(after).map_or(0.0, |(before, after)| after - before);
         for (_, measured) in self.rungs.iter_mut().enumerate().filter(|(at, _)| *at != rung) {
@@ -78,8 +87,34 @@ impl Costs {
         }
     }
 
+    /// Of the last frames, drawn in one way: how many took more than a limit, and how many did not.
+    pub(super) fn beyond(&self, rung: usize, limit_ms: f64) -> [usize; 2] {
+        let of_rung = self.recent.iter().filter(|(of, _)| *of == rung);
+        of_rung.fold([0; 2], |[beyond, within], (_, ln_ms)| match ln_ms.exp() > limit_ms {
+            true => [beyond + 1, within],
+            false => [beyond, within + 1],
+        })
+    }
+
+    /// From now on a way to draw is taken to cost what the dearest of the last frames did that were drawn so.
+    pub(super) fn expect_dearest(&mut self, rung: usize) {
+        let dearest = self.recent.iter().filter(|(of, _)| *of == rung).map(|(_, ln_ms)| *ln_ms).reduce(f64::max);
+        if let Some(ln_ms) = dearest {
+            self.rungs[rung].ln_ms = [ln_ms; FRAMES];
+        }
+    }
+
+    /// How dear the dearest of the last frames were, over what their ways to draw are taken to cost: 1 at least. One of them alone changes
+    /// nothing.
+    pub(super) fn dearest(&self) -> f64 {
+        let over = self.recent.iter().filter_map(|&(rung, ln_ms)| Some(ln_ms - self.rungs[rung].median()?));
+        let by_size = |[most, second]: [f64; 2], over: f64| [most.max(over), second.max(over.min(most))];
+        over.fold([0.0; 2], by_size)[1].exp()
+    }
+
     /// All costs change by a factor: other pixels, say.
     pub(super) fn scale(&mut self, factor: f64) {
+        self.recent.iter_mut().for_each(|(_, ln_ms)| *ln_ms += factor.ln());
         self.rungs.iter_mut().flat_map(|measured| &mut measured.ln_ms).for_each(|ln_ms| *ln_ms += factor.ln());
     }
 

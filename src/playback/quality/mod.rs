@@ -4,8 +4,9 @@
 //! fine to coarse. [`QualityControl`] keeps what each of them took and says how the next frame is drawn. It has no clock and no threads.
 //!
 //! ```text
-//! fall    at once, if the way in use takes more than 0.92 of the time: to the finest one that takes at most 0.85 of it
-//! rise    by one step, if the next finer one is expected to take at most 0.8 of it and the one in use has been measured
+//! fall    at once, if the way in use takes more than 0.92 of the time: to the finest one that takes at most 0.88 of it
+//! rise    to a way that is expected to take at most 0.85 of it, if frames were as dear as the second of the last sixteen, and at most 1.6 times
+//!         what the one in use takes or the next finer one, once that one has been measured
 //! rays    if some contrast is within the time; else smaller images. If neither is: the finest way that takes at most 1.1 times what the
 //!         cheapest does, for which the coarsest ways of both are tried, and finer ones as long as they take no more
 //! faces   where the user draws faces
@@ -18,6 +19,7 @@ mod rungs;
 #[cfg(test)]
 mod tests;
 
+use crate::pipeline::{FaceDetail, FrameRequest, SampleSet, TetDraw};
 use crate::render::Contrast;
 use crate::words::words;
 use costs::Costs;
@@ -38,6 +40,23 @@ pub enum Quality {
     Faces(f64),
 }
 
+impl Quality {
+    /// The request drawn like this; `faces` says how faces are, but for their number.
+    #[must_use]
+    pub fn of_request(self, request: FrameRequest, faces: FaceDetail) -> FrameRequest {
+        match self {
+            Self::Exact => request,
+            Self::Rays(contrast) => FrameRequest { samples: SampleSet::Adaptive { contrast }, ..request },
+            Self::Scaled(share) => {
+                let side = |px: usize| ((px as f64 * share).round() as usize).max(1);
+                let (width, height) = request.size_px;
+                FrameRequest { size_px: (side(width), side(height)), ..request }
+            }
+            Self::Faces(lod) => request.with_draw(TetDraw::Faces(FaceDetail { lod, ..faces })),
+        }
+    }
+}
+
 /// What is given up for time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -48,6 +67,13 @@ pub enum Family {
     Scaled,
     /// Faces inside the volume.
     Faces,
+}
+
+impl Family {
+    /// The ways to draw that the control chooses from, finest first.
+    pub fn qualities(self) -> impl Iterator<Item = Quality> {
+        ladder(self).map(|at| RUNGS[at].quality)
+    }
 }
 
 words!(Family, "there is no way to be faster", ["rays" = Rays, "scaled" = Scaled, "faces" = Faces]);
@@ -69,10 +95,15 @@ pub struct Wanted {
 
 /// A way in use is left if it takes more than this share of the time.
 const FALL: f64 = 0.92;
+/// It is also left, for the next coarser one, if more frames than these were late of the last sixteen, and as many were not: what is dear comes
+/// back.
+const LATE: usize = 2;
 /// What it is left for takes at most this share.
-const AIM: f64 = 0.85;
+const AIM: f64 = 0.88;
 /// A finer way is taken that is expected to take at most this share.
-const RISE: f64 = 0.8;
+const RISE: f64 = 0.85;
+/// It takes at most so many times what the one in use does: what is not measured may be expected wrongly.
+const RISE_BY: f64 = 1.6;
 /// Where nothing is within the time: so many times the least possible.
 const NEAR: f64 = 1.1;
 /// A view that is so many times nearer or farther costs something else.
@@ -170,8 +201,15 @@ impl QualityControl {
     }
 
     /// From one frame to the next.
-    fn go_on(&self, at: usize, families: &[Family], target_ms: f64) -> usize {
+    fn go_on(&mut self, at: usize, families: &[Family], target_ms: f64) -> usize {
         let family = family_of(at).filter(|family| families.contains(family)).unwrap_or(families[0]);
+        let is_cheap = |coarser: &usize| is_within(self.costs.expected(family, *coarser), FALL * target_ms);
+        let coarser = ladder(family).skip_while(|&of| of != at).nth(1).filter(is_cheap);
+        let [late, in_time] = self.costs.beyond(at, target_ms);
+        if let Some(coarser) = coarser.filter(|_| late > LATE && in_time > LATE) {
+            self.costs.expect_dearest(at);
+            return coarser;
+        }
         let expected = |family, at| self.costs.expected(family, at);
         let Some(ms) = expected(family, at) else { return at };
         if ms > FALL * target_ms {
@@ -183,10 +221,12 @@ impl QualityControl {
         }
         // A family that is named before this one, as soon as it is fast enough.
         let before = families.iter().take_while(|&&of| of != family).filter(|_| at != EXACT);
-        let better =
-            before.filter_map(|&of| ladder(of).last().filter(|&last| is_within(expected(of, last), RISE * target_ms)));
-        let finer = ladder(family).take_while(|&of| of != at).last();
-        better.chain(finer.filter(|&finer| is_within(expected(family, finer), RISE * target_ms))).next().unwrap_or(at)
+        let limit = RISE * target_ms / self.costs.dearest();
+        let coarsest = |&of: &Family| ladder(of).last().filter(|&last| is_within(expected(of, last), limit));
+        let within = |limit: f64| move |finer: &usize| is_within(expected(family, *finer), limit);
+        let finer = || ladder(family).take_while(|&of| of != at);
+        let by_steps = || finer().find(within(limit.min(RISE_BY * ms))).or(finer().last().filter(within(limit)));
+        before.filter_map(coarsest).next().or_else(by_steps).unwrap_or(at)
     }
 
     /// From all that there is, knowing what is known.

@@ -30,7 +30,7 @@ const fn faces(level: f64) -> Rung {
 }
 
 /// How many there are of each family but the exact one.
-const COUNTS: [usize; 3] = [11, 8, 13];
+const COUNTS: [usize; 3] = [12, 8, 13];
 
 /// All of them: the exact one, then those of each family.
 pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2]] = [
@@ -46,6 +46,7 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2]] = [
     rays(0.05, 0.1),
     rays(0.07, 0.09),
     rays(0.1, 0.075),
+    rays(0.14, 0.067),
     rays(0.2, 0.06),
     scaled(0.85),
     scaled(0.7),

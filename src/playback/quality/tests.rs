@@ -296,3 +296,19 @@ fn what_is_known_is_forgotten_when_it_is_of_something_else() {
     }
     assert!(control.costs.measured(nearest(Quality::Scaled(0.5))).is_none() && is(control.exact_ms(), 400.0));
 }
+
+/// Steps of a short loop cost different amounts: what is dear comes back.
+#[test]
+fn a_rate_is_held_in_a_loop_over_a_few_steps_of_different_cost() {
+    const COSTS: [f64; 8] = [0.3, 0.45, 0.8, 1.1, 1.4, 1.6, 1.5, 1.2];
+    for machine in MACHINES {
+        for exact_ms in (0..30).map(|i| 10.0 * 1.15_f64.powi(i)) {
+            let mut control = QualityControl::default();
+            let drawn = machine.play(&mut control, &wanted(), exact_ms, |frame| COSTS[frame % 8], 0, 300);
+            let (late, _) = late_and_changed(&drawn, 20);
+            if 1.6 * exact_ms * machine.least(&wanted()) <= AIM * TARGET_MS {
+                assert!(late * 20 <= drawn.len(), "{}, {exact_ms:.0} ms: {late} late", machine.name);
+            }
+        }
+    }
+}

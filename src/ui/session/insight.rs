@@ -1,6 +1,6 @@
 //! What a session knows beside its pictures.
 
-use super::{Drawing, Session, scaled};
+use super::{Drawing, Session};
 use crate::pipeline::FrameTime;
 use crate::ui::Picked;
 use crate::ui::picture::Picture;
@@ -31,13 +31,12 @@ impl Session {
 
     /// A small picture of a step as it would be shown; asked for if it is not there yet. `None` also forgets what was asked for.
     pub fn thumbnail(&mut self, step: Option<usize>) -> Option<Arc<Picture>> {
-        let Some((step, size)) = step.zip(self.size_at(1.0)) else {
+        let Some((step, size)) = step.zip(self.size_px()) else {
             self.insight.forget_thumbnails();
             return None;
         };
         let series = self.series().clone();
-        let (time, of_size) = (FrameTime::from(step), |share| scaled(size, share));
-        let request = self.previews.make(&self.look, &series, time, &of_size, &mut Drawing::at_rest)?;
+        let request = self.previews.make(&self.look, &series, FrameTime::from(step), size, &mut Drawing::at_rest)?;
         self.insight.thumbnail(&series, &request, self.background)
     }
 }

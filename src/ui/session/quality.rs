@@ -73,7 +73,7 @@ impl Session {
             return Quality::Faces(faces.lod);
         }
         let contrast = request.samples.contrast().filter(|contrast| contrast.get() > 0.0);
-        let share = self.size_at(1.0).map_or(1.0, |full| request.size_px.1 as f64 / full.1 as f64);
+        let share = self.size_px().map_or(1.0, |full| request.size_px.1 as f64 / full.1 as f64);
         match contrast {
             Some(contrast) => Quality::Rays(contrast),
             // The nearest there is to a whole one.

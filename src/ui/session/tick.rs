@@ -1,6 +1,6 @@
 //! What a session does whenever its time comes.
 
-use super::{Asked, Drawing, Session, Shown, scaled};
+use super::{Asked, Drawing, Session, Shown};
 use crate::pipeline::{Backend, Delivery, FaceDetail, FrameRequest, TetDraw};
 use crate::playback::quality::Quality;
 use crate::ui::Look;
@@ -47,8 +47,7 @@ impl Session {
             }
             *asked = Some(Asked { look: look.clone(), size_px: size, quality: now_drawn });
         }
-        let tick =
-            player.tick(now, &mut |time| requests.make(look, &series, time, &|share| scaled(size, share), &mut choose));
+        let tick = player.tick(now, &mut |time| requests.make(look, &series, time, size, &mut choose));
         if let Some(problem) = self.requests.problem.take() {
             self.fail(problem);
         }
@@ -124,10 +123,10 @@ impl Session {
 
     /// Of what is on the screen, once that is what it should be: in full, and of the camera as it is.
     fn take_screenshot(&mut self) {
-        let (Some(shown), Some(size)) = (&self.shown, self.size_at(1.0)) else { return };
+        let (Some(shown), Some(size)) = (&self.shown, self.size_px()) else { return };
         let series = self.series().clone();
         let time = shown.request.time;
-        let wanted = self.requests.make(&self.look, &series, time, &|share| scaled(size, share), &mut Drawing::at_rest);
+        let wanted = self.requests.make(&self.look, &series, time, size, &mut Drawing::at_rest);
         let Some(wanted) = wanted else { return };
         // All cells are as good as the faces that were chosen.
         let lod = shown.request.lod().max(wanted.lod());

@@ -1,0 +1,182 @@
+//! The motion suite: how well a frame rate is held while camera and time move, and with what error.
+
+use super::Spread;
+use super::accuracy::enlarged;
+use crate::camera::{Camera, CameraError};
+use crate::image::{RgbaImage, compare_raw};
+use crate::pipeline::{FaceDetail, FrameRequest, Pipeline, PipelineError};
+use crate::playback::quality::{Family, Quality, QualityControl, Wanted};
+use crate::task::{Cancel, Progress};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Degrees around the focal point from frame to frame.
+const TURN_DEG: f64 = 1.5;
+/// Frames until the control has found its way.
+const SETTLED: usize = 5;
+/// One frame in so many is compared with all other ways to draw it.
+const JUDGED: usize = 20;
+
+/// What a run is made of.
+#[derive(Clone, Debug)]
+pub struct HeldBench {
+    /// Name of the data set.
+    pub dataset: String,
+    /// The first frame; others differ from it by step and camera.
+    pub request: FrameRequest,
+    /// Frames of the motion.
+    pub frames: usize,
+    /// Milliseconds that a frame may take.
+    pub target_ms: f64,
+}
+
+/// How a rate was held.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldRun {
+    /// Name of the data set.
+    pub dataset: String,
+    /// Cells of its mesh.
+    pub cells: u64,
+    /// Width and height of the image in pixels.
+    pub size: [u32; 2],
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// Milliseconds that a frame may take.
+    pub target_ms: f64,
+    /// Milliseconds of a frame in full, before the motion.
+    pub exact_ms: f64,
+    /// Milliseconds of all stages, after the first five frames.
+    pub ms: Spread,
+    /// The share of these frames that was within the time.
+    pub within: f64,
+    /// How often each way to draw was chosen.
+    pub chosen: BTreeMap<String, usize>,
+    /// RMSE of raw accumulators from the image in full, of the frames that were judged.
+    pub rmse: Spread,
+    /// The error of these frames over the least error of any way that was within the time, where there was one and a frame in full was not.
+    pub over_best: Option<Spread>,
+}
+
+/// A frame that is compared with all others that there could have been.
+struct Judged {
+    before: FrameRequest,
+    request: FrameRequest,
+    quality: Quality,
+}
+
+/// Moves camera and time, and holds a rate; `progress` hears of each frame.
+///
+/// # Errors
+/// If a step cannot be read, there is no view through the camera, or `cancel` was raised.
+pub fn run_held(
+    pipeline: &mut Pipeline,
+    bench: &HeldBench,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<HeldRun, PipelineError> {
+    let HeldBench { target_ms, frames, .. } = *bench;
+    let mut control = QualityControl::default();
+    let steps = pipeline.times().len().max(1);
+    let at = |frame: usize| -> Result<FrameRequest, CameraError> {
+        let camera: Camera = bench.request.camera.orbit(TURN_DEG * frame as f64, 0.0)?;
+        Ok(FrameRequest { time: (frame % steps).into(), camera, ..bench.request.clone() })
+    };
+    // At rest, twice: the first frame fills caches.
+    let mut exact_ms = 0.0;
+    for _ in 0..2 {
+        exact_ms = pipeline.render_unless(&at(0)?, cancel)?.stats.ms_worked();
+    }
+    control.measured(Quality::Exact, exact_ms);
+    let wanted = Wanted {
+        target_ms: Some(target_ms),
+        family: None,
+        has_rays: bench.request.may_leave_rays_out(),
+        faces: bench.request.tets().and_then(|tets| tets.draw.drawn_by().faces()).map(|faces| faces.lod),
+        or_exact: false,
+    };
+    let (mut ms, mut chosen, mut judged, mut on_gpu) = (Vec::new(), BTreeMap::new(), Vec::new(), false);
+    for frame in 0..frames.max(SETTLED + 1) {
+        let quality = control.choose(&wanted);
+        let request = at(frame + 1)?;
+        let stats = &pipeline.render_unless(&quality.of_request(request.clone(), FaceDetail::ALL), cancel)?.stats;
+        on_gpu = stats.on_gpu;
+        control.measured(quality, stats.ms_worked());
+        if frame >= SETTLED {
+            ms.push(stats.ms_worked());
+            *chosen.entry(name(quality)).or_insert(0) += 1;
+            if frame % JUDGED == 0 {
+                judged.push(Judged { before: at(frame)?, request, quality });
+            }
+        }
+        progress.advance(1);
+    }
+    let (mut rmse, mut over_best) = (Vec::new(), Vec::new());
+    for frame in &judged {
+        let (error, best) = frame.judge(pipeline, &wanted, cancel)?;
+        rmse.push(error);
+        over_best.extend(best.filter(|best| *best > 0.0).map(|best| error / best));
+    }
+    Ok(HeldRun {
+        dataset: bench.dataset.clone(),
+        cells: pipeline.mesh().topology.tets.len() as u64,
+        size: [bench.request.size_px.0 as u32, bench.request.size_px.1 as u32],
+        backend: if on_gpu { "gpu" } else { "cpu" }.to_owned(),
+        target_ms,
+        exact_ms,
+        within: ms.iter().filter(|&&ms| ms <= target_ms).count() as f64 / ms.len() as f64,
+        ms: Spread::of(&ms),
+        chosen,
+        rmse: Spread::of(&rmse),
+        over_best: (!over_best.is_empty()).then(|| Spread::of(&over_best)),
+    })
+}
+
+impl Judged {
+    /// The error of a frame, and the least of all ways to draw it that are within the time.
+    fn judge(
+        &self,
+        pipeline: &mut Pipeline,
+        wanted: &Wanted,
+        cancel: &Cancel,
+    ) -> Result<(f64, Option<f64>), PipelineError> {
+        let mut draw = |quality: Quality| -> Result<(f64, RgbaImage), PipelineError> {
+            // As in the motion, what is known of the frame before counts.
+            let [before, request] =
+                [&self.before, &self.request].map(|request| quality.of_request(request.clone(), FaceDetail::ALL));
+            pipeline.render_unless(&before, cancel)?;
+            let frame = pipeline.render_unless(&request, cancel)?;
+            let (width, height) = self.request.size_px;
+            let started = Instant::now();
+            let is_whole = (frame.planes.color.width, frame.planes.color.height) == (width, height);
+            let image =
+                if is_whole { frame.planes.color.clone() } else { enlarged(&frame.planes.color, width, height) };
+            let ms_enlarged = if is_whole { 0.0 } else { started.elapsed().as_secs_f64() * 1e3 };
+            Ok((frame.stats.ms_worked() + ms_enlarged, image))
+        };
+        let (_, exact) = draw(Quality::Exact)?;
+        let error = |image: &RgbaImage| compare_raw(&exact, image).map_or(f64::INFINITY, |difference| difference.rmse);
+        let (_, image) = draw(self.quality)?;
+        let own = error(&image);
+        let mut best: Option<f64> = None;
+        for quality in [Family::Rays, Family::Scaled, Family::Faces].into_iter().flat_map(Family::qualities) {
+            if matches!(quality, Quality::Rays(_)) && !wanted.has_rays {
+                continue;
+            }
+            let (ms, image) = draw(quality)?;
+            if wanted.target_ms.is_some_and(|target_ms| ms <= target_ms) {
+                best = Some(best.map_or(error(&image), |best| best.min(error(&image))));
+            }
+        }
+        Ok((own, best))
+    }
+}
+
+fn name(quality: Quality) -> String {
+    match quality {
+        Quality::Exact => "exact".to_owned(),
+        Quality::Rays(contrast) => format!("contrast {contrast}"),
+        Quality::Scaled(share) => format!("scale {share}"),
+        Quality::Faces(level) => format!("faces {level}"),
+    }
+}
