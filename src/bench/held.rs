@@ -1,8 +1,8 @@
 //! The motion suite: how well a frame rate is held while camera and time move, and with what error.
 
 use super::Spread;
-use super::accuracy::enlarged;
 use crate::camera::{Camera, CameraError};
+use crate::image::upsample::{Enlarging, bilinear};
 use crate::image::{RgbaImage, compare_raw};
 use crate::pipeline::{FaceDetail, FrameRequest, Pipeline, PipelineError};
 use crate::playback::quality::{Family, Quality, QualityControl, Wanted};
@@ -146,12 +146,10 @@ impl Judged {
                 [&self.before, &self.request].map(|request| quality.of_request(request.clone(), FaceDetail::ALL));
             pipeline.render_unless(&before, cancel)?;
             let frame = pipeline.render_unless(&request, cancel)?;
-            let (width, height) = self.request.size_px;
-            let started = Instant::now();
-            let is_whole = (frame.planes.color.width, frame.planes.color.height) == (width, height);
-            let image =
-                if is_whole { frame.planes.color.clone() } else { enlarged(&frame.planes.color, width, height) };
-            let ms_enlarged = if is_whole { 0.0 } else { started.elapsed().as_secs_f64() * 1e3 };
+            let (small, full) = (&frame.planes.color, self.request.size_px);
+            let (started, of) = (Instant::now(), (small.width, small.height));
+            let image = if of == full { small.clone() } else { bilinear(small, &Enlarging::between(of, full)) };
+            let ms_enlarged = if of == full { 0.0 } else { started.elapsed().as_secs_f64() * 1e3 };
             Ok((frame.stats.ms_worked() + ms_enlarged, image))
         };
         let (_, exact) = draw(Quality::Exact)?;

@@ -10,6 +10,7 @@ mod planes;
 mod png;
 mod sheet;
 mod srgb;
+pub mod upsample;
 
 pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
 pub use metrics::{

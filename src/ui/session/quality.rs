@@ -1,6 +1,7 @@
 //! How frames are drawn while something moves, and at rest.
 
 use super::{Session, Shown};
+use crate::image::upsample::{Enlarging, bilinear};
 use crate::image::{RawDifference, RgbaImage, compare_raw};
 use crate::pipeline::{FrameRequest, RenderMode};
 use crate::playback::State;
@@ -62,7 +63,7 @@ pub struct MotionError {
     pub ms: f64,
     /// The share of the rays that was cast, if contrast decided.
     pub rays: Option<f64>,
-    /// From the image in full; `None` if one of them is on the GPU, or smaller.
+    /// From the image in full, once enlarged; `None` if one of them is on the GPU.
     pub error: Option<RawDifference>,
 }
 
@@ -149,12 +150,14 @@ impl MotionError {
     fn of(moved: &Shown, exact: &RgbaImage) -> Self {
         let (stats, color) = (&moved.frame.stats, &moved.frame.planes.color);
         let cast: u64 = stats.rays_by_level.iter().sum();
+        let (small, full) = ((color.width, color.height), (exact.width, exact.height));
+        let enlarged = if small == full { color.clone() } else { bilinear(color, &Enlarging::between(small, full)) };
         let pixels = moved.request.size_px.0 * moved.request.size_px.1;
         Self {
             quality: moved.quality,
             ms: stats.ms_worked(),
             rays: matches!(moved.quality, Quality::Rays(_)).then(|| cast as f64 / pixels as f64),
-            error: compare_raw(color, exact).ok(),
+            error: compare_raw(&enlarged, exact).ok(),
         }
     }
 }
