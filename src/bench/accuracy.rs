@@ -15,6 +15,7 @@ mod paths;
 mod scenes;
 mod summary;
 
+pub use crate::image::upsample::enlarged;
 pub use equal_time::{BUDGETS, EqualTime, EqualTimeTable, Family, Setting, equal_time};
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
@@ -25,7 +26,6 @@ pub(in crate::bench) use summary::{is_judged_by, series_of, transfer_functions_o
 use super::frames::describe;
 use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
-use crate::image::upsample::{Enlarging, bilinear};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, SampleSet, TetDraw, TetLayer};
@@ -155,8 +155,7 @@ fn run_path(
             None => pipeline.render_unless(&request, cancel)?,
         };
         let started = Instant::now();
-        let image = (request.size_px != full)
-            .then(|| bilinear(&frame.planes.color, &Enlarging::between(request.size_px, full)));
+        let image = (request.size_px != full).then(|| enlarged(&frame.planes.color, full.0, full.1));
         let ms_enlarge = if image.is_some() { started.elapsed().as_secs_f64() * 1e3 } else { 0.0 };
         if index == 0 {
             error = Some(RunError::between(truth, image.as_ref().unwrap_or(&frame.planes.color), bench.judge));

@@ -4,6 +4,11 @@ use super::Enlarging;
 use crate::image::RgbaImage;
 use rayon::prelude::*;
 
+/// The image at another size through the same camera, whose image height is the same: [`bilinear`].
+pub fn enlarged(image: &RgbaImage, width: usize, height: usize) -> RgbaImage {
+    bilinear(image, &Enlarging::between((image.width, image.height), (width, height)))
+}
+
 /// The image at full size, bilinear between samples, which lie where they did in the scene. Beyond the outermost samples the image holds on.
 pub fn bilinear(image: &RgbaImage, enlarging: &Enlarging) -> RgbaImage {
     let (width, height) = enlarging.full;

@@ -25,6 +25,23 @@ pub struct JointKernel {
     pub sigma_reference: f64,
 }
 
+/// The greatest Omega, pixels.
+pub const MAX_KERNEL_PX: usize = 64;
+
+impl JointKernel {
+    /// Omega of 1 to [`MAX_KERNEL_PX`] pixels, and a finite sigma above 0; `None` of other numbers.
+    pub fn new(kernel_px: usize, sigma_reference: f64) -> Option<Self> {
+        let is_good = (1..=MAX_KERNEL_PX).contains(&kernel_px) && sigma_reference > 0.0 && sigma_reference.is_finite();
+        is_good.then_some(Self { kernel_px, sigma_reference })
+    }
+
+    /// The kernel of section 4.1.3 for an image of a pixel for `factor` x `factor`: 2 `factor` pixels, 8 for `factor` 1; sigma 0.01.
+    pub fn of_factor(factor: usize) -> Self {
+        let kernel_px = if factor <= 1 { 8 } else { factor.saturating_mul(2).min(MAX_KERNEL_PX) };
+        Self { kernel_px, sigma_reference: 0.01 }
+    }
+}
+
 /// Pixels side by side.
 const SIDE_BY_SIDE: usize = 16;
 type Lanes = [f32; SIDE_BY_SIDE];

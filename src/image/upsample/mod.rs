@@ -17,8 +17,8 @@ mod nearest;
 mod tests;
 
 use super::Plane;
-pub use bilinear::bilinear;
-pub use joint::{JointKernel, joint};
+pub use bilinear::{bilinear, enlarged};
+pub use joint::{JointKernel, MAX_KERNEL_PX, joint};
 pub use joint2x2::{LEAST_SUM, joint2x2};
 pub use nearest::nearest;
 

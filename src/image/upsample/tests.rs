@@ -258,3 +258,96 @@ fn a_filter_that_nobody_waits_for_gives_nothing_and_threads_change_no_bit() {
     };
     assert_eq!(with(1), with(3));
 }
+
+/// The mean of four samples by bilinear weights and g, in f64; `None` where the weights vanish.
+fn naive_joint2x2(
+    image: &RgbaImage,
+    factor: usize,
+    [at_pixels, at_samples]: [&Reference; 2],
+    sigma: f64,
+    pixel: usize,
+) -> Option<[f64; 4]> {
+    let full = (at_pixels.width, at_pixels.height);
+    // In samples from the left end of the small image, in whose middle the full one lies.
+    let place = |i: usize, full: usize, small: usize| {
+        (i as f64 + 0.5 + (small * factor) as f64 / 2.0 - full as f64 / 2.0) / factor as f64
+    };
+    let (x, y) = (place(pixel % full.0, full.0, image.width), place(pixel / full.0, full.1, image.height));
+    let tent =
+        |s: usize, at: f64, last: usize| (1.0 - (at.clamp(0.5, last as f64 + 0.5) - s as f64 - 0.5).abs()).max(0.0);
+    let (mut sums, mut weights) = ([0.0; 4], 0.0);
+    for sample in 0..image.pixels.len() {
+        let (column, row) = (sample % image.width, sample / image.width);
+        let pairs = at_pixels.pixels[pixel].iter().zip(at_samples.pixels[sample]);
+        let square: f64 = pairs.map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum();
+        let shares = tent(column, x, image.width - 1) * tent(row, y, image.height - 1);
+        let weight = shares * (-square / (2.0 * sigma * sigma)).exp();
+        weights += weight;
+        (0..4).for_each(|c| sums[c] += weight * f64::from(image.pixels[sample][c]));
+    }
+    (weights >= 1e-6).then(|| sums.map(|sum| sum / weights))
+}
+
+#[test]
+fn joint2x2_is_its_equation_and_counts_where_it_falls_back() {
+    let (mut fallen, mut worst) = (0, 0.0f64);
+    for (full, factor) in [((37, 23), 2), ((37, 23), 4), ((5, 3), 8), ((5, 3), 2), ((1, 1), 4), ((19, 40), 8)] {
+        let enlarging = Enlarging::by(factor, full);
+        let (width, height) = enlarging.small;
+        let image = noisy(width, height, factor);
+        let references = [&depths(full.0, full.1, 3), &depths(width, height, 4)];
+        let (fast, fell_back) = joint2x2(&image, &enlarging, references, 0.006);
+        let linear = bilinear(&image, &enlarging);
+        let mut expected = 0;
+        for (at, pixel) in fast.pixels.iter().enumerate() {
+            let slow = naive_joint2x2(&image, factor, references, 0.006, at);
+            expected += u64::from(slow.is_none());
+            let slow = slow.unwrap_or(linear.pixels[at].map(f64::from));
+            worst = (0..4).map(|c| (f64::from(pixel[c]) - slow[c]).abs()).fold(worst, f64::max);
+        }
+        assert_eq!(fell_back, expected, "{full:?} by {factor}");
+        fallen += expected;
+    }
+    assert!(worst <= 1e-5, "{worst}");
+    assert!(fallen > 100, "{fallen}");
+}
+
+#[test]
+fn a_large_image_is_filtered_at_its_border_as_inside() {
+    let (full, kernel) = ((1023, 767), JointKernel::of_factor(2));
+    let (image, reference) = (noisy(full.0, full.1, 1), depths(full.0, full.1, 2));
+    let fast = filtered(&image, &reference, kernel);
+    // A corner, an edge and the middle, each with more around it than the kernel reaches.
+    for (x, y) in [(0, 0), (1013, 757), (500, 0), (0, 400), (511, 383)] {
+        let cut = |i: usize| (y + i / 10) * full.0 + x + i % 10;
+        let image = RgbaImage { width: 10, height: 10, pixels: (0..100).map(|i| image.pixels[cut(i)]).collect() };
+        let reference =
+            Reference { width: 10, height: 10, pixels: (0..100).map(|i| reference.pixels[cut(i)]).collect() };
+        let slow = naive(&image, &reference, kernel);
+        let mut compared = 0;
+        for i in 0..100 {
+            let is_whole = |at: usize, first: usize, of: usize| (at >= 2 || first == 0) && (at < 8 || first + 10 == of);
+            if is_whole(i % 10, x, full.0) && is_whole(i / 10, y, full.1) {
+                compared += 1;
+                (0..4)
+                    .for_each(|c| assert!((fast.pixels[cut(i)][c] - slow.pixels[i][c]).abs() <= 1e-5, "{x}, {y}: {i}"));
+            }
+        }
+        assert!(compared >= 36);
+    }
+}
+
+#[test]
+fn kernels_have_bounds() {
+    for (kernel, sigma) in [(0, 0.01), (65, 0.01), (8, 0.0), (8, -1.0), (8, f64::NAN), (8, f64::INFINITY)] {
+        assert_eq!(JointKernel::new(kernel, sigma), None, "{kernel}, {sigma}");
+    }
+    assert_eq!(JointKernel::new(64, 0.01).map(|kernel| kernel.kernel_px), Some(64));
+    assert_eq!([1, 2, 4, 8, 500].map(|factor| JointKernel::of_factor(factor).kernel_px), [8, 4, 8, 16, 64]);
+}
+
+#[test]
+fn an_image_of_another_size_through_the_same_camera_is_bilinear() {
+    let image = noisy(10, 8, 1);
+    assert_eq!(enlarged(&image, 41, 30), bilinear(&image, &Enlarging::between((10, 8), (41, 30))));
+}
