@@ -1,6 +1,7 @@
 //! Renderers on the CPU.
 
 pub mod havs;
+pub mod layers;
 mod light;
 mod place;
 mod raster;

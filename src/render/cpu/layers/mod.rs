@@ -1,0 +1,131 @@
+//! The first depths at which rays pass through the boundary of the active cells.
+//!
+//! The boundary are the faces between an active cell and an inactive one, or the outside. Faces that rays enter through and faces that they leave
+//! through count alike, as depth peeling has them (C. Everitt, *Interactive Order-Independent Transparency*, 2001; the dissertation, section
+//! 4.1.2). Each pixel keeps its nearest depths while the faces of its tile are drawn in any order, so that one pass finds all layers.
+
+mod nearest;
+#[cfg(test)]
+mod tests;
+
+use super::super::RenderJob;
+use super::raster::TileRays;
+use super::raster::boxes::{Bounds, BoxSource, project};
+use super::raster::lists::{ListedFace, SeenFace, TileLists};
+use super::ray::transform;
+use super::tiles::{PixelRect, TILE_PX, TileGrid};
+use crate::camera::{Samples, View};
+use crate::image::Plane;
+use crate::image::upsample::Reference;
+use crate::mesh::{Mesh, NONE};
+use crate::visibility::CellSet;
+pub use nearest::MAX_LAYERS;
+use nearest::{Scene, Scratch};
+use rayon::prelude::*;
+
+/// Faces that are sorted into tiles by one thread: enough to hide the cost of a list for each tile.
+const FACES_PER_LIST: usize = 8 * 1024;
+
+/// What a layer that a pixel lacks counts as beside depths of 0 (the nearest place of the boundary in view) to 1 (the farthest one).
+const MISSING: f32 = 2.0;
+
+/// The first depths of the boundary in each pixel of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoundaryDepths {
+    /// World units along the viewing direction (from the eye; parallel projection: from the camera's position), nearest first; infinite where
+    /// there is no such layer, and from the number of layers on that was asked for.
+    pub depths: Plane<[f64; MAX_LAYERS]>,
+    /// The least and the greatest depth of the boundary in view, of all layers; `None` if none of it is in view.
+    pub range: Option<[f64; 2]>,
+}
+
+impl BoundaryDepths {
+    /// Finds the first `layers` (at most [`MAX_LAYERS`]) depths of the boundary of a job's active cells in all pixels of its image, whichever of them
+    /// rays are cast for; `None` if the job is cancelled. What lies before the near distance is not in view.
+    pub fn of(job: &RenderJob, layers: usize) -> Option<Self> {
+        let view = View { samples: Samples::ALL, ..job.local_view() };
+        let (mut vertices, mut screen) = (Vec::new(), Vec::new());
+        transform(&view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, &mut vertices);
+        project(&view, &vertices, None, &job.cancel, &mut screen);
+        let grid = TileGrid::of(&view);
+        let source = BoxSource { view: &view, vertices: &vertices, screen: &screen };
+        let faces = boundary_faces(&job.mesh, &job.active);
+        let lists: Vec<TileLists> =
+            faces.par_chunks(FACES_PER_LIST).map(|faces| lists_of(faces, source, grid)).collect();
+        let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
+        let mut depths = vec![[f64::INFINITY; MAX_LAYERS]; view.width_px * view.height_px];
+        let rows = depths.par_chunks_mut(view.width_px * TILE_PX).enumerate();
+        let ranges = rows.map_init(Scratch::default, |scratch, (row, depths)| {
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for tile in row * grid.columns..(row + 1) * grid.columns {
+                if job.cancel.is_cancelled() {
+                    break;
+                }
+                let rect = grid.rect(tile);
+                let rays = TileRays::new(&view, bounds_of(rect));
+                scratch.begin();
+                lists.iter().for_each(|list| scene.draw(list.faces(tile), &rays, scratch));
+                range = joined(range, scratch.range);
+                for (y, depths) in depths.chunks_mut(view.width_px).enumerate() {
+                    let found = &scratch.depths[y * TILE_PX..][..rect.width];
+                    depths[rect.x..rect.x + rect.width].copy_from_slice(found);
+                }
+            }
+            range
+        });
+        let [least, most] = ranges.reduce(|| [f64::INFINITY, f64::NEG_INFINITY], joined);
+        if job.cancel.is_cancelled() {
+            return None;
+        }
+        let scale = job.mesh.positions.scale;
+        depths.par_iter_mut().for_each(|depths| *depths = depths.map(|depth| depth * scale));
+        Some(Self {
+            depths: Plane { width: view.width_px, height: view.height_px, pixels: depths },
+            range: (least <= most).then_some([least * scale, most * scale]),
+        })
+    }
+
+    /// The depths as a reference of filters: 0 is the nearest place of the boundary within `range`, 1 the farthest, 2 a missing layer. A range
+    /// without extent counts as 1 long. Other images of a view have the range of one of them.
+    pub fn reference(&self, range: [f64; 2]) -> Reference {
+        let extent = if range[1] > range[0] { range[1] - range[0] } else { 1.0 };
+        let share = |depth: f64| if depth.is_finite() { ((depth - range[0]) / extent) as f32 } else { MISSING };
+        let Plane { width, height, pixels } = &self.depths;
+        let pixels = pixels.par_iter().map(|depths| depths.map(share)).collect();
+        Reference { width: *width, height: *height, pixels }
+    }
+}
+
+/// The least of two least ones, and the greatest of two greatest.
+fn joined(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
+    Bounds { x0: x, x1: x + width, y0: y, y1: y + height }
+}
+
+/// The faces between an active cell and none.
+fn boundary_faces(mesh: &Mesh, active: &CellSet) -> Vec<ListedFace> {
+    let is_in = |cell: u32| cell != NONE && active.contains(cell);
+    let faces = mesh.topology.faces.par_iter().zip(&mesh.topology.face_cells);
+    faces
+        .filter(|(_, [a, b])| is_in(*a) != is_in(*b))
+        .map(|(ids, _)| ListedFace { ids: *ids, cells: [NONE; 2] })
+        .collect()
+}
+
+/// Some faces, sorted into the tiles of an image.
+fn lists_of(faces: &[ListedFace], source: BoxSource<'_>, grid: TileGrid) -> TileLists {
+    let image = Bounds::of_image(source.view);
+    let seen = |face: &ListedFace| {
+        let bounds = source.bounds(face.ids, image)?;
+        Some(SeenFace { face: *face, bounds, nearest: source.nearest(face.ids) })
+    };
+    let seen: Vec<SeenFace> = faces.iter().filter_map(seen).collect();
+    let mut lists = TileLists::default();
+    lists.begin(grid);
+    seen.iter().for_each(|face| lists.count(face.bounds));
+    lists.store(&seen);
+    lists
+}
