@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! fall    at once, if the way in use takes more than 0.92 of the time: to the finest one that takes at most 0.88 of it
-//! rise    to a way that is expected to take at most 0.85 of it, if frames were as dear as the second of the last sixteen, and at most 1.6 times
+//! rise    to a way that is expected to take at most 0.85 of it, if frames were as dear as the second dearest of the last sixteen, and at most 1.6 times
 //!         what the one in use takes or the next finer one, once that one has been measured
 //! rays    if some contrast is within the time; else smaller images. If neither is: the finest way that takes at most 1.1 times what the
 //!         cheapest does, for which the coarsest ways of both are tried, and finer ones as long as they take no more

@@ -333,4 +333,4 @@ fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
 }
 
 /// Width of the slider of the rate in points.
-const SLIDER: f32 = 100.0;
+const SLIDER: f32 = 84.0;
