@@ -32,7 +32,7 @@ pub enum Quality {
     /// All there is.
     #[default]
     Exact,
-    /// Only the rays that a contrast asks for ([`SampleSet::Adaptive`](crate::pipeline::SampleSet::Adaptive)).
+    /// Only the rays that a contrast asks for ([`SampleSet::Adaptive`]).
     Rays(Contrast),
     /// An image of this share of width and height, enlarged.
     Scaled(f64),
