@@ -267,6 +267,18 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
     assert_eq!(desk.session.target_fps(), Some(*TARGET_FPS.end()));
 }
 
+/// A frame that is on the GPU of the window has no pixels here, which is not to say that they are clear.
+#[test]
+fn nothing_is_said_of_the_error_of_pictures_that_are_elsewhere() {
+    let mut desk = Desk::open();
+    desk.settle();
+    let here = desk.shown().clone();
+    let planes = here.frame.planes.color.clone();
+    assert!(MotionError::of(&here, &planes).error.is_some_and(|error| error.max == 0.0));
+    assert_eq!(MotionError::of(&here, &Default::default()).error, None);
+    assert_eq!(MotionError::between(&Default::default(), &planes), None);
+}
+
 #[test]
 fn a_slow_picture_comes_in_steps_and_is_exact_in_the_end() {
     let mut desk = Desk::open();

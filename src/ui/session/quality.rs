@@ -96,7 +96,8 @@ impl Session {
 
     /// What is shown on the way to a picture in full, better than what is on the screen.
     pub(super) fn previews(&self) -> Vec<Contrast> {
-        if self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
+        // The GPU draws none, and would look at more cells for them.
+        if !self.draws_on_cpu() || self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
             return Vec::new();
         }
         let is_same_view = |shown: &&Shown| shown.request.camera == self.camera();
@@ -147,17 +148,27 @@ impl Session {
 }
 
 impl MotionError {
-    fn of(moved: &Shown, exact: &RgbaImage) -> Self {
+    pub(in crate::ui) fn of(moved: &Shown, exact: &RgbaImage) -> Self {
         let (stats, color) = (&moved.frame.stats, &moved.frame.planes.color);
         let cast: u64 = stats.rays_by_level.iter().sum();
-        let (small, full) = ((color.width, color.height), (exact.width, exact.height));
-        let enlarged = if small == full { color.clone() } else { bilinear(color, &Enlarging::between(small, full)) };
         let pixels = moved.request.size_px.0 * moved.request.size_px.1;
         Self {
             quality: moved.quality,
             ms: stats.ms_worked(),
             rays: matches!(moved.quality, Quality::Rays(_)).then(|| cast as f64 / pixels as f64),
-            error: compare_raw(&enlarged, exact).ok(),
+            error: Self::between(color, exact),
         }
+    }
+
+    /// How far an image, enlarged if it is smaller, is from the one in full; `None` if one of them is elsewhere, and has no pixels.
+    pub(in crate::ui) fn between(image: &RgbaImage, exact: &RgbaImage) -> Option<RawDifference> {
+        if image.pixels.is_empty() || exact.pixels.is_empty() {
+            return None;
+        }
+        let (small, full) = ((image.width, image.height), (exact.width, exact.height));
+        if small == full {
+            return compare_raw(image, exact).ok();
+        }
+        compare_raw(&bilinear(image, &Enlarging::between(small, full)), exact).ok()
     }
 }

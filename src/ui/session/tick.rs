@@ -113,7 +113,7 @@ impl Session {
     }
 
     /// Whether the next frame will be drawn on the CPU, judged by the last one.
-    fn draws_on_cpu(&self) -> bool {
+    pub(super) fn draws_on_cpu(&self) -> bool {
         match self.look.backend {
             Backend::Cpu => true,
             Backend::Gpu => false,
