@@ -4,10 +4,11 @@ use super::DrawnBy;
 #[cfg(feature = "gpu")]
 use super::gpu::Gpu;
 use super::preparation::Ordered;
+use super::residual::AddDetails;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
-use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
+use crate::render::{Contrast, Frame, Planes, RenderError, RenderJob, Renderer};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -43,6 +44,8 @@ pub(super) struct Renderers {
     cpu: CpuRenderers,
     /// For normals and numbers of surfaces, whatever renders the frame.
     guides: CpuRenderers,
+    /// For rows of all rays, whatever renders the few of their frame.
+    rows: Raycast,
     #[cfg(feature = "gpu")]
     pub(super) gpu: Gpu,
 }
@@ -65,10 +68,16 @@ impl CpuRenderers {
     }
 }
 
+/// Planes of a job that is drawn beside a frame, if there is one; `None` if it was cancelled.
+fn planes_of(renderer: &mut dyn Renderer, job: Option<RenderJob>) -> Result<Option<Option<Planes>>, RenderError> {
+    let Some(job) = job else { return Ok(Some(None)) };
+    Ok(renderer.render_unless_cancelled(job)?.map(|frame| Some(frame.planes.clone())))
+}
+
 impl Renderers {
     /// Forgets what a renderer that panicked may have left behind; the GPU is looked for again.
     pub(super) fn begin_afresh(&mut self) {
-        (self.cpu, self.guides) = Default::default();
+        (self.cpu, self.guides, self.rows) = Default::default();
         #[cfg(feature = "gpu")]
         self.gpu.begin_afresh();
     }
@@ -111,32 +120,32 @@ impl Renderers {
         Ok(self.draw(ordered, backend, previewed)?.map(|renderer| renderer.take_frame(replacement())))
     }
 
-    /// The renderer that has drawn a job, with what is found on its image; `None` if it was cancelled.
+    /// The renderer that has drawn a job, with what is done on its image; `None` if it was cancelled.
     fn draw(
         &mut self,
         ordered: Ordered,
         backend: Backend,
         previewed: &mut dyn FnMut(&Frame, Contrast),
     ) -> Result<Option<&mut dyn Renderer>, RenderError> {
-        let Ordered { job, by, on_image } = ordered;
-        let started = Instant::now();
-        let guides = match on_image.as_ref().and_then(|_| job.of_guides()) {
-            None => None,
-            Some(job) => match self.guides.of(by).render_unless_cancelled(job)? {
-                None => return Ok(None),
-                Some(frame) => Some(frame.planes.clone()),
-            },
-        };
-        let guided = started.elapsed();
+        let Ordered { job, by, on_image, enlarge, mut add_details } = ordered;
+        let guided = Instant::now();
+        let of_guides = on_image.as_ref().and_then(|_| job.of_guides());
+        let Some(guides) = planes_of(self.guides.of(by), of_guides)? else { return Ok(None) };
+        let (guided, renewed) = (guided.elapsed(), Instant::now());
+        let of_rows = add_details.as_mut().and_then(AddDetails::rows);
+        let Some(rows) = planes_of(&mut self.rows, of_rows)? else { return Ok(None) };
+        let renewed = renewed.elapsed();
         let Some(renderer) = self.draw_job(job, by, backend, previewed)? else { return Ok(None) };
-        let frame = renderer.frame_mut();
-        frame.stats.ms_guides = 0.0;
+        let Frame { planes, stats, details, .. } = renderer.frame_mut();
+        (stats.ms_guides, *details) = (0.0, None);
         if let (Some(on_image), Some(guides)) = (on_image, guides) {
             let lit = Instant::now();
-            on_image.finish(&mut frame.planes, &guides);
-            frame.stats.ms_guides = (guided + lit.elapsed()).as_secs_f64() * 1e3;
+            on_image.finish(planes, &guides);
+            stats.ms_guides = (guided + lit.elapsed()).as_secs_f64() * 1e3;
         }
-        Ok(Some(renderer))
+        let is_whole = enlarge.is_none_or(|enlarge| enlarge.finish(planes, stats));
+        *details = add_details.map(|add_details| add_details.finish(planes, rows.as_ref(), renewed, stats));
+        Ok(is_whole.then_some(renderer))
     }
 
     fn draw_job(

@@ -16,6 +16,13 @@ const SPARES_MAX: usize = 3;
 #[derive(Clone, Debug)]
 pub struct SharedFrame(Arc<Pooled>);
 
+impl SharedFrame {
+    /// Whether both are the same frame, in the same memory.
+    pub fn ptr_eq(a: &Self, b: &Self) -> bool {
+        Arc::ptr_eq(&a.0, &b.0)
+    }
+}
+
 impl Deref for SharedFrame {
     type Target = Frame;
 
@@ -121,8 +128,11 @@ impl FrameCache {
         self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
     }
 
-    /// Keeps a frame that is not there yet, if it fits.
+    /// Keeps a frame that is not there yet, if it fits, and depends on no other frame.
     pub(super) fn put(&mut self, series: &Arc<Series>, request: &FrameRequest, frame: &SharedFrame) {
+        if request.residual.is_some() {
+            return;
+        }
         self.turn_to(series, request);
         let bytes = bytes_of(frame);
         if self.bytes.saturating_add(bytes) <= self.budget_bytes {

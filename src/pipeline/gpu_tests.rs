@@ -24,7 +24,7 @@ fn one_tet() -> Ordered {
     let node = |scalar| Node { scalar, rgb: [1.0, 0.5, 0.0], tau: 3.0 };
     let table = Arc::new(NodeTable::new(vec![node(0.0), node(1.0)]).unwrap());
     let job = testing::job(&Arc::new(mesh), vec![0.5; 4], &camera, (32, 24), table);
-    Ordered { job, by: DrawnBy::Raycast, on_image: None }
+    Ordered { job, by: DrawnBy::Raycast, on_image: None, enlarge: None, add_details: None }
 }
 
 /// A device that is lost before it does anything.

@@ -285,6 +285,12 @@ pub enum RequestError {
         "rays that contrast asks for go from cell to cell, and {0} draws otherwise; choose raycast or auto, or cast all rays"
     )]
     AdaptiveBy(&'static str),
+    /// Details of another moment that do not fit.
+    #[error("details of an earlier frame cannot be used here: {0}; ask for the frame without them")]
+    Details(&'static str),
+    /// An image that is brought to full size, and that is not all there or judged.
+    #[error("an image that is enlarged needs all of its rays, and is drawn by any renderer but the reference; {0}")]
+    Upsampling(String),
     /// No field of that name beside the one that is shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

@@ -10,6 +10,7 @@ mod backend;
 mod clear;
 mod distribution;
 mod draw;
+mod enlarging;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -23,6 +24,7 @@ mod queue;
 mod ranges;
 mod rankings;
 mod request;
+mod residual;
 mod samples;
 mod series;
 mod stages;
@@ -31,6 +33,7 @@ mod steps;
 pub(crate) mod test_series;
 mod text;
 mod time;
+mod upsampling;
 #[cfg(feature = "gpu")]
 mod window_gpu;
 
@@ -42,9 +45,11 @@ pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
 pub use request::{FrameRequest, PipelineError};
+pub use residual::{ResidualBase, ResidualRequest};
 pub use samples::SampleSet;
 pub use series::Series;
 pub use time::FrameTime;
+pub use upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 #[cfg(feature = "gpu")]
 pub use window_gpu::WindowGpu;
 

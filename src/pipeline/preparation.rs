@@ -1,11 +1,15 @@
 //! The first two stages of a frame: decode what it shows, order what is to be drawn.
 
 use super::clear::Clear;
+use super::enlarging::Enlarge;
 use super::in_sight::{CellsInSight, InSight};
 use super::quantities::Gradients;
+use super::residual::AddDetails;
 use super::series::Series;
 use super::steps::StepCache;
-use super::{Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer};
+use super::{
+    Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
+};
 use crate::camera::View;
 use crate::codec::vq;
 use crate::lod::Selector;
@@ -214,6 +218,10 @@ pub(super) struct Ordered {
     pub(super) by: DrawnBy,
     /// What is done on the image when it is there; `None` if that is nothing.
     pub(super) on_image: Option<OnImage>,
+    /// How the image comes to the size of the frame after that; `None` if it has this size.
+    pub(super) enlarge: Option<Enlarge>,
+    /// Details that its rays lack; `None` if there are as many as pixels.
+    pub(super) add_details: Option<AddDetails>,
 }
 
 /// What is found on the image of surfaces.
@@ -253,6 +261,17 @@ impl OnImage {
             (planes.normal, planes.id) = Default::default();
         }
     }
+}
+
+/// Refuses what cannot be enlarged.
+fn check_upsampling(request: &FrameRequest, upsampling: Upsampling, by: DrawnBy) -> Result<(), RequestError> {
+    upsampling.check().map_err(RequestError::Upsampling)?;
+    let problem = match (by, &request.samples) {
+        (DrawnBy::Reference, _) => "choose another mode, or leave the scale of the image out",
+        (_, SampleSet::All) => return Ok(()),
+        _ => "cast all rays, or leave the scale of the image out",
+    };
+    Err(RequestError::Upsampling(problem.to_owned()))
 }
 
 /// The second stage.
@@ -297,6 +316,16 @@ impl Order {
         let started = Instant::now();
         let mut view = request.camera.view(request.size_px.0, request.size_px.1)?;
         view.samples = request.samples.samples(request.size_px)?;
+        let full_view = view.clone();
+        if let Some(upsampling) = request.upsampling {
+            check_upsampling(request, upsampling, decoded.by)?;
+            view = Enlarge::small_view(upsampling, &full_view);
+        }
+        AddDetails::check(request, decoded.by)?;
+        if request.residual.is_some() {
+            view = AddDetails::view(&full_view);
+        }
+        let has_edges = request.upsampling.is_some_and(|upsampling| upsampling.filter.edges().is_some());
         let contrast = request.samples.contrast();
         let is_adaptive = contrast.is_some() || !request.previews.is_empty();
         if contrast.is_some() && decoded.by != DrawnBy::Raycast {
@@ -310,7 +339,7 @@ impl Order {
         let in_sight = InSight { layer, scalars, known, clear, planes: &planes, keep_away };
         let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.clear_cells || keep_away && !planes.clips.is_empty();
-        let domain = if is_adaptive && goes_through_more {
+        let domain = if (is_adaptive || has_edges) && goes_through_more {
             let clear = &self.clear.of(layer, decoded.by, Skip { clear_cells: true, ..request.skip });
             let in_sight = InSight { clear, keep_away: false, ..in_sight };
             Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.0.active)
@@ -374,12 +403,15 @@ impl Order {
         if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {
             return Err(RequestError::ScreenOfSome.into());
         }
+        let enlarge = request.upsampling.map(|upsampling| Enlarge::of(upsampling, &job, full_view));
+        let add_details = request.residual.as_ref().map(|residual| AddDetails::of(residual, &job)).transpose()?;
         // Planes are needed here.
-        job.for_window &= on_image.is_none();
-        if on_image.is_some() {
+        let is_done = on_image.is_none() && enlarge.is_none() && add_details.is_none();
+        job.for_window &= is_done;
+        if !is_done {
             job.previews.clear();
         }
-        Ok(Ordered { job, by, on_image })
+        Ok(Ordered { job, by, on_image, enlarge, add_details })
     }
 
     /// The surfaces and cuts of a layer, if it has some.

@@ -1,7 +1,9 @@
 //! What can be asked of a pipeline, and why it may not become a frame.
 
 use super::text::{as_text, size_px};
-use super::{Backend, DrawnBy, FrameTime, Layer, RequestError, SampleSet, TetDraw, TetLayer};
+use super::{
+    Backend, DrawnBy, FrameTime, Layer, RequestError, ResidualRequest, SampleSet, TetDraw, TetLayer, Upsampling,
+};
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::node_table::TransferTable;
@@ -25,6 +27,9 @@ pub struct FrameRequest {
     /// The pixels that are rendered; the planes of the frame have these.
     #[serde(default)]
     pub samples: SampleSet,
+    /// An image of another size that is rendered instead, with all of its rays, and brought to full size; `None` if the frame is rendered itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upsampling: Option<Upsampling>,
     /// Whether the frame has the planes of normals and numbers of surfaces, where it has surfaces.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub guides: bool,
@@ -40,6 +45,10 @@ pub struct FrameRequest {
     /// with previews even while it is rendered.
     #[serde(skip)]
     pub previews: Vec<Contrast>,
+    /// Details of an earlier frame, which stand for most of the rays: the frame is then near to the one without, and depends on the frame that
+    /// they are of. For players; never kept, and in no text.
+    #[serde(skip)]
+    pub residual: Option<ResidualRequest>,
     /// What may be left out. What it shows is the same.
     #[serde(default, with = "as_text")]
     pub skip: Skip,
@@ -56,8 +65,20 @@ impl FrameRequest {
         size_px: (usize, usize),
     ) -> Self {
         let layers = vec![Layer::Tets(TetLayer::new(table))];
-        let (samples, guides, backend, for_window, previews, skip) = Default::default();
-        Self { time: time.into(), camera, size_px, layers, samples, guides, backend, for_window, previews, skip }
+        Self {
+            time: time.into(),
+            camera,
+            size_px,
+            layers,
+            samples: SampleSet::default(),
+            upsampling: None,
+            guides: false,
+            backend: Backend::default(),
+            for_window: false,
+            previews: Vec::new(),
+            residual: None,
+            skip: Skip::default(),
+        }
     }
 
     /// The layer of cells, if there is one.
@@ -92,7 +113,7 @@ impl FrameRequest {
             matches!(tets.draw.drawn_by(), DrawnBy::Raycast)
                 && !(tets.shading.is_of_screen() && !(tets.surfaces.is_empty() && tets.domain.is_empty()))
         };
-        !self.guides && self.tets().is_some_and(may)
+        !self.guides && self.upsampling.is_none() && self.tets().is_some_and(may)
     }
 
     /// The one layer of cells, if there is one, checked against the name of the field that the series is of.
@@ -134,7 +155,7 @@ impl FrameRequest {
     pub fn same_view(&self, other: &Self) -> bool {
         let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.guides, r.backend, r.for_window, r.skip);
         rest(self) == rest(other)
-            && self.samples == other.samples
+            && (&self.samples, self.upsampling) == (&other.samples, other.upsampling)
             && std::iter::zip(&self.layers, &other.layers).all(|(a, b)| a.looks_like(b))
     }
 }

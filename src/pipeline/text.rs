@@ -3,7 +3,7 @@
 //! What is read is checked where it stands: tables by their constructors, sizes and shares by what they mean, so that every error
 //! has a line and a column. What is written can be read: a number that JSON has no text for is an error that names its place.
 
-use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError};
+use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, Upsampling};
 use crate::camera::check_size;
 use crate::short::Short;
 use serde::{Deserialize, Serialize};
@@ -45,6 +45,7 @@ impl FrameRequest {
         let no_text = |problem: String| RequestError::NoText(problem);
         check_size(self.size_px).map_err(|error| no_text(error.to_string()))?;
         self.samples.samples(self.size_px).map_err(|error| no_text(error.to_string()))?;
+        self.upsampling.iter().try_for_each(Upsampling::check).map_err(no_text)?;
         self.layers.iter().try_for_each(Layer::check).map_err(no_text)?;
         let mut text = Vec::new();
         let mut serializer = serde_json::Serializer::with_formatter(&mut text, Places::default());

@@ -5,7 +5,7 @@ use crate::camera::{Camera, Projection};
 use crate::moments::CovDenominator;
 use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, SampleSet, Sampling, TetDraw, TetLayer};
+use crate::pipeline::{Backend, DepthEdges, ImageScale, SampleSet, Sampling, TetDraw, TetLayer, UpsampleFilter};
 use crate::render::KBuffer;
 use crate::render::surfaces::{Cut, Isosurface, Light, Normals, SurfaceShading};
 use crate::transfer::{
@@ -138,6 +138,19 @@ fn time() -> impl Strategy<Value = FrameTime> {
     prop_oneof![any::<usize>().prop_map(FrameTime::from), between.prop_map(|(a, b, w)| FrameTime::between(a, b, w))]
 }
 
+fn upsampling() -> impl Strategy<Value = Upsampling> {
+    let edges = (f64::MIN_POSITIVE..f64::MAX, 1..=3_usize);
+    let edges = edges.prop_map(|(sigma_depth, layers)| DepthEdges { sigma_depth, layers });
+    let joint = (1..=64_usize, edges.clone()).prop_map(|(kernel_px, edges)| UpsampleFilter::Joint { kernel_px, edges });
+    let filter = prop_oneof![
+        Just(UpsampleFilter::Nearest),
+        Just(UpsampleFilter::Bilinear),
+        joint,
+        edges.prop_map(|edges| UpsampleFilter::Joint2x2 { edges }),
+    ];
+    (prop::sample::select(&ImageScale::ALL[..]), filter).prop_map(|(scale, filter)| Upsampling { scale, filter })
+}
+
 fn request() -> impl Strategy<Value = FrameRequest> {
     let backend = prop::sample::select(vec![Backend::Auto, Backend::Cpu, Backend::Gpu]);
     let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "clear-cells,outside"]);
@@ -147,9 +160,9 @@ fn request() -> impl Strategy<Value = FrameRequest> {
     let samples =
         prop_oneof![Just(SampleSet::All), (1..usize::MAX).prop_map(lattice), (0.0..=1.0_f32).prop_map(adaptive)];
     let pixels = prop::collection::hash_set(0..u32::MAX, 1..20);
-    let samples = (samples, prop::option::of(pixels));
+    let samples = (samples, prop::option::of(pixels), prop::option::of(upsampling()));
     (time(), camera(), (1..400_000_usize, 1..9000_usize), layers, samples, backend, skip).prop_map(
-        |(time, camera, size_px, layers, (samples, pixels), backend, skip)| {
+        |(time, camera, size_px, layers, (samples, pixels, upsampling), backend, skip)| {
             let of_image = |pixels: HashSet<u32>| {
                 let all = (size_px.0 * size_px.1) as u32;
                 pixels.into_iter().map(|pixel| pixel % all).collect::<HashSet<u32>>().into_iter().collect()
@@ -162,11 +175,13 @@ fn request() -> impl Strategy<Value = FrameRequest> {
                 size_px,
                 layers,
                 samples,
+                upsampling,
                 guides,
                 backend,
                 skip,
                 for_window: false,
                 previews: Vec::new(),
+                residual: None,
             }
         },
     )
@@ -189,8 +204,10 @@ fn plain() -> FrameRequest {
     let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
     let node = |scalar| Node { scalar, rgb: [0.5; 3], tau: 1.0 };
     let table = NodeTable::new(vec![node(0.0), node(1.0), node(2.0)]).unwrap();
-    FrameRequest::new(FrameTime::between(3, 4, 0.25), camera, Arc::new(table), (640, 480))
-        .with_draw(TetDraw::Faces(FaceDetail { lod: 0.5, ..FaceDetail::ALL }))
+    let request = FrameRequest::new(FrameTime::between(3, 4, 0.25), camera, Arc::new(table), (640, 480))
+        .with_draw(TetDraw::Faces(FaceDetail { lod: 0.5, ..FaceDetail::ALL }));
+    let filter = UpsampleFilter::Joint { kernel_px: 8, edges: DepthEdges::USUAL };
+    FrameRequest { upsampling: Some(Upsampling { scale: ImageScale::Quarter, filter }), ..request }
 }
 
 fn refused(text: &str) -> String {
@@ -234,6 +251,10 @@ fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
         ("\"samples\":\"all\"", "\"samples\":\"some\"", &["some", "lattice"]),
         ("\"samples\":\"all\"", "\"samples\":{\"lattice\":{\"stride_px\":0}}", &["0", "nonzero"]),
         ("\"samples\":\"all\"", "\"samples\":{\"lattice\":{\"stride\":2}}", &["stride"]),
+        ("\"scale\":\"1/4\"", "\"scale\":\"1/3\"", &["1/3", "1/8"]),
+        ("\"kernel_px\":8", "\"kernel_px\":65", &["a kernel of 65", "1 to 64"]),
+        ("\"sigma_depth\":0.01", "\"sigma_depth\":0", &["sigma", "above 0"]),
+        ("\"layers\":3", "\"layers\":4", &["4 layers", "1 to 3"]),
         ("\"backend\":\"auto\"", "\"backend\":\"fpga\"", &["fpga"]),
         ("\"skip\":\"all\"", "\"skip\":\"everything\"", &["'everything' cannot be skipped"]),
     ] {

@@ -16,6 +16,7 @@ mod medium;
 mod optics_tables;
 pub mod probe;
 pub mod reference;
+pub mod residual;
 pub mod surfaces;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -363,6 +364,8 @@ pub struct Frame {
     /// The frame of a job for a window, on that window's GPU: the planes above are empty then.
     #[cfg(feature = "gpu")]
     pub texture: Option<gpu::FrameTexture>,
+    /// What its rays would lack if they were few, of a frame that had such details itself.
+    pub details: Option<Arc<residual::Details>>,
     /// Counts and times.
     pub stats: FrameStats,
 }

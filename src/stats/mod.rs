@@ -71,6 +71,14 @@ pub struct FrameStats {
     pub blocks_split: [u64; 4],
     /// Blocks between rays whose pixels were filled.
     pub blocks_filled: u64,
+    /// Layers of depth of the domain's boundary that were drawn to enlarge the image, in all of its sizes together.
+    pub depth_layers: u64,
+    /// Pixels of the enlarged image that none of the four samples around them is alike, so that all of them counted (`joint2x2`).
+    pub upsample_fallbacks: u64,
+    /// Pixels whose rays were all cast, for details of later frames.
+    pub pixels_anew: u64,
+    /// Root mean square by which these were off before, with details of an earlier frame and without any; `None` where there were none.
+    pub residual_rmse: Option<[f64; 2]>,
     /// Whether the reference evaluated the transfer function by its formula; by its table otherwise.
     pub by_formula: bool,
     /// Whether the GPU rendered it.
@@ -106,6 +114,12 @@ pub struct FrameStats {
     /// Milliseconds for what is found on the image of surfaces: a pass for normals and numbers, and light from them. Not among those of
     /// rendering.
     pub ms_guides: f64,
+    /// Milliseconds for layers of depth of the domain's boundary. Not among those of rendering.
+    pub ms_depth_layers: f64,
+    /// Milliseconds in which a small image came to full size, without those for layers of depth. Not among those of rendering.
+    pub ms_upsample: f64,
+    /// Milliseconds in which few rays were given details, and some pixels made anew. Not among those of rendering.
+    pub ms_residual: f64,
     /// Milliseconds that threads had nothing to do while others rendered, all of them together.
     pub ms_idle: f64,
     /// Milliseconds from job to frame.
@@ -115,7 +129,8 @@ pub struct FrameStats {
 impl FrameStats {
     /// Milliseconds that all stages took.
     pub fn ms_worked(&self) -> f64 {
-        self.ms_decode + self.ms_order + self.ms_place + self.ms_begin + self.ms_render
+        let on_image = self.ms_depth_layers + self.ms_upsample + self.ms_residual;
+        self.ms_decode + self.ms_order + self.ms_place + self.ms_begin + self.ms_render + on_image
     }
 
     /// Adds the counts of a part of the frame (a tile). Times are those of the whole frame and stay.

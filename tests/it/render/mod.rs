@@ -16,10 +16,12 @@ mod lattice;
 mod layers;
 mod partial;
 mod raycast;
+mod residual;
 mod surfaces;
 #[cfg(feature = "gpu")]
 mod surfaces_gpu;
 mod table3d;
+mod upsampling;
 
 use glam::DVec3;
 use std::sync::Arc;

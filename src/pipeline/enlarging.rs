@@ -1,0 +1,98 @@
+//! From the small image that was rendered to the frame that was asked for.
+
+use super::{UpsampleFilter, Upsampling};
+use crate::camera::View;
+use crate::image::upsample::{self, Enlarging, JointKernel, Reference};
+use crate::image::{Planes, RgbaImage};
+use crate::render::RenderJob;
+use crate::render::cpu::layers::BoundaryDepths;
+use crate::stats::FrameStats;
+use std::time::Instant;
+
+/// What is left to be done on an image that is rendered at another size than its frame.
+#[derive(Debug)]
+pub(super) struct Enlarge {
+    filter: UpsampleFilter,
+    enlarging: Enlarging,
+    /// The job at full size, and at the size that is rendered: of cells that are the same whatever is skipped.
+    full: RenderJob,
+    small_view: View,
+}
+
+impl Enlarge {
+    /// The view of the image that is rendered for a view: pixels of its own around the same middle.
+    pub(super) fn small_view(upsampling: Upsampling, view: &View) -> View {
+        let enlarging = upsampling.enlarging((view.width_px, view.height_px));
+        let (width_px, height_px) = enlarging.small;
+        let covers = |small: usize, full: usize| enlarging.per_sample * small as f64 / full as f64;
+        View {
+            half_width: view.half_width * covers(width_px, view.width_px),
+            half_height: view.half_height * covers(height_px, view.height_px),
+            width_px,
+            height_px,
+            ..view.clone()
+        }
+    }
+
+    /// What brings the image of a job to the size of `view`.
+    pub(super) fn of(upsampling: Upsampling, job: &RenderJob, view: View) -> Self {
+        let enlarging = upsampling.enlarging((view.width_px, view.height_px));
+        let active = job.domain.as_ref().unwrap_or(&job.active).clone();
+        let full = RenderJob { active, view, placed: None, faces: None, fragments: None, ..job.clone() };
+        Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone() }
+    }
+
+    /// Brings planes to full size, and counts; false if the job was cancelled: then the planes are of no use.
+    pub(super) fn finish(self, planes: &mut Planes, stats: &mut FrameStats) -> bool {
+        let started = Instant::now();
+        let Some(color) = self.color(&planes.color, stats) else { return false };
+        planes.color = color;
+        planes.depth = upsample::nearest(&planes.depth, &self.enlarging);
+        planes.normal = upsample::nearest(&planes.normal, &self.enlarging);
+        planes.id = upsample::nearest(&planes.id, &self.enlarging);
+        let ms = started.elapsed().as_secs_f64() * 1e3;
+        stats.ms_upsample = ms - stats.ms_depth_layers;
+        stats.ms_frame += ms;
+        true
+    }
+
+    /// The colours at full size; `None` if the job was cancelled.
+    fn color(&self, color: &RgbaImage, stats: &mut FrameStats) -> Option<RgbaImage> {
+        let enlarging = &self.enlarging;
+        match self.filter {
+            UpsampleFilter::Nearest => Some(upsample::nearest(color, enlarging)),
+            UpsampleFilter::Bilinear => Some(upsample::bilinear(color, enlarging)),
+            UpsampleFilter::Joint { kernel_px, edges } => {
+                let [reference] = self.references([&self.full.view], edges.layers, stats)?;
+                let kernel = JointKernel { kernel_px, sigma_reference: edges.sigma_depth };
+                upsample::joint(&upsample::bilinear(color, enlarging), &reference, kernel, &self.full.cancel)
+            }
+            UpsampleFilter::Joint2x2 { edges } => {
+                let views = [&self.full.view, &self.small_view];
+                let [full, small] = self.references(views, edges.layers, stats)?;
+                let (color, fell_back) = upsample::joint2x2(color, enlarging, [&full, &small], edges.sigma_depth);
+                stats.upsample_fallbacks = fell_back;
+                Some(color)
+            }
+        }
+    }
+
+    /// Depths of the boundary in some views, by the range of those in the first one; `None` if the job was cancelled.
+    fn references<const N: usize>(
+        &self,
+        views: [&View; N],
+        layers: usize,
+        stats: &mut FrameStats,
+    ) -> Option<[Reference; N]> {
+        let _span = tracing::info_span!("depth layers").entered();
+        let started = Instant::now();
+        let mut found =
+            views.map(|view| BoundaryDepths::of(&RenderJob { view: view.clone(), ..self.full.clone() }, layers));
+        let range = found.first()?.as_ref()?.range.unwrap_or([0.0, 0.0]);
+        let references = found.each_mut().map(|depths| depths.take().map(|depths| depths.reference(range)));
+        stats.depth_layers = (N * layers) as u64;
+        stats.ms_depth_layers = started.elapsed().as_secs_f64() * 1e3;
+        let references: Vec<Reference> = references.into_iter().collect::<Option<_>>()?;
+        references.try_into().ok()
+    }
+}

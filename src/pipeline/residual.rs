@@ -1,0 +1,124 @@
+//! Few rays of a moment, with what they lack from an earlier one: for a player whose camera stands still.
+
+use super::{DrawnBy, FrameRequest, RequestError, SampleSet, SharedFrame};
+use crate::camera::{PixelSet, Samples, View};
+use crate::render::residual::{Details, Residual, lattice};
+use crate::render::{Planes, RenderJob};
+use crate::stats::FrameStats;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Where details come from.
+#[derive(Clone, Debug)]
+pub enum ResidualBase {
+    /// A frame of all rays of the same view.
+    Exact(SharedFrame),
+    /// Those of a frame of the same view ([`Frame::details`]).
+    Details(Arc<Details>),
+}
+
+impl ResidualBase {
+    fn size_px(&self) -> (usize, usize) {
+        match self {
+            Self::Exact(frame) => (frame.planes.color.width, frame.planes.color.height),
+            Self::Details(details) => details.size_px(),
+        }
+    }
+
+    fn details(&self) -> Details {
+        match self {
+            Self::Exact(frame) => Details::of(&frame.planes.color),
+            Self::Details(details) => (**details).clone(),
+        }
+    }
+}
+
+/// Compares by pointer, not by content.
+impl PartialEq for ResidualBase {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Exact(a), Self::Exact(b)) => SharedFrame::ptr_eq(a, b),
+            (Self::Details(a), Self::Details(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+/// A frame of few rays with details of an earlier moment ([`crate::render::residual`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResidualRequest {
+    /// What the rays lack.
+    pub base: ResidualBase,
+    /// Bands that all rays are cast for, on the CPU, so that their details are of this moment.
+    pub anew: Range<usize>,
+}
+
+/// What is left to be done on the rays of a frame.
+#[derive(Debug)]
+pub(super) struct AddDetails {
+    request: ResidualRequest,
+    /// The rows that are made anew; `None` if there are none.
+    anew: Option<RenderJob>,
+}
+
+impl AddDetails {
+    /// The view of the rays that are cast.
+    pub(super) fn view(view: &View) -> View {
+        View { samples: Samples::Lattice(lattice()), ..view.clone() }
+    }
+
+    /// Refuses what has no details.
+    pub(super) fn check(request: &FrameRequest, by: DrawnBy) -> Result<(), RequestError> {
+        let Some(residual) = &request.residual else { return Ok(()) };
+        let has_domain = request.tets().is_some_and(|tets| !tets.domain.is_empty());
+        let is_whole = request.samples == SampleSet::All && request.upsampling.is_none() && !has_domain;
+        let problem = match by {
+            _ if residual.base.size_px() != request.size_px => "they are of an image of another size",
+            DrawnBy::Raycast if is_whole && request.may_leave_rays_out() => return Ok(()),
+            _ => "they are for rays from cell to cell of a whole image without surfaces of the domain",
+        };
+        Err(RequestError::Details(problem))
+    }
+
+    /// What is to be done on the rays of a job.
+    pub(super) fn of(residual: &ResidualRequest, job: &RenderJob) -> Result<Self, RequestError> {
+        let size_px @ (width, _) = (job.view.width_px, job.view.height_px);
+        let rows =
+            Details::rows_of(residual.anew.start, size_px).start..Details::rows_of(residual.anew.end, size_px).start;
+        let pixels: Vec<u32> = (rows.start * width..rows.end * width).map(|pixel| pixel as u32).collect();
+        let anew = if pixels.is_empty() {
+            None
+        } else {
+            let samples = Samples::Pixels(Arc::new(PixelSet::new(size_px, &pixels)?));
+            Some(RenderJob { view: View { samples, ..job.view.clone() }, placed: None, ..job.clone() })
+        };
+        Ok(Self { request: residual.clone(), anew })
+    }
+
+    /// The job of the rows that are made anew, once.
+    pub(super) fn rows(&mut self) -> Option<RenderJob> {
+        self.anew.take()
+    }
+
+    /// Brings planes to full size, with details, which are returned; `rows` are the planes of [`Self::rows`], which took some time.
+    pub(super) fn finish(
+        self,
+        planes: &mut Planes,
+        rows: Option<&Planes>,
+        renewed: Duration,
+        stats: &mut FrameStats,
+    ) -> Arc<Details> {
+        let started = Instant::now();
+        let mut residual = Residual::new(planes, self.request.base.details());
+        if let Some(rows) = rows {
+            let error = residual.renew(self.request.anew, &rows.color.pixels);
+            (stats.pixels_anew, stats.residual_rmse) = (error.pixels, Some(error.rmse));
+        }
+        let (color, details) = residual.finish();
+        planes.color = color;
+        stats.ms_residual = (renewed + started.elapsed()).as_secs_f64() * 1e3;
+        stats.ms_frame += stats.ms_residual;
+        Arc::new(details)
+    }
+}

@@ -1,0 +1,186 @@
+//! What a frame is rendered at, and how it comes to full size.
+
+use crate::image::upsample::{Enlarging, JointKernel, MAX_KERNEL_PX};
+use crate::render::cpu::layers::MAX_LAYERS;
+use crate::short::Short;
+use crate::words::words;
+use serde::{Deserialize, Serialize};
+
+/// How many pixels of the frame one of the image that is rendered stands for, in each direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ImageScale {
+    /// One: the image is only filtered.
+    #[default]
+    #[serde(rename = "1")]
+    Full,
+    /// Two.
+    #[serde(rename = "1/2")]
+    Half,
+    /// Four.
+    #[serde(rename = "1/4")]
+    Quarter,
+    /// Eight.
+    #[serde(rename = "1/8")]
+    Eighth,
+}
+
+words!(ImageScale, "there is no image scale", ["1" = Full, "1/2" = Half, "1/4" = Quarter, "1/8" = Eighth]);
+
+impl ImageScale {
+    /// Pixels of the frame for one of the image, in each direction.
+    pub fn factor(self) -> usize {
+        match self {
+            Self::Full => 1,
+            Self::Half => 2,
+            Self::Quarter => 4,
+            Self::Eighth => 8,
+        }
+    }
+}
+
+/// How edges of a reference are told: depths of the domain's boundary ([`crate::render::cpu::layers`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthEdges {
+    /// Width of the Gaussian of differences, where the range of depths in view is 1. Finite, above 0.
+    pub sigma_depth: f64,
+    /// Layers of depth, 1 to [`MAX_LAYERS`].
+    pub layers: usize,
+}
+
+impl DepthEdges {
+    /// The sigma of section 4.1.3 of the dissertation, and all layers.
+    pub const USUAL: Self = Self { sigma_depth: 0.01, layers: MAX_LAYERS };
+
+    fn check(&self) -> Result<(), String> {
+        if !(self.sigma_depth > 0.0 && self.sigma_depth.is_finite()) {
+            return Err(format!("a sigma of depth of {}; choose a finite one above 0", Short(self.sigma_depth)));
+        }
+        if !(1..=MAX_LAYERS).contains(&self.layers) {
+            return Err(format!("{} layers of depth; choose 1 to {MAX_LAYERS}", self.layers));
+        }
+        Ok(())
+    }
+}
+
+/// How a small image comes to full size ([`crate::image::upsample`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UpsampleFilter {
+    /// By the nearest sample.
+    Nearest,
+    /// Between the four samples around a pixel.
+    Bilinear,
+    /// Bilinear, then the joint bilateral filter.
+    Joint {
+        /// Omega, pixels of the full image, 1 to [`MAX_KERNEL_PX`].
+        kernel_px: usize,
+        /// What it keeps.
+        edges: DepthEdges,
+    },
+    /// Between those of the four samples around a pixel that are on its side of an edge.
+    Joint2x2 {
+        /// What it keeps.
+        edges: DepthEdges,
+    },
+}
+
+impl UpsampleFilter {
+    /// The word that options have for it.
+    pub fn kind(&self) -> UpsampleKind {
+        match self {
+            Self::Nearest => UpsampleKind::Nearest,
+            Self::Bilinear => UpsampleKind::Bilinear,
+            Self::Joint { .. } => UpsampleKind::Joint,
+            Self::Joint2x2 { .. } => UpsampleKind::Joint2x2,
+        }
+    }
+
+    /// What tells edges, if anything does.
+    pub fn edges(&self) -> Option<DepthEdges> {
+        match *self {
+            Self::Nearest | Self::Bilinear => None,
+            Self::Joint { edges, .. } | Self::Joint2x2 { edges } => Some(edges),
+        }
+    }
+}
+
+/// A filter without its numbers, as options and project files name it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum UpsampleKind {
+    /// [`UpsampleFilter::Nearest`].
+    Nearest,
+    /// [`UpsampleFilter::Bilinear`].
+    #[default]
+    Bilinear,
+    /// [`UpsampleFilter::Joint`].
+    Joint,
+    /// [`UpsampleFilter::Joint2x2`].
+    Joint2x2,
+}
+
+words!(
+    UpsampleKind,
+    "there is no filter",
+    ["nearest" = Nearest, "bilinear" = Bilinear, "joint" = Joint, "joint2x2" = Joint2x2]
+);
+
+impl UpsampleKind {
+    /// With the numbers of section 4.1.3 of the dissertation.
+    pub fn usual(self, scale: ImageScale) -> UpsampleFilter {
+        let edges = DepthEdges::USUAL;
+        match self {
+            Self::Nearest => UpsampleFilter::Nearest,
+            Self::Bilinear => UpsampleFilter::Bilinear,
+            Self::Joint => UpsampleFilter::Joint { kernel_px: JointKernel::of_factor(scale.factor()).kernel_px, edges },
+            Self::Joint2x2 => UpsampleFilter::Joint2x2 { edges },
+        }
+    }
+}
+
+/// An image of fewer pixels that is rendered instead of a frame, and brought to its size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked")]
+pub struct Upsampling {
+    /// Its size: ceil(w / factor) x ceil(h / factor) pixels, which cover at least those of the frame, around the same middle.
+    pub scale: ImageScale,
+    /// How it comes to full size.
+    pub filter: UpsampleFilter,
+}
+
+/// One as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Unchecked {
+    scale: ImageScale,
+    filter: UpsampleFilter,
+}
+
+impl TryFrom<Unchecked> for Upsampling {
+    type Error = String;
+
+    fn try_from(Unchecked { scale, filter }: Unchecked) -> Result<Self, String> {
+        let upsampling = Self { scale, filter };
+        upsampling.check().map(|()| upsampling)
+    }
+}
+
+impl Upsampling {
+    /// Where the pixels of the image lie in a frame of a size in pixels.
+    pub fn enlarging(&self, size_px: (usize, usize)) -> Enlarging {
+        Enlarging::by(self.scale.factor(), size_px)
+    }
+
+    /// Numbers have their bounds.
+    pub(super) fn check(&self) -> Result<(), String> {
+        if let Some(edges) = self.filter.edges() {
+            edges.check()?;
+        }
+        match self.filter {
+            UpsampleFilter::Joint { kernel_px, .. } if !(1..=MAX_KERNEL_PX).contains(&kernel_px) => {
+                Err(format!("a kernel of {kernel_px} pixels; choose 1 to {MAX_KERNEL_PX}"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
