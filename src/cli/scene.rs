@@ -2,6 +2,7 @@
 
 use super::Interrupted;
 use super::progress::unless_interrupted;
+use super::render::sampling_of;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
@@ -11,6 +12,7 @@ use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
     Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, SampleSet, Sampling, Series, TetDraw,
+    Upsampling,
 };
 use crate::project::{Animation, Project};
 use crate::render::KBuffer;
@@ -205,6 +207,8 @@ pub(super) struct Scene {
     pub(super) guides: bool,
     /// The pixels that rays are cast for.
     pub(super) samples: SampleSet,
+    /// The image that is rendered in place of each frame, if there is one.
+    pub(super) upsampling: Option<Upsampling>,
     /// What a project says, in place of the look.
     animation: Option<Animation>,
     /// Ends what takes long.
@@ -348,6 +352,7 @@ impl Scene {
             colors: None,
             guides: false,
             samples: SampleSet::All,
+            upsampling: None,
             animation: None,
             cancel: cancel.clone(),
         };
@@ -406,8 +411,8 @@ impl Scene {
             tets.show(&self.look.surfaces.at(said.surfaces));
         });
         let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
-        let (guides, samples) = (self.guides && has_surfaces, self.samples.clone());
-        Ok(FrameRequest { backend, skip, guides, samples, ..request })
+        let (guides, samples, upsampling) = (self.guides && has_surfaces, self.samples.clone(), self.upsampling);
+        Ok(FrameRequest { backend, skip, guides, samples, upsampling, ..request })
     }
 
     /// A table of the timeline, over the range of the series: what a legend shows.
@@ -467,7 +472,7 @@ impl Scene {
             opacity_kind: self.look.opacity_kind,
             unit_distance: self.look.lengths.unit_distance,
             software: FrameAttributes::SOFTWARE.to_owned(),
-            extras: request.samples.contrast().map(|c| ("contrast".to_owned(), c.to_string())).into_iter().collect(),
+            extras: sampling_of(request),
         }
     }
 

@@ -123,6 +123,21 @@ pub struct Output {
     /// Rays that are cast, as `--rays` has them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rays: Option<String>,
+    /// Size of the image that is rendered and then enlarged, as `--image-scale` has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image_scale: Option<String>,
+    /// How it is enlarged, as `--upsample` has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upsample: Option<String>,
+    /// Width of a joint filter, pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kernel: Option<u64>,
+    /// Differences of depth that are an edge.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_depth: Option<f64>,
+    /// Layers of depth that are compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<u64>,
     /// Colour behind the volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<String>,

@@ -4,6 +4,7 @@ mod job;
 mod plan;
 mod resume;
 mod sink;
+mod upsample;
 
 use super::progress::Terminal;
 use super::project::{self, Opened, Taker};
@@ -17,7 +18,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
-use crate::pipeline::{Backend, DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw};
+use crate::pipeline::{Backend, DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::Project;
 use crate::short::Short;
 use crate::stats::FrameStats;
@@ -34,6 +35,8 @@ use sink::{Sink, Target};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use upsample::UpsampleArgs;
+pub(super) use upsample::sampling_of;
 
 /// Render steps of a series to image files or to a movie
 #[derive(Debug, clap::Args)]
@@ -63,6 +66,8 @@ pub(super) struct Args {
     /// 0.05 if not said) and the pixels between them filled (docs/sampling.md)
     #[arg(long, value_name = "RAYS", default_value = "exact")]
     rays: SampleSet,
+    #[command(flatten)]
+    upsample: UpsampleArgs,
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
@@ -115,14 +120,29 @@ impl Args {
         })
     }
 
+    /// The image that is rendered in place of each frame, if there is one.
+    fn upsampling(&self, project: Option<&Project>) -> anyhow::Result<Option<Upsampling>> {
+        let SceneArgs { mode, faces, .. } = &self.scene;
+        let draw = TetDraw::chosen(*mode, faces.detail());
+        let upsampling = self.upsample.upsampling(draw.lod() < 1.0 || leaves_faces_out(project))?;
+        if upsampling.is_some() && draw == TetDraw::Reference {
+            bail!(
+                "the reference is judged as it is, and --image-scale or --upsample would change its image; leave them out, or choose another --mode"
+            );
+        }
+        if upsampling.is_some() && self.rays.contrast().is_some() {
+            bail!("--rays adaptive is about rays of the whole image; leave --image-scale out, or choose --rays exact");
+        }
+        Ok(upsampling)
+    }
+
     /// Refuses what cannot be drawn with fewer rays.
     fn check_rays(&self, project: Option<&Project>) -> anyhow::Result<()> {
         let SceneArgs { mode, faces, backend, surfaces, .. } = &self.scene;
         if self.rays.contrast().is_none() {
             return Ok(());
         }
-        let levels = project.map_or(&[][..], |project| project.timeline.lod.keys());
-        if levels.iter().any(|key| key.value < 1.0) {
+        if leaves_faces_out(project) {
             bail!(
                 "--rays adaptive is about rays from cell to cell, and [[timeline.lod]] of the project leaves faces out; take these keys out, or choose --rays exact"
             );
@@ -178,6 +198,7 @@ impl Args {
         self.time.check(format.is_some())?;
         self.scene.check_adapter()?;
         self.check_rays(project)?;
+        self.upsampling(project)?;
         self.still_options()?;
         if self.resume && format.is_some() {
             bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
@@ -200,6 +221,11 @@ impl Args {
         }
         Ok(format.map(Ffmpeg::find).transpose()?)
     }
+}
+
+/// Whether the timeline of a project leaves faces out.
+fn leaves_faces_out(project: Option<&Project>) -> bool {
+    project.is_some_and(|project| project.timeline.lod.keys().iter().any(|key| key.value < 1.0))
 }
 
 /// A path without links; of a file that is not there yet, that of its folder with its name.
@@ -283,7 +309,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let in_file = |error| project::in_file(error, args.project.as_deref());
     let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
     let mut scene = scene.map_err(in_file)?;
-    scene.samples = args.rays.clone();
+    (scene.samples, scene.upsampling) = (args.rays.clone(), args.upsampling(project.map(|project| &**project))?);
     // An EXR has room for all planes.
     scene.guides = matches!(output, Target::Images(_)) && StillFormat::of(&output.path(0)) == Some(StillFormat::Exr);
     // A damaged step is found before the first frame is written: half a sequence would look like a whole one.

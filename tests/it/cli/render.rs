@@ -105,6 +105,70 @@ fn fewer_rays_are_cast_where_that_is_asked_for_and_files_say_so() {
 }
 
 #[test]
+fn small_images_come_to_full_size_where_that_is_asked_for_and_files_say_so() {
+    let place = Place::with_slab();
+    let exr = |how: &[&'static str]| {
+        let how = [&["-o", "f.exr", "--steps", "1", "--exr", "raw", "--stats", "s.json"], how].concat();
+        place.ok(&render(&how));
+        let stats: Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+        let layers = stats.get("frames").unwrap_or(&stats)[0]["stats"]["depth_layers"].as_u64().unwrap();
+        let bytes = std::fs::read(place.path("f.exr")).unwrap();
+        let says = ["image_scale", "upsample", "kernel", "sigma_depth", "layers"]
+            .map(|key| bytes.windows(key.len()).any(|bytes| bytes == key.as_bytes()));
+        (read_exr(&place.path("f.exr")).unwrap().planes, layers, says)
+    };
+    let (exact, _, says) = exr(&[]);
+    assert_eq!(says, [false; 5]);
+    for (how, layers, says) in [
+        (&["--image-scale", "1/4"][..], 0, [true, true, false, false, false]),
+        (&["--image-scale", "1/2", "--upsample", "nearest"], 0, [true, true, false, false, false]),
+        (&["--image-scale", "1/8", "--upsample", "joint", "--kernel", "5", "--layers", "2"], 2, [true; 5]),
+        (
+            &["--image-scale", "1/2", "--upsample", "joint2x2", "--sigma-depth", "0.1"],
+            6,
+            [true, true, false, true, true],
+        ),
+        (&["--lod", "0.2", "--upsample", "joint"], 3, [true; 5]),
+        (&["--mode", "havs", "--image-scale", "1/2"], 0, [true, true, false, false, false]),
+    ] {
+        let (planes, drawn, said) = exr(how);
+        assert_eq!((planes.color.width, planes.color.height), (64, 64), "{how:?}");
+        assert!(planes.color != exact.color, "{how:?}");
+        assert_eq!((drawn, said), (layers, says), "{how:?}");
+    }
+    assert!(exr(&["--image-scale", "1"]).0 == exact);
+    for (how, words) in [
+        (&["--image-scale", "1/3"][..], &["--image-scale", "1/3", "1/2"][..]),
+        (&["--image-scale", "NaN"], &["--image-scale", "NaN", "1/8"]),
+        (&["--image-scale", "1/2", "--upsample", "cubic"], &["--upsample", "cubic", "joint2x2"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--kernel", "0"], &["--kernel", "0", "1..=64"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--kernel", "65"], &["--kernel", "65", "1..=64"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--sigma-depth", "0"], &["--sigma-depth", "0", "above 0"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--sigma-depth", "inf"], &["--sigma-depth", "inf"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--sigma-depth", "-1"], &["--sigma-depth", "-1"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--layers", "0"], &["--layers", "0", "1..=3"]),
+        (&["--image-scale", "1/2", "--upsample", "joint", "--layers", "4"], &["--layers", "4", "1..=3"]),
+        (&["--upsample", "joint"], &["--upsample joint", "--image-scale", "--lod"]),
+        (&["--upsample", "bilinear", "--lod", "0.5"], &["--upsample bilinear", "--image-scale"]),
+        (&["--kernel", "8"], &["--kernel", "--upsample joint"]),
+        (&["--image-scale", "1/2", "--layers", "2"], &["--layers", "--upsample joint", "joint2x2"]),
+        (&["--image-scale", "1/2", "--upsample", "joint2x2", "--kernel", "8"], &["--kernel", "--upsample joint"]),
+        (&["--image-scale", "1/2", "--mode", "reference"], &["reference", "--image-scale", "--mode"]),
+        (&["--image-scale", "1/2", "--rays", "adaptive"], &["--rays adaptive", "--image-scale", "--rays exact"]),
+    ] {
+        place.refuses(&render(&[&["-o", "no.png", "--steps", "1"], how].concat()), words);
+    }
+    let project = "version = 1\n[data]\nsource = \"slab.zarr\"\n[output]\noutput = \"p_%d.exr\"\nsize = \"64x64\"\nsteps = \"1\"\n\
+                   image-scale = \"1/4\"\nupsample = \"joint\"\nkernel = 6\nsigma-depth = 0.02\nlayers = 1\n";
+    std::fs::write(place.path("u.toml"), project).unwrap();
+    place.ok(&["render", "u.toml", "--stats", "s.json"]);
+    let bytes = std::fs::read(place.path("p_0.exr")).unwrap();
+    assert!(bytes.windows(11).any(|bytes| bytes == b"sigma_depth"));
+    place.refuses(&["render", "u.toml", "--image-scale", "1", "-o", "no.exr"], &["--upsample joint", "--image-scale"]);
+    assert!(!place.path("no.exr").exists());
+}
+
+#[test]
 fn steps_behind_the_last_one_are_left_out_which_is_said() {
     let place = Place::with_slab();
     let run = place.run(&render(&["-o", "f_%d.png", "--steps", "1..99:2"]));
