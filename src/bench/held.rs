@@ -92,6 +92,7 @@ pub fn run_held(
         target_ms: Some(target_ms),
         family: None,
         has_rays: bench.request.may_leave_rays_out(),
+        has_details: false,
         faces: bench.request.tets().and_then(|tets| tets.draw.drawn_by().faces()).map(|faces| faces.lod),
         or_exact: false,
     };
@@ -175,6 +176,7 @@ fn name(quality: Quality) -> String {
         Quality::Exact => "exact".to_owned(),
         Quality::Rays(contrast) => format!("contrast {contrast}"),
         Quality::Scaled(share) => format!("scale {share}"),
+        Quality::Details => "details".to_owned(),
         Quality::Faces(level) => format!("faces {level}"),
     }
 }

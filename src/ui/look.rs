@@ -2,6 +2,7 @@
 
 use super::moments::{Followed, Moments};
 use super::session::Drawing;
+use super::still::Still;
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
@@ -125,6 +126,8 @@ pub(super) struct Requests {
     pub(super) can_leave_rays_out: bool,
     /// Contrasts that are shown on the way to a picture in full.
     pub(super) previews: Vec<Contrast>,
+    /// Details of earlier frames, while their view stays.
+    pub(super) still: Option<Still>,
 }
 
 impl Requests {
@@ -189,7 +192,12 @@ impl Requests {
         });
         let request = FrameRequest { backend, for_window, skip, ..request };
         let has_rays = self.can_leave_rays_out && request.may_leave_rays_out();
-        let quality = choose(Drawing { mode, lod, has_rays });
+        // Whoever may leave rays out may give them details, but on the surface of the domain.
+        let is_of_cells = request.tets().is_some_and(|tets| tets.domain.is_empty());
+        let has_details = has_rays && is_of_cells && self.still.as_ref().is_some_and(|still| still.is_of(&request));
+        let quality = choose(Drawing { mode, lod, has_rays, has_details });
+        let still = self.still.as_mut().filter(|_| quality == Quality::Details);
+        let request = FrameRequest { residual: still.map(Still::next), ..request };
         let previews = if quality == Quality::Exact { self.previews.clone() } else { Vec::new() };
         Some(quality.of_request(FrameRequest { previews, ..request }, faces))
     }

@@ -9,6 +9,8 @@
 //! own. While nothing changes, nothing is asked of the pipeline and the window is not painted.
 
 mod action;
+#[cfg(test)]
+mod drag_tests;
 pub mod following;
 mod history;
 mod insight;
@@ -29,6 +31,7 @@ mod session;
 #[cfg(test)]
 mod session_tests;
 pub mod settings;
+mod still;
 pub mod survey;
 pub mod thumbnails;
 #[cfg(feature = "gui")]

@@ -205,7 +205,7 @@ fn images_have_the_size_of_the_viewport_times_the_scale() {
 }
 
 /// As on a machine on which a frame in full takes so long.
-fn slow(desk: &mut Desk, ms: f64) {
+pub(super) fn slow(desk: &mut Desk, ms: f64) {
     desk.session.quality.forget_all();
     // The first one is put in place of what the view was.
     desk.session.quality.set_view(40 * 20, desk.session.camera().half_height_at_focus().unwrap());
@@ -238,7 +238,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
                 assert_eq!(shown.request.size_px, ((40.0 * share).round() as usize, (20.0 * share).round() as usize));
             }
             Quality::Faces(level) => assert_eq!((shown.request.lod(), level < 0.5), (level, true)),
-            Quality::Exact => panic!("{family:?}: all of it"),
+            Quality::Exact | Quality::Details => panic!("{family:?}: all of it"),
         }
         let (_, wait) = desk.session.tick(desk.now);
         desk.now += wait.expect("to be called when the camera is still");

@@ -9,12 +9,14 @@
 //!         what the one in use takes or the next finer one, once that one has been measured
 //! rays    if some contrast is within the time; else smaller images. If neither is: the finest way that takes at most 1.1 times what the
 //!         cheapest does, for which the coarsest ways of both are tried, and finer ones as long as they take no more
+//! details where the camera stands still, in place of either: as soon as they have been measured to be off by less (`details.rs`)
 //! faces   where the user draws faces
 //! ```
 //! A frame is measured with the way in which it was drawn, so it may come late (frames are rendered in a pipeline). A finer way that took too
 //! long is remembered, and not tried again until its cost has changed with that of the others: nothing goes up and down.
 
 mod costs;
+mod details;
 mod rungs;
 #[cfg(test)]
 mod tests;
@@ -23,7 +25,8 @@ use crate::pipeline::{FaceDetail, FrameRequest, SampleSet, TetDraw};
 use crate::render::Contrast;
 use crate::words::words;
 use costs::Costs;
-use rungs::{EXACT, RUNGS, family_of, ladder, nearest};
+use details::DetailsError;
+use rungs::{DETAILS, EXACT, RUNGS, family_of, ladder, nearest};
 use serde::{Deserialize, Serialize};
 
 /// How a frame is drawn.
@@ -36,16 +39,18 @@ pub enum Quality {
     Rays(Contrast),
     /// An image of this share of width and height, enlarged.
     Scaled(f64),
+    /// Rays at every fourth pixel, with details of an earlier frame ([`crate::pipeline::ResidualRequest`]).
+    Details,
     /// By faces: the share of those inside the volume that is drawn.
     Faces(f64),
 }
 
 impl Quality {
-    /// The request drawn like this; `faces` says how faces are, but for their number.
+    /// The request drawn like this; `faces` says how faces are, but for their number. Details are for who has them to add.
     #[must_use]
     pub fn of_request(self, request: FrameRequest, faces: FaceDetail) -> FrameRequest {
         match self {
-            Self::Exact => request,
+            Self::Exact | Self::Details => request,
             Self::Rays(contrast) => FrameRequest { samples: SampleSet::Adaptive { contrast }, ..request },
             Self::Scaled(share) => {
                 let side = |px: usize| ((px as f64 * share).round() as usize).max(1);
@@ -65,6 +70,8 @@ pub enum Family {
     Rays,
     /// Pixels.
     Scaled,
+    /// Changes between rays, while the camera stands still.
+    Details,
     /// Faces inside the volume.
     Faces,
 }
@@ -76,7 +83,11 @@ impl Family {
     }
 }
 
-words!(Family, "there is no way to be faster", ["rays" = Rays, "scaled" = Scaled, "faces" = Faces]);
+words!(
+    Family,
+    "there is no way to be faster",
+    ["rays" = Rays, "scaled" = Scaled, "details" = Details, "faces" = Faces]
+);
 
 /// What a frame is wanted for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +98,8 @@ pub struct Wanted {
     pub family: Option<Family>,
     /// Whether rays can be left out of the frame.
     pub has_rays: bool,
+    /// Whether there are details of an earlier frame of the same view.
+    pub has_details: bool,
     /// The share of faces that is drawn in full quality, if faces are what the user draws.
     pub faces: Option<f64>,
     /// Whether all cells may be drawn in place of those faces where that takes no longer.
@@ -113,6 +126,7 @@ const OTHER_ZOOM: f64 = 1.5;
 #[derive(Clone, Debug, Default)]
 pub struct QualityControl {
     costs: Costs,
+    details: DetailsError,
     /// The way in use, while something moves.
     in_use: Option<usize>,
     /// Whether it has been measured since it is.
@@ -136,7 +150,7 @@ impl QualityControl {
         let ratio = height / at;
         let is_near = (1.0 / OTHER_ZOOM..=OTHER_ZOOM).contains(&ratio);
         if !is_near && !ratio.is_nan() {
-            self.costs.forget();
+            self.forget();
         }
         self.view = Some((pixels, if is_near { at } else { height }));
     }
@@ -144,6 +158,7 @@ impl QualityControl {
     /// Frames show something else (other colours, say): what they took counts no more, but for the last one as a first guess.
     pub fn forget(&mut self) {
         self.costs.forget();
+        self.details = DetailsError::default();
     }
 
     /// Frames are of another mesh: nothing is known.
@@ -155,7 +170,13 @@ impl QualityControl {
     pub fn measured(&mut self, drawn: Quality, ms: f64) {
         let rung = nearest(drawn);
         self.costs.add(rung, ms);
+        self.details.pass();
         self.is_confirmed |= self.in_use == Some(rung);
+    }
+
+    /// Pixels of a frame with details were off by so much, as a root mean square: with them, and without any.
+    pub fn measured_details(&mut self, rmse: [f64; 2]) {
+        self.details.add(rmse);
     }
 
     /// Milliseconds that a frame in full quality is expected to take.
@@ -182,10 +203,20 @@ impl QualityControl {
         if self.in_use != Some(rung) {
             (self.in_use, self.is_confirmed) = (Some(rung), false);
         }
+        let rung = if self.has_better_details(rung, wanted, target_ms) { DETAILS } else { rung };
         match (RUNGS[rung].quality, wanted.faces) {
             (Quality::Faces(level), Some(most)) => Quality::Faces(level.min(most)),
             (quality, _) => quality,
         }
+    }
+
+    /// Whether details are within the time, and off by less than what would be drawn otherwise, or nobody knows yet.
+    fn has_better_details(&mut self, rung: usize, wanted: &Wanted, target_ms: f64) -> bool {
+        let is_asked = wanted.has_details && wanted.family.is_none() && rung != EXACT;
+        let limit = if self.details.is_in_use { FALL } else { AIM };
+        let is_in_time = is_within(self.costs.expected(Family::Details, DETAILS), limit * target_ms);
+        self.details.is_in_use = is_asked && is_in_time && self.details.is_better_than(RUNGS[rung].quality);
+        self.details.is_in_use
     }
 
     /// What is drawn when nothing is to be held: everything, or the faces that were chosen.
@@ -295,7 +326,8 @@ impl Wanted {
             (Some(Family::Scaled), _) => vec![Family::Scaled],
             (Some(Family::Faces), _) | (None, Some(_)) => vec![Family::Faces],
             (Some(Family::Rays), _) if self.has_rays => vec![Family::Rays],
-            (Some(Family::Rays) | None, _) => rays().into_iter().chain([Family::Scaled]).collect(),
+            (Some(Family::Details), _) if self.has_details => vec![Family::Details],
+            (Some(Family::Rays | Family::Details) | None, _) => rays().into_iter().chain([Family::Scaled]).collect(),
         }
     }
 }

@@ -30,10 +30,10 @@ const fn faces(level: f64) -> Rung {
 }
 
 /// How many there are of each family but the exact one.
-const COUNTS: [usize; 3] = [12, 8, 13];
+const COUNTS: [usize; 4] = [12, 8, 1, 13];
 
 /// All of them: the exact one, then those of each family.
-pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2]] = [
+pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]] = [
     Rung { quality: Quality::Exact, share: 1.0 },
     // Shares of all rays as measured on dense transfer functions (docs/sampling.md), below.
     rays(0.002, 0.9),
@@ -56,6 +56,8 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2]] = [
     scaled(0.25),
     scaled(0.1875),
     scaled(0.125),
+    // One ray in sixteen, dearer than one of a whole image, and all of them in one row of thirty-two.
+    Rung { quality: Quality::Details, share: 0.15 },
     faces(1.0),
     faces(0.75),
     faces(0.5),
@@ -74,12 +76,16 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2]] = [
 /// The number of the exact one.
 pub(super) const EXACT: usize = 0;
 
-/// The ways of a family, finest first. The exact one is the finest of rays and of smaller images.
+/// The number of the one with details.
+pub(super) const DETAILS: usize = 1 + COUNTS[0] + COUNTS[1];
+
+/// The ways of a family, finest first. The exact one is the finest of all but faces.
 pub(super) fn ladder(family: Family) -> impl Iterator<Item = usize> + Clone {
     let first = match family {
         Family::Rays => 1,
         Family::Scaled => 1 + COUNTS[0],
-        Family::Faces => 1 + COUNTS[0] + COUNTS[1],
+        Family::Details => DETAILS,
+        Family::Faces => DETAILS + 1,
     };
     let has_exact = family != Family::Faces;
     has_exact.then_some(EXACT).into_iter().chain(first..first + COUNTS[family as usize])
@@ -93,7 +99,7 @@ pub(super) fn family_of(rung: usize) -> Option<Family> {
 /// The way that is nearest to one that was drawn.
 pub(super) fn nearest(drawn: Quality) -> usize {
     let knob = |quality: Quality| match quality {
-        Quality::Exact => f64::INFINITY,
+        Quality::Exact | Quality::Details => f64::INFINITY,
         Quality::Rays(contrast) => f64::from(contrast.get()).ln(),
         Quality::Scaled(share) => share.ln(),
         Quality::Faces(level) => level.max(f64::MIN_POSITIVE).ln(),

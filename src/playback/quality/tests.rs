@@ -80,7 +80,14 @@ const MACHINES: [Machine; 6] = [
 const TARGET_MS: f64 = 40.0;
 
 fn wanted() -> Wanted {
-    Wanted { target_ms: Some(TARGET_MS), family: None, has_rays: true, faces: None, or_exact: false }
+    Wanted {
+        target_ms: Some(TARGET_MS),
+        family: None,
+        has_rays: true,
+        has_details: false,
+        faces: None,
+        or_exact: false,
+    }
 }
 
 impl Machine {
@@ -90,6 +97,7 @@ impl Machine {
             Quality::Exact => 1.0,
             Quality::Rays(contrast) => (self.rays)(f64::from(contrast.get())),
             Quality::Scaled(share) => (self.scaled)(share),
+            Quality::Details => 0.12,
             Quality::Faces(level) => (self.faces)(level),
         };
         // A number between -1 and 1 that looks like any.
@@ -310,5 +318,46 @@ fn a_rate_is_held_in_a_loop_over_a_few_steps_of_different_cost() {
                 assert!(late * 20 <= drawn.len(), "{}, {exact_ms:.0} ms: {late} late", machine.name);
             }
         }
+    }
+}
+
+/// Plays for some frames with details to be had; what was drawn. Details are off by `with`, plain interpolation by `without`.
+fn play_with_details(exact_ms: f64, [with, without]: [f64; 2], frames: usize) -> Vec<Quality> {
+    let (mut control, wanted) = (QualityControl::default(), Wanted { has_details: true, ..wanted() });
+    control.measured(Quality::Exact, exact_ms);
+    let draw = |frame| {
+        let quality = control.choose(&wanted);
+        control.measured(quality, MACHINES[0].ms(quality, exact_ms, frame));
+        if quality == Quality::Details {
+            // Every other band is empty.
+            control.measured_details(if frame % 2 == 0 { [0.0; 2] } else { [with, without] });
+        }
+        quality
+    };
+    (0..frames).map(draw).collect()
+}
+
+#[test]
+fn details_are_drawn_where_they_are_within_the_time_and_measured_to_be_off_by_less() {
+    let count = |drawn: &[Quality]| drawn.iter().filter(|&&quality| quality == Quality::Details).count();
+    // Rays at a contrast of some hundredths are within the time: off by 1e-4 or so.
+    let good = play_with_details(200.0, [1e-6, 1e-3], 100);
+    assert_eq!(count(&good), 100, "{good:?}");
+    let bad = play_with_details(200.0, [1e-2, 1e-2], 600);
+    assert!((1..=3 * (1 + 600 / 250)).contains(&count(&bad)), "tried once in 250 frames: {}", count(&bad));
+    assert_eq!(count(&play_with_details(1000.0, [1e-6, 1e-3], 100)[5..]), 0, "they take too long");
+    assert_eq!(count(&play_with_details(20.0, [1e-6, 1e-3], 100)), 0, "everything is within the time");
+    let nan = play_with_details(200.0, [f64::NAN, 1.0], 10);
+    assert_eq!(count(&nan), 10, "nobody knows");
+    let mut control = QualityControl::default();
+    control.measured(Quality::Exact, 200.0);
+    for (family, has_details, expected) in [
+        (Some(Family::Details), true, true),
+        (Some(Family::Details), false, false),
+        (Some(Family::Rays), true, false),
+        (None, false, false),
+    ] {
+        let quality = control.choose(&Wanted { family, has_details, ..wanted() });
+        assert_eq!(quality == Quality::Details, expected, "{family:?} {has_details}");
     }
 }

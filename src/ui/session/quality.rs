@@ -34,18 +34,20 @@ pub(in crate::ui) struct Drawing {
     pub(in crate::ui) lod: f64,
     /// Whether contrast may decide which rays are cast.
     pub(in crate::ui) has_rays: bool,
+    /// Whether there are details of an earlier frame of the same view.
+    pub(in crate::ui) has_details: bool,
 }
 
 impl Drawing {
     /// The same as the control wants to know it.
     pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
-        let Self { mode, lod, has_rays } = self;
+        let Self { mode, lod, has_rays, has_details } = self;
         let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };
         let are_faces = mode == RenderMode::Havs || mode == RenderMode::Auto && lod < 1.0;
         let has_faces = matches!(mode, RenderMode::Auto | RenderMode::Havs);
         let family = family.filter(|&family| family != Family::Faces || has_faces);
         let faces = are_faces.then_some(lod);
-        Wanted { target_ms, family, has_rays, faces, or_exact: mode == RenderMode::Auto }
+        Wanted { target_ms, family, has_rays, has_details, faces, or_exact: mode == RenderMode::Auto }
     }
 
     /// How it is drawn at rest, whatever that takes.
@@ -70,6 +72,9 @@ pub struct MotionError {
 impl Session {
     /// The share of width and height, the contrast or the level of a frame that was asked for.
     pub(super) fn quality_of(&self, request: &FrameRequest) -> Quality {
+        if request.residual.is_some() {
+            return Quality::Details;
+        }
         if let Some(faces) = request.tets().and_then(|tets| tets.draw.drawn_by().faces()) {
             return Quality::Faces(faces.lod);
         }
@@ -112,6 +117,7 @@ impl Session {
         match shown.quality {
             Quality::Rays(contrast) => Some(format!("fewer rays: contrast {contrast}")),
             Quality::Scaled(share) => Some(format!("smaller image: {:.0} %", 100.0 * share)),
+            Quality::Details => Some("few rays, with details of earlier steps".to_owned()),
             Quality::Faces(level) if shown.at_rest != shown.quality => {
                 Some(format!("fewer faces: {} %", Short(100.0 * level)))
             }

@@ -1,12 +1,13 @@
 //! What a session does whenever its time comes.
 
 use super::{Asked, Drawing, Session, Shown};
-use crate::pipeline::{Backend, Delivery, FaceDetail, FrameRequest, TetDraw};
+use crate::pipeline::{Backend, Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
 use crate::playback::quality::Quality;
 use crate::ui::Look;
 use crate::ui::jobs::{Done, Screenshot};
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;
+use crate::ui::still::Still;
 use std::time::Duration;
 
 impl Session {
@@ -77,6 +78,9 @@ impl Session {
         let step = request.time.step();
         match frame {
             Ok(frame) => {
+                // One that was kept may be better than what was asked for.
+                let is_kept_whole = is_kept && frame.details.is_none();
+                let request = if is_kept_whole { FrameRequest { residual: None, ..request } } else { request };
                 let quality = self.quality_of(&request);
                 let at_rest = self.drawing.map_or(Quality::Exact, Drawing::at_rest);
                 if is_final {
@@ -85,6 +89,7 @@ impl Session {
                     if !is_kept {
                         self.quality.measured(quality, frame.stats.ms_worked());
                     }
+                    self.look_at_details(&request, &frame, quality);
                 }
                 self.shown = Some(Shown { frame, request, is_kept, quality, at_rest, is_final });
                 self.compare_with_motion();
@@ -96,6 +101,26 @@ impl Session {
                 let (text, step) = (error.to_string(), format!("step {step}"));
                 self.fail(if text.contains(&step) { text } else { format!("{step}: {text}") });
             }
+        }
+    }
+
+    /// Keeps what following frames of the same view may be given.
+    fn look_at_details(&mut self, request: &FrameRequest, frame: &SharedFrame, quality: Quality) {
+        let still = &mut self.requests.still;
+        match quality {
+            Quality::Exact => {
+                let is_here = !frame.planes.color.pixels.is_empty();
+                *still = is_here.then(|| Still::of(request, frame));
+            }
+            Quality::Details => {
+                if let Some(still) = still {
+                    still.renew(request, frame);
+                }
+                if let Some(rmse) = frame.stats.residual_rmse {
+                    self.quality.measured_details(rmse);
+                }
+            }
+            Quality::Rays(_) | Quality::Scaled(_) | Quality::Faces(_) => {}
         }
     }
 
@@ -166,7 +191,7 @@ impl Session {
                             self.quality.forget_all();
                             (self.moved, self.motion_error) = (None, None);
                             // A picture of another field would pass for one of this.
-                            self.shown = None;
+                            (self.shown, self.requests.still) = (None, None);
                             self.study();
                         }
                         Err(error) => self.fail(error.to_string()),

@@ -325,6 +325,7 @@ fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         (None, "by what costs least"),
         (Some(Family::Rays), "by fewer rays"),
         (Some(Family::Scaled), "by smaller images"),
+        (Some(Family::Details), "by details of earlier steps"),
         (Some(Family::Faces), "by fewer faces"),
     ];
     if choice(ui, "Faster", &mut family, &families) {

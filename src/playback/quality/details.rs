@@ -1,0 +1,66 @@
+//! By how much frames of few rays with details of an earlier one are off, beside what else could be drawn.
+
+use super::Quality;
+use std::collections::VecDeque;
+
+/// Frames whose errors count together: each is of another part of the image, and these are all of it.
+const FRAMES: usize = 32;
+/// What was measured so many frames ago is not known any more.
+const LIFE: u32 = 250;
+/// Root mean square of an image of adaptive rays over its contrast, at the least (docs/sampling.md, *What it costs*: 0.0031 to 0.008).
+const LEAST_OF_CONTRAST: f64 = 0.0031;
+/// Once in use, details stay until they are off by so many times what the other way is.
+const STAY: f64 = 1.25;
+/// The share of width and height that has as many rays as a frame with details.
+const SHARE: f64 = 0.25;
+
+/// Errors of the last frames with details.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DetailsError {
+    /// Root mean squares with details and without, the newest at the end.
+    recent: VecDeque<[f64; 2]>,
+    /// Frames since the newest.
+    age: u32,
+    /// Whether the last frame was drawn so.
+    pub(super) is_in_use: bool,
+}
+
+impl DetailsError {
+    /// A frame was off by so much; what is no number is no measurement.
+    pub(super) fn add(&mut self, rmse: [f64; 2]) {
+        if !rmse.iter().all(|rmse| rmse.is_finite()) {
+            return;
+        }
+        if self.recent.len() == FRAMES {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(rmse);
+        self.age = 0;
+    }
+
+    /// A frame has passed, drawn in whatever way.
+    pub(super) fn pass(&mut self) {
+        self.age += 1;
+        if self.age > LIFE {
+            self.recent.clear();
+        }
+    }
+
+    /// Whether frames with details are off by less than those drawn in another way are at the least, or nobody knows.
+    pub(super) fn is_better_than(&self, other: Quality) -> bool {
+        if self.recent.is_empty() {
+            return !matches!(other, Quality::Faces(_));
+        }
+        let mean = |which: usize| {
+            let sum: f64 = self.recent.iter().map(|rmse| rmse[which] * rmse[which]).sum();
+            (sum / self.recent.len() as f64).sqrt()
+        };
+        let least = match other {
+            Quality::Rays(contrast) => LEAST_OF_CONTRAST * f64::from(contrast.get()),
+            // Bilinear interpolation is of second order where an image is smooth, and falls more slowly where it is not.
+            Quality::Scaled(share) => mean(1) * (SHARE / share).powi(2),
+            Quality::Exact | Quality::Details | Quality::Faces(_) => return false,
+        };
+        mean(0) < if self.is_in_use { STAY * least } else { least }
+    }
+}
