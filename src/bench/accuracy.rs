@@ -15,7 +15,6 @@ mod paths;
 mod scenes;
 mod summary;
 
-pub use crate::image::upsample::enlarged;
 pub use equal_time::{BUDGETS, EqualTime, EqualTimeTable, Family, Setting, equal_time};
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
@@ -34,7 +33,6 @@ use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 use crate::visibility::Skip;
-use std::time::Instant;
 
 /// Scenes and what they should look like.
 #[derive(Clone, Debug)]
@@ -143,7 +141,6 @@ fn run_path(
     (path, scene, truth): (&AccuracyPath, &AccuracyScene, &RgbaImage),
     cancel: &Cancel,
 ) -> Result<BenchRun, PipelineError> {
-    let full = scene.request.size_px;
     let request = path.request(&scene.request);
     let mut measured: Vec<FrameStats> = Vec::with_capacity(bench.frames);
     let mut error = None;
@@ -154,26 +151,15 @@ fn run_path(
             Some(renderer) => render_with(pipeline, renderer, &request, path.optics, cancel)?,
             None => pipeline.render_unless(&request, cancel)?,
         };
-        let started = Instant::now();
-        let image = (request.size_px != full).then(|| enlarged(&frame.planes.color, full.0, full.1));
-        let ms_enlarge = if image.is_some() { started.elapsed().as_secs_f64() * 1e3 } else { 0.0 };
         if index == 0 {
-            error = Some(RunError::between(truth, image.as_ref().unwrap_or(&frame.planes.color), bench.judge));
+            error = Some(RunError::between(truth, &frame.planes.color, bench.judge));
         }
         if index > 0 || is_once {
-            measured.push(FrameStats { ms_frame: frame.stats.ms_frame + ms_enlarge, ..frame.stats.clone() });
+            measured.push(frame.stats.clone());
         }
     }
     let run = describe(pipeline, bench.dataset, &request, &measured);
-    Ok(BenchRun {
-        size: [full.0 as u32, full.1 as u32],
-        image_scale: path.image_scale,
-        table_size: path.table_size(),
-        scene: Some(scene.name.clone()),
-        ratio: bench.ratio,
-        error,
-        ..run
-    })
+    Ok(BenchRun { table_size: path.table_size(), scene: Some(scene.name.clone()), ratio: bench.ratio, error, ..run })
 }
 
 /// The frame of a request from a renderer of ours, with these optics.
@@ -193,8 +179,6 @@ fn render_with<'a>(
 impl AccuracyPath {
     /// The request for a scene on this path.
     fn request(&self, scene: &FrameRequest) -> FrameRequest {
-        let (width, height) = scene.size_px;
-        let scaled = |px: usize| ((px as f64 * self.image_scale).round() as usize).max(1);
         // Which cells are clear is known for the product's own table only.
         let knows_clear = self.own_table().is_none();
         let with_path = |tets: &mut TetLayer| {
@@ -204,7 +188,7 @@ impl AccuracyPath {
         FrameRequest {
             backend: self.backend,
             samples: self.contrast.map_or(SampleSet::All, |contrast| SampleSet::Adaptive { contrast }),
-            size_px: (scaled(width), scaled(height)),
+            upsampling: self.upsampling,
             skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },
             ..scene.clone().with_tets(with_path)
         }

@@ -12,6 +12,7 @@ mod playback;
 pub mod plot;
 mod report;
 mod statistics;
+mod still;
 
 pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use held::{HeldBench, HeldRun, run_held};
@@ -20,3 +21,4 @@ pub use paired::{Paired, Timings, paired};
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
 pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes, SceneName};
 pub use statistics::{Spread, median, percentile};
+pub use still::{StillRow, StillRun, run_still};

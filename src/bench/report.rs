@@ -4,7 +4,7 @@
 //! infinite.
 
 use super::accuracy::IntegrationRun;
-use super::{HeldRun, Machine, PlaybackRun, percentile};
+use super::{HeldRun, Machine, PlaybackRun, StillRun, percentile};
 use crate::image::{RgbaImage, compare};
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,9 @@ pub struct BenchReport {
     /// How well a frame rate is held while camera and time move, and with what error.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub held: Vec<HeldRun>,
+    /// Details of earlier steps, of the motion suite.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub still: Vec<StillRun>,
     /// How wrong the integration of one segment is (accuracy suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integration: Vec<IntegrationRun>,
@@ -76,6 +79,9 @@ pub struct BenchRun {
     /// Width and height of the image that was rendered and then enlarged, over those of `size`.
     #[serde(default = "whole")]
     pub image_scale: f64,
+    /// How it came to full size; `None` where it had that, and bilinear in reports from before there was another way.
+    #[serde(default)]
+    pub upsample: Option<String>,
     /// The contrast that decided which rays were cast; `None` where all were.
     #[serde(default)]
     pub contrast: Option<f64>,
@@ -153,6 +159,9 @@ pub struct RunError {
     pub psnr: Option<f64>,
     /// FLIP; `None` if it was not measured.
     pub flip: Option<f64>,
+    /// Mean over pixels of the distance of colours over black, of 0 to 255: the unit of error of the dissertation; `None` if it was not measured.
+    #[serde(default)]
+    pub distance: Option<f64>,
     /// What the frames were compared with.
     pub judge: String,
 }
@@ -161,15 +170,26 @@ impl RunError {
     /// How far `image` is from what it should be. Images that cannot be compared (of other sizes, or not finite) are as wrong as
     /// can be.
     pub fn between(truth: &RgbaImage, image: &RgbaImage, judge: &str) -> Self {
-        let wrong = Self { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, judge: judge.to_owned() };
+        let wrong =
+            Self { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, distance: None, judge: judge.to_owned() };
         compare(truth, image, [0.0; 3]).map_or(wrong.clone(), |m| Self {
             rmse: m.rmse,
             max: m.max,
             psnr: m.psnr.is_finite().then_some(m.psnr),
             flip: Some(m.flip),
+            distance: Some(mean_distance(truth, image)),
             ..wrong
         })
     }
+}
+
+/// Mean over the pixels of two images of a size of the distance of their colours over black, of 0 to 255.
+fn mean_distance(a: &RgbaImage, b: &RgbaImage) -> f64 {
+    let distance = |(a, b): (&[f32; 4], &[f32; 4])| {
+        let square = |c: usize| (f64::from(a[c]) - f64::from(b[c])).powi(2);
+        255.0 * (square(0) + square(1) + square(2)).sqrt()
+    };
+    a.pixels.iter().zip(&b.pixels).map(distance).sum::<f64>() / a.pixels.len().max(1) as f64
 }
 
 impl RunTimes {
@@ -215,6 +235,7 @@ mod tests {
             exact_order: Some(true),
             table_size: None,
             image_scale: 0.5,
+            upsample: Some("joint".to_owned()),
             contrast: None,
             ratio: Some(12.5),
             scene: Some(SceneName {
@@ -227,7 +248,14 @@ mod tests {
             ms: RunTimes { frame: 20.0, decode: 1.0, order: 2.0, place: 3.0, render: 14.0, p50: 19.0, p95: 25.0 },
             fps: 50.0,
             cells_per_s: 50_000.0,
-            error: Some(RunError { rmse: 0.0, max: 0.0, psnr: None, flip: None, judge: JUDGE_REFERENCE.to_owned() }),
+            error: Some(RunError {
+                rmse: 0.0,
+                max: 0.0,
+                psnr: None,
+                flip: None,
+                distance: None,
+                judge: JUDGE_REFERENCE.to_owned(),
+            }),
             stats: FrameStats::default(),
         }
     }
@@ -239,6 +267,7 @@ mod tests {
             runs: vec![run()],
             playback: Vec::new(),
             held: Vec::new(),
+            still: Vec::new(),
             integration: Vec::new(),
         };
         let json = serde_json::to_value(&report).unwrap();
@@ -252,10 +281,10 @@ mod tests {
         assert_eq!(keys(&json["machine"]), listed("cpu cores adapter"));
         let run = &json["runs"][0];
         let documented = "dataset cells vertices viewpoints time_moves camera_moves size backend mode lod optics codec skip k \
-            exact_order table_size image_scale contrast ratio scene threads ms fps cells_per_s error stats";
+            exact_order table_size image_scale upsample contrast ratio scene threads ms fps cells_per_s error stats";
         assert_eq!(keys(run), listed(documented));
         assert_eq!(keys(&run["ms"]), listed("frame decode order place render p50 p95"));
-        assert_eq!(keys(&run["error"]), listed("rmse max psnr flip judge"));
+        assert_eq!(keys(&run["error"]), listed("rmse max psnr flip distance judge"));
         assert_eq!(keys(&run["scene"]), listed("series transfer_function step view"));
         assert!(run["error"]["psnr"].is_null());
         assert_eq!(serde_json::from_value::<BenchReport>(json).unwrap(), report);
@@ -264,7 +293,7 @@ mod tests {
     #[test]
     fn a_record_from_before_the_accuracy_suite_still_reads() {
         let mut json = serde_json::to_value(run()).unwrap();
-        for key in ["k", "exact_order", "table_size", "image_scale", "contrast", "ratio", "scene"] {
+        for key in ["k", "exact_order", "table_size", "image_scale", "upsample", "contrast", "ratio", "scene"] {
             json.as_object_mut().unwrap().remove(key);
         }
         let old: BenchRun = serde_json::from_value(json).unwrap();

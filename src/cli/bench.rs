@@ -8,7 +8,7 @@ use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, HeldBench, HeldRun, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun,
-    SeekTimes, run_frames, run_held, run_playback,
+    SeekTimes, run_frames, run_held, run_playback, run_still,
 };
 use crate::files;
 use crate::task::Progress;
@@ -26,7 +26,8 @@ pub(super) struct Args {
     stores: Vec<PathBuf>,
     /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, what error a
     /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and
-    /// seeks; motion: how well a frame rate is held while camera and time move, and with what error; all: all of them
+    /// seeks; motion: how well a frame rate is held while camera and time move, and with what error, and
+    /// how far details of earlier steps are off while the camera stands still; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks;
@@ -90,8 +91,8 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         files::check_place(path)?;
     }
     accuracy::check(args)?;
-    let mut report =
-        BenchReport { machine: Machine::detect(), runs: vec![], playback: vec![], held: vec![], integration: vec![] };
+    let (machine, playback, held, still) = (Machine::detect(), vec![], vec![], vec![]);
+    let mut report = BenchReport { machine, runs: vec![], playback, held, still, integration: vec![] };
     if !args.suite.is_accuracy_alone() {
         args.scene.check_adapter()?;
         for path in &args.stores {
@@ -138,6 +139,9 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
     }
     if args.suite.has_motion() {
         report.held.push(run_held_on(path, &mut scene, args, terminal)?);
+        let request = scene.request(0)?;
+        let still = run_still(&mut scene.pipeline, &dataset_name(path), &request, terminal, &terminal.cancel)?;
+        report.still.extend(still);
     }
     report.machine.adapter = scene.gpu_report().adapter.or(report.machine.adapter.take());
     Ok(())
@@ -195,6 +199,7 @@ impl fmt::Display for Table<'_> {
         moving.iter().try_for_each(|run| row(f, run))?;
         self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
         self.0.held.iter().try_for_each(|run| held_rows(f, run))?;
+        self.0.still.iter().try_for_each(|run| run.fmt(f))?;
         AccuracyTable(&self.0.runs).fmt(f)?;
         EqualTimeTable(&self.0.runs).fmt(f)?;
         IntegrationTable(&self.0.integration).fmt(f)

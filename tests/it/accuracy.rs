@@ -13,7 +13,7 @@ use tetreel::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
 use tetreel::camera::{Camera, CameraError};
 use tetreel::codec::vq::VqOptions;
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
-use tetreel::pipeline::{Backend, Pipeline, RenderMode};
+use tetreel::pipeline::{Backend, Pipeline, RenderMode, UpsampleKind};
 use tetreel::store::Store;
 use tetreel::synth::{FadedSeries, SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -89,7 +89,6 @@ fn every_path_is_measured_and_those_that_leave_nothing_out_are_exact() {
             ("raycast", "exact", None, 1.0),
             ("raycast", "partial", None, 1.0),
             ("raycast", "table3d", Some(128), 1.0),
-            ("raycast", "exact", None, 0.25),
             ("havs", "partial", None, 1.0),
             ("havs", "table3d", Some(128), 1.0),
         ] {
@@ -99,6 +98,10 @@ fn every_path_is_measured_and_those_that_leave_nothing_out_are_exact() {
             };
             assert!(has(&is_it) || !is_there, "{backend} {mode} {optics} {table:?} {scale}");
         }
+    }
+    for filter in UpsampleKind::ALL.map(|kind| kind.to_string()) {
+        let is_of = |run: &BenchRun| run.upsample.as_ref() == Some(&filter) && run.image_scale == 0.25;
+        assert!(has(&|run| is_of(run) && run.backend == "cpu"), "{filter}");
     }
     for lod in LODS {
         assert!(has(&|run| run.lod == lod
@@ -127,14 +130,16 @@ fn errors_grow_with_all_that_is_left_out() {
     let (mut raw, _, judged) = jet(temp.path());
     let runs = measured(&mut raw, &judged).runs;
     let has_no_table = |run: &BenchRun| run.optics == "exact" && run.backend == "cpu";
-    let is_in_order = |run: &BenchRun| run.exact_order == Some(true) && run.image_scale == 1.0;
+    let is_in_order =
+        |run: &BenchRun| run.exact_order == Some(true) && run.image_scale == 1.0 && run.upsample.is_none();
     let at_level = |lod: f64| worst(&runs, |run| has_no_table(run) && is_in_order(run) && run.lod == lod);
     assert!(at_level(0.05) > at_level(0.5) && at_level(0.5) > at_level(1.0), "{} {}", at_level(0.05), at_level(0.5));
     let is_cast = |run: &BenchRun| run.mode == "raycast" && run.backend == "cpu";
     let of_table = |size| worst(&runs, |run| is_cast(run) && run.table_size == Some(size) && run.image_scale == 1.0);
     assert!(of_table(32) > of_table(256), "{} {}", of_table(32), of_table(256));
     let casts_all = |run: &BenchRun| is_cast(run) && has_no_table(run) && run.contrast.is_none();
-    let at_scale = |scale: f64| worst(&runs, |run| casts_all(run) && run.image_scale == scale);
+    let is_plain = |run: &BenchRun| run.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
+    let at_scale = |scale: f64| worst(&runs, |run| casts_all(run) && is_plain(run) && run.image_scale == scale);
     assert!(at_scale(0.25) > at_scale(0.5) && at_scale(0.5) > at_scale(1.0));
     let with = |contrast: f32| worst(&runs, |run| run.contrast == Some(f64::from(contrast)));
     assert!(with(0.2) > with(0.01) && with(0.01) < at_scale(0.5), "{} {}", with(0.2), with(0.01));

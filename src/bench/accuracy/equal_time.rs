@@ -34,7 +34,7 @@ impl Family {
             _ if !is_usual => None,
             ("raycast", Some(_), false) => Some(Self::Rays),
             ("raycast", None, true) => Some(Self::Image),
-            ("havs", None, false) => Some(Self::Faces),
+            ("havs", None, false) if run.upsample.is_none() => Some(Self::Faces),
             _ => None,
         }
     }
@@ -219,6 +219,7 @@ mod tests {
     fn what_gives_up_two_things_or_something_else_is_no_family() {
         assert_eq!(Family::of(&run("jet", 1.0, 1e-7)), None);
         assert_eq!(Family::of(&BenchRun { image_scale: 0.5, ..faces(0.1, 1.0, 1.0) }), None);
+        assert_eq!(Family::of(&BenchRun { upsample: Some("joint".to_owned()), ..faces(0.1, 1.0, 1.0) }), None);
         assert_eq!(Family::of(&BenchRun { k: Some(2), ..faces(0.1, 1.0, 1.0) }), None);
         assert_eq!(Family::of(&BenchRun { exact_order: Some(false), ..faces(0.1, 1.0, 1.0) }), None);
         assert_eq!(Family::of(&BenchRun { backend: "gpu".to_owned(), ..faces(0.1, 1.0, 1.0) }), None);

@@ -2,7 +2,7 @@
 
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{Backend, FaceDetail, RenderMode};
+use crate::pipeline::{Backend, FaceDetail, ImageScale, RenderMode, UpsampleFilter, UpsampleKind, Upsampling};
 use crate::render::{Contrast, KBuffer};
 
 /// One way from scalars to pixels.
@@ -20,8 +20,8 @@ pub struct AccuracyPath {
     pub lod: f64,
     /// How fragments come into order, where faces are drawn.
     pub k_buffer: KBuffer,
-    /// Width and height of the image that is rendered and then enlarged, as a share of those that are judged.
-    pub image_scale: f64,
+    /// The image that is rendered and brought to the size that is judged; `None` if it has this size.
+    pub upsampling: Option<Upsampling>,
     /// The contrast that decides which rays are cast; all are without.
     pub contrast: Option<Contrast>,
 }
@@ -33,7 +33,7 @@ pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
 /// Entries along a scalar axis of pre-integrated tables.
 pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
 /// Image scales beside 1.
-pub const IMAGE_SCALES: [f64; 3] = [0.5, 0.25, 0.125];
+pub const IMAGE_SCALES: [ImageScale; 3] = [ImageScale::Half, ImageScale::Quarter, ImageScale::Eighth];
 /// Contrasts that decide which rays are cast.
 pub const CONTRASTS: [Contrast; 5] = [contrast(0.2), contrast(0.1), contrast(0.05), contrast(0.02), contrast(0.01)];
 
@@ -53,7 +53,7 @@ const RAYS: AccuracyPath = AccuracyPath {
     table_scalars: 128,
     lod: 1.0,
     k_buffer: KBuffer::USUAL,
-    image_scale: 1.0,
+    upsampling: None,
     contrast: None,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
@@ -62,15 +62,24 @@ const REFERENCE_TABLE: AccuracyPath = AccuracyPath { mode: RenderMode::Reference
 
 /// What is measured of values that a codec has changed: the error of the codec is the same on every exact path.
 pub const CODEC_PATHS: [AccuracyPath; 4] =
-    [RAYS, FACES, AccuracyPath { lod: 0.1, ..FACES }, AccuracyPath { image_scale: 0.5, ..RAYS }];
+    [RAYS, FACES, AccuracyPath { lod: 0.1, ..FACES }, AccuracyPath { upsampling: HALF, ..RAYS }];
 
 /// What changes two things at once: what a preview on a slow machine would combine.
 const PAIRS: [AccuracyPath; 4] = [
-    AccuracyPath { optics: OpticsKind::Table3d, image_scale: 0.5, ..RAYS },
-    AccuracyPath { lod: 0.1, image_scale: 0.5, ..FACES },
+    AccuracyPath { optics: OpticsKind::Table3d, upsampling: HALF, ..RAYS },
+    AccuracyPath { lod: 0.1, upsampling: HALF, ..FACES },
     AccuracyPath { lod: 0.1, k_buffer: KBuffer { k: 2, exact_order: false }, ..FACES },
     AccuracyPath { lod: 0.25, optics: OpticsKind::Table3d, ..FACES },
 ];
+
+/// A small image as the ray caster's alone, between others.
+const HALF: Option<Upsampling> = Some(Upsampling { scale: ImageScale::Half, filter: UpsampleFilter::Bilinear });
+
+/// Every filter at every scale.
+fn upsamplings() -> impl Iterator<Item = Upsampling> {
+    let filters = |scale: ImageScale| UpsampleKind::ALL.map(|kind| Upsampling { scale, filter: kind.usual(scale) });
+    IMAGE_SCALES.into_iter().flat_map(filters)
+}
 
 /// All paths on these backends.
 pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
@@ -78,7 +87,9 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
     all.extend([RAYS, FACES].map(|path| AccuracyPath { optics: OpticsKind::Partial, ..path }));
     all.push(AccuracyPath { optics: OpticsKind::Table3d, ..FACES });
     all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
-    all.extend(IMAGE_SCALES.map(|image_scale| AccuracyPath { image_scale, ..RAYS }));
+    all.extend(upsamplings().map(|upsampling| AccuracyPath { upsampling: Some(upsampling), ..RAYS }));
+    let filter = UpsampleKind::Joint.usual(ImageScale::Full);
+    all.push(AccuracyPath { lod: 0.1, upsampling: Some(Upsampling { scale: ImageScale::Full, filter }), ..FACES });
     all.extend(CONTRASTS.map(|contrast| AccuracyPath { contrast: Some(contrast), ..RAYS }));
     all.extend(LODS.map(|lod| AccuracyPath { lod, ..FACES }));
     for exact_order in [true, false] {
@@ -158,7 +169,8 @@ mod tests {
         TABLE_SIZES
             .into_iter()
             .for_each(|table_scalars| has(AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
-        IMAGE_SCALES.into_iter().for_each(|image_scale| has(AccuracyPath { image_scale, ..RAYS }));
+        assert_eq!(upsamplings().count(), 12);
+        upsamplings().for_each(|upsampling| has(AccuracyPath { upsampling: Some(upsampling), ..RAYS }));
         CONTRASTS.into_iter().for_each(|contrast| has(AccuracyPath { contrast: Some(contrast), ..RAYS }));
         for exact_order in [true, false] {
             KS.into_iter().for_each(|k| has(AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
@@ -179,7 +191,7 @@ mod tests {
                 assert!(on_gpu >= 1, "{optics} {mode:?}");
             }
         }
-        assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.image_scale == 0.25));
+        assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.upsampling == HALF));
         assert!(gpu.iter().all(|path| path.table_scalars == 128));
     }
 }

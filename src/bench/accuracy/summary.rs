@@ -5,6 +5,7 @@ use crate::bench::report::{BenchRun, RunError};
 use crate::bench::statistics::median;
 use crate::codec::raw;
 use crate::optics::OpticsKind;
+use crate::pipeline::UpsampleKind;
 use crate::render::KBuffer;
 use std::fmt;
 
@@ -48,6 +49,9 @@ pub fn path_label(run: &BenchRun) -> String {
     }
     if run.image_scale != 1.0 {
         label.push_str(&format!(", image 1/{}", percent(1.0 / run.image_scale / 100.0)));
+    }
+    if let Some(filter) = run.upsample.as_ref().filter(|&filter| *filter != UpsampleKind::default().to_string()) {
+        label.push_str(&format!(", {filter}"));
     }
     if let Some(contrast) = run.contrast {
         label.push_str(&format!(", contrast {}", (contrast * 1e6).round() / 1e6));

@@ -108,7 +108,9 @@ pub(super) static CHARTS: [Kind; 6] = [
             axis: "width rendered over width shown [1]",
             ticks_at_points: true,
             place: |run| {
-                let is_alone = run.mode == "raycast" && run.table_size.is_none() && run.contrast.is_none();
+                let is_bilinear = run.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
+                let is_alone =
+                    run.mode == "raycast" && run.table_size.is_none() && run.contrast.is_none() && is_bilinear;
                 is_alone.then_some((run.image_scale, on(run, ["ray caster", "ray caster, GPU"])))
             },
             is_of_codecs: false,

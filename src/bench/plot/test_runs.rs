@@ -23,6 +23,7 @@ pub(in crate::bench) fn run(series: &str, ms: f64, rmse: f64) -> BenchRun {
         exact_order: None,
         table_size: None,
         image_scale: 1.0,
+        upsample: None,
         contrast: None,
         ratio: Some(1.0),
         scene: Some(SceneName {
@@ -39,6 +40,7 @@ pub(in crate::bench) fn run(series: &str, ms: f64, rmse: f64) -> BenchRun {
             rmse,
             max: 10.0 * rmse,
             psnr: None,
+            distance: None,
             flip: Some(1e-3),
             judge: JUDGE_REFERENCE.to_owned(),
         }),
