@@ -25,6 +25,7 @@ impl GrowingBuffer {
     pub(super) fn new(resource: Resource) -> Self {
         let usage = match resource.kind() {
             Kind::Uniform(_) => wgpu::BufferUsages::UNIFORM,
+            _ if resource == Resource::Args => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT,
             _ => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         };
         let usage = usage | wgpu::BufferUsages::COPY_DST;

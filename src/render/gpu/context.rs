@@ -213,9 +213,6 @@ impl Context {
         if let Samples::Pixels(_) = job.view.samples {
             return Err(self.beyond("a list of pixels".to_owned()));
         }
-        if job.contrast.is_some() {
-            return Err(self.beyond("rays that contrast asks for".to_owned()));
-        }
         Ok(())
     }
 

@@ -321,6 +321,107 @@ pub struct VqStep {
     pub per_word_log2: u32,
 }
 
+/// Places in the buffer of the rays that contrast asks for, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of what is
+/// listed and of what has met a cell, states of the blocks between rays, the list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RayLists {
+    /// Width and height of the image.
+    pub size_px: (usize, usize),
+}
+
+impl RayLists {
+    /// Words of the head.
+    pub const HEAD: usize = 34;
+    /// Rays in the list.
+    pub const LISTED: usize = 0;
+    /// From here on the head begins anew with each contrast.
+    pub const STEP: usize = 3;
+    /// 1 if the walk has been given all rays.
+    pub const IS_DONE: usize = 4;
+    /// Pairs of tile and item that there should be room for.
+    pub const PAIRS: usize = 6;
+    /// Workgroups of the walk that a slice may start.
+    pub const GROUPS_LEFT: usize = 7;
+    /// Those that it has started.
+    pub const GROUPS_DONE: usize = 8;
+    /// Rays by level.
+    pub const RAYS_BY_LEVEL: usize = 9;
+    /// Blocks that are split by their reasons, and those that are filled.
+    pub const BLOCKS: usize = 13;
+    /// Sums of the counters, each of two words.
+    pub const SUMS: usize = 18;
+    /// Workgroups of the walk have so many rays.
+    pub const GROUP_RAYS: usize = 256;
+    /// Steps from the first rays to the last.
+    pub const STEPS: usize = 4;
+
+    /// Words of a bit for each pixel.
+    fn bits(self) -> u64 {
+        (self.size_px.0 * self.size_px.1).div_ceil(32) as u64
+    }
+
+    /// Columns and rows of the blocks of a stride.
+    pub fn blocks(self, stride: usize) -> (usize, usize) {
+        let count = |pixels: usize| pixels.saturating_sub(1).div_ceil(stride).max(1);
+        (count(self.size_px.0), count(self.size_px.1))
+    }
+
+    /// Bits of what is in the list.
+    pub fn listed(self) -> u64 {
+        Self::HEAD as u64
+    }
+
+    /// Bits of what has met a cell.
+    pub fn met(self) -> u64 {
+        self.listed() + self.bits()
+    }
+
+    /// States of the blocks of the strides 8, 4 and 2, and what comes behind them.
+    pub fn states(self) -> [u64; 4] {
+        let mut at = self.met() + self.bits();
+        [8, 4, 2, 1].map(|stride| {
+            let begin = at;
+            let (columns, rows) = self.blocks(stride);
+            at += (columns * rows) as u64;
+            begin
+        })
+    }
+
+    /// The list: as many rays as there are pixels at most.
+    pub fn list(self) -> u64 {
+        self.states()[3]
+    }
+
+    /// All words.
+    pub fn end(self) -> u64 {
+        self.list() + (self.size_px.0 * self.size_px.1) as u64
+    }
+}
+
+/// What the stages of rays that contrast asks for need beyond [`Params`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct RayParams {
+    /// The contrast that splits blocks.
+    pub contrast: f32,
+    /// [`RayLists::listed`].
+    pub listed_at: u32,
+    /// [`RayLists::met`].
+    pub met_at: u32,
+    /// [`RayLists::list`].
+    pub list_at: u32,
+    /// [`RayLists::states`].
+    pub states_at: [u32; 4],
+}
+
+impl RayParams {
+    /// The places of an image, which a buffer holds, and a contrast.
+    pub fn new(lists: RayLists, contrast: f32) -> Self {
+        let [listed_at, met_at, list_at] = [lists.listed(), lists.met(), lists.list()].map(|at| at as u32);
+        Self { contrast, listed_at, met_at, list_at, states_at: lists.states().map(|at| at as u32) }
+    }
+}
+
 /// The depth that a sum of two means.
 pub fn depth_of(parts: [f32; 2]) -> f64 {
     f64::from(parts[0]) + f64::from(parts[1])

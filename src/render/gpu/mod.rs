@@ -5,6 +5,7 @@
 
 pub mod layout;
 pub mod resources;
+mod shader_parts;
 pub mod shaders;
 
 #[cfg(test)]

@@ -44,6 +44,15 @@ impl Presenter {
         Ok(())
     }
 
+    /// Gives the frame another texture, if it has one: somebody looks at that one.
+    pub(super) fn renew(&self, context: &Arc<Context>, frame: &mut Frame) -> Result<(), RenderError> {
+        if let Some(texture) = &mut frame.texture {
+            let size = texture.texture().size();
+            *texture = FrameTexture::new(context, (size.width as usize, size.height as usize))?;
+        }
+        Ok(())
+    }
+
     /// Has a finished frame copied to its texture, if it has one. Whoever samples that does it after the copy, on the same
     /// queue.
     pub(super) fn present(

@@ -2,7 +2,7 @@
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{COUNTERS, FAR, Params, TILE_PX, depth_of};
+use super::layout::{COUNTERS, FAR, Params, RayLists, TILE_PX, depth_of};
 use super::target::Target;
 use crate::image::Plane;
 use crate::render::{Planes, RenderError};
@@ -13,6 +13,8 @@ use std::time::Duration;
 
 /// Bytes of a tile's counters.
 const COUNTER_BYTES: u64 = 4 * COUNTERS as u64;
+/// Words that come with a slice, at most.
+const WORDS_MAX: usize = RayLists::HEAD;
 /// Timestamps: begin and end of transform, entries, walk, decoding.
 pub(super) const TIMESTAMPS: u32 = 8;
 
@@ -24,7 +26,7 @@ const CALLBACK_PATIENCE: Duration = Duration::from_secs(10);
 struct Places {
     depth: u64,
     counters: u64,
-    total: u64,
+    words: u64,
     timestamps: u64,
     end: u64,
 }
@@ -35,10 +37,10 @@ impl Places {
         let (width, height) = if has_pixels { target.size_px } else { (0, 0) };
         let depth = color_row_bytes(width) * height as u64;
         let counters = depth + depth_row_bytes(width) * height as u64;
-        let total = counters + COUNTER_BYTES * target.tile_count() as u64;
+        let words = counters + COUNTER_BYTES * target.tile_count() as u64;
         // Timestamps are 8 bytes, at a multiple of that.
-        let timestamps = (total + 4).next_multiple_of(8);
-        Self { depth, counters, total, timestamps, end: timestamps + 8 * u64::from(TIMESTAMPS) }
+        let timestamps = (words + 4 * WORDS_MAX as u64).next_multiple_of(8);
+        Self { depth, counters, words, timestamps, end: timestamps + 8 * u64::from(TIMESTAMPS) }
     }
 }
 
@@ -79,15 +81,15 @@ impl Readback {
         Self { free: Vec::new() }
     }
 
-    /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if they are wanted, and of the
-    /// word at a place of `total`.
+    /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if they are wanted, and of
+    /// some words (at most [`WORDS_MAX`]) of a buffer from a byte on.
     pub(super) fn send(
         &mut self,
         context: &Context,
         mut encoder: wgpu::CommandEncoder,
         target: &Arc<Target>,
         (tiles, has_pixels): (Range<usize>, bool),
-        total: Option<(&wgpu::Buffer, u64)>,
+        words: Option<(&wgpu::Buffer, u64, usize)>,
     ) -> Result<Sent, RenderError> {
         let new = || Slot { buffer: GrowingBuffer::readback("read-back"), mapped: Arc::default() };
         let mut slot = self.free.pop().unwrap_or_else(new);
@@ -98,9 +100,11 @@ impl Readback {
             copy_planes(&mut encoder, target, &tiles, places, buffer);
         }
         let (from, bytes) = (COUNTER_BYTES * tiles.start as u64, COUNTER_BYTES * tiles.len() as u64);
-        encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
-        if let Some((total, at)) = total {
-            encoder.copy_buffer_to_buffer(total, at, buffer, places.total, 4);
+        if bytes > 0 {
+            encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
+        }
+        if let Some((from, at, count)) = words {
+            encoder.copy_buffer_to_buffer(from, at, buffer, places.words, 4 * count.min(WORDS_MAX) as u64);
         }
         if let Some(times) = &target.times {
             encoder.resolve_query_set(&times.queries, 0..TIMESTAMPS, &times.resolved, 0);
@@ -145,7 +149,10 @@ fn copy_planes(
 ) {
     let (width, height) = target.size_px;
     let rows = target.rows_of(tiles);
-    let planes = [(&target.color, 0, color_row_bytes(width)), (&target.depth, places.depth, depth_row_bytes(width))];
+    let planes = [
+        (&target.planes.color, 0, color_row_bytes(width)),
+        (&target.planes.depth, places.depth, depth_row_bytes(width)),
+    ];
     for (texture, at, bytes_per_row) in planes {
         let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
         let source = wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All };
@@ -237,6 +244,21 @@ fn has_been_mapped(mapped: &Mapped) -> bool {
     waiting.unwrap_or_else(PoisonError::into_inner).0.take() == Some(true)
 }
 
+/// Sums of counters as statistics, in the order of shaders/lib/walk.wgsl.
+pub(super) fn counted(sum: [u64; COUNTERS]) -> FrameStats {
+    let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
+    FrameStats {
+        steps,
+        segments,
+        entries,
+        rays_hit,
+        rays_stopped_early,
+        out_of_order,
+        broken_paths,
+        ..FrameStats::default()
+    }
+}
+
 /// A slice that has come back.
 pub(super) struct SliceData<'a> {
     bytes: &'a [u8],
@@ -251,9 +273,9 @@ impl SliceData<'_> {
         u32::from_le_bytes([self.bytes[at], self.bytes[at + 1], self.bytes[at + 2], self.bytes[at + 3]])
     }
 
-    /// The word that came with the slice.
-    pub(super) fn total(&self) -> u64 {
-        u64::from(self.word(self.places.total))
+    /// A word of those that came with the slice.
+    pub(super) fn word_sent(&self, i: usize) -> u32 {
+        self.word(self.places.words + 4 * i as u64)
     }
 
     /// Sum of the tiles' counters.
@@ -265,18 +287,7 @@ impl SliceData<'_> {
                 *sum += u64::from(self.word(at));
             }
         }
-        // In the order of shaders/walk.wgsl.
-        let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
-        FrameStats {
-            steps,
-            segments,
-            entries,
-            rays_hit,
-            rays_stopped_early,
-            out_of_order,
-            broken_paths,
-            ..FrameStats::default()
-        }
+        counted(sum)
     }
 
     /// Milliseconds of transform, entries, walk and decoding, if there are timestamps.
@@ -292,6 +303,11 @@ impl SliceData<'_> {
     /// Adds counts and times to a frame's; milliseconds of the slice's entries and of its walk, if there are timestamps.
     pub(super) fn add_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         stats.add_counts(&self.counts());
+        self.add_times_to(stats, context)
+    }
+
+    /// The same without counts.
+    pub(super) fn add_times_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         let [transform, entries, walk, decode] = self.milliseconds(context)?;
         if stats.vertices_decoded_on_gpu > 0 {
             stats.ms_gpu_decode = Some(decode);

@@ -18,6 +18,8 @@ pub enum Resource {
     JointParams,
     /// Those of isosurfaces.
     Surfaces,
+    /// Those of the rays that contrast asks for.
+    RayParams,
     /// A block of codec `vq`.
     Block,
     /// Positions of the vertices, local units.
@@ -58,6 +60,18 @@ pub enum Resource {
     Fragments0,
     /// The rest.
     Fragments1,
+    /// The rays that contrast asks for, and how far they are: [`RayLists`](super::layout::RayLists).
+    Rays,
+    /// Workgroups of what is started without the CPU: columns, rows and 1 of the next step, then the same of the walk.
+    Args,
+    /// Accumulators of rays, where they are not the image.
+    SeenColorPlane,
+    /// Their depths.
+    SeenDepthPlane,
+    /// The same accumulators, to be read.
+    SeenColor,
+    /// The same depths, to be read.
+    SeenDepth,
     /// Accumulators of the image.
     ColorPlane,
     /// Depths of the image.
@@ -121,6 +135,7 @@ impl Resource {
             Self::Table3dParams => ("table3d", "parameters of the table", Uniform("Table3dParams")),
             Self::JointParams => ("joint", "parameters of the table", Uniform("JointParams")),
             Self::Surfaces => ("surfaces", "parameters of the surfaces", Uniform("Surfaces")),
+            Self::RayParams => ("ray_params", "parameters of rays", Uniform("RayParams")),
             Self::Block => ("block", "compressed block", Storage("u32")),
             Self::Positions => ("positions", "positions", Storage("f32")),
             Self::Scalars => ("scalars", "scalars", Storage("f32")),
@@ -141,6 +156,12 @@ impl Resource {
             Self::Lists => ("lists", "fragments of each pixel", Storage("u32")),
             Self::Fragments0 => ("fragments_0", "fragments, first part", Storage("vec2<u32>")),
             Self::Fragments1 => ("fragments_1", "fragments, second part", Storage("vec2<u32>")),
+            Self::Rays => ("rays", "rays that contrast asks for", Storage("u32")),
+            Self::Args => ("args", "workgroups to start", Storage("u32")),
+            Self::SeenColorPlane => ("color_plane", "colour of rays", Plane(Texel::Rgba32Float)),
+            Self::SeenDepthPlane => ("depth_plane", "depth of rays", Plane(Texel::R32Float)),
+            Self::SeenColor => ("seen_color", "colour of rays", Texture),
+            Self::SeenDepth => ("seen_depth", "depth of rays", Texture),
             Self::ColorPlane => ("color_plane", "colour", Plane(Texel::Rgba32Float)),
             Self::DepthPlane => ("depth_plane", "depth", Plane(Texel::R32Float)),
             Self::Color => ("color", "colour", Texture),

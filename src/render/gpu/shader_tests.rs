@@ -1,6 +1,8 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
-use super::layout::{self, FaceParams, JointParams, Lists, Params, SheetParams, SurfaceParams, VqStep};
+use super::layout::{
+    self, FaceParams, JointParams, Lists, Params, RayLists, RayParams, SheetParams, SurfaceParams, VqStep,
+};
 use super::resources::{Binding, Kind};
 use super::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
 use crate::optics::OpticsKind;
@@ -50,7 +52,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 71);
+    assert_eq!(checked, 2 * 92);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -274,7 +276,7 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         unused,
         zero,
     );
-    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq | Stage::Present)) {
+    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq | Stage::Present | Stage::SplitSlice)) {
         let (shader, span) = members(&module(stage), "Params");
         assert_eq!((&shader, span), (&rust, size_of::<Params>()), "{stage:?}");
     }
@@ -321,17 +323,19 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
     assert_eq!(checked, 49);
 }
 
+/// A constant of a shader.
+fn constant(module: &naga::Module, name: &str) -> f64 {
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(v)) => f64::from(v),
+        naga::Expression::Literal(naga::Literal::F32(v)) => f64::from(v),
+        ref other => panic!("{name}: {other:?}"),
+    }
+}
+
 #[test]
 fn constants_are_the_same_in_rust_and_in_the_shaders() {
-    let value = |stage: Stage, name: &str| {
-        let module = module(stage);
-        let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
-        match module.global_expressions[constant.init] {
-            naga::Expression::Literal(naga::Literal::U32(v)) => f64::from(v),
-            naga::Expression::Literal(naga::Literal::F32(v)) => f64::from(v),
-            ref other => panic!("{name}: {other:?}"),
-        }
-    };
+    let value = |stage: Stage, name: &str| constant(&module(stage), name);
     let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
     let resolve = Stage::FaceResolve(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
     for (name, rust) in [
@@ -367,6 +371,37 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
     ] {
         assert_eq!(value(walk, name), rust, "{name}");
     }
+}
+
+#[test]
+fn the_lists_of_rays_have_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(RayParams, $field))),*] };
+    }
+    let rust = rust_offsets!(contrast, listed_at, met_at, list_at, states_at);
+    let walk = Stage::WalkRays(Gathering::Joint, Inside::Surfaces, Precision::Single);
+    for stage in [walk, Stage::SplitDecide, Stage::SplitAppend, Stage::Fill] {
+        assert_eq!(members(&module(stage), "RayParams"), (rust.clone(), size_of::<RayParams>()), "{stage:?}");
+    }
+    let slice = module(Stage::SplitSlice);
+    for (name, rust) in [
+        ("LISTED", RayLists::LISTED),
+        ("STEP", RayLists::STEP),
+        ("IS_DONE", RayLists::IS_DONE),
+        ("PAIRS", RayLists::PAIRS),
+        ("GROUPS_LEFT", RayLists::GROUPS_LEFT),
+        ("GROUPS_DONE", RayLists::GROUPS_DONE),
+        ("RAYS_BY_LEVEL", RayLists::RAYS_BY_LEVEL),
+        ("BLOCKS", RayLists::BLOCKS),
+        ("SUMS", RayLists::SUMS),
+        ("LAST_STEP", RayLists::STEPS),
+        ("GROUP_RAYS", RayLists::GROUP_RAYS),
+    ] {
+        assert_eq!(constant(&slice, name), rust as f64, "{name}");
+    }
+    // What stays from contrast to contrast comes first, and sums of two words last.
+    assert!(["LISTED", "COUNTED", "CAST"].into_iter().all(|name| constant(&slice, name) < RayLists::STEP as f64));
+    assert_eq!(RayLists::HEAD, RayLists::SUMS + 2 * layout::COUNTERS);
 }
 
 #[test]
@@ -448,7 +483,9 @@ fn frames_without_surfaces_have_none_of_their_code() {
     let has = |stage: Stage, name: &str| stage.source(SPLITS[0]).contains(name);
     for stage in stages() {
         let inside = match stage {
-            Stage::Walk(_, inside, _) | Stage::FaceResolve(_, inside, _) => Some(inside),
+            Stage::Walk(_, inside, _) | Stage::WalkRays(_, inside, _) | Stage::FaceResolve(_, inside, _) => {
+                Some(inside)
+            }
             Stage::Faces(Pass::Store(_, inside), _)
             | Stage::FacePieces(Pass::Store(_, inside), _)
             | Stage::FaceStarts(Pass::Store(_, inside), _) => {

@@ -2,6 +2,7 @@
 
 use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
 use super::resources::{Binding, Resource, declarations};
+use super::shader_parts as lib;
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use std::fmt;
@@ -136,6 +137,18 @@ pub enum Stage {
     EntriesStore,
     /// From entries through the cells.
     Walk(Gathering, Inside, Precision),
+    /// The same along rays of a list.
+    WalkRays(Gathering, Inside, Precision),
+    /// The next step towards the rays that contrast asks for.
+    SplitPlan,
+    /// Which blocks between rays are to be split of their own.
+    SplitDecide,
+    /// The rays in split blocks.
+    SplitAppend,
+    /// How much the walk does of them.
+    SplitSlice,
+    /// Pixels between rays.
+    Fill,
     /// To where a window samples it.
     Present,
     /// Faces against the pixels of their boxes.
@@ -164,6 +177,11 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::FaceScan,
         Stage::FaceSort(FragmentKind::Plain),
         Stage::FaceSort(FragmentKind::Joint),
+        Stage::SplitPlan,
+        Stage::SplitDecide,
+        Stage::SplitAppend,
+        Stage::SplitSlice,
+        Stage::Fill,
     ];
     let with = |precision: Precision| {
         let kinds = [FragmentKind::Plain, FragmentKind::Joint];
@@ -173,7 +191,11 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         });
         let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
         finding.chain(gathering.flat_map(move |(how, inside)| {
-            [Stage::Walk(how, inside, precision), Stage::FaceResolve(how, inside, precision)]
+            [
+                Stage::Walk(how, inside, precision),
+                Stage::WalkRays(how, inside, precision),
+                Stage::FaceResolve(how, inside, precision),
+            ]
         }))
     };
     alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
@@ -219,6 +241,12 @@ impl Stage {
             Self::EntriesScan => "entries_scan",
             Self::EntriesStore => "entries_store",
             Self::Walk(..) => "walk",
+            Self::WalkRays(..) => "walk_rays",
+            Self::SplitPlan => "split_plan",
+            Self::SplitDecide => "split_decide",
+            Self::SplitAppend => "split_append",
+            Self::SplitSlice => "split_slice",
+            Self::Fill => "fill",
             Self::Present => "present",
             Self::Faces(..) => "faces",
             Self::FacePieces(..) => "face_pieces",
@@ -233,6 +261,7 @@ impl Stage {
     pub fn precision(self) -> Precision {
         match self {
             Self::Walk(_, _, precision)
+            | Self::WalkRays(_, _, precision)
             | Self::FaceResolve(_, _, precision)
             | Self::Faces(_, precision)
             | Self::FacePieces(_, precision)
@@ -260,6 +289,20 @@ impl Stage {
                 let read = [Read(Params), Read(Vertices), Read(ActiveCells), Read(Bins)];
                 let [surfaces, _] = inside.bindings();
                 [&read[..], &records, &planes, how.tables(), surfaces].concat()
+            }
+            Self::WalkRays(how, inside, _) => {
+                let read = [Read(Params), Read(RayParams), Read(Vertices), Read(ActiveCells), Read(Bins)];
+                let written = [Atomic(Rays), Write(SeenColorPlane), Write(SeenDepthPlane)];
+                let [surfaces, _] = inside.bindings();
+                [&read[..], &records, &written, how.tables(), surfaces].concat()
+            }
+            Self::SplitPlan => vec![Read(Params), Read(Bins), Atomic(Rays), Write(Args)],
+            Self::SplitDecide => vec![Read(Params), Read(RayParams), Read(Bins), Atomic(Rays), Read(SeenColor)],
+            Self::SplitAppend => vec![Read(Params), Read(RayParams), Atomic(Rays)],
+            Self::SplitSlice => vec![Atomic(Rays), Write(Args)],
+            Self::Fill => {
+                let read = [Read(Params), Read(RayParams), Read(Rays), Read(SeenColor), Read(SeenDepth)];
+                [&read[..], &[Write(ColorPlane), Write(DepthPlane)]].concat()
             }
             Self::Present => vec![Read(Color), Write(Screen)],
             Self::Faces(pass, _) | Self::FacePieces(pass, _) | Self::FaceStarts(pass, _) => {
@@ -296,11 +339,18 @@ impl Stage {
             Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
             Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
             Self::Walk(how, inside, precision) => {
-                let kind = how.fragments();
-                let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
-                let walk = [lib::CELLS, lib::CROSSING, include_str!("../../../shaders/walk.wgsl")].concat();
-                [constants, &gathering(how, inside, precision), &values, &walk].concat()
+                let tiles = include_str!("../../../shaders/walk.wgsl");
+                [&walking(constants, how, inside, precision), tiles].concat()
             }
+            Self::WalkRays(how, inside, precision) => {
+                let listed = [lib::RAY_LIST, lib::RAY_BITS, include_str!("../../../shaders/walk_rays.wgsl")].concat();
+                [&walking(constants, how, inside, precision), listed.as_str()].concat()
+            }
+            Self::SplitPlan => splitting("", include_str!("../../../shaders/split_plan.wgsl")),
+            Self::SplitDecide => splitting(&blocks(), include_str!("../../../shaders/split_decide.wgsl")),
+            Self::SplitAppend => splitting(&blocks(), include_str!("../../../shaders/split_append.wgsl")),
+            Self::SplitSlice => [lib::RAY_LIST, include_str!("../../../shaders/split_slice.wgsl")].concat(),
+            Self::Fill => splitting(&blocks(), include_str!("../../../shaders/fill.wgsl")),
             Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
             Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
             Self::FacePieces(pass, precision) => {
@@ -327,42 +377,6 @@ impl Stage {
     }
 }
 
-/// Parts that stages are made of.
-mod lib {
-    pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
-    pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
-    pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
-    pub(super) const BOXES: &str = include_str!("../../../shaders/lib/boxes.wgsl");
-    pub(super) const ITEMS: &str = include_str!("../../../shaders/lib/items.wgsl");
-    pub(super) const RAY_SINGLE: &str = include_str!("../../../shaders/lib/ray_single.wgsl");
-    pub(super) const RAY_DOUBLE: &str = include_str!("../../../shaders/lib/ray_double.wgsl");
-    pub(super) const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
-    pub(super) const CROSSING: &str = include_str!("../../../shaders/lib/crossing.wgsl");
-    pub(super) const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
-    pub(super) const WEIGHTS: &str = include_str!("../../../shaders/lib/optics_weights.wgsl");
-    pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
-    pub(super) const PARTIAL: &str = include_str!("../../../shaders/lib/optics_partial.wgsl");
-    pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");
-    pub(super) const JOINT: &str = include_str!("../../../shaders/lib/optics_joint.wgsl");
-    pub(super) const NO_JOINT: &str = include_str!("../../../shaders/lib/no_joint.wgsl");
-    pub(super) const JOINT_PARTS: &str = include_str!("../../../shaders/lib/joint_parts.wgsl");
-    pub(super) const NO_JOINT_PARTS: &str = include_str!("../../../shaders/lib/no_joint_parts.wgsl");
-    pub(super) const SURFACES: &str = include_str!("../../../shaders/lib/surfaces.wgsl");
-    pub(super) const NO_SURFACES: &str = include_str!("../../../shaders/lib/no_surfaces.wgsl");
-    pub(super) const SCALAR_WITHIN_FACE: &str = include_str!("../../../shaders/lib/scalar_within_face.wgsl");
-    pub(super) const SCALAR_AS_IS: &str = include_str!("../../../shaders/lib/scalar_as_is.wgsl");
-    pub(super) const CORNERS: &str = include_str!("../../../shaders/lib/corners.wgsl");
-    pub(super) const BEHIND_VERTICES: &str = include_str!("../../../shaders/lib/behind_vertices.wgsl");
-    pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
-    pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");
-    pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
-    pub(super) const FACES: &str = include_str!("../../../shaders/lib/faces.wgsl");
-    pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");
-    pub(super) const FRAGMENTS: &str = include_str!("../../../shaders/lib/fragments.wgsl");
-    pub(super) const FRAGMENTS_COUNT: &str = include_str!("../../../shaders/lib/fragments_count.wgsl");
-    pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");
-}
-
 /// A stage that integrates along rays.
 fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
     let optics = match how {
@@ -377,6 +391,23 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
         (Inside::Surfaces, Gathering::Joint) => [lib::SURFACES, lib::JOINT_PARTS].concat(),
     };
     [lib::FRAME, lib::SUMS, &rays(inside, precision), lib::MATH, &optics, &surfaces, lib::LIGHT].concat()
+}
+
+/// A stage that walks along rays.
+fn walking(constants: &str, how: Gathering, inside: Inside, precision: Precision) -> String {
+    let kind = how.fragments();
+    let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
+    [constants, &gathering(how, inside, precision), &values, lib::CELLS, lib::CROSSING, lib::WALK].concat()
+}
+
+/// A stage about what is between rays.
+fn splitting(parts: &str, stage: &str) -> String {
+    [lib::FRAME, lib::RAY_LIST, lib::STRIDES, parts, stage].concat()
+}
+
+/// What stages share that look at blocks.
+fn blocks() -> String {
+    [lib::RAY_BITS, lib::BLOCKS].concat()
 }
 
 /// Planar geometry.

@@ -15,13 +15,49 @@ pub(super) struct Times {
     pub(super) resolved: wgpu::Buffer,
 }
 
+/// Accumulators and depths of an image, which stages write and others read.
+pub(super) struct PlanePair {
+    pub(super) color: wgpu::Texture,
+    pub(super) depth: wgpu::Texture,
+    pub(super) views: [wgpu::TextureView; 2],
+}
+
+impl PlanePair {
+    pub(super) fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
+        let most = context.device.limits().max_texture_dimension_2d as usize;
+        if size_px.0.max(size_px.1) > most {
+            return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
+        }
+        let texture = |plane: Resource, format| wgpu::TextureDescriptor {
+            label: Some(plane.label()),
+            size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::STORAGE_BINDING
+                | wgpu::TextureUsages::COPY_SRC
+                | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        };
+        let [color, depth] = context.create(|device| {
+            [
+                (Resource::ColorPlane, wgpu::TextureFormat::Rgba32Float),
+                (Resource::DepthPlane, wgpu::TextureFormat::R32Float),
+            ]
+            .map(|(plane, format)| device.create_texture(&texture(plane, format)))
+        })?;
+        context.count_created(2);
+        let views = [&color, &depth].map(|plane| plane.create_view(&wgpu::TextureViewDescriptor::default()));
+        Ok(Self { color, depth, views })
+    }
+}
+
 /// Planes and buffers for an image of one size.
 pub(super) struct Target {
     /// Width and height.
     pub(super) size_px: (usize, usize),
-    pub(super) color: wgpu::Texture,
-    pub(super) depth: wgpu::Texture,
-    views: [wgpu::TextureView; 2],
+    pub(super) planes: PlanePair,
     pub(super) counters: GrowingBuffer,
     pub(super) times: Option<Times>,
 }
@@ -45,24 +81,9 @@ impl Target {
     }
 
     fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
-        let most = context.device.limits().max_texture_dimension_2d as usize;
-        if size_px.0.max(size_px.1) > most {
-            return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
-        }
-        let texture = |plane: Resource, format| wgpu::TextureDescriptor {
-            label: Some(plane.label()),
-            size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_SRC
-                | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        let (color, depth, times) = context.create(|device| {
-            let times = context.timestamp_period_ns().map(|_| Times {
+        let planes = PlanePair::new(context, size_px)?;
+        let times = context.create(|device| {
+            context.timestamp_period_ns().map(|_| Times {
                 queries: device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("stages"),
                     ty: wgpu::QueryType::Timestamp,
@@ -74,21 +95,17 @@ impl Target {
                     usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                     mapped_at_creation: false,
                 }),
-            });
-            let color = device.create_texture(&texture(Resource::ColorPlane, wgpu::TextureFormat::Rgba32Float));
-            (color, device.create_texture(&texture(Resource::DepthPlane, wgpu::TextureFormat::R32Float)), times)
+            })
         })?;
-        context.count_created(2);
         let mut counters = GrowingBuffer::new(Resource::Counters);
         let tiles = size_px.0.div_ceil(TILE_PX) * size_px.1.div_ceil(TILE_PX);
         counters.reserve(context, 4 * (COUNTERS * tiles) as u64)?;
-        let views = [&color, &depth].map(|plane| plane.create_view(&wgpu::TextureViewDescriptor::default()));
-        Ok(Self { size_px, color, depth, views, counters, times })
+        Ok(Self { size_px, planes, counters, times })
     }
 
     /// The planes, as stages bind them.
     pub(super) fn planes(&self) -> [(Resource, &wgpu::TextureView); 2] {
-        let [color, depth] = &self.views;
+        let [color, depth] = &self.planes.views;
         [(Resource::ColorPlane, color), (Resource::DepthPlane, depth)]
     }
 

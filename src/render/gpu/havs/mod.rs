@@ -293,7 +293,7 @@ impl FaceLists {
                 cost.unit.mean = Some(cost.ms / cost.units as f64);
             }
         }
-        self.presenter.present(&self.context, &target.color, frame)
+        self.presenter.present(&self.context, &target.planes.color, frame)
     }
 
     /// The parameters of a job's faces, as far as they are known before anything is sent.

@@ -4,7 +4,8 @@
 //! 1. **view transform**: a thread a vertex.
 //! 2. **entries**: a thread an entry face. Counted per tile, places summed, stored: lists of any length in one buffer. If
 //!    it is too small the frame is begun again with a larger one.
-//! 3. **walk**, with **composite** inside: a workgroup a tile, a thread a pixel.
+//! 3. **walk**, with **composite** inside: a workgroup a tile, a thread a pixel; or, where contrast decides which rays are cast, a
+//!    thread a ray of a list ([`sampling`]).
 //!
 //! Deviations from the CPU path:
 //! 1. f32: view coordinates are sums of two, sheared coordinates are right to the last bits near the ray, edge functions that
@@ -16,7 +17,9 @@
 //! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
 //! differs from the last in camera, step or table only.
 
+mod rays;
 mod records;
+mod sampling;
 mod scene;
 #[cfg(test)]
 pub(super) mod stage_tests;
@@ -31,8 +34,9 @@ use super::shaders::{Gathering, Inside, Precision, Stage};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
 use super::target::Target;
 use crate::render::cpu::raycast::skips::CellChoice;
-use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
+use crate::render::{Contrast, Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
+use sampling::{Sampling, SamplingCosts};
 use scene::Scene;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -56,6 +60,9 @@ pub struct CellWalk {
     precision: PrecisionChoice,
     /// Of a tile.
     cost: UnitCost,
+    sampling_costs: SamplingCosts,
+    /// The contrast of the image that the last slice has filled, if better ones follow.
+    preview: Option<Contrast>,
 }
 
 /// A job of [`CellWalk`].
@@ -71,6 +78,8 @@ pub struct WalkJob {
     tiles_done: usize,
     /// Milliseconds that these took.
     walk_ms: f64,
+    /// Which rays are cast, if not all at once.
+    sampling: Option<Sampling>,
 }
 
 impl Raycast {
@@ -85,6 +94,8 @@ impl Raycast {
             precision: PrecisionChoice::default(),
             presenter: Presenter::new(),
             cost: UnitCost::default(),
+            sampling_costs: SamplingCosts::default(),
+            preview: None,
         })
     }
 
@@ -102,6 +113,9 @@ impl CellWalk {
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
+        if let Some(sampling) = &active.sampling {
+            self.scene.rays.begin(&self.context, &mut encoder, target.size_px, sampling.contrast())?;
+        }
         let decoder = &self.scene.scalars.decoder;
         if decoder.pending_vertices() > 0 {
             stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
@@ -134,6 +148,57 @@ impl CellWalk {
         self.context.check()
     }
 
+    /// Brings a job of which something may be seen to the GPU, and submits what comes before the walk.
+    fn begin_walk(&mut self, job: RenderJob, frame: &mut Frame) -> Result<WalkJob, RenderError> {
+        let contrasts = job.contrasts();
+        let sampling = (!contrasts.is_empty()).then(|| Sampling::new(&job, contrasts));
+        // Whether a ray meets a cell decides about others: clear ones are not among the cells, whatever is skipped.
+        let domain = job.domain.clone().filter(|_| sampling.is_some());
+        let job = RenderJob { active: domain.unwrap_or_else(|| self.choice.cells(&job)), ..job };
+        let view = job.local_view();
+        let mut params = eye::params(&self.context, &view)?;
+        self.presenter.prepare(&self.context, &job, frame)?;
+        let eye_cells: Vec<_> =
+            eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
+        let precision = self.precision.of(self.context.has_f64(), &job);
+        let is_sampled = sampling.is_some();
+        let target = self.scene.update(&self.context, &job, (precision, is_sampled), &eye_cells, &mut params)?;
+        frame.stats.in_f64 = precision == Precision::Double;
+        frame.stats.entry_faces = u64::from(params.face_count);
+        frame.stats.bytes_uploaded = self.scene.bytes_sent;
+        let tile_count = params.tile_count();
+        let (next_tile, tiles_done, walk_ms) = (0, 0, 0.0);
+        let active = WalkJob { job, precision, params, target, tile_count, next_tile, tiles_done, walk_ms, sampling };
+        self.submit_preparation(&active, &mut frame.stats)?;
+        Ok(active)
+    }
+
+    /// Works on an image of all rays for about `budget`; whether it is done.
+    fn advance_tiles(
+        &mut self,
+        budget: Duration,
+        active: &mut WalkJob,
+        frame: &mut Frame,
+    ) -> Result<bool, RenderError> {
+        let slice_started = Instant::now();
+        loop {
+            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
+            if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
+                self.submit_tiles(active, tiles, frame.texture.is_none())?;
+                continue;
+            }
+            let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
+            self.collect_slice(sent, active, frame)?;
+            let is_done = active.tiles_done >= active.tile_count;
+            if is_done {
+                self.presenter.present(&self.context, &active.target.planes.color, frame)?;
+            }
+            if is_done || slice_started.elapsed() >= budget {
+                return Ok(is_done);
+            }
+        }
+    }
+
     /// Submits the walk of the next `count` tiles.
     fn submit_tiles(&mut self, active: &mut WalkJob, count: usize, has_pixels: bool) -> Result<(), RenderError> {
         let target = &active.target;
@@ -151,7 +216,7 @@ impl CellWalk {
             pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
         }
         active.next_tile = tiles.end;
-        let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64));
+        let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1));
         let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total)?;
         self.in_flight.push_back(sent);
         Ok(())
@@ -162,7 +227,7 @@ impl CellWalk {
         let (context, cost) = (&self.context, &mut self.cost);
         let waiting = Instant::now();
         let needed = self.readback.collect(context, sent, |slice| {
-            let needed = slice.total();
+            let needed = u64::from(slice.word_sent(0));
             if needed > u64::from(active.params.pair_capacity) {
                 return Some(needed);
             }
@@ -193,8 +258,9 @@ impl CellWalk {
         stats: &mut FrameStats,
     ) -> Result<(), RenderError> {
         self.abandon()?;
-        self.scene.grow_lists(&self.context, pairs_needed, &mut active.params)?;
+        self.scene.grow_lists(&self.context, pairs_needed, active.sampling.is_some(), &mut active.params)?;
         (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
+        active.sampling.iter_mut().for_each(Sampling::begin_again);
         stats.entry_retries += 1;
         self.submit_preparation(active, stats)
     }
@@ -207,45 +273,29 @@ impl LayerRenderer for CellWalk {
         frame.stats.on_gpu = true;
         let view = job.local_view();
         self.context.check_job(&job)?;
-        let mut params = eye::params(&self.context, &view)?;
+        self.preview = None;
+        eye::params(&self.context, &view)?;
         if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
             // All pixels are clear, and here.
             frame.clear(view.plane_px());
             return Ok(None);
         }
-        let job = RenderJob { active: self.choice.cells(&job), ..job };
-        self.presenter.prepare(&self.context, &job, frame)?;
-        let eye_cells: Vec<_> =
-            eye::cells(&job, &view).into_iter().map(|cell| [cell, sides(&job, &view, cell)]).collect();
-        let precision = self.precision.of(self.context.has_f64(), &job);
-        let target = self.scene.update(&self.context, &job, precision, &eye_cells, &mut params)?;
-        frame.stats.in_f64 = precision == Precision::Double;
-        frame.stats.entry_faces = u64::from(params.face_count);
-        frame.stats.bytes_uploaded = self.scene.bytes_sent;
-        let tile_count = params.tile_count();
-        let active = WalkJob { job, precision, params, target, tile_count, next_tile: 0, tiles_done: 0, walk_ms: 0.0 };
-        self.submit_preparation(&active, &mut frame.stats)?;
-        Ok(Some(active))
+        self.begin_walk(job, frame).map(Some)
     }
 
     fn advance(&mut self, budget: Duration, active: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
-        let slice_started = Instant::now();
-        loop {
-            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
-            if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
-                self.submit_tiles(active, tiles, frame.texture.is_none())?;
-                continue;
-            }
-            let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
-            self.collect_slice(sent, active, frame)?;
-            let is_done = active.tiles_done >= active.tile_count;
-            if is_done {
-                self.presenter.present(&self.context, &active.target.color, frame)?;
-            }
-            if is_done || slice_started.elapsed() >= budget {
-                return Ok(is_done);
-            }
+        if self.preview.take().is_some() {
+            self.go_on(active, frame)?;
         }
+        if active.sampling.is_some() {
+            self.advance_rays(budget, active, frame)
+        } else {
+            self.advance_tiles(budget, active, frame)
+        }
+    }
+
+    fn preview(&self) -> Option<Contrast> {
+        self.preview
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {

@@ -1,5 +1,6 @@
 //! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
 
+use super::rays::RayScene;
 use super::records::Records;
 use crate::mesh::Mesh;
 use crate::render::cpu::raycast::entries;
@@ -39,6 +40,8 @@ pub(super) struct Scene {
     pub(super) target: Option<Arc<Target>>,
     /// Ends of the tiles' lists, their sum, the lists.
     pub(super) bins: GrowingBuffer,
+    /// What is needed where contrast decides which rays are cast.
+    pub(super) rays: RayScene,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
 }
@@ -62,24 +65,25 @@ impl Scene {
             pipelines: Pipelines::new(),
             target: None,
             bins: GrowingBuffer::new(Resource::Bins),
+            rays: RayScene::new(),
             bytes_sent: 0,
         }
     }
 
     /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_clear`]
-    /// has been asked.
+    /// has been asked. Places are computed with the precision; contrast decides which rays are cast, or they all are.
     pub(super) fn update(
         &mut self,
         context: &Context,
         job: &RenderJob,
-        precision: Precision,
+        how: (Precision, bool),
         eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<Arc<Target>, RenderError> {
-        let updated = self.update_parts(context, job, precision, eye_cells, params);
+        let updated = self.update_parts(context, job, how, eye_cells, params);
         if updated.is_err() {
             // Buffers may have been made anew before one was refused: the old ones are bound.
-            self.pipelines.unbind();
+            self.unbind();
         }
         updated
     }
@@ -88,7 +92,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        precision: Precision,
+        (precision, is_sampled): (Precision, bool),
         eye_cells: &[[u32; 2]],
         params: &mut Params,
     ) -> Result<Arc<Target>, RenderError> {
@@ -97,9 +101,10 @@ impl Scene {
         let split = RecordSplit::new(cells, context.binding_bytes());
         let split = split.ok_or_else(|| context.beyond(format!("a mesh of {cells} cells is too large for it")))?;
         let mut stale = self.params.reserve(context, size_of::<Params>() as u64)?;
-        let walk = Stage::Walk(Gathering::of(job), Inside::of(job), precision);
-        let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore, walk];
-        self.pipelines.prepare(context, split, stages)?;
+        let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore];
+        let (how, inside) = (Gathering::of(job), Inside::of(job));
+        let walk = (!is_sampled).then_some(Stage::Walk(how, inside, precision));
+        self.pipelines.prepare(context, split, stages.into_iter().chain(walk))?;
         let (made, sent) = self.vertices.upload(context, &job.mesh)?;
         if made {
             self.scalars.forget();
@@ -126,6 +131,11 @@ impl Scene {
         let size_px = (params.size_px[0] as usize, params.size_px[1] as usize);
         let (target, is_resized) = Target::kept(&mut self.target, context, size_px)?;
         stale |= is_resized;
+        if is_sampled {
+            self.rays.update(context, size_px, Stage::WalkRays(how, inside, precision), split)?;
+        } else {
+            self.rays.forget_other(size_px);
+        }
         params.vertex_count = job.mesh.positions.local.len() as u32;
         params.face_count = self.domain.faces.len() as u32;
         params.eye_count = eye_cells.len() as u32;
@@ -144,19 +154,25 @@ impl Scene {
         }
         params.pair_capacity = self.pair_capacity(tiles);
         if stale {
-            self.pipelines.unbind();
+            self.unbind();
         }
-        self.bind(context)?;
+        self.bind(context, is_sampled)?;
         Ok(target)
     }
 
     /// Room for more pairs of tile and item than there was.
-    pub(super) fn grow_lists(&mut self, context: &Context, pairs: u64, params: &mut Params) -> Result<(), RenderError> {
+    pub(super) fn grow_lists(
+        &mut self,
+        context: &Context,
+        pairs: u64,
+        is_sampled: bool,
+        params: &mut Params,
+    ) -> Result<(), RenderError> {
         let tiles = params.tile_count() as u64;
         self.reserve_pairs(context, tiles, pairs + pairs / 4)?;
         params.pair_capacity = self.pair_capacity(tiles);
-        self.pipelines.unbind();
-        self.bind(context)
+        self.unbind();
+        self.bind(context, is_sampled)
     }
 
     /// Room for `pairs` pairs of tile and item beside what `tiles` need; whether the buffer was made for that.
@@ -205,8 +221,14 @@ impl Scene {
         Ok(made)
     }
 
+    /// Forgets what is bound: some of it has been made anew.
+    fn unbind(&mut self) {
+        self.pipelines.unbind();
+        self.rays.unbind();
+    }
+
     /// Binds what the stages name wherever nothing is bound.
-    fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
+    fn bind(&mut self, context: &Context, is_sampled: bool) -> Result<(), RenderError> {
         let mut buffers = vec![&self.params, &self.domain.items, &self.domain.active, &self.bins];
         buffers.push(self.surfaces.buffer());
         buffers.extend(self.vertices.buffers());
@@ -214,6 +236,7 @@ impl Scene {
         buffers.extend(self.table.buffers());
         buffers.extend(self.target.iter().map(|target| &target.counters));
         let planes: Vec<_> = self.target.iter().flat_map(|target| target.planes()).collect();
-        self.pipelines.bind(context, &buffers, &planes)
+        self.pipelines.bind(context, &buffers, &planes)?;
+        if is_sampled { self.rays.bind(context, &buffers, &planes) } else { Ok(()) }
     }
 }

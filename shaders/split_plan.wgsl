@@ -1,0 +1,18 @@
+// Split, first part: the next step, once the walk has been given all rays of the last one; no workgroups for it before.
+
+// Threads of a workgroup of the step, in a direction.
+const SPLIT_THREADS: u32 = 16u;
+
+@compute @workgroup_size(1)
+fn split_plan() {
+    let last = atomicLoad(&rays[STEP]);
+    var groups = vec2(0u);
+    if last < LAST_STEP && atomicLoad(&rays[CAST]) == atomicLoad(&rays[LISTED]) {
+        atomicStore(&rays[STEP], last + 1u);
+        groups = (block_counts(stride_of(last + 1u)) + vec2(SPLIT_THREADS - 1u)) / SPLIT_THREADS;
+    }
+    args[0] = groups.x;
+    args[1] = groups.y;
+    args[2] = 1u;
+    atomicStore(&rays[PAIRS], bins[params.tiles.x * params.tiles.y]);
+}

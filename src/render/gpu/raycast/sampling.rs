@@ -1,0 +1,264 @@
+//! Contrast-adaptive sampling on the GPU ([`crate::render::adaptive`]).
+//!
+//! ```text
+//! each slice, as often as there are steps:
+//!     plan     the next step, if the walk has been given all rays of the last one
+//!     decide   which blocks of that step are split of their own
+//!     append   those beside them are split, too; rays in split blocks are appended to the list
+//!     slice    workgroups for the walk: as many as there are rays for, and as the slice may still start
+//!     walk     these rays
+//! once a slice that has come back says that this was all: the image is filled, tile by tile
+//! ```
+//!
+//! How far the image is stands in the GPU's memory, and the numbers of workgroups come from there: the CPU gives it one slice after the other,
+//! all of them alike, and reads nothing in between. What a slice brings back are counts, and whether it was the last; one that comes behind
+//! the last does nothing. A ray is appended once, by whoever sets its bit first, so that the list has no more places than the image has pixels.
+//!
+//! What a ray has seen lies in planes of its own: `fill` cannot read the texture that it writes. Which rays are cast depends on these and
+//! on the bits of rays that met a cell, and on neither slices nor the order of the list.
+
+use super::{CellWalk, FIRST_TILES, WalkJob};
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::RayLists;
+use crate::render::gpu::readback::{Sent, SliceData, counted};
+use crate::render::gpu::shaders::{Gathering, Inside, Stage};
+use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, UnitCost};
+use crate::render::{Contrast, Frame, LayerRenderer, RenderError, RenderJob};
+use crate::stats::FrameStats;
+use std::time::{Duration, Instant};
+
+/// How far the sampling of an image is.
+pub(super) struct Sampling {
+    /// Thresholds that are still to be reached, the next one last; there is one.
+    contrasts: Vec<f32>,
+    /// The job of all rays that comes behind them, if that is how they end.
+    exact: Option<Box<RenderJob>>,
+    /// Whether all rays have been cast, and the image is being filled.
+    fills: bool,
+    /// What the rays that were cast last have cost.
+    groups: usize,
+    ms: f64,
+}
+
+/// What workgroups of rays and tiles that are filled take, from frame to frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SamplingCosts {
+    group: UnitCost,
+    fill: UnitCost,
+}
+
+/// What a slice of rays says.
+struct Told {
+    pairs: u64,
+    is_done: bool,
+    groups: usize,
+    ms: f64,
+    counts: FrameStats,
+}
+
+impl Sampling {
+    /// The sampling of a job that has contrasts, the greatest first; 0 is the job without.
+    pub(super) fn new(job: &RenderJob, mut contrasts: Vec<f32>) -> Self {
+        let is_whole = contrasts.last() == Some(&0.0);
+        if is_whole {
+            contrasts.pop();
+        }
+        contrasts.reverse();
+        let exact = || RenderJob { contrast: None, previews: Vec::new(), domain: None, ..job.clone() };
+        let exact = is_whole.then(|| Box::new(exact()));
+        Self { contrasts, exact, fills: false, groups: 0, ms: 0.0 }
+    }
+
+    /// The threshold that is being reached.
+    pub(super) fn contrast(&self) -> f32 {
+        self.contrasts.last().copied().unwrap_or(0.0)
+    }
+
+    /// Begins with the rays of a threshold.
+    pub(super) fn begin_again(&mut self) {
+        (self.fills, self.groups, self.ms) = (false, 0, 0.0);
+    }
+}
+
+/// The walk of the rays that contrast asks for.
+pub(super) fn walk_of(job: &WalkJob) -> Stage {
+    Stage::WalkRays(Gathering::of(&job.job), Inside::of(&job.job), job.precision)
+}
+
+impl Told {
+    fn new(slice: &SliceData<'_>, stats: &mut FrameStats, context: &Context) -> Self {
+        let count = |i: usize| u64::from(slice.word_sent(i));
+        let sum = |i: usize| count(RayLists::SUMS + 2 * i) | count(RayLists::SUMS + 2 * i + 1) << 32;
+        let times = slice.add_times_to(stats, context);
+        if let Some([entries, _]) = times {
+            stats.ms_gpu_entries = Some(entries);
+        }
+        Self {
+            pairs: count(RayLists::PAIRS),
+            is_done: count(RayLists::IS_DONE) == 1,
+            groups: slice.word_sent(RayLists::GROUPS_DONE) as usize,
+            ms: times.map_or(0.0, |[_, walk]| walk),
+            counts: FrameStats {
+                rays_by_level: [0, 1, 2, 3].map(|level| count(RayLists::RAYS_BY_LEVEL + level)),
+                blocks_split: [0, 1, 2, 3].map(|reason| count(RayLists::BLOCKS + reason)),
+                blocks_filled: count(RayLists::BLOCKS + 4),
+                ..counted(std::array::from_fn(sum))
+            },
+        }
+    }
+}
+
+impl CellWalk {
+    /// Works on an image of some rays for about `budget`; whether it is done.
+    pub(super) fn advance_rays(
+        &mut self,
+        budget: Duration,
+        active: &mut WalkJob,
+        frame: &mut Frame,
+    ) -> Result<bool, RenderError> {
+        let started = Instant::now();
+        while let Some(sampling) = &active.sampling {
+            let (fills, has_room) = (sampling.fills, self.in_flight.len() < IN_FLIGHT);
+            if !fills && has_room {
+                self.submit_rays(active, budget)?;
+                continue;
+            }
+            if fills && has_room && active.next_tile < active.tile_count {
+                self.submit_filling(active, budget, frame.texture.is_none())?;
+                continue;
+            }
+            let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
+            if !fills {
+                self.collect_rays(sent, active, frame)?;
+            } else {
+                self.collect_filling(sent, active, frame)?;
+                if active.tiles_done >= active.tile_count {
+                    return self.end_contrast(active, frame);
+                }
+            }
+            if started.elapsed() >= budget {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Submits the next rays.
+    fn submit_rays(&mut self, active: &WalkJob, budget: Duration) -> Result<(), RenderError> {
+        let groups = self.sampling_costs.group.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
+        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let timestamp_writes = active.target.stamps(4);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk of rays"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            self.scene.rays.record(&self.context, walk_of(active), groups, &mut pass)?;
+        }
+        let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));
+        let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), head)?;
+        self.in_flight.push_back(sent);
+        Ok(())
+    }
+
+    /// Waits for a slice of rays. Behind the last one, the image is filled.
+    fn collect_rays(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let waiting = Instant::now();
+        let context = self.context.clone();
+        let told = |slice: &SliceData<'_>| Told::new(slice, &mut frame.stats, &context);
+        let mut told = self.readback.collect(&context, sent, told)?;
+        if told.pairs > u64::from(active.params.pair_capacity) {
+            return self.begin_again(told.pairs, active, &mut frame.stats);
+        }
+        if context.timestamp_period_ns().is_none() {
+            told.ms = waiting.elapsed().as_secs_f64() * 1e3;
+        }
+        let Some(sampling) = &mut active.sampling else { return Ok(()) };
+        if told.groups > 0 {
+            sampling.groups += told.groups;
+            sampling.ms += told.ms;
+            self.sampling_costs.group.last = Some(told.ms / told.groups as f64);
+        }
+        if !told.is_done {
+            return Ok(());
+        }
+        self.sampling_costs.group.mean = Some(sampling.ms / sampling.groups.max(1) as f64);
+        (sampling.fills, active.next_tile, active.tiles_done, active.walk_ms) = (true, 0, 0, 0.0);
+        let (stats, counts) = (&mut frame.stats, told.counts);
+        stats.add_counts(&counts);
+        stats.rays_by_level.iter_mut().zip(counts.rays_by_level).for_each(|(sum, count)| *sum += count);
+        (stats.blocks_split, stats.blocks_filled) = (counts.blocks_split, counts.blocks_filled);
+        // What has been submitted behind the last one does nothing.
+        self.abandon()
+    }
+
+    /// Submits the filling of the next tiles.
+    fn submit_filling(&mut self, active: &mut WalkJob, budget: Duration, has_pixels: bool) -> Result<(), RenderError> {
+        let count = self.sampling_costs.fill.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
+        let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
+        active.params.first_tile = tiles.start as u32;
+        self.scene.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let timestamp_writes = active.target.stamps(4);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("fill"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            self.scene.rays.record_fill(&self.context, tiles.len(), &mut pass)?;
+        }
+        active.next_tile = tiles.end;
+        let sent = self.readback.send(&self.context, encoder, &active.target, (tiles, has_pixels), None)?;
+        self.in_flight.push_back(sent);
+        Ok(())
+    }
+
+    /// Waits for filled tiles and takes their pixels.
+    fn collect_filling(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let (waiting, cost) = (Instant::now(), &mut self.sampling_costs.fill);
+        self.readback.collect(&self.context, sent, |slice| {
+            if frame.texture.is_none() {
+                slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
+            }
+            let times = slice.add_times_to(&mut frame.stats, &self.context);
+            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, fill]| fill);
+            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
+            active.walk_ms += ms;
+            active.tiles_done += slice.tiles.len();
+        })?;
+        if active.tiles_done >= active.tile_count {
+            cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+        }
+        Ok(())
+    }
+
+    /// The image of a contrast is there; whether no other follows.
+    fn end_contrast(&mut self, active: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
+        self.presenter.present(&self.context, &active.target.planes.color, frame)?;
+        let Some(sampling) = &mut active.sampling else { return Ok(true) };
+        let reached = sampling.contrasts.pop();
+        if sampling.contrasts.is_empty() && sampling.exact.is_none() {
+            return Ok(true);
+        }
+        self.preview = reached.and_then(Contrast::new);
+        Ok(false)
+    }
+
+    /// Goes on from an image that somebody has seen to the next one.
+    pub(super) fn go_on(&mut self, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let Some(sampling) = &mut active.sampling else { return Ok(()) };
+        self.presenter.renew(&self.context, frame)?;
+        if sampling.contrasts.is_empty() {
+            return sampling.exact.take().map_or(Ok(()), |exact| self.begin_exact(*exact, active, frame));
+        }
+        sampling.begin_again();
+        self.scene.rays.sharpen(&self.context, active.target.size_px, sampling.contrast())
+    }
+
+    /// Begins the image of all rays, as it is for a job that is about nothing else: the walk of a list may round otherwise.
+    fn begin_exact(&mut self, job: RenderJob, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        // Counts are those of the image in the end.
+        let stats = &mut frame.stats;
+        (stats.entries, stats.steps, stats.segments, stats.rays_hit) = Default::default();
+        (stats.rays_stopped_early, stats.out_of_order, stats.broken_paths) = Default::default();
+        (stats.rays_by_level, stats.blocks_split, stats.blocks_filled) = Default::default();
+        *active = self.begin_walk(job, frame)?;
+        Ok(())
+    }
+}
