@@ -167,7 +167,7 @@ impl Renderers {
         if let Some(primitive) = primitive
             && self.gpu.is_wanted(backend)?
         {
-            match self.gpu.draw(&job, primitive, backend) {
+            match self.gpu.draw(&job, primitive, backend, previewed) {
                 Ok(false) => return Ok(None),
                 Ok(true) => return Ok(self.gpu.renderer_in_use(primitive)),
                 Err(error) if backend == Backend::Gpu => return Err(error),

@@ -8,7 +8,7 @@ use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::havs::Havs;
 use crate::render::gpu::raycast::Raycast;
 use crate::render::surfaces::SurfaceScene;
-use crate::render::{RenderError, RenderJob, Renderer};
+use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
 use std::sync::Arc;
 
 /// Times that a frame is begun again on a new device before its failure counts.
@@ -44,11 +44,16 @@ struct Beyond {
     faces: usize,
     /// Values of its table of more than the scalar.
     joint_values: usize,
-    extras: [bool; 5],
+    extras: [bool; 6],
     error: RenderError,
 }
 
 impl Beyond {
+    fn new(job: RenderJob, primitive: Primitive, error: RenderError) -> Self {
+        let (faces, joint_values, extras) = (faces_of(&job), joint_values_of(&job), extras_of(&job));
+        Self { mesh: job.mesh, view: job.view, primitive, faces, joint_values, extras, error }
+    }
+
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
         let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
@@ -57,12 +62,15 @@ impl Beyond {
     }
 }
 
-/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume, colours of other fields.
-fn extras_of(job: &RenderJob) -> [bool; 5] {
+/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume, colours of other fields, and lists of rays where
+/// contrast decides which are cast.
+fn extras_of(job: &RenderJob) -> [bool; 6] {
     let of_scene = |has: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(has);
     let is_cut = of_scene(|scene| !scene.planes().is_empty());
     let is_colored = of_scene(SurfaceScene::has_beside);
-    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, of_scene(SurfaceScene::lights_volume), is_colored]
+    let lights_volume = of_scene(SurfaceScene::lights_volume);
+    let has_contrasts = !job.contrasts().is_empty();
+    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts]
 }
 
 fn joint_values_of(job: &RenderJob) -> usize {
@@ -185,8 +193,8 @@ impl Gpu {
         }
     }
 
-    /// Renders the primitives of a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame. A device that is lost or fails
-    /// is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
+    /// Renders the primitives of a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame; `previewed` sees it on the way.
+    /// A device that is lost or fails is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
     ///
     /// # Errors
     /// Of the last device, or that the job is beyond the GPU.
@@ -195,20 +203,28 @@ impl Gpu {
         job: &RenderJob,
         primitive: Primitive,
         backend: Backend,
+        previewed: &mut dyn FnMut(&Frame, Contrast),
     ) -> Result<bool, RenderError> {
         let hardware_only = backend == Backend::Auto && self.options.adapter.is_empty();
-        let drawn = self.draw_again(job, primitive, hardware_only);
+        let drawn = self.draw_again(job, primitive, hardware_only, previewed);
         self.problem = drawn.as_ref().err().cloned();
         drawn
     }
 
-    fn draw_again(&mut self, job: &RenderJob, primitive: Primitive, hardware_only: bool) -> Result<bool, RenderError> {
+    fn draw_again(
+        &mut self,
+        job: &RenderJob,
+        primitive: Primitive,
+        hardware_only: bool,
+        previewed: &mut dyn FnMut(&Frame, Contrast),
+    ) -> Result<bool, RenderError> {
         if let Some(beyond) = self.beyond.as_ref().filter(|beyond| beyond.holds_for(job, primitive)) {
             return Err(beyond.error.clone());
         }
         let mut job = job.clone();
         loop {
-            let error = match self.renderers(hardware_only)?.of(primitive).render_unless_cancelled(job.clone()) {
+            let renderer = self.renderers(hardware_only)?.of(primitive);
+            let error = match renderer.render_with_previews(job.clone(), previewed) {
                 Ok(frame) => return Ok(frame.is_some()),
                 Err(error) => error,
             };
@@ -224,10 +240,7 @@ impl Gpu {
                     job.stats.gpu_restarts += 1;
                 }
                 RenderError::BeyondGpu { .. } => {
-                    let (faces, joint_values) = (faces_of(&job), joint_values_of(&job));
-                    let extras = extras_of(&job);
-                    let (mesh, view, known) = (job.mesh, job.view, error.clone());
-                    self.beyond = Some(Beyond { mesh, view, primitive, faces, joint_values, extras, error: known });
+                    self.beyond = Some(Beyond::new(job, primitive, error.clone()));
                     return Err(error);
                 }
                 RenderError::NoGpu(_)

@@ -54,3 +54,23 @@ fn a_gpu_that_is_lost_again_and_again_is_an_error_or_leaves_the_frame_to_the_cpu
     }
     assert!(renderers.gpu.context().is_none());
 }
+
+#[test]
+fn rays_that_contrast_asks_for_beyond_the_gpu_do_not_keep_all_rays_from_it() {
+    let context = match Context::new(&ContextOptions::default()) {
+        Ok(context) => context,
+        Err(why) => return common::skip("gpu", &why.to_string()),
+    };
+    let mut renderers = Renderers::default();
+    // A list of all pixels takes 4 bytes each, and what the other stages bind of one tet a few hundred.
+    let adapter = context.adapter().name.clone();
+    renderers.gpu.choose(ContextOptions { adapter, binding_bytes: Some(2048), ..Default::default() });
+    let exact = one_tet();
+    let mut fewer = one_tet();
+    (fewer.job.mesh, fewer.job.active) = (exact.job.mesh.clone(), exact.job.active.clone());
+    fewer.job.contrast = Contrast::new(0.1);
+    assert!(!renderers.render(fewer, Backend::Auto).unwrap().unwrap().stats.on_gpu);
+    assert!(matches!(renderers.gpu.problem(), Some(RenderError::BeyondGpu { .. })));
+    assert!(renderers.render(exact, Backend::Auto).unwrap().unwrap().stats.on_gpu);
+    assert!(renderers.gpu.problem().is_none());
+}

@@ -375,9 +375,7 @@ impl Order {
         let mut job = RenderJob {
             compressed,
             // Nobody goes through cells whose scalars are not there.
-            // Where contrast decides, rays that meet active cells are told from others.
-            finite: Some(finite.clone())
-                .filter(|finite| !is_adaptive && known.is_empty() && !Arc::ptr_eq(finite, &active)),
+            finite: Some(finite.clone()).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             contrast,
             previews: if by == DrawnBy::Raycast { request.previews.clone() } else { Vec::new() },
             domain,

@@ -24,8 +24,8 @@ pub enum SampleSet {
     /// These, row times the width of the image plus column, in any order and each once: a plane of one row, which has their order.
     /// Rendered on the CPU.
     Pixels(#[serde(with = "pixels")] Arc<[u32]>),
-    /// Those that contrast asks for; the others are filled in between, so that the planes have all pixels. By rays from cell to cell, on the
-    /// CPU. At a contrast of 0 these are all of them.
+    /// Those that contrast asks for; the others are filled in between, so that the planes have all pixels. By rays from cell to cell. At a
+    /// contrast of 0 these are all of them.
     Adaptive {
         /// How much neighbouring rays may differ.
         contrast: Contrast,

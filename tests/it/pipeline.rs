@@ -10,6 +10,7 @@ use tetreel::pipeline::{
     Backend, FaceDetail, FrameRequest, Pipeline, Pipelined, PipelinedOptions, SampleSet, Series, TetDraw,
 };
 use tetreel::playback::{Clock, Command, Mode, Player};
+use tetreel::render::Contrast;
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -69,23 +70,33 @@ fn a_lattice_of_pixels_is_a_part_of_the_whole_frame_and_nothing_is_kept_for_the_
 }
 
 #[test]
-fn rays_that_contrast_asks_for_go_from_cell_to_cell_on_the_cpu() {
+fn rays_that_contrast_asks_for_go_from_cell_to_cell() {
     let temp = tempfile::tempdir().unwrap();
     let (mut pipeline, request) = jet(temp.path());
     let request = FrameRequest { time: 5.into(), ..request };
     let whole = pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request.clone() }).unwrap().planes.clone();
     assert!(whole.color.pixels.iter().any(|pixel| pixel[3] > 0.0));
     let at = |samples: &str| FrameRequest { samples: samples.parse().unwrap(), ..request.clone() };
-    let frame = pipeline.render(&at("adaptive:0.3")).unwrap().clone();
+    let on = |backend: Backend, samples: &str| FrameRequest { backend, ..at(samples) };
+    let frame = pipeline.render(&on(Backend::Cpu, "adaptive:0.3")).unwrap().clone();
     assert!(!frame.stats.on_gpu && frame.stats.rays_by_level[0] > 0);
     assert!(frame.planes != whole && frame.planes.color.pixels.len() == whole.color.pixels.len());
-    assert!(pipeline.render(&at("adaptive:0")).unwrap().planes == whole);
+    assert!(pipeline.render(&on(Backend::Cpu, "adaptive:0")).unwrap().planes == whole);
+    if pipeline.check_backend(Backend::Gpu).is_ok() {
+        let exact = pipeline.render(&on(Backend::Gpu, "exact")).unwrap().clone();
+        assert!(pipeline.render(&on(Backend::Gpu, "adaptive:0")).unwrap().planes == exact.planes);
+        let fewer = pipeline.render(&on(Backend::Gpu, "adaptive:0.3")).unwrap().clone();
+        assert!(fewer.stats.on_gpu && fewer.stats.rays_by_level[0] > 0 && fewer.planes != exact.planes);
+        let on_the_way = FrameRequest { previews: vec![Contrast::default()], ..on(Backend::Gpu, "exact") };
+        assert!(pipeline.render(&on_the_way).unwrap().planes == exact.planes);
+    } else {
+        assert!(pipeline.render(&on(Backend::Gpu, "adaptive")).is_err());
+    }
     let all = FaceDetail { lod: 0.5, ..FaceDetail::ALL };
     for draw in [TetDraw::ALL_FACES, TetDraw::Faces(all), TetDraw::Reference] {
         let refused = pipeline.render(&at("adaptive").with_draw(draw)).unwrap_err().to_string();
         assert!(refused.contains("from cell to cell") && refused.contains(draw.drawn_by().name()), "{refused}");
     }
-    assert!(pipeline.render(&FrameRequest { backend: Backend::Gpu, ..at("adaptive") }).is_err());
     for bad in ["adaptive:1.5", "adaptive:", "adaptive:nan", "some", "exact:0.1"] {
         assert!(bad.parse::<SampleSet>().is_err(), "{bad}");
     }

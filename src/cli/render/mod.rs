@@ -18,7 +18,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, PngDepth};
 use crate::import;
-use crate::pipeline::{Backend, DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw, Upsampling};
+use crate::pipeline::{DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::Project;
 use crate::short::Short;
 use crate::stats::FrameStats;
@@ -138,7 +138,7 @@ impl Args {
 
     /// Refuses what cannot be drawn with fewer rays.
     fn check_rays(&self, project: Option<&Project>) -> anyhow::Result<()> {
-        let SceneArgs { mode, faces, backend, surfaces, .. } = &self.scene;
+        let SceneArgs { mode, faces, surfaces, .. } = &self.scene;
         if self.rays.contrast().is_none() {
             return Ok(());
         }
@@ -153,9 +153,6 @@ impl Args {
                 "--rays adaptive is about rays from cell to cell, and {} draws otherwise; choose --mode raycast, all faces, or --rays exact",
                 by.name()
             ),
-        }
-        if *backend == Backend::Gpu {
-            bail!("--rays adaptive is rendered on the CPU only; leave --backend gpu out");
         }
         if surfaces.needs_whole_image() {
             bail!(

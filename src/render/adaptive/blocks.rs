@@ -66,6 +66,11 @@ impl Blocks {
         self.columns
     }
 
+    #[cfg(all(test, feature = "gpu"))]
+    pub(super) fn states(&self) -> &[u8] {
+        &self.states
+    }
+
     /// Whether none is split.
     pub(super) fn are_all_whole(&self) -> bool {
         self.states.iter().all(|&state| state <= OPEN)

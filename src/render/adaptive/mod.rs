@@ -155,6 +155,18 @@ impl Adaptive {
         }
     }
 
+    /// Whether the ray of a pixel was cast before the level that is being cast.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(in crate::render) fn has_cast(&self, column: usize, row: usize) -> bool {
+        self.cast.contains(column, row)
+    }
+
+    /// The states of the blocks of a level, row by row, in the bits of `blocks.rs`.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(in crate::render) fn states(&self, level: usize) -> &[u8] {
+        self.blocks[level].states()
+    }
+
     /// Opens the blocks in those of this level that are split.
     fn open_finer(&mut self) {
         let (coarser, finer) = self.blocks.split_at_mut(self.level + 1);

@@ -90,7 +90,6 @@ fn fewer_rays_are_cast_where_that_is_asked_for_and_files_say_so() {
         (&["--rays", "adaptive", "--mode", "havs"], &["--rays adaptive", "havs", "--rays exact"]),
         (&["--rays", "adaptive", "--mode", "reference"], &["reference"]),
         (&["--rays", "adaptive", "--lod", "0.5"], &["havs"]),
-        (&["--rays", "adaptive", "--backend", "gpu"], &["CPU only"]),
         (&["--rays", "adaptive", "--iso", "0.5", "--ao"], &["--ao", "--rays exact"]),
     ] {
         place.refuses(&render(&[&["-o", "no.png", "--steps", "1"], how].concat()), words);

@@ -108,6 +108,12 @@ impl Raycast {
         Self::of(CellWalk { portable: true, ..CellWalk::default() })
     }
 
+    /// How the sampling of the last image went.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(in crate::render) fn adaptive(&self) -> &Adaptive {
+        &self.layer.adaptive
+    }
+
     /// A renderer whose pre-integrated tables have this resolution.
     pub fn with_table3d_resolution(resolution: Table3dResolution) -> Self {
         Self::of(CellWalk { tables: OpticsTables::of_resolution(resolution), ..CellWalk::default() })

@@ -24,9 +24,12 @@ pub(in crate::render) struct CellChoice {
 }
 
 impl CellChoice {
-    /// The cells that rays go through: the active ones, or all finite ones where that is cheaper. The image is the same.
+    /// The cells that rays go through: the active ones, or all finite ones where that is cheaper. The image is the same; where contrast
+    /// decides which rays are cast, those that meet active cells are told from others.
     pub(in crate::render) fn cells(&mut self, job: &RenderJob) -> Arc<CellSet> {
-        let Some(finite) = &job.finite else { return job.active.clone() };
+        let Some(finite) = job.finite.as_ref().filter(|_| job.contrasts().is_empty()) else {
+            return job.active.clone();
+        };
         if self.active.as_ptr() != Arc::as_ptr(&job.active) || !job.skip.unchanged {
             let clear = finite.count().saturating_sub(job.active.count());
             self.is_worth_it = is_worth_it(clear, || count_beside(&job.mesh.topology, &job.active, finite));

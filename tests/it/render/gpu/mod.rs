@@ -1,6 +1,7 @@
 //! The ray caster on the GPU against the one on the CPU. The scenes of the other tests of renderers are compared too
 //! (`assert_agrees`).
 
+mod adaptive;
 mod behaviour;
 mod decode;
 mod eyes;

@@ -2,6 +2,7 @@
 //! CPU's renderer. Each comparison is shown to notice a small change of one side.
 
 mod entries;
+mod rays;
 mod transform;
 mod walk;
 
