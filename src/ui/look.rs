@@ -122,8 +122,6 @@ pub(super) struct Requests {
     pub(super) problem: Option<String>,
     /// Whether frames may stay on the GPU of the window.
     pub(super) for_window: bool,
-    /// Whether contrast may decide which rays are cast, where they are.
-    pub(super) can_leave_rays_out: bool,
     /// Contrasts that are shown on the way to a picture in full.
     pub(super) previews: Vec<Contrast>,
     /// Details of earlier frames, while their view stays.
@@ -191,7 +189,7 @@ impl Requests {
             tets.show(&look.surfaces.at(moment));
         });
         let request = FrameRequest { backend, for_window, skip, ..request };
-        let has_rays = self.can_leave_rays_out && request.may_leave_rays_out();
+        let has_rays = request.may_leave_rays_out();
         // Whoever may leave rays out may give them details, but on the surface of the domain.
         let is_of_cells = request.tets().is_some_and(|tets| tets.domain.is_empty());
         let has_details = has_rays && is_of_cells && self.still.as_ref().is_some_and(|still| still.is_of(&request));

@@ -101,8 +101,7 @@ impl Session {
 
     /// What is shown on the way to a picture in full, better than what is on the screen.
     pub(super) fn previews(&self) -> Vec<Contrast> {
-        // The GPU draws none, and would look at more cells for them.
-        if !self.draws_on_cpu() || self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
+        if self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
             return Vec::new();
         }
         let is_same_view = |shown: &&Shown| shown.request.camera == self.camera();

@@ -1,7 +1,7 @@
 //! What a session does whenever its time comes.
 
 use super::{Asked, Drawing, Session, Shown};
-use crate::pipeline::{Backend, Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
+use crate::pipeline::{Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
 use crate::playback::quality::Quality;
 use crate::ui::Look;
 use crate::ui::jobs::{Done, Screenshot};
@@ -25,7 +25,6 @@ impl Session {
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
         self.look_at_costs(size);
         self.requests.previews = if target_ms.is_none() { self.previews() } else { Vec::new() };
-        self.requests.can_leave_rays_out = self.draws_on_cpu();
         let Self { player, requests, quality, drawing, look, asked, .. } = self;
         let last = *drawing;
         let mut choose = |of: Drawing| {
@@ -134,15 +133,6 @@ impl Session {
         let as_asked = Look { camera: asked.look.camera, ..self.look.clone() };
         if asked.look != as_asked {
             self.quality.forget();
-        }
-    }
-
-    /// Whether the next frame will be drawn on the CPU, judged by the last one.
-    pub(super) fn draws_on_cpu(&self) -> bool {
-        match self.look.backend {
-            Backend::Cpu => true,
-            Backend::Gpu => false,
-            Backend::Auto => self.shown.as_ref().is_some_and(|shown| !shown.frame.stats.on_gpu),
         }
     }
 
