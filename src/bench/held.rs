@@ -106,7 +106,7 @@ pub fn run_held(
         if frame >= SETTLED {
             ms.push(stats.ms_worked());
             *chosen.entry(name(quality)).or_insert(0) += 1;
-            if frame % JUDGED == 0 {
+            if frame % JUDGED == SETTLED {
                 judged.push(Judged { before: at(frame)?, request, quality });
             }
         }
