@@ -48,7 +48,7 @@ impl RayScene {
         let mut stale = self.params.reserve(context, size_of::<RayParams>() as u64)?;
         stale |= self.args.reserve(context, ARGS_BYTES)?;
         stale |= self.rays.reserve(context, 4 * RayLists { size_px }.end())?;
-        if !self.seen.as_ref().is_some_and(|(size, _)| *size == size_px) {
+        if self.seen.as_ref().is_none_or(|(size, _)| *size != size_px) {
             self.seen = None;
             self.seen = Some((size_px, PlanePair::new(context, size_px)?));
             stale = true;
