@@ -40,7 +40,7 @@ pub struct FrameRequest {
     /// there. What it shows is the same.
     #[serde(skip)]
     pub for_window: bool,
-    /// Contrasts at which the image is delivered on the way, falling, where it takes rays from cell to cell on the CPU
+    /// Contrasts at which the image is delivered on the way, falling, where it takes rays from cell to cell
     /// ([`Delivery::is_final`](super::Delivery::is_final)). The frame in the end is the same. A newer request takes the place of one
     /// with previews even while it is rendered.
     #[serde(skip)]
