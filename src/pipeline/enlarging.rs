@@ -44,6 +44,7 @@ impl Enlarge {
 
     /// Brings planes to full size, and counts; false if the job was cancelled: then the planes are of no use.
     pub(super) fn finish(self, planes: &mut Planes, stats: &mut FrameStats) -> bool {
+        let _span = tracing::info_span!("upsample").entered();
         let started = Instant::now();
         let Some(color) = self.color(&planes.color, stats) else { return false };
         planes.color = color;

@@ -109,6 +109,7 @@ impl AddDetails {
         renewed: Duration,
         stats: &mut FrameStats,
     ) -> Arc<Details> {
+        let _span = tracing::info_span!("details").entered();
         let started = Instant::now();
         let mut residual = Residual::new(planes, self.request.base.details());
         if let Some(rows) = rows {
