@@ -2,6 +2,7 @@
 
 use super::FrameRequest;
 use super::series::Series;
+use crate::image::RgbaImage;
 use crate::render::Frame;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::FrameTexture;
@@ -16,10 +17,9 @@ const SPARES_MAX: usize = 3;
 #[derive(Clone, Debug)]
 pub struct SharedFrame(Arc<Pooled>);
 
-impl SharedFrame {
-    /// Whether both are the same frame, in the same memory.
-    pub fn ptr_eq(a: &Self, b: &Self) -> bool {
-        Arc::ptr_eq(&a.0, &b.0)
+impl AsRef<RgbaImage> for SharedFrame {
+    fn as_ref(&self) -> &RgbaImage {
+        &self.planes.color
     }
 }
 

@@ -2,35 +2,52 @@
 
 use super::{DrawnBy, FrameRequest, RequestError, SampleSet, SharedFrame};
 use crate::camera::{PixelSet, Samples, View};
+use crate::image::RgbaImage;
 use crate::render::residual::{Details, Residual, lattice};
 use crate::render::{Planes, RenderJob};
 use crate::stats::FrameStats;
+use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Where details come from.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum ResidualBase {
-    /// A frame of all rays of the same view.
-    Exact(SharedFrame),
-    /// Those of a frame of the same view ([`Frame::details`]).
+    /// The colours of a frame of all rays of the same view ([`Self::exact`]); whatever else such a frame has is no part of a request.
+    Exact(Arc<dyn AsRef<RgbaImage> + Send + Sync>),
+    /// Those of a frame of the same view ([`crate::render::Frame::details`]).
     Details(Arc<Details>),
 }
 
 impl ResidualBase {
+    /// Those of a frame of all rays.
+    pub fn exact(frame: SharedFrame) -> Self {
+        Self::Exact(Arc::new(frame))
+    }
+
     fn size_px(&self) -> (usize, usize) {
         match self {
-            Self::Exact(frame) => (frame.planes.color.width, frame.planes.color.height),
+            Self::Exact(frame) => ((**frame).as_ref().width, (**frame).as_ref().height),
             Self::Details(details) => details.size_px(),
         }
     }
 
     fn details(&self) -> Details {
         match self {
-            Self::Exact(frame) => Details::of(&frame.planes.color),
+            Self::Exact(frame) => Details::of((**frame).as_ref()),
             Self::Details(details) => (**details).clone(),
         }
+    }
+}
+
+impl fmt::Debug for ResidualBase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self {
+            Self::Exact(_) => "Exact",
+            Self::Details(_) => "Details",
+        };
+        f.debug_tuple(kind).field(&self.size_px()).finish()
     }
 }
 
@@ -38,7 +55,7 @@ impl ResidualBase {
 impl PartialEq for ResidualBase {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Exact(a), Self::Exact(b)) => SharedFrame::ptr_eq(a, b),
+            (Self::Exact(a), Self::Exact(b)) => std::ptr::addr_eq(Arc::as_ptr(a), Arc::as_ptr(b)),
             (Self::Details(a), Self::Details(b)) => Arc::ptr_eq(a, b),
             _ => false,
         }

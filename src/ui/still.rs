@@ -24,7 +24,7 @@ impl Still {
     pub(super) fn of(request: &FrameRequest, frame: &SharedFrame) -> Self {
         let mut still = Self {
             view: request.clone(),
-            base: ResidualBase::Exact(frame.clone()),
+            base: ResidualBase::exact(frame.clone()),
             renewed: Vec::new(),
             frames: 0,
             asked: 0,

@@ -51,12 +51,12 @@ fn rays_that_are_cast_and_rows_made_anew_have_the_bits_of_the_whole_frame() {
     let first = frame(&pipelined, request.clone());
     let exact = frame(&pipelined, FrameRequest { time: 3.into(), ..request.clone() }).planes.clone();
     // What was rendered in full is as good as anything: it is kept.
-    let kept = delivery(&pipelined, with(&request, 3, ResidualBase::Exact(first.clone()), 0..1));
+    let kept = delivery(&pipelined, with(&request, 3, ResidualBase::exact(first.clone()), 0..1));
     assert!(kept.is_kept && kept.frame.unwrap().planes == exact);
     let (width, height) = SIZE_PX;
     let fresh = FrameRequest { skip: "all,-unchanged".parse().unwrap(), ..request.clone() };
     for (anew, count) in [(0..0, 0), (2..4, 32 * width), (6..7, 5 * width), (0..7, width * height)] {
-        let shown = frame(&pipelined, with(&fresh, 3, ResidualBase::Exact(first.clone()), anew.clone()));
+        let shown = frame(&pipelined, with(&fresh, 3, ResidualBase::exact(first.clone()), anew.clone()));
         let is_cast = |at: usize| {
             let (column, row) = (at % width, at / width);
             let is = |pixel: usize, pixels: usize| pixel.is_multiple_of(4) || pixel + 1 == pixels;
@@ -79,10 +79,10 @@ fn details_serve_the_next_moments_and_nothing_that_has_them_is_kept() {
     let first = frame(&pipelined, request.clone());
     // The same moment: two roundings.
     let fresh = FrameRequest { skip: "all,-unchanged".parse().unwrap(), ..request.clone() };
-    let same = frame(&pipelined, with(&fresh, 0, ResidualBase::Exact(first.clone()), 0..0));
+    let same = frame(&pipelined, with(&fresh, 0, ResidualBase::exact(first.clone()), 0..0));
     assert!(compare_raw(&same.planes.color, &first.planes.color).unwrap().max <= 2f64.powi(-23));
     let nothing = Arc::new(Details::of(&RgbaImage::new(SIZE_PX.0, SIZE_PX.1)));
-    let mut base = ResidualBase::Exact(first);
+    let mut base = ResidualBase::exact(first);
     for step in 1..STEPS {
         let exact = pipelined_exact(&pipelined, &fresh, step);
         let shown = delivery(&pipelined, with(&fresh, step, base, 0..0));
@@ -106,7 +106,7 @@ fn pipelined_exact(pipelined: &Pipelined, request: &FrameRequest, step: usize) -
 #[test]
 fn details_that_do_not_fit_are_refused() {
     let (_dir, pipelined, request) = jet("viridis@0:0.02,1:0.5");
-    let base = ResidualBase::Exact(frame(&pipelined, request.clone()));
+    let base = ResidualBase::exact(frame(&pipelined, request.clone()));
     let good = with(&request, 1, base, 0..1);
     let bad = |change: fn(FrameRequest) -> FrameRequest| {
         let refused = delivery(&pipelined, change(good.clone())).frame.unwrap_err().to_string();
