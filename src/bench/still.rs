@@ -12,8 +12,6 @@ use std::sync::Arc;
 
 /// Steps that are compared with the first one.
 const STEPS: usize = 16;
-/// Frames in which all details are made anew once.
-const FRAMES: usize = 32;
 
 /// How far frames are off so many steps after one of all rays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +57,7 @@ pub fn run_still(
     let exact = pipeline.render_unless(&FrameRequest { time: 0.into(), ..request.clone() }, cancel)?;
     let first = Arc::new(Details::of(&exact.planes.color));
     let (mut renewed, bands) = (first.clone(), Details::count(request.size_px));
-    let per_frame = bands.div_ceil(FRAMES);
+    let per_frame = Details::per_frame(request.size_px);
     let mut rows = Vec::new();
     for step in 1..pipeline.times().len().min(STEPS + 1) {
         let with = |details: &Arc<Details>, anew| FrameRequest {

@@ -20,6 +20,9 @@ pub const STRIDE_PX: usize = 4;
 /// Rows of a band: those of the renderer's tiles.
 const BAND_ROWS: usize = 16;
 
+/// Frames in which all details can be made anew once, some bands in each.
+pub const RENEWAL_FRAMES: usize = 32;
+
 /// The pixels that rays are cast for.
 pub fn lattice() -> Lattice {
     Lattice::new(NonZeroUsize::new(STRIDE_PX).unwrap_or(NonZeroUsize::MIN))
@@ -46,6 +49,11 @@ impl Details {
     /// Bands of an image of so many columns and rows.
     pub fn count(size_px: (usize, usize)) -> usize {
         size_px.1.div_ceil(BAND_ROWS)
+    }
+
+    /// Bands to be made anew in a frame, so that [`RENEWAL_FRAMES`] are enough for all.
+    pub fn per_frame(size_px: (usize, usize)) -> usize {
+        Self::count(size_px).div_ceil(RENEWAL_FRAMES)
     }
 
     /// The rows of a band.

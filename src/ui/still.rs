@@ -4,9 +4,6 @@ use crate::pipeline::{FrameRequest, ResidualBase, ResidualRequest, SharedFrame};
 use crate::render::residual::Details;
 use std::sync::Arc;
 
-/// Frames in which all details are made anew once.
-const FRAMES: usize = 32;
-
 /// What the last frame of all rays, and those with details since, say of a view.
 #[derive(Clone, Debug)]
 pub(super) struct Still {
@@ -39,7 +36,7 @@ impl Still {
 
     /// Bands that are made anew together.
     fn group(&self) -> usize {
-        self.bands().div_ceil(FRAMES)
+        Details::per_frame(self.view.size_px)
     }
 
     /// Whether a request is for this view, at whatever moment.

@@ -1,10 +1,9 @@
 //! By how much frames of few rays with details of an earlier one are off, beside what else could be drawn.
 
 use super::Quality;
+use crate::render::residual::RENEWAL_FRAMES;
 use std::collections::VecDeque;
 
-/// Frames whose errors count together: each is of another part of the image, and these are all of it.
-const FRAMES: usize = 32;
 /// What was measured so many frames ago is not known any more.
 const LIFE: u32 = 250;
 /// Root mean square of an image of adaptive rays over its contrast, at the least (docs/sampling.md, *What it costs*: 0.0031 to 0.008).
@@ -17,7 +16,7 @@ const SHARE: f64 = 0.25;
 /// Errors of the last frames with details.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DetailsError {
-    /// Root mean squares with details and without, the newest at the end.
+    /// Root mean squares with details and without, the newest at the end: each of another part of the image, together of all of it.
     recent: VecDeque<[f64; 2]>,
     /// Frames since the newest.
     age: u32,
@@ -31,7 +30,7 @@ impl DetailsError {
         if !rmse.iter().all(|rmse| rmse.is_finite()) {
             return;
         }
-        if self.recent.len() == FRAMES {
+        if self.recent.len() == RENEWAL_FRAMES {
             self.recent.pop_front();
         }
         self.recent.push_back(rmse);
