@@ -19,7 +19,7 @@ const COUNTERS: u32 = 8u;
 var<workgroup> counts: array<atomic<u32>, COUNTERS>;
 
 fn active_or_none(cell: u32) -> u32 {
-    if cell == NONE || (params.flags & ALL_ACTIVE) != 0u || ((active_cells[cell >> 5u] >> (cell & 31u)) & 1u) == 1u {
+    if cell == NONE || is_active(cell) {
         return cell;
     }
     return NONE;

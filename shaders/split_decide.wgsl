@@ -8,12 +8,11 @@ fn has_met(pixel: vec2<u32>) -> u32 {
 
 // Whether the box of an entry face reaches into a block. CPU twin: render/cpu/raycast/entries.rs, `EntryBins::reach`.
 //
-// Boxes here are up to 1/16 of a pixel wider than there, and those of more faces on edge are among them: a block may be split that is
-// not on the CPU. Of a cell at the eye the faces are not listed; if the eye is outside of one of them, it may reach anywhere.
-fn is_reached(corners: vec4<u32>) -> bool {
+// The lists say which may: their boxes are up to 1/16 of a pixel wider. Of a cell at the eye the faces are not listed.
+fn is_reached(block: vec4<u32>) -> bool {
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
-    let first = corners.xy / TILE_PX;
-    let last = corners.zw / TILE_PX;
+    let first = block.xy / TILE_PX;
+    let last = block.zw / TILE_PX;
     for (var y = first.y; y <= last.y; y++) {
         for (var x = first.x; x <= last.x; x++) {
             let tile = y * params.tiles.x + x;
@@ -24,14 +23,29 @@ fn is_reached(corners: vec4<u32>) -> bool {
             }
             let end = min(bins[tile], params.pair_capacity);
             for (var i = begin; i < end; i++) {
-                let bounds = bins[pairs_at + PAIR_WORDS * i + 1u];
+                let at = pairs_at + PAIR_WORDS * i;
+                let bounds = bins[at + 1u];
                 let low = corner + vec2(bounds & 15u, (bounds >> 8u) & 15u);
                 let high = corner + vec2((bounds >> 4u) & 15u, (bounds >> 12u) & 15u);
-                let is_face = (bounds & EYE_CELL) == 0u || ((bounds >> SIDES_SHIFT) & 15u) != 0u;
-                if is_face && all(low <= corners.zw) && all(corners.xy <= high) {
+                if all(low <= block.zw) && all(block.xy <= high) && item_reaches(bins[at], bounds, block) {
                     return true;
                 }
             }
+        }
+    }
+    return false;
+}
+
+// Whether the face of an item, or an open one of a cell at the eye, reaches into a block.
+fn item_reaches(item: u32, bounds: u32, block: vec4<u32>) -> bool {
+    if (bounds & EYE_CELL) == 0u {
+        return reaches_into(face_vertices(item >> 2u, item & 3u), block);
+    }
+    for (var face = 0u; face < 4u; face++) {
+        let neighbour = cell_neighbour(item, face);
+        let is_open = neighbour == NONE || !is_active(neighbour >> 2u);
+        if is_open && reaches_into(face_vertices(item, face), block) {
+            return true;
         }
     }
     return false;

@@ -138,10 +138,6 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_f
     return found;
 }
 
-fn is_active(cell: u32) -> bool {
-    return (params.flags & ALL_ACTIVE) != 0u || ((active_cells[cell >> 5u] >> (cell & 31u)) & 1u) == 1u;
-}
-
 // A ray on its way: the face through which it enters the present cell. What it has gathered is in `light`.
 struct Walk {
     ray: Ray,

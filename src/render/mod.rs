@@ -79,7 +79,7 @@ pub struct RenderJob {
     pub prepared: Option<PreparedOptics>,
     /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
     pub placed: Option<cpu::Placed>,
-    /// The contrast that decides which rays are cast, by the CPU's ray caster, where the samples are all pixels; all of them without.
+    /// The contrast that decides which rays a ray caster casts, where the samples are all pixels; all of them without.
     pub contrast: Option<Contrast>,
     /// Contrasts at which the image is shown on the way, falling, where rays that have been cast serve those that follow. The frame in the end is
     /// the same without.

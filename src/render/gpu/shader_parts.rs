@@ -3,6 +3,9 @@
 pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
 pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
 pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
+pub(super) const ACTIVE: &str = include_str!("../../../shaders/lib/active.wgsl");
+pub(super) const PAIRS: &str = include_str!("../../../shaders/lib/pairs.wgsl");
+pub(super) const CLOSE_BOXES: &str = include_str!("../../../shaders/lib/close_boxes.wgsl");
 pub(super) const BOXES: &str = include_str!("../../../shaders/lib/boxes.wgsl");
 pub(super) const ITEMS: &str = include_str!("../../../shaders/lib/items.wgsl");
 pub(super) const RAY_SINGLE: &str = include_str!("../../../shaders/lib/ray_single.wgsl");

@@ -297,7 +297,10 @@ impl Stage {
                 [&read[..], &records, &written, how.tables(), surfaces].concat()
             }
             Self::SplitPlan => vec![Read(Params), Read(Bins), Atomic(Rays), Write(Args)],
-            Self::SplitDecide => vec![Read(Params), Read(RayParams), Read(Bins), Atomic(Rays), Read(SeenColor)],
+            Self::SplitDecide => {
+                let read = [Read(Params), Read(RayParams), Read(Vertices), Read(ActiveCells), Read(Bins)];
+                [&read[..], &records, &[Atomic(Rays), Read(SeenColor)]].concat()
+            }
             Self::SplitAppend => vec![Read(Params), Read(RayParams), Atomic(Rays)],
             Self::SplitSlice => vec![Atomic(Rays), Write(Args)],
             Self::Fill => {
@@ -347,7 +350,11 @@ impl Stage {
                 [&walking(constants, how, inside, precision), listed.as_str()].concat()
             }
             Self::SplitPlan => splitting("", include_str!("../../../shaders/split_plan.wgsl")),
-            Self::SplitDecide => splitting(&blocks(), include_str!("../../../shaders/split_decide.wgsl")),
+            Self::SplitDecide => {
+                let boxes = [lib::SUMS, lib::CELLS, lib::ACTIVE, lib::PAIRS, lib::CLOSE_BOXES].concat();
+                let decide = include_str!("../../../shaders/split_decide.wgsl");
+                splitting(&[constants, &blocks(), &boxes].concat(), decide)
+            }
             Self::SplitAppend => splitting(&blocks(), include_str!("../../../shaders/split_append.wgsl")),
             Self::SplitSlice => [lib::RAY_LIST, include_str!("../../../shaders/split_slice.wgsl")].concat(),
             Self::Fill => splitting(&blocks(), include_str!("../../../shaders/fill.wgsl")),
@@ -370,7 +377,8 @@ impl Stage {
                     Inside::Volume => "",
                     Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES].concat(),
                 };
-                let resolve = [lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
+                let resolve =
+                    [lib::ACTIVE, lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
                 [&gathering(how, inside, precision), &faces(how.fragments()), surfaces, &resolve].concat()
             }
         }
@@ -397,7 +405,7 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
 fn walking(constants: &str, how: Gathering, inside: Inside, precision: Precision) -> String {
     let kind = how.fragments();
     let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
-    [constants, &gathering(how, inside, precision), &values, lib::CELLS, lib::CROSSING, lib::WALK].concat()
+    [constants, &gathering(how, inside, precision), &values, lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK].concat()
 }
 
 /// A stage about what is between rays.

@@ -137,7 +137,7 @@ fn is_clockwise([a, b, c]: &[ScreenPoint; 3], size: f32) -> bool {
 /// Whether every ray sees the triangle clockwise, beyond doubt, on whichever side of the eye it is.
 #[cold]
 #[inline(never)]
-fn is_back_facing(view: &View, [a, b, c]: [ViewVertex; 3]) -> bool {
+pub(in crate::render::cpu) fn is_back_facing(view: &View, [a, b, c]: [ViewVertex; 3]) -> bool {
     let (ab, ac) = ([b.x - a.x, b.y - a.y, b.w - a.w], [c.x - a.x, c.y - a.y, c.w - a.w]);
     let normal = [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
     // Along the ray to corner a; parallel rays all go along w.

@@ -168,8 +168,16 @@ impl EntryBins {
         (chunk < self.parts.len()).then(|| self.chunks[chunk].faces(tile))
     }
 
-    /// Whether the box of an entry face reaches into some columns and rows of pixels.
-    pub(super) fn reach(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+    /// Whether the box of an entry face of which a ray may see the front reaches into some columns and rows of pixels.
+    ///
+    /// Faces so small in the image that f32 leaves their side in doubt are listed from behind, too; a decision that the GPU takes as well is
+    /// about none of these. Twin: `shaders/lib/close_boxes.wgsl`.
+    pub(super) fn reach(
+        &self,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        is_back_facing: impl Fn([u32; 3]) -> bool,
+    ) -> bool {
         let tiles = |pixels: &Range<usize>| pixels.start / TILE_PX..(pixels.end - 1) / TILE_PX + 1;
         let meet = |face: &TileFace, [x, y]: [usize; 2]| {
             let Bounds { x0, x1, y0, y1 } = face.bounds();
@@ -179,7 +187,7 @@ impl EntryBins {
             tiles(&columns).any(|column| {
                 let tile = row * self.grid.columns + column;
                 let mut faces = self.chunks[..self.parts.len()].iter().flat_map(|chunk| chunk.faces(tile));
-                faces.any(|face| meet(face, [column * TILE_PX, row * TILE_PX]))
+                faces.any(|face| meet(face, [column * TILE_PX, row * TILE_PX]) && !is_back_facing(face.ids))
             })
         })
     }

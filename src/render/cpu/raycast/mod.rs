@@ -58,6 +58,8 @@ use crate::stats::FrameStats;
 pub(in crate::render::cpu) use place::{CellPlacer, CellsInView};
 use rays::RayPlane;
 use starts::Entries;
+#[cfg(all(test, feature = "gpu"))]
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use walk::{Scene, TileScratch};
@@ -112,6 +114,15 @@ impl Raycast {
     #[cfg(all(test, feature = "gpu"))]
     pub(in crate::render) fn adaptive(&self) -> &Adaptive {
         &self.layer.adaptive
+    }
+
+    /// Whether the box of an entry face of a job reaches into some columns and rows of pixels.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(in crate::render) fn reaching(job: &RenderJob) -> impl Fn(Range<usize>, Range<usize>) -> bool + Sync {
+        let view = job.local_view();
+        let placed = CellPlacer::default().place(job, &view, &mut FrameStats::default());
+        let mesh = job.mesh.clone();
+        move |columns, rows| Entries::of(&mesh.topology, &view, &placed.lists, false).reach(columns, rows)
     }
 
     /// A renderer whose pre-integrated tables have this resolution.
@@ -241,7 +252,7 @@ impl CellWalk {
                 return false;
             }
             let entries = scene.domain.as_ref().unwrap_or(&scene.entries);
-            let reaches = |columns, rows| entries.bins.reach(columns, rows);
+            let reaches = |columns, rows| entries.reach(columns, rows);
             let mut is_filled = !adaptive.refine(reaches, &mut frame.stats);
             while is_filled {
                 adaptive.fill(&mut frame.planes);

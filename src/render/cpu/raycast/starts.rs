@@ -5,6 +5,7 @@
 //! by pixel ([`raster`](super::super::raster) says why); depths, by which the paths of a ray are put in order, are right to
 //! 2^-17 of the extent of the face, and computed again where that leaves the order open.
 
+use super::super::raster::boxes::is_back_facing;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
 use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
@@ -17,6 +18,7 @@ use crate::camera::View;
 use crate::mesh::Topology;
 use pulp::{Arch, NullaryFnOnce, Scalar, Simd};
 use std::cmp::Ordering;
+use std::ops::Range;
 
 /// Where a path begins: in `cell`, through the face opposite its vertex `opposite`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +75,12 @@ impl<'a> Entries<'a> {
     pub(super) fn of(topology: &'a Topology, view: &'a View, lists: &'a EntryLists, portable: bool) -> Self {
         let EntryLists { vertices, bins, eye_cells, .. } = lists;
         Self { topology, view, vertices, bins, eye_cells, portable }
+    }
+
+    /// Whether the box of an entry face reaches into some columns and rows of pixels.
+    pub(super) fn reach(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+        let is_back = |ids: [u32; 3]| is_back_facing(self.view, ids.map(|v| self.vertices[v as usize]));
+        self.bins.reach(columns, rows, is_back)
     }
 
     /// All starts of paths in a tile of rays, by pixel and depth.

@@ -1,0 +1,5 @@
+// Which cells are active.
+
+fn is_active(cell: u32) -> bool {
+    return (params.flags & ALL_ACTIVE) != 0u || ((active_cells[cell >> 5u] >> (cell & 31u)) & 1u) == 1u;
+}
