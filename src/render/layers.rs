@@ -76,6 +76,9 @@ pub(in crate::render) trait Layers: Sync {
 
     /// Whether a rectangle of pixels has some.
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
+
+    /// Whether a layer begins or ends in a rectangle of pixels: some of them have more fragments than others.
+    fn ends_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
 }
 
 /// Fragments on a ray that are still to come.
@@ -108,6 +111,11 @@ impl Layers for NoLayers {
 
     #[inline(always)]
     fn has_some_in(&self, _: Range<usize>, _: Range<usize>) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn ends_in(&self, _: Range<usize>, _: Range<usize>) -> bool {
         false
     }
 }
@@ -168,6 +176,12 @@ impl Layers for JobLayers<'_> {
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
         let has_some = |(_, place)| !self.fragments.of_pixel(place).is_empty();
         rows.into_iter().any(|row| self.view.rendered_in(row, columns.clone()).any(has_some))
+    }
+
+    fn ends_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+        let first = self.of_pixel(columns.start, rows.start).len();
+        let is_other = |(_, place)| self.fragments.of_pixel(place).len() != first;
+        rows.into_iter().any(|row| self.view.rendered_in(row, columns.clone()).any(is_other))
     }
 }
 

@@ -327,7 +327,7 @@ impl RenderJob {
 impl RenderJob {
     /// The contrasts by which it is decided which rays are cast, one after the other, 0 for all rays; none if all are cast at once.
     pub(crate) fn contrasts(&self) -> Vec<f32> {
-        if self.fragments.is_some() || self.view.samples != Samples::ALL {
+        if self.view.samples != Samples::ALL {
             return Vec::new();
         }
         let last = self.contrast.map_or(0.0, Contrast::get);

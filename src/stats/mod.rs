@@ -67,8 +67,8 @@ pub struct FrameStats {
     /// Rays that were cast at strides 8, 4, 2 and 1, where contrast decides which.
     pub rays_by_level: [u64; 4],
     /// Blocks between rays that were split since their corners differ, since the border of the domain goes through them, since a face of
-    /// it reaches into them, and since one beside them is.
-    pub blocks_split: [u64; 4],
+    /// it reaches into them, since one beside them is, and since a layer beside the cells begins or ends in them.
+    pub blocks_split: [u64; 5],
     /// Blocks between rays whose pixels were filled.
     pub blocks_filled: u64,
     /// Layers of depth of the domain's boundary that were drawn to enlarge the image, in all of its sizes together.

@@ -286,13 +286,17 @@ fn no_switch_changes_which_rays_contrast_asks_for() {
         .into_iter()
         .map(|request| FrameRequest { samples: "adaptive:0.03".parse().unwrap(), size_px: (150, 110), ..request })
         .enumerate()
-        .map(|(i, request)| if i % 3 == 1 { request.with_tets(|tets| tets.cuts = vec![clip]) } else { request })
+        .map(|(i, request)| match i % 3 {
+            1 => request.with_tets(|tets| tets.cuts = vec![clip]),
+            2 => request.with_tets(|tets| tets.domain = vec!["edges:#ffffff".parse().unwrap()]),
+            _ => request,
+        })
         .collect();
     let off: Vec<Frame> = requests
         .iter()
         .map(|request| plain.render(&with(request, TetDraw::Raycast, Skip::NONE)).unwrap().clone())
         .collect();
-    let reasons = off.iter().fold([0; 4], |sum, frame| std::array::from_fn(|i| sum[i] + frame.stats.blocks_split[i]));
+    let reasons = off.iter().fold([0; 5], |sum, frame| std::array::from_fn(|i| sum[i] + frame.stats.blocks_split[i]));
     assert!(reasons.iter().all(|&count| count > 0), "{reasons:?}");
     let mut sampled = 0;
     for skip in all_but_one().chain([Skip::ALL]) {

@@ -13,6 +13,7 @@ const CONTRAST: u8 = 2;
 const BORDER: u8 = 4;
 const REACHED: u8 = 8;
 const BESIDE: u8 = 16;
+const LAYER: u8 = 32;
 /// What splits neighbours, too.
 const OF_ITS_OWN: u8 = CONTRAST | BORDER | REACHED;
 
@@ -108,11 +109,16 @@ impl Blocks {
         seen: &Seen,
         contrast: f32,
         reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
+        layer_ends: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
     ) {
         let mut states = std::mem::take(&mut self.states);
         states.par_chunks_mut(self.columns).enumerate().for_each(|(row, states)| {
             for (column, state) in states.iter_mut().enumerate().filter(|(_, state)| **state == OPEN) {
-                *state |= self.corners((column, row)).reason(seen, contrast, &reaches);
+                let corners = self.corners((column, row));
+                *state |= corners.reason(seen, contrast, &reaches);
+                if *state == OPEN && corners.are_around(&layer_ends) {
+                    *state |= LAYER;
+                }
             }
         });
         let beside = |row: usize, column: usize| {
@@ -131,7 +137,7 @@ impl Blocks {
     /// Counts blocks by why they are split, and those that are not.
     pub(super) fn count(&self, stats: &mut FrameStats) {
         let of = |mask: u8| self.states.iter().filter(|state| **state & mask != 0).count() as u64;
-        let reasons = [CONTRAST, BORDER, REACHED, BESIDE].map(of);
+        let reasons = [CONTRAST, BORDER, REACHED, BESIDE, LAYER].map(of);
         stats.blocks_split.iter_mut().zip(reasons).for_each(|(sum, count)| *sum += count);
         stats.blocks_filled += self.states.iter().filter(|state| **state == OPEN).count() as u64;
     }
@@ -176,10 +182,16 @@ impl Corners {
         }
         let has_met = corners.map(|(x, y)| met.contains(x, y));
         match has_met.iter().filter(|met| **met).count() {
-            0 if reaches(x0..x1 + 1, y0..y1 + 1) => REACHED,
+            0 if self.are_around(reaches) => REACHED,
             1..4 => BORDER,
             _ => 0,
         }
+    }
+
+    /// Whether something is in their columns and rows.
+    fn are_around(&self, is_in: impl Fn(Range<usize>, Range<usize>) -> bool) -> bool {
+        let Self { columns: [x0, x1], rows: [y0, y1] } = *self;
+        is_in(x0..x1 + 1, y0..y1 + 1)
     }
 
     /// What a pixel between them shows: colour and depth.

@@ -7,6 +7,7 @@
 //!                 (b) some of the corners' rays meet the domain, and some do not
 //!                 (c) none does, but the box of an entry face reaches into the block
 //!                 (d) one of the eight neighbours at this stride is split by a to c
+//!                 (e) a layer beside the cells, such as a drawn edge, begins or ends in the block
 //!     rays at half the stride in what is split
 //! the pixels of a block that is not split: colour bilinear between its corners, depth that of the nearest corner
 //! ```
@@ -120,11 +121,12 @@ impl Adaptive {
         Lattice::new(NonZeroUsize::new(STRIDES[self.level]).unwrap_or(NonZeroUsize::MIN))
     }
 
-    /// Goes on from rays that have all been cast to those of the next level; false if there are none, and the image can be filled. `reaches`: whether the box of an entry
-    /// face reaches into some columns and rows.
+    /// Goes on from rays that have all been cast to those of the next level; false if there are none, and the image can be filled. `reaches`:
+    /// whether the box of an entry face reaches into some columns and rows; `layer_ends`: whether a layer begins or ends there.
     pub(in crate::render) fn refine(
         &mut self,
         reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
+        layer_ends: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
         stats: &mut FrameStats,
     ) -> bool {
         let contrast = self.contrast();
@@ -135,7 +137,7 @@ impl Adaptive {
             stats.rays_by_level[self.level] += self.wanted.count();
             self.cast.insert_all(&self.wanted);
             let Some(blocks) = self.blocks.get_mut(self.level) else { return false };
-            blocks.split(&self.seen, contrast, &reaches);
+            blocks.split(&self.seen, contrast, &reaches, &layer_ends);
             blocks.count(stats);
             if blocks.are_all_whole() {
                 return false;

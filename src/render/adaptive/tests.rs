@@ -60,7 +60,7 @@ impl Exact {
                     }
                 }
             }
-            if !adaptive.refine(|columns, rows| self.reach(&columns, &rows), &mut stats) {
+            if !adaptive.refine(|columns, rows| self.reach(&columns, &rows), |_, _| false, &mut stats) {
                 break;
             }
         }
@@ -167,7 +167,7 @@ fn each_reason_splits_blocks_and_a_part_of_one_pixel_is_found() {
     let size = (65, 65);
     let mut exact = Exact::random(size, &[]);
     let (_, cast, stats) = exact.sampled(0.1);
-    assert_eq!((cast.len(), stats.blocks_split, stats.blocks_filled), (81, [0; 4], 64));
+    assert_eq!((cast.len(), stats.blocks_split, stats.blocks_filled), (81, [0; 5], 64));
     // One pixel, which no coarse ray meets, and its box.
     let part = exact.at((29, 43));
     (exact.colors[part], exact.met[part]) = ([1.0; 4], true);

@@ -11,7 +11,7 @@ use std::time::Duration;
 use tetreel::camera::{Lattice, Samples};
 use tetreel::image::Planes;
 use tetreel::pipeline::{Backend, FrameRequest, SampleSet, TetDraw};
-use tetreel::render::{Advance, Frame};
+use tetreel::render::{Advance, Frame, LayerFragment, LayerFragments};
 use tetreel::visibility::CellSet;
 
 fn with_contrast(job: &RenderJob, contrast: f32) -> RenderJob {
@@ -112,7 +112,7 @@ fn previews_are_the_images_of_their_contrasts_and_change_nothing_in_the_end() {
             let rays: u64 = frame.stats.rays_by_level.iter().sum();
             if last == 0.0 && !is_whole_at_once {
                 assert_eq!(rays, frame.planes.color.pixels.len() as u64, "{name}: each ray once");
-                assert_eq!((frame.stats.blocks_filled, frame.stats.blocks_split), (0, [0; 4]), "{name}");
+                assert_eq!((frame.stats.blocks_filled, frame.stats.blocks_split), (0, [0; 5]), "{name}");
             } else if last > 0.0 {
                 assert_eq!(frame.stats.blocks_filled, direct.stats.blocks_filled, "{name}");
                 assert_eq!(rays, direct.stats.rays_by_level.iter().sum::<u64>(), "{name}");
@@ -134,6 +134,50 @@ fn contrast_says_nothing_where_samples_are_named_and_another_mesh_does_not_decid
         let wrong = Arc::new(CellSet::all(job.active.universe() + 1));
         assert!(Raycast::new().render(RenderJob { domain: Some(wrong), ..job }).is_err(), "{name}");
     }
+}
+
+/// Fragments beside the cells: a line one pixel wide, and half of the image behind a pane.
+fn with_layers(job: &RenderJob) -> RenderJob {
+    let (width, height) = (job.view.width_px, job.view.height_px);
+    let line = |pixel: usize| 3 * (pixel % width) + 5 == 2 * (pixel / width) + width;
+    let fragment = |depth: f64, light: f32| LayerFragment { depth, rgba: [light, 0.2 * light, 0.0, light] };
+    let lines = (0..width * height).filter(|&pixel| line(pixel)).map(|pixel| (pixel as u32, fragment(4.0, 0.5)));
+    let behind_pane = (0..width * height).filter(|pixel| pixel % width > width / 2);
+    let pane = behind_pane.map(|pixel| (pixel as u32, fragment(1.0, 0.01)));
+    let fragments = LayerFragments::new(width * height, lines.chain(pane)).unwrap();
+    RenderJob { fragments: Some(Arc::new(fragments)), ..job.clone() }
+}
+
+/// The largest threshold hides neither lines nor ends of layers, and casts few rays else.
+#[test]
+fn pixels_where_layers_begin_and_end_are_those_of_the_whole_image() {
+    let (mut left_out, mut lines) = (0, 0);
+    for (name, job) in scenes() {
+        let (width, height) = (job.view.width_px, job.view.height_px);
+        let without = Raycast::new().render(job.clone()).unwrap().planes.clone();
+        let job = with_layers(&job);
+        let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
+        assert!(Raycast::new().render(with_contrast(&job, 0.0)).unwrap().planes == whole, "{name}");
+        let job = with_contrast(&job, 1.0);
+        let mut renderer = Raycast::new();
+        let frame = renderer.render(job.clone()).unwrap().clone();
+        assert!(in_slices(&mut renderer, &job).planes == frame.planes, "{name}, in slices");
+        assert!(Raycast::portable().render(job.clone()).unwrap().planes == frame.planes, "{name}, one by one");
+        let fragments = job.fragments.as_ref().unwrap();
+        let count = |pixel: usize| fragments.of_pixel(pixel).len();
+        for pixel in 0..width * height {
+            let ends = pixel % width + 1 < width && count(pixel) != count(pixel + 1);
+            let same = |at: usize| frame.planes.color.pixels[at] == whole.color.pixels[at];
+            if ends {
+                assert!(same(pixel) && same(pixel + 1), "{name}: pixel {pixel}");
+                lines += usize::from(whole.color.pixels[pixel] != without.color.pixels[pixel]);
+            }
+        }
+        let rays: u64 = frame.stats.rays_by_level.iter().sum();
+        left_out += if rays > 0 { (width * height) as u64 - rays } else { 0 };
+        assert!(rays == 0 || width < 9 || height < 9 || frame.stats.blocks_split[4] > 0, "{name}: {:?}", frame.stats);
+    }
+    assert!(left_out > 1000 && lines > 100, "{left_out} rays left out, {lines} ends seen");
 }
 
 /// What is not sampled lies between what is: on these scenes the largest error stays below twice the threshold.

@@ -253,7 +253,8 @@ impl CellWalk {
             }
             let entries = scene.domain.as_ref().unwrap_or(&scene.entries);
             let reaches = |columns, rows| entries.reach(columns, rows);
-            let mut is_filled = !adaptive.refine(reaches, &mut frame.stats);
+            let layer_ends = |columns, rows| layers.ends_in(columns, rows);
+            let mut is_filled = !adaptive.refine(reaches, layer_ends, &mut frame.stats);
             while is_filled {
                 adaptive.fill(&mut frame.planes);
                 let contrast = adaptive.contrast();
@@ -261,7 +262,7 @@ impl CellWalk {
                     return true;
                 }
                 *preview = Contrast::new(contrast);
-                is_filled = adaptive.wanted.is_empty() && !adaptive.refine(reaches, &mut frame.stats);
+                is_filled = adaptive.wanted.is_empty() && !adaptive.refine(reaches, layer_ends, &mut frame.stats);
             }
             let plane = RayPlane::of_wanted(scene.view, adaptive.lattice(), &adaptive.wanted);
             tiles[adaptive.level()].begin(plane.grid, job.skip.costly_first);

@@ -100,7 +100,9 @@ impl Told {
             ms: times.map_or(0.0, |[_, walk]| walk),
             counts: FrameStats {
                 rays_by_level: [0, 1, 2, 3].map(|level| count(RayLists::RAYS_BY_LEVEL + level)),
-                blocks_split: [0, 1, 2, 3].map(|reason| count(RayLists::BLOCKS + reason)),
+                // There are no layers beside the cells.
+                blocks_split: [0, 1, 2, 3, 4]
+                    .map(|reason| if reason < 4 { count(RayLists::BLOCKS + reason) } else { 0 }),
                 blocks_filled: count(RayLists::BLOCKS + 4),
                 ..counted(std::array::from_fn(sum))
             },

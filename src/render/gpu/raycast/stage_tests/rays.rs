@@ -9,6 +9,7 @@ use crate::render::gpu::layout::RayLists;
 use crate::render::{Contrast, Renderer};
 use crate::stats::FrameStats;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// A frame of the GPU, and what its stages have left there.
 struct Sampled {
@@ -48,13 +49,15 @@ impl Sampled {
         &self.words[ends[level] as usize..ends[level + 1] as usize]
     }
 
-    /// The same image by the CPU's functions, from what the rays of this one have seen: planes, which rays were cast, and counts.
-    fn twin(&self, contrast: f32) -> (Planes, Vec<bool>, FrameStats) {
+    /// The same image by the CPU's functions, from what the rays of this one have seen: planes, which rays were cast, and counts. Boxes of faces
+    /// reach so many columns further.
+    fn twin(&self, contrast: f32, further: usize) -> (Planes, Vec<bool>, FrameStats) {
         let (mut adaptive, mut stats, mut cast) =
             (Adaptive::default(), FrameStats::default(), vec![false; self.pixels()]);
         let width = self.lists.size_px.0;
         adaptive.begin(self.lists.size_px, vec![contrast]);
-        let reaches = cpu::raycast::Raycast::reaching(&self.job);
+        let reaching = cpu::raycast::Raycast::reaching(&self.job);
+        let reaches = |columns: Range<usize>, rows| reaching(columns.start.saturating_sub(further)..columns.end, rows);
         loop {
             for (pixel, cast) in cast.iter_mut().enumerate() {
                 let (column, row) = (pixel % width, pixel / width);
@@ -68,7 +71,7 @@ impl Sampled {
                     adaptive.seen.met.insert(column, row);
                 }
             }
-            if !adaptive.refine(&reaches, &mut stats) {
+            if !adaptive.refine(reaches, |_, _| false, &mut stats) {
                 break;
             }
         }
@@ -80,7 +83,10 @@ impl Sampled {
 
     /// What differs from the twin: rays, counts of blocks, filled pixels.
     fn differences(&self, contrast: f32) -> [usize; 3] {
-        let (planes, cast, expected) = self.twin(contrast);
+        self.differences_from(self.twin(contrast, 0))
+    }
+
+    fn differences_from(&self, (planes, cast, expected): (Planes, Vec<bool>, FrameStats)) -> [usize; 3] {
         let rays = (0..self.pixels()).filter(|&pixel| self.has_cast(pixel) != cast[pixel]).count();
         let counts = |stats: &FrameStats| (stats.rays_by_level, stats.blocks_split, stats.blocks_filled);
         let counts = usize::from(counts(&self.frame.stats) != counts(&expected));
@@ -146,6 +152,8 @@ fn the_comparison_notices_another_contrast_a_lost_face_and_a_moved_pixel() {
     assert_eq!(found.differences(0.05), [0; 3]);
     let [rays, counts, _] = found.differences(0.06);
     assert!(rays > 0 && counts > 0);
+    let [rays, counts, _] = found.differences_from(found.twin(0.05, 2));
+    assert!(rays > 0 && counts > 0, "a box two pixels wider");
     let Sampled { job, mut frame, lists, mut words } = found;
     let cast = (0..130 * 70).rfind(|&pixel| words[lists.listed() as usize + pixel / 32] >> (pixel % 32) & 1 == 0);
     frame.planes.color.pixels[cast.unwrap()][1] += 1e-5;
