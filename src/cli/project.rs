@@ -132,9 +132,9 @@ fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
     }
     let format = StillFormat::of(&path);
     if format != Some(StillFormat::Exr) {
-        output.exr = None;
+        (output.exr, output.exr_compression) = (None, None);
     }
-    if format != Some(StillFormat::Png) {
+    if format.is_none() || format != output.output.as_deref().and_then(StillFormat::of) {
         output.bit_depth = None;
     }
     if format == Some(StillFormat::Exr) {

@@ -2,7 +2,7 @@
 
 use crate::error::{FileError, FileResult};
 use crate::image::{
-    ExrAttributes, ExrColor, ExrValue, Planes, PngDepth, read_exr, read_png_text, write_exr, write_png_with_texts,
+    ExrAttributes, ExrEncoding, ExrValue, Planes, PngDepth, read_exr, read_png_text, write_exr, write_png_with_texts,
 };
 use crate::transfer::{MappedRange, OpacityKind, RangePolicy};
 use serde::{Deserialize, Serialize};
@@ -162,8 +162,8 @@ pub struct StillOptions {
     pub background: Background,
     /// Bits per channel of a PNG.
     pub png_depth: PngDepth,
-    /// What the colours of an EXR are.
-    pub exr_color: ExrColor,
+    /// How an EXR is stored.
+    pub exr: ExrEncoding,
 }
 
 /// Writes a frame in the format that the file's name asks for. The file appears whole or not at all.
@@ -180,7 +180,7 @@ pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> 
             }
             write_png_with_texts(path, &frame.planes.color, options.background.color(), options.png_depth, &texts)
         }
-        Some(StillFormat::Exr) => write_exr(path, &frame.planes, options.exr_color, &frame.attributes.to_exr()),
+        Some(StillFormat::Exr) => write_exr(path, &frame.planes, options.exr, &frame.attributes.to_exr()),
         None => Err(FileError::unsupported(path, "", "is no image format that can be written").remedy(REMEDY)),
     }
 }
@@ -213,8 +213,8 @@ const REMEDY: &str = "end the name with .png or .exr";
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::read_exr;
     use crate::image::{DepthImage, RgbaImage};
+    use crate::image::{ExrColor, read_exr};
 
     #[test]
     fn backgrounds_are_named_or_hexadecimal() {
@@ -243,7 +243,7 @@ mod tests {
     fn an_exr_has_planes_and_attributes_of_the_frame() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.exr");
-        let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
+        let options = StillOptions { exr: ExrColor::Raw.into(), ..Default::default() };
         write_still(&path, &frame(), &options).unwrap();
         let back = read_exr(&path).unwrap();
         assert_eq!(back.planes, frame().planes);

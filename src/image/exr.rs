@@ -1,7 +1,7 @@
 //! OpenEXR files: colour, depth and normals as 32-bit floats and numbers of surfaces as 32-bit integers, with attributes.
 //!
 //! Channels R, G, B (premultiplied), A and, where there is such a plane, Z: world units, infinite where there is nothing; N.X, N.Y, N.Z; id. One part
-//! of scan lines, compressed without loss (ZIP, 16 lines a block). The same image makes the same bytes.
+//! of scan lines, compressed without loss ([`ExrEncoding`]). The same image makes the same bytes.
 //!
 //! An EXR's colours are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file
 //! holds, and so does the file, so that reading gives accumulators again.
@@ -11,17 +11,18 @@ use super::{Plane, Planes, RgbaImage};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use ::exr::error::Error as ExrError;
-use ::exr::image::write::WritableImage as _;
 use ::exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
 use ::exr::math::Vec2;
 use ::exr::meta::attribute::{AttributeValue, IntegerBounds, LineOrder, Text};
 use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use ::exr::prelude::f16;
 use std::collections::BTreeMap;
-use std::io::Cursor;
 use std::path::Path;
 use std::str::FromStr;
 
+mod encoding;
 mod read;
+pub use encoding::{ExrCompression, ExrDepth, ExrEncoding};
 pub use read::read_exr;
 
 /// What the colours of an EXR are.
@@ -31,7 +32,7 @@ pub enum ExrColor {
     /// 0, on the colour as it is.
     #[default]
     Linear,
-    /// The accumulators, bit for bit.
+    /// The accumulators; as floats, bit for bit.
     Raw,
 }
 
@@ -90,7 +91,13 @@ const LARGEST_SIDE: usize = i32::MAX as usize / 2 - 1;
 /// # Errors
 /// If colour has no pixels or is too large for the format, a colour (as stored) or a normal is not finite, a depth is NaN or minus
 /// infinity, a plane has another size, an attribute's name is not allowed, or the folder does not take the file.
-pub fn write_exr(path: &Path, planes: &Planes, stored: ExrColor, attributes: &ExrAttributes) -> FileResult<()> {
+pub fn write_exr(
+    path: &Path,
+    planes: &Planes,
+    encoding: impl Into<ExrEncoding>,
+    attributes: &ExrAttributes,
+) -> FileResult<()> {
+    let ExrEncoding { color: stored, depth: bits, compression } = encoding.into();
     let Planes { color, depth, normal, id } = planes;
     check(path, planes)?;
     let names = ["R", "G", "B", "A"].into_iter().enumerate();
@@ -98,13 +105,18 @@ pub fn write_exr(path: &Path, planes: &Planes, stored: ExrColor, attributes: &Ex
         ExrColor::Raw => color.pixels.clone(),
         ExrColor::Linear => color.pixels.iter().map(|&p| linear_pixel(p)).collect(),
     };
-    if let Some(bad) = pixels.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+    let (most, problem, remedy) = match bits {
+        ExrDepth::Float => (f32::MAX, "is too bright for linear floats", "write accumulators (raw)"),
+        ExrDepth::Half => (f16::MAX.to_f32(), "is too bright for halves", "write floats (32 bits)"),
+    };
+    if let Some(bad) = pixels.iter().position(|p| !p.iter().all(|c| c.abs() <= most)) {
         let place = format!("pixel ({}, {})", bad % color.width, bad / color.width);
-        return Err(
-            FileError::invalid(path, place, "is too bright for linear floats").remedy("write accumulators (raw)")
-        );
+        return Err(FileError::invalid(path, place, problem).remedy(remedy));
     }
-    let plane = |i: usize| FlatSamples::F32(pixels.iter().map(|p| p[i]).collect());
+    let plane = |i: usize| match bits {
+        ExrDepth::Float => FlatSamples::F32(pixels.iter().map(|p| p[i]).collect()),
+        ExrDepth::Half => FlatSamples::F16(pixels.iter().map(|p| f16::from_f32(p[i])).collect()),
+    };
     let mut channels: Vec<_> = names.map(|(i, name)| AnyChannel::new(name, plane(i))).collect();
     drop(pixels);
     if !depth.pixels.is_empty() {
@@ -120,16 +132,14 @@ pub fn write_exr(path: &Path, planes: &Planes, stored: ExrColor, attributes: &Ex
 
     let size = Vec2(color.width, color.height);
     let encoding = Encoding {
-        compression: ::exr::compression::Compression::ZIP16,
+        compression: compression.of_library(),
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
     let layer_attributes = layer_attributes(path, attributes, stored)?;
     let layer = Layer::new(size, layer_attributes, encoding, AnyChannels::sort(channels.into()));
     let image = Image::new(ImageAttributes::new(IntegerBounds::new((0, 0), size)), layer);
-    let mut bytes = Vec::new();
-    // The pool that the parallel writer starts would not heed the number of threads that the user asked for.
-    image.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(|e| file_error(path, e))?;
+    let mut bytes = encoding::bytes_of(&image).map_err(|e| file_error(path, e))?;
     sort_attributes(&mut bytes).ok_or_else(|| FileError::invalid(path, "header", "does not end"))?;
     files::replace_with(path, &bytes)
 }

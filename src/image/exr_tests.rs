@@ -1,4 +1,5 @@
 use super::*;
+use ::exr::image::write::WritableImage as _;
 use ::exr::image::{Encoding, FlatImage};
 use ::exr::meta::attribute::ChannelDescription;
 
@@ -304,4 +305,45 @@ fn subsampled_channels_are_refused() {
     let mut header = image.write().infer_meta_data().remove(0);
     header.channels.list.iter_mut().for_each(|c: &mut ChannelDescription| c.sampling = Vec2(2, 2));
     assert!(super::read::check_header(&path, &header, 1 << 20).unwrap_err().to_string().contains("subsampled"));
+}
+
+#[test]
+fn every_encoding_comes_back_and_does_not_depend_on_threads() {
+    let (_dir, path) = place();
+    for (width, height) in [(1, 1), (33, 1), (17, 67)] {
+        let smooth = |i: usize| [0.5, 0.25, (i % 7) as f32 / 8.0, 1.0 / 3.0];
+        let color = RgbaImage { width, height, pixels: (0..width * height).map(smooth).collect() };
+        let planes = planes(&color, Some(&depth_of(&color)));
+        for compression in ExrCompression::ALL {
+            let encoding = ExrEncoding { color: ExrColor::Raw, depth: ExrDepth::Float, compression };
+            write_exr(&path, &planes, encoding, &some_attributes()).unwrap();
+            assert!(read_exr(&path).unwrap().planes == planes, "{compression}, {width} x {height}");
+            let bytes = std::fs::read(&path).unwrap();
+            for threads in [1, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| write_exr(&path, &planes, encoding, &some_attributes()).unwrap());
+                assert!(std::fs::read(&path).unwrap() == bytes, "{compression}, {threads} threads");
+            }
+            write_exr(&path, &planes, ExrEncoding { depth: ExrDepth::Half, ..encoding }, &some_attributes()).unwrap();
+            let back = read_exr(&path).unwrap().planes;
+            assert!(back.depth == planes.depth, "depths stay floats");
+            let pairs = back.color.pixels.iter().flatten().zip(color.pixels.iter().flatten());
+            // Halves have 11 digits, and round to the nearest.
+            assert!(pairs.clone().all(|(a, b)| (a - b).abs() <= b * 2.0_f32.powi(-11)), "{compression}");
+            assert!(pairs.into_iter().any(|(a, b)| a != b), "a third is none of them");
+        }
+    }
+}
+
+#[test]
+fn what_is_beyond_halves_is_refused_where_it_is() {
+    let (_dir, path) = place();
+    let mut color = image(5, 3);
+    color.pixels[7][1] = 65519.0;
+    let half = ExrEncoding { color: ExrColor::Raw, depth: ExrDepth::Half, ..ExrEncoding::default() };
+    let error = write_exr(&path, &planes(&color, None), half, &ExrAttributes::new()).unwrap_err().to_string();
+    assert!(["(2, 1)", "halves", "32 bits"].iter().all(|part| error.contains(part)) && !path.exists(), "{error}");
+    color.pixels[7][1] = 65504.0;
+    write_exr(&path, &planes(&color, None), half, &ExrAttributes::new()).unwrap();
+    assert_eq!(read_exr(&path).unwrap().planes.color.pixels[7][1], 65504.0);
 }

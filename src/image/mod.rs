@@ -12,7 +12,9 @@ mod sheet;
 mod srgb;
 pub mod upsample;
 
-pub use exr::{ExrAttributes, ExrColor, ExrImage, ExrValue, read_exr, write_exr};
+pub use exr::{
+    ExrAttributes, ExrColor, ExrCompression, ExrDepth, ExrEncoding, ExrImage, ExrValue, read_exr, write_exr,
+};
 pub use metrics::{
     DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, RawDifference, compare, compare_depth,
     compare_ids, compare_normals, compare_raw,

@@ -144,12 +144,15 @@ pub struct Output {
     /// What is drawn over the frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub annotate: Option<String>,
-    /// Bits per channel of PNG files.
+    /// Bits per channel of PNG files, or of colours in EXR files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit_depth: Option<u8>,
     /// Colours of EXR files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exr: Option<String>,
+    /// Compression of EXR files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exr_compression: Option<String>,
 }
 
 /// What changes over time: keys at times in the unit of the series. Before the first key of a track and behind its last one

@@ -76,7 +76,7 @@ fn python_reads_the_floats_that_were_written_and_what_they_show() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let mut frame = frame();
-    let options = |exr_color| StillOptions { exr_color, ..Default::default() };
+    let options = |color: ExrColor| StillOptions { exr: color.into(), ..Default::default() };
     write_still(&path, &frame, &options(ExrColor::Raw)).unwrap();
     let output = python_reads(&python, dir.path(), &frame, "raw");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

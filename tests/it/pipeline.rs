@@ -213,7 +213,7 @@ mod gpu {
         let temp = tempfile::tempdir().unwrap();
         let (mut pipeline, request) = jet(temp.path());
         let request = FrameRequest { backend: Backend::Gpu, ..request.with_draw(draw) };
-        let options = StillOptions { exr_color: ExrColor::Raw, ..Default::default() };
+        let options = StillOptions { exr: ExrColor::Raw.into(), ..Default::default() };
         let mut animate = |name: &str, lost_after: Option<usize>| {
             let mut restarts = Vec::new();
             for step in 0..6 {

@@ -16,7 +16,7 @@ use crate::export::movie::{Ffmpeg, MovieOptions};
 use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
-use crate::image::{ExrColor, PngDepth};
+use crate::image::{ExrColor, ExrCompression, ExrEncoding};
 use crate::import;
 use crate::pipeline::{DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::Project;
@@ -25,7 +25,7 @@ use crate::stats::FrameStats;
 use crate::store::is_store;
 use crate::task::Progress;
 use crate::transfer::RangePolicy;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use job::Job;
 use plan::{Plan, TimeArgs};
@@ -34,6 +34,7 @@ use serde::Serialize;
 use sink::{Sink, Target};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 use upsample::UpsampleArgs;
 pub(super) use upsample::sampling_of;
@@ -74,12 +75,15 @@ pub(super) struct Args {
     /// Drawn over the frames: time, legend, title or title=TEXT, separated by commas
     #[arg(long, value_name = "PARTS")]
     annotate: Option<Annotations>,
-    /// Bits per channel of PNG files: 8 or 16 (default: 8)
+    /// Bits per channel: 8 or 16 of PNG files (default: 8), 16 or 32 of colours in EXR files (default: 32)
     #[arg(long, value_name = "BITS")]
-    bit_depth: Option<PngDepth>,
+    bit_depth: Option<String>,
     /// Colours of EXR files: linear, or raw for display-referred values as they were accumulated (default: linear)
     #[arg(long, value_name = "COLORS")]
     exr: Option<ExrColor>,
+    /// Compression of EXR files, always without loss: zip, piz, rle or none (default: zip)
+    #[arg(long, value_name = "COMPRESSION")]
+    exr_compression: Option<ExrCompression>,
     /// Keep images that are there already if the same request made them, and render the others
     #[arg(long)]
     resume: bool,
@@ -104,20 +108,32 @@ impl Args {
     fn still_options(&self) -> anyhow::Result<StillOptions> {
         let file = self.target()?.path(0);
         let is = |format| StillFormat::of(&file) == Some(format);
-        if self.exr.is_some() && !is(StillFormat::Exr) {
-            bail!("--exr is for EXR files; {} is none", file.display());
+        let of_exr = [("--exr", self.exr.is_some()), ("--exr-compression", self.exr_compression.is_some())];
+        if let Some((option, _)) = of_exr.iter().find(|(_, is_given)| *is_given && !is(StillFormat::Exr)) {
+            bail!("{option} is for EXR files; {} is none", file.display());
         }
-        if self.bit_depth.is_some() && !is(StillFormat::Png) {
-            bail!("--bit-depth is for PNG files; {} is none", file.display());
+        if self.bit_depth.is_some() && !is(StillFormat::Png) && !is(StillFormat::Exr) {
+            bail!("--bit-depth is for PNG and EXR files; {} is none", file.display());
         }
         if self.background != Background::Transparent && is(StillFormat::Exr) {
             bail!("--background is for PNG files and movies; {} has opacity", file.display());
         }
         Ok(StillOptions {
             background: self.background,
-            png_depth: self.bit_depth.unwrap_or_default(),
-            exr_color: self.exr.unwrap_or_default(),
+            png_depth: self.bits(is(StillFormat::Png))?,
+            exr: ExrEncoding {
+                color: self.exr.unwrap_or_default(),
+                depth: self.bits(is(StillFormat::Exr))?,
+                compression: self.exr_compression.unwrap_or_default(),
+            },
         })
+    }
+
+    /// The bits per channel that are asked for, if the files are of the format that has them.
+    fn bits<D: Default + FromStr<Err = String>>(&self, is_its_format: bool) -> anyhow::Result<D> {
+        let asked = self.bit_depth.as_deref().filter(|_| is_its_format);
+        let parse = |bits: &str| bits.parse().map_err(|e| anyhow!("--bit-depth {bits}: {e}"));
+        asked.map_or(Ok(D::default()), parse)
     }
 
     /// The image that is rendered in place of each frame, if there is one.

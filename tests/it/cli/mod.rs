@@ -224,6 +224,11 @@ fn exr_files_keep_what_png_files_round() {
     make(&["raw.exr", "--exr", "raw"]);
     make(&["linear.exr"]);
     make(&["reference.exr", "--exr", "raw", "--mode", "reference"]);
+    make(&["half.exr", "--bit-depth", "16"]);
+    for compression in ["piz", "rle", "none"] {
+        make(&["other.exr", "--exr-compression", compression]);
+        assert!(place.ok(&["compare", "linear.exr", "other.exr"]).contains("max 0"), "{compression}");
+    }
     make(&["8.png"]);
     make(&["16.png", "--bit-depth", "16"]);
     let max = |a: &str, b: &str| place.json(&["compare", a, b, "--json"])["max"].as_f64().unwrap();
@@ -231,6 +236,10 @@ fn exr_files_keep_what_png_files_round() {
     // Linear light rounds colours of at most 1 to f32 twice: in the file and when it is read.
     let linear = max("raw.exr", "linear.exr");
     assert!(linear <= 2.1 * 2.0_f64.powi(-24), "{linear}");
+    // Halves have 11 digits: linear light is off by 2^-12 of itself, and a straight colour c by at most c / 2.4 + 0.06 of that, the slope of
+    // sRGB's curve, so premultiplied by less than an opacity.
+    let half = max("linear.exr", "half.exr");
+    assert!(half > 2.0_f64.powi(-20) && half <= 2.0_f64.powi(-12), "{half}");
     // A straight colour and an opacity are off by half a step each.
     for (file, steps) in [("8.png", 255.0), ("16.png", 65535.0)] {
         let rounded = max("raw.exr", file);
@@ -245,7 +254,16 @@ fn exr_files_keep_what_png_files_round() {
     assert!(place.json(&["compare", "raw.exr", "8.png", "--json"]).get("depth").is_none());
 
     place.refuses(&render(&["-o", "a.png", "--steps", "0", "--exr", "raw"]), &["--exr", "a.png"]);
-    place.refuses(&render(&["-o", "a.exr", "--steps", "0", "--bit-depth", "8"]), &["--bit-depth", "a.exr"]);
+    place.refuses(&render(&["-o", "a.exr", "--steps", "0", "--bit-depth", "8"]), &["--bit-depth 8", "16 or 32"]);
+    place.refuses(&render(&["-o", "a.mp4", "--steps", "0", "--bit-depth", "8"]), &["--bit-depth", "a.mp4"]);
+    place.refuses(
+        &render(&["-o", "a.png", "--steps", "0", "--exr-compression", "zip"]),
+        &["--exr-compression", "a.png"],
+    );
+    place.refuses(
+        &render(&["-o", "a.exr", "--steps", "0", "--exr-compression", "dwa"]),
+        &["dwa", "zip, piz, rle or none"],
+    );
     place.refuses(&render(&["-o", "a.exr", "--steps", "0", "--background", "white"]), &["--background", "a.exr"]);
     place.refuses(&render(&["-o", "a.png", "--steps", "0", "--bit-depth", "12"]), &["12", "8 or 16"]);
 }
