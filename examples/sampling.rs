@@ -100,6 +100,15 @@ impl Pictures {
         Ok(contact_sheet(&images, 5, 6, [0.0; 3]))
     }
 
+    /// The whole image, and small ones of 1/2, 1/4 and 1/8 after the joint filter.
+    fn row(&mut self) -> Result<RgbaImage> {
+        let mut images = vec![self.exact.clone()];
+        for scale in [ImageScale::Half, ImageScale::Quarter, ImageScale::Eighth] {
+            images.push(self.image(&format!("{scale} joint"), &self.upsampled(UpsampleKind::Joint, scale))?);
+        }
+        Ok(contact_sheet(&images, 4, 6, [0.0; 3]))
+    }
+
     /// A tenth of the faces, that after the joint filter, and all of it.
     fn filtered_faces(&mut self) -> Result<RgbaImage> {
         let few = self.few_faces(0.1);
@@ -216,6 +225,7 @@ fn main() -> Result<()> {
     let mut pictures = Pictures::of(&store, step, &tf)?;
     write(&format!("{name}_rays"), &pictures.rays()?)?;
     write(&format!("{name}_filters"), &pictures.filters()?)?;
+    write(&format!("{name}_row"), &pictures.row()?)?;
     write(&format!("{name}_faces"), &pictures.filtered_faces()?)?;
     write(&format!("{name}_equal_time"), &pictures.equal_time()?)?;
     write("missed", &missed(&store)?)
