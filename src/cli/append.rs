@@ -108,7 +108,7 @@ impl Job<'_> {
         } else {
             let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
             let codec = self.codec.unwrap_or_default();
-            let options = IngestOptions { fields, units, steps, codec, overwrite: false, without_histograms: true };
+            let options = IngestOptions { fields, units, steps, codec, overwrite: false };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
                 // Somebody else was faster.

@@ -100,7 +100,7 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let series = open(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
-    let options = IngestOptions { fields, units, steps, overwrite: args.overwrite, codec, without_histograms: false };
+    let options = IngestOptions { fields, units, steps, overwrite: args.overwrite, codec };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args, steps)?;

@@ -118,7 +118,7 @@ impl ImportCache {
             clear(&target)?;
         }
         announce(CacheEvent::Importing(&target));
-        let options = IngestOptions { overwrite: true, without_histograms: true, ..Default::default() };
+        let options = IngestOptions { overwrite: true, ..Default::default() };
         let report = ingest(&*source, &target, &options, progress, cancel)?;
         Ok((Store::open(&target)?, Origin::Imported(Box::new(report))))
     }

@@ -2,7 +2,7 @@
 //!
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
-//! 64 steps of each field) are in memory. Then all fields are read once more, from what was written, for their histograms. The result does not depend on the number of threads. [`append()`] adds the new steps of
+//! 64 steps of each field) are in memory. The result does not depend on the number of threads. [`append()`] adds the new steps of
 //! a source that has grown;
 //! [`ImportCache`] opens a source as if it were a store.
 
@@ -90,18 +90,11 @@ pub fn ingest(
     let values = pass.values_read;
     let counts = [mesh.vertex_source.len(), mesh.topology.tets.len(), steps.len()].map(|n| n as u64);
     let fields = reports(pass.targets, counts, options.codec)?;
-    seconds.finish = finish.elapsed().as_secs_f64();
-    let histograms = Instant::now();
-    if !options.without_histograms && !writer.write_histograms(&mesh, steps.len(), progress, cancel)? {
-        return Err(IngestError::Cancelled);
-    }
-    seconds.histograms = histograms.elapsed().as_secs_f64();
-    let finish = Instant::now();
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;
     seconds.mesh = mesh_seconds;
     seconds.read = read_time.as_secs_f64();
-    seconds.finish += finish.elapsed().as_secs_f64();
+    seconds.finish = finish.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let bytes_read = values * size_of::<f32>() as u64;
     let time_of = |step: Option<&usize>| step.map_or(0.0, |&step| source.times().values[step]);

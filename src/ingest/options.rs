@@ -163,10 +163,6 @@ pub struct IngestOptions {
     pub codec: CodecChoice,
     /// Whether a store that exists at the place of the new one is replaced.
     pub overwrite: bool,
-    /// Whether histograms are left to whoever asks for them
-    /// ([`FieldReader::histograms`](crate::store::FieldReader::histograms)): while somebody waits for a first picture, or if the
-    /// store will grow.
-    pub without_histograms: bool,
 }
 
 #[cfg(test)]

@@ -105,8 +105,6 @@ pub struct StageSeconds {
     pub moments: f64,
     /// Encoding and writing.
     pub encode: f64,
-    /// Reading what was written, to count its histograms.
-    pub histograms: f64,
     /// Statistics, metadata, waiting for the medium, moving into place.
     pub finish: f64,
     /// Everything.
@@ -141,9 +139,9 @@ impl fmt::Display for IngestReport {
         let s = &self.seconds;
         writeln!(
             f,
-            "seconds: mesh {:.2}, read {:.2}, order {:.2}, moments {:.2}, encode {:.2}, histograms {:.2}, finish {:.2}, \
+            "seconds: mesh {:.2}, read {:.2}, order {:.2}, moments {:.2}, encode {:.2}, finish {:.2}, \
              total {:.2}",
-            s.mesh, s.read, s.order, s.moments, s.encode, s.histograms, s.finish, s.total
+            s.mesh, s.read, s.order, s.moments, s.encode, s.finish, s.total
         )?;
         let [read, written] = [self.bytes_read, self.bytes_written].map(|bytes| bytes as f64 / 1e6);
         write!(f, "{read:.1} MB read, {written:.1} MB written, {:.0} MB/s", self.megabytes_per_second)

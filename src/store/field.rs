@@ -233,6 +233,11 @@ enum Values {
 }
 
 impl FieldReader {
+    /// The fields whose norm this one is.
+    pub(super) fn components(&self) -> &[StoredField] {
+        &self.components
+    }
+
     /// `components` are the fields whose norm this one is.
     pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
         let values = if components.is_empty() {

@@ -11,26 +11,26 @@
 //! They count what the store gives back, not what the source had: with codec `vq` the values as they are shown, whatever the
 //! scalar's range over the source leaves out being in the bins at its ends. So those of an import and those counted later are
 //! the same. Version 2 of `cov`: the last edge is a quarter of an octave, as that of the `y` of `scalar_cov`; of version 1, where it was a
-//! sixteenth, the counts are moved. An import counts when all steps are written (but not that of a source that is opened: nobody waits
-//! for them); to add steps removes them, because ranges grow and coefficients of
-//! variation change, and with them the bin of every sample. They are derived: with a version and the number of steps, and whatever
-//! is missing, damaged or of another version or number is counted when it is asked for.
+//! sixteenth, the counts are moved. Whoever asks first waits until all steps are counted, and the store keeps the counts if it can be written
+//! to. To add steps removes them, because ranges grow and coefficients of variation change, and with them the bin of every sample. They are
+//! derived: with a version, the number of steps and a checksum of what was counted (`of`; older versions wrote them with the steps and have
+//! none), and whatever is missing, damaged or of something else is counted again.
 
+use super::FieldReader;
 use super::array::StoredArray;
-use super::field::{Series, StoredField};
-use super::folder::Folder;
+use super::field::StoredField;
 use super::layout::{self, DERIVED_ATTRIBUTE, FIELDS, Storage};
 use super::mesh::{ArrayWriter, column};
-use super::{FieldReader, StoreWriter, components_of, open_fields};
 use crate::codec::{Chunking, ElementType};
-use crate::error::FileResult;
+use crate::error::{FileError, FileResult};
+use crate::files;
 use crate::histograms::{Histogram, Kind, Ranges, of_series};
 use crate::mesh::Mesh;
 use crate::moments::{AxisScale, CovDenominator, Histogram1d, Moments};
-use crate::task::{Cancel, Progress};
+use crate::task::Cancel;
 use serde_json::{Map, Value, json};
+use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Group of the histograms of a field.
 pub(super) const HISTOGRAMS: &str = "histograms";
@@ -39,13 +39,14 @@ const HISTOGRAMS_VERSION: u64 = 1;
 /// The same, of octaves along x; of version 1 these ended with the bin of the greatest value.
 const OCTAVES_VERSION: u64 = 2;
 const STEPS: &str = "steps";
+const OF: &str = "of";
 const NONFINITE: &str = "nonfinite";
 const AXES: [&str; 2] = ["x_range", "y_range"];
 
 impl FieldReader {
     /// The histograms of the whole series, one for each of [`Kind::ALL`]: those of the store, or, if it has none of this
     /// version and of these steps, counted now, which takes as long as decoding every step and some ten nanoseconds a cell
-    /// and step. `mesh` is that of the store. `None` if `cancel` was raised.
+    /// and step; then the store keeps them, if it can be written to. `mesh` is that of the store. `None` if `cancel` was raised.
     ///
     /// # Errors
     /// If there are none and a step cannot be decoded.
@@ -53,10 +54,46 @@ impl FieldReader {
     /// # Panics
     /// If `mesh` is another one.
     pub fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        match self.stored_histograms() {
-            Some(histograms) => Ok(Some(histograms)),
-            None => self.count_histograms(&Kind::ALL, mesh, cancel),
+        if let Some(stored) = self.stored_histograms() {
+            return Ok(Some(stored));
         }
+        let counted = self.count_histograms(&Kind::ALL, mesh, cancel)?;
+        if let Some(histograms) = &counted
+            && let Err(problem) = self.keep_histograms(histograms)
+        {
+            // They are counted again next time.
+            tracing::info!(%problem, "histograms are not kept");
+        }
+        Ok(counted)
+    }
+
+    /// Puts histograms of [`Kind::ALL`] into the store, in the place of those that are there. They are written beside it, and moved.
+    fn keep_histograms(&self, histograms: &[Histogram]) -> FileResult<()> {
+        let Some(of) = self.checksum() else { return Ok(()) };
+        let staging = files::sibling_folder(&self.root, "histograms")?;
+        let folder = &self.info().folder;
+        write(staging.path(), &layout::storage(staging.path()), folder, (self.step_count(), of), histograms)?;
+        let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
+        let (new, kept) = (staging.path().join(&key), self.root.join(&key));
+        if fs::rename(&new, &kept).is_ok() {
+            return Ok(());
+        }
+        // Something is there, which a rename does not replace.
+        let old = staging.path().join("old");
+        fs::rename(&kept, old).map_err(|e| FileError::io(&kept, "move", &e))?;
+        fs::rename(&new, &kept).map_err(|e| FileError::io(&kept, "write", &e))
+    }
+
+    /// A checksum of the values of all steps, and of how they are coded; `None` if the store does not know.
+    fn checksum(&self) -> Option<u32> {
+        let own = std::iter::once(self.info()).filter(|field| field.magnitude_of.is_empty());
+        let mut checksum = 0;
+        for field in own.chain(self.components()) {
+            let StoredField { checksums, codec, codec_parameters, .. } = field;
+            checksum = crc32c::crc32c_append(checksum, bytemuck::cast_slice(checksums.as_ref()?));
+            checksum = crc32c::crc32c_append(checksum, format!("{codec}{codec_parameters}").as_bytes());
+        }
+        Some(checksum)
     }
 
     /// Counts histograms of any kinds over the whole series, as [`Self::histograms`].
@@ -90,7 +127,8 @@ impl FieldReader {
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
         let found = number(DERIVED_ATTRIBUTE)?;
         let is_known = found == version(kind) || found == HISTOGRAMS_VERSION;
-        if !is_known || number(STEPS) != Some(self.step_count() as u64) {
+        let is_of_values = array.attributes.get(OF).is_none_or(|of| of.as_u64() == self.checksum().map(u64::from));
+        if !is_known || !is_of_values || number(STEPS) != Some(self.step_count() as u64) {
             return None;
         }
         let [x, y] = AXES.map(|name| array.attributes.get(name));
@@ -153,44 +191,14 @@ fn range_of(value: &Value) -> Option<Option<[f32; 2]>> {
     (range[0] <= range[1]).then_some(Some(range))
 }
 
-impl StoreWriter {
-    /// Counts the histograms of all fields, which must be finished, as the mesh and the times must be written. `false` if
-    /// `cancel` was raised.
-    ///
-    /// # Errors
-    /// If what was written cannot be read, or a file cannot be written.
-    ///
-    /// # Panics
-    /// If `mesh` is another one than was written.
-    pub fn write_histograms(
-        &mut self,
-        mesh: &Mesh,
-        steps: usize,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> FileResult<bool> {
-        self.write_fields()?;
-        let (root, storage) = (self.staging.path(), &self.storage);
-        let source = Arc::new(Folder::new(root));
-        let vertices = mesh.vertex_source.len();
-        let fields = open_fields(root, storage, &source, steps as u64, vertices as u64)?;
-        progress.begin("histograms", fields.len() as u64, "fields");
-        let series = Series { root, storage, source: &source, steps, vertices, cache: None };
-        let write_field = |field: &StoredField| {
-            let reader = FieldReader::new(field.clone(), &components_of(&fields, field), &series);
-            let Some(histograms) = reader.count_histograms(&Kind::ALL, mesh, cancel)? else { return Ok(false) };
-            write(root, storage, &field.folder, steps, &histograms)?;
-            progress.advance(1);
-            Ok(true)
-        };
-        let whole = fields.iter().try_fold(true, |whole, field| Ok(whole && write_field(field)?));
-        progress.end();
-        whole
-    }
-}
-
-/// Writes the histograms of [`Kind::ALL`].
-fn write(root: &Path, storage: &Storage, folder: &str, steps: usize, histograms: &[Histogram]) -> FileResult<()> {
+/// Writes the histograms of [`Kind::ALL`], of so many steps with this checksum.
+fn write(
+    root: &Path,
+    storage: &Storage,
+    folder: &str,
+    (steps, of): (usize, u32),
+    histograms: &[Histogram],
+) -> FileResult<()> {
     let group = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
     layout::write_group(root, storage, &group, &Map::new())?;
     let mut to = ArrayWriter::new(root, storage, &group);
@@ -199,6 +207,7 @@ fn write(root: &Path, storage: &Storage, folder: &str, steps: usize, histograms:
         let attributes = Map::from_iter([
             (DERIVED_ATTRIBUTE.to_owned(), json!(version(kind))),
             (STEPS.to_owned(), json!(steps)),
+            (OF.to_owned(), json!(of)),
             (NONFINITE.to_owned(), json!(histogram.nonfinite())),
             (AXES[0].to_owned(), json!(x)),
             (AXES[1].to_owned(), json!(y)),

@@ -321,13 +321,13 @@ fn on_gradients() -> Arc<Project> {
 fn histograms_that_a_store_does_not_have_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let source = generate(&SynthSpec { cells: 600, steps: 4, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
-    let series = |name: &str, without_histograms| {
+    let series = |name: &str| {
         let path = folder.path().join(name);
-        let options = IngestOptions { without_histograms, ..Default::default() };
-        ingest(&source, &path, &options, &Silent, &Cancel::new()).unwrap();
+        ingest(&source, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
         Arc::new(Series::open(&Store::open(path).unwrap(), None).unwrap())
     };
-    let (with, without) = (series("with.zarr", false), series("without.zarr", true));
+    let (with, without) = (series("with.zarr"), series("without.zarr"));
+    with.histograms(&Cancel::new()).unwrap();
     let desk = open(&without, &on_gradients());
     assert!(desk.session.notices().is_empty(), "{:?}", desk.session.notices());
     let table = table_of(&with, &on_gradients(), "fronts");

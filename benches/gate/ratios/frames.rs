@@ -35,8 +35,7 @@ impl Scene {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("jet.zarr");
         let jet = generate(&SynthSpec { cells, steps: STEPS, ..SynthSpec::new(SeriesName::Jet) })?;
-        let options = IngestOptions { without_histograms: true, ..Default::default() };
-        ingest(&jet, &path, &options, &Silent, &Cancel::new())?;
+        ingest(&jet, &path, &IngestOptions::default(), &Silent, &Cancel::new())?;
         let series = Arc::new(Series::open(&Store::open(&path)?, None)?);
         let [lo, hi] = series.field().range.ok_or("no finite value")?.map(f64::from);
         let bounds = series.mesh().positions.world_bounds();

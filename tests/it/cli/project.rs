@@ -266,6 +266,10 @@ fn what_the_command_line_asks_for_need_not_fit_the_files_of_the_project() {
 #[test]
 fn nothing_is_written_before_all_that_the_timeline_names_is_known_to_work() {
     let place = Place::with_slab();
+    // They are kept when they are first needed.
+    let store = tetreel::store::Store::open(place.path("slab.zarr")).unwrap();
+    let field = store.field(&"linear".parse().unwrap()).unwrap();
+    field.histograms(&store.mesh().unwrap(), &tetreel::task::Cancel::new()).unwrap().unwrap();
     let good = animation();
     // Of the ensemble that the first frame does not show.
     let at = good.rfind("name = \"one\"").unwrap();

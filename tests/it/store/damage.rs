@@ -1,5 +1,6 @@
 //! Cut, flipped, missing and foreign pieces: an error that names them, or the same answer without them.
 
+use super::histograms::count_all;
 use super::{contents, import, sample};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,7 @@ fn store_of(steps: usize, fields: &[&str]) -> (tempfile::TempDir, PathBuf) {
     let out = dir.path().join("s.zarr");
     let fields = fields.iter().map(|f| f.parse().unwrap()).collect();
     import(&sample(steps), &out, &IngestOptions { fields, ..Default::default() }).unwrap();
+    count_all(&Store::open(&out).unwrap());
     (dir, out)
 }
 

@@ -1,13 +1,13 @@
 //! Histograms in a store: those of a direct count, whenever they are made.
 
 use super::append::{add, import_all, part, reader, vq};
-use super::{distinct, field, import, sample};
+use super::{distinct, field, sample};
 use std::fs;
 use std::path::Path;
 use tetreel::codec::vq::VqOptions;
 use tetreel::field::Association;
 use tetreel::histograms::{Histogram, Kind};
-use tetreel::ingest::{CodecChoice, IngestError, IngestOptions};
+use tetreel::ingest::CodecChoice;
 use tetreel::moments::{Bins, Histogram1d};
 use tetreel::store::Store;
 use tetreel::task::Cancel;
@@ -32,11 +32,26 @@ fn direct(store: &Store, field: &str) -> Histogram1d {
     histogram
 }
 
+/// A store whose histograms somebody has asked for.
+fn counted(source: &super::Formulas, out: &Path, codec: Option<CodecChoice>) -> Store {
+    let store = import_all(source, out, codec);
+    count_all(&store);
+    store
+}
+
+/// Asks for the histograms of all fields.
+pub fn count_all(store: &Store) {
+    store.fields().iter().for_each(|field| _ = histograms(store, &field.name));
+}
+
 #[test]
-fn an_import_keeps_the_histograms_of_every_field_and_codec() {
+fn a_store_keeps_the_histograms_of_every_field_and_codec_for_which_somebody_has_asked() {
     for codec in [None, vq(16, false)] {
         let dir = tempfile::tempdir().unwrap();
         let store = import_all(&part(0..70), &dir.path().join("s.zarr"), codec);
+        assert!(store.fields().iter().all(|field| stored(store.path(), &field.name).is_none()), "nobody has asked");
+        let store = counted(&part(0..70), &dir.path().join("t.zarr"), codec);
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing is left beside");
         let mesh = store.mesh().unwrap();
         for info in store.fields() {
             let kept = stored(store.path(), &info.name).unwrap();
@@ -55,7 +70,7 @@ fn an_import_keeps_the_histograms_of_every_field_and_codec() {
 fn a_store_without_histograms_or_with_old_or_damaged_ones_has_the_same() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s.zarr");
-    let store = import_all(&part(0..5), &path, None);
+    let store = counted(&part(0..5), &path, None);
     let expected = stored(&path, "T").unwrap();
     let folder = path.join("fields/T/histograms");
     let metadata = folder.join("scalar_gradient/zarr.json");
@@ -64,6 +79,7 @@ fn a_store_without_histograms_or_with_old_or_damaged_ones_has_the_same() {
         ("\"derived_version\": 1", "\"derived_version\": 0"),
         ("\"derived_version\": 1", "\"derived_version\": \"1\""),
         ("\"steps\": 5", "\"steps\": 4"),
+        ("\"of\": ", "\"of\": 1"),
         ("\"nonfinite\"", "\"other\""),
         ("\"y_range\": [", "\"y_range\": [7e99,"),
         ("\"x_range\": [", "\"x_range\": [1e9,"),
@@ -75,8 +91,12 @@ fn a_store_without_histograms_or_with_old_or_damaged_ones_has_the_same() {
         fs::write(&metadata, other).unwrap();
         assert!(stored(&path, "T").is_none(), "{after}");
         assert_eq!(histograms(&store, "T"), expected);
+        assert_eq!(stored(&path, "T").as_ref(), Some(&expected), "they take the place of what was there");
+        assert_eq!(fs::read_to_string(&metadata).unwrap(), text);
     }
-    fs::write(&metadata, text).unwrap();
+    // Older versions wrote none.
+    let (before, after) = text.split_once("\"of\": ").unwrap();
+    fs::write(&metadata, format!("{before}{}", after.split_once("\n").unwrap().1.trim_start())).unwrap();
     assert_eq!(stored(&path, "T").as_ref(), Some(&expected));
     let chunk = folder.join("cov/c/0");
     let mut bytes = fs::read(&chunk).unwrap();
@@ -96,7 +116,7 @@ fn a_store_without_histograms_or_with_old_or_damaged_ones_has_the_same() {
 fn the_first_version_of_coefficients_of_variation_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s.zarr");
-    let store = import_all(&part(0..5), &path, None);
+    let store = counted(&part(0..5), &path, None);
     let expected = stored(&path, "T").unwrap();
     let metadata = path.join("fields/T/histograms/cov/zarr.json");
     let text = fs::read_to_string(&metadata).unwrap();
@@ -120,11 +140,13 @@ fn a_store_that_grew_has_the_histograms_of_one_import() {
     for codec in [None, vq(16, false)] {
         let dir = tempfile::tempdir().unwrap();
         let [grown, whole] = ["grown.zarr", "whole.zarr"].map(|name| dir.path().join(name));
-        import_all(&part(0..3), &grown, codec);
+        counted(&part(0..3), &grown, codec);
         let before = stored(&grown, "T").unwrap();
         for end in [5, 67, 70] {
             add(&part(0..end), &grown, &Default::default()).unwrap();
             assert!(stored(&grown, "T").is_none(), "none is better than an old one");
+            histograms(&Store::open(&grown).unwrap(), "T");
+            assert!(stored(&grown, "T").is_some(), "those of {end} steps");
         }
         let [grown, whole] = [Store::open(&grown).unwrap(), import_all(&part(0..70), &whole, codec)];
         for info in whole.fields() {
@@ -146,7 +168,7 @@ fn a_store_that_grew_has_the_histograms_of_one_import() {
 }
 
 #[test]
-fn a_raised_flag_ends_counting_and_an_import_that_counts() {
+fn a_raised_flag_ends_counting_and_keeps_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s.zarr");
     let store = import_all(&part(0..2), &path, None);
@@ -154,14 +176,35 @@ fn a_raised_flag_ends_counting_and_an_import_that_counts() {
     cancel.cancel();
     let reader = reader(&store, "T");
     let mesh = store.mesh().unwrap();
-    assert!(reader.count_histograms(&Kind::ALL, &mesh, &cancel).unwrap().is_none());
+    assert!(reader.histograms(&mesh, &cancel).unwrap().is_none() && stored(&path, "T").is_none());
+    assert!(reader.histograms(&mesh, &Cancel::new()).unwrap().is_some());
     assert!(reader.histograms(&mesh, &cancel).unwrap().is_some(), "they are there");
-    // The last step is read, then somebody asks to stop.
-    let mut source = sample(2);
-    source.cancel_at = Some((1, Cancel::new()));
-    let failed = import(&source, &dir.path().join("t.zarr"), &IngestOptions::default()).unwrap_err();
-    assert!(matches!(failed, IngestError::Cancelled));
-    assert!(!dir.path().join("t.zarr").exists());
+}
+
+/// Of another series with as many steps, such as one that took the place of the store while its steps were counted.
+#[test]
+fn histograms_of_other_values_are_counted_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let [one, other] = ["one.zarr", "other.zarr"].map(|name| dir.path().join(name));
+    let mut source = part(0..5);
+    source.value = Box::new(|name, component, step, i| distinct(name, component, step + 3, i));
+    counted(&source, &one, None);
+    let taken = |source: &super::Formulas, codec| {
+        let _ = fs::remove_dir_all(&other);
+        import_all(source, &other, codec);
+        copy(&one.join("fields/T/histograms"), &other.join("fields/T/histograms"));
+        stored(&other, "T").is_some()
+    };
+    assert!(taken(&source, None), "they are those of a second import");
+    assert!(!taken(&part(0..5), None) && !taken(&source, vq(16, false)));
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let to = to.join(entry.file_name());
+        if entry.path().is_dir() { copy(&entry.path(), &to) } else { _ = fs::copy(entry.path(), to).unwrap() }
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Stock readers open every array: zarrs here, Python's `zarr` where it is installed.
 
+use super::histograms::count_all;
 use super::{import, sample};
 use glam::DVec3;
 use std::path::Path;
@@ -12,7 +13,9 @@ use tetreel::store::Store;
 
 fn imported(dir: &Path) -> Store {
     import(&sample(2), &dir.join("s.zarr"), &IngestOptions::default()).unwrap();
-    Store::open(dir.join("s.zarr")).unwrap()
+    let store = Store::open(dir.join("s.zarr")).unwrap();
+    count_all(&store);
+    store
 }
 
 /// Paths of the arrays below a group, as the metadata says.
