@@ -386,6 +386,7 @@ impl Order {
             surfaces,
             faces,
             k_buffer,
+            clusters: Some(series.clusters().clone()),
             skip: request.skip,
             cancel: cancel.clone(),
             for_window: request.for_window,

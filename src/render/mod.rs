@@ -30,7 +30,7 @@ use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
-use crate::visibility::{CellSet, DrawnFaces, Skip};
+use crate::visibility::{CellSet, Clusters, DrawnFaces, Skip};
 pub use adaptive::{BadContrast, Contrast};
 pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
@@ -77,6 +77,8 @@ pub struct RenderJob {
     pub optics: OpticsKind,
     /// The transfer function prepared for these optics, if that has been done; a renderer does it itself otherwise.
     pub prepared: Option<PreparedOptics>,
+    /// The clusters of the mesh, if they have been made; a renderer that needs them makes its own otherwise.
+    pub clusters: Option<Arc<Clusters>>,
     /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
     pub placed: Option<cpu::Placed>,
     /// The contrast that decides which rays a ray caster casts, where the samples are all pixels; all of them without.
@@ -259,6 +261,7 @@ impl RenderJob {
             formula: None,
             optics: OpticsKind::default(),
             prepared: None,
+            clusters: None,
             placed: None,
             contrast: None,
             previews: Vec::new(),

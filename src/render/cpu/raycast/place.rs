@@ -16,6 +16,9 @@ use crate::visibility::{CellSet, Clusters, NeededClusters, Pool};
 use std::sync::Arc;
 use std::time::Instant;
 
+/// The clusters of a mesh, if they have been made.
+type KnownClusters = Option<(Arc<Mesh>, Arc<Clusters>)>;
+
 /// Cells in a view.
 #[derive(Clone, Debug)]
 pub(in crate::render::cpu) struct CellsInView {
@@ -52,8 +55,8 @@ pub(in crate::render::cpu) struct CellPlacer {
     choice: CellChoice,
     screen: Vec<ScreenPoint>,
     entry_faces: EntryFaces,
-    /// Those of the last mesh.
-    clusters: Option<(Arc<Mesh>, Clusters)>,
+    /// Those of the last mesh that came without.
+    clusters: KnownClusters,
     needed: NeededClusters,
     pool: Pool<EntryLists>,
 }
@@ -100,11 +103,15 @@ fn find_needed(
     job: &RenderJob,
     view: &View,
     cells: &CellSet,
-    (clusters, needed): (&mut Option<(Arc<Mesh>, Clusters)>, &mut NeededClusters),
+    (known, needed): (&mut KnownClusters, &mut NeededClusters),
     saved: &mut FrameStats,
 ) {
-    let of_mesh = clusters.take().filter(|(of, _)| Arc::ptr_eq(of, &job.mesh));
-    let (_, clusters) = clusters.insert(of_mesh.unwrap_or_else(|| (job.mesh.clone(), Clusters::new(&job.mesh))));
+    let clusters = job.clusters.clone().unwrap_or_else(|| {
+        let of_mesh = known.take().filter(|(of, _)| Arc::ptr_eq(of, &job.mesh));
+        let (_, clusters) =
+            known.insert(of_mesh.unwrap_or_else(|| (job.mesh.clone(), Arc::new(Clusters::new(&job.mesh)))));
+        clusters.clone()
+    });
     clusters.needed(view, cells, needed);
     saved.clusters_outside = needed.outside;
     let not_needed = (0..).zip(&needed.vertices).filter(|(_, needed)| !**needed);
