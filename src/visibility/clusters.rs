@@ -87,23 +87,51 @@ impl Clusters {
 
 /// The clusters that some cells use, ascending, and which of them have a cell in common.
 fn of_cells(cells: &[[u32; 4]]) -> (Vec<u32>, Vec<[u32; 2]>) {
-    let (mut used, mut pairs) = (Vec::new(), Vec::new());
+    // A cluster is a pair with itself.
+    let (mut pairs, mut recent) = (Vec::new(), [[u32::MAX; 2]; RECENT]);
+    let mut push = |pair: [u32; 2]| {
+        let slot = &mut recent[(pair[0].wrapping_mul(31) ^ pair[1]) as usize % RECENT];
+        if std::mem::replace(slot, pair) != pair {
+            pairs.push(pair);
+        }
+    };
     for tet in cells {
         let mut clusters = tet.map(|v| v / Clusters::VERTICES as u32);
         clusters.sort_unstable();
-        if used.last() != Some(&clusters[0]) {
-            used.push(clusters[0]);
-        }
-        for (at, &b) in clusters.iter().enumerate().skip(1) {
-            for &a in clusters[..at].iter().filter(|&&a| a != b) {
-                pairs.push([a, b]);
-                used.push(b);
-            }
+        for (at, &b) in clusters.iter().enumerate() {
+            push([b, b]);
+            clusters[..at].iter().for_each(|&a| push([a, b]));
         }
     }
-    used.sort_unstable();
-    used.dedup();
     pairs.sort_unstable();
     pairs.dedup();
+    let used = pairs.iter().filter(|[a, b]| a == b).map(|[a, _]| *a).collect();
+    pairs.retain(|[a, b]| a != b);
     (used, pairs)
+}
+
+/// Pairs that are remembered while cells are gone through: cells that follow each other have the same, and few are left to be sorted.
+const RECENT: usize = 256;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::test_meshes::Random;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn clusters_and_pairs_are_those_of_all_cells() {
+        let mut random = Random(7);
+        for spread in [1, 3, 40, 4000] {
+            let vertices = spread * Clusters::VERTICES;
+            let cells: Vec<[u32; 4]> = (0..3000).map(|_| [0; 4].map(|_: u32| random.below(vertices) as u32)).collect();
+            let (used, pairs) = of_cells(&cells);
+            let of = |tet: &[u32; 4]| tet.map(|v| v / Clusters::VERTICES as u32);
+            let all: BTreeSet<u32> = cells.iter().flat_map(of).collect();
+            let both = cells.iter().flat_map(|tet| of(tet).into_iter().flat_map(move |a| of(tet).map(|b| [a, b])));
+            let all_pairs: BTreeSet<[u32; 2]> = both.filter(|[a, b]| a < b).collect();
+            assert_eq!(used, Vec::from_iter(all), "{spread} clusters");
+            assert_eq!(pairs, Vec::from_iter(all_pairs), "{spread} clusters");
+        }
+    }
 }
