@@ -334,7 +334,7 @@ impl<'a> Pieces<'a> {
         let mut out = *self.out;
         let depths = self.near_depth.as_chunks().0.iter().zip(self.far_depth.as_chunks().0);
         for (colors, (near, far)) in self.colors.chunks(WEIGHED_AT_ONCE).zip(depths) {
-            let weights = weigh(near, far, colors.len());
+            let weights = weigh(near, far);
             for (i, [near, far]) in colors.iter().enumerate() {
                 let [near_weight, far_weight] = weights.map(|w| w[i]);
                 out.add(PieceWeights { near: near_weight, far: far_weight }, *near, *far);

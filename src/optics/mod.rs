@@ -19,6 +19,7 @@ pub mod quadrature;
 mod scalar_map;
 pub mod table3d;
 mod table3d_entries;
+mod thick;
 mod weights;
 
 use crate::words::words;

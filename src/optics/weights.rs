@@ -21,16 +21,14 @@
 //!    The four power series in x (alpha / x, the first term / x, P1, P2) are summed side by side in the lanes of a vector.
 //!    With |h| <= x <= 1/4 the first terms left out are x^7 / 40320 of alpha, h^5 / (120 * 2772), h^3 x^3 / (6 * 5040) and
 //!    h^4 x / (24 * 1260): all below 4e-8, the rounding of an f32 accumulator.
-//! 2. else: five-point Gauss-Legendre on sub-pieces of optical depth at most [`PIECE_MAX`], until nothing shines through.
-//!    Its error is the tenth derivative times 3.9e-13; the worst integrand is exp(-b u^2) with b = [`PIECE_MAX`], whose
-//!    tenth derivative is at most 30240 b^5: 9e-8.
+//! 2. else, with M the mean transmittance, A = 1 - M: [`thick`](super::thick) has it by a quadrature rule up to an optical depth of 5/2, and by
+//!    closed forms beyond, in E (of error functions) and Dawson's function.
 
+use super::thick::{RULE_MAX, exp_neg, mean_by_rule, mean_of_fall, mean_of_rise};
 use glam::Vec4;
 
 /// Largest optical depth for which the series is used.
 const SERIES_MAX: f32 = 0.25;
-/// Largest optical depth of a Gauss-Legendre sub-piece.
-const PIECE_MAX: f32 = 1.5;
 /// Beyond this optical depth exp(-x) is below f32's rounding of 1: nothing behind such a piece is seen.
 pub(crate) const DEPTH_MAX: f32 = 18.0;
 
@@ -47,7 +45,7 @@ pub struct PieceWeights {
 #[inline(always)]
 pub fn piece_weights(a0: f32, a1: f32) -> PieceWeights {
     let depth = 0.5 * (a0 + a1);
-    if depth <= SERIES_MAX { series(a0, a1, depth) } else { quadrature(a0, a1, depth) }
+    if depth <= SERIES_MAX { series(a0, a1, depth) } else { thick(a0, a1, depth) }
 }
 
 /// Coefficients of x^n in alpha / x, the first term / x, P1 and P2.
@@ -81,7 +79,7 @@ pub fn homogeneous_weights(depth: f32) -> PieceWeights {
     if depth <= SERIES_MAX {
         return series(depth, depth, depth);
     }
-    let alpha = -(-depth).exp_m1();
+    let alpha = 1.0 - exp_neg(depth);
     let near = 1.0 - alpha / depth;
     PieceWeights { near, far: alpha - near }
 }
@@ -100,17 +98,12 @@ const fn series_by_order() -> [[f32; 4]; 6] {
 /// Pieces that [`weigh`] takes.
 pub(crate) const WEIGHED_AT_ONCE: usize = 16;
 
-/// [`piece_weights`] of the first `count` pieces, to the last bit: near and far. The lanes of a vector are the pieces here, not the
-/// series.
+/// [`piece_weights`] of so many pieces, to the last bit: near and far. The lanes of a vector are the pieces here, not the series.
 #[inline(always)]
-pub(crate) fn weigh(
-    a0: &[f32; WEIGHED_AT_ONCE],
-    a1: &[f32; WEIGHED_AT_ONCE],
-    count: usize,
-) -> [[f32; WEIGHED_AT_ONCE]; 2] {
+pub(crate) fn weigh(a0: &[f32; WEIGHED_AT_ONCE], a1: &[f32; WEIGHED_AT_ONCE]) -> [[f32; WEIGHED_AT_ONCE]; 2] {
     let [c0, c1, c2, c3, c4, c5] = const { series_by_order() };
     let mut weights = [[0.0; WEIGHED_AT_ONCE]; 2];
-    let mut is_deep = false;
+    let mut is_thick = false;
     for l in 0..WEIGHED_AT_ONCE {
         let x = 0.5 * (a0[l] + a1[l]);
         let sum = |i: usize| c0[i] + x * (c1[i] + x * (c2[i] + x * (c3[i] + x * (c4[i] + x * c5[i]))));
@@ -120,51 +113,76 @@ pub(crate) fn weigh(
         let alpha = x * sum(0);
         let near = x * sum(1) - bend;
         (weights[0][l], weights[1][l]) = (near, alpha - near);
-        is_deep |= x > SERIES_MAX;
+        is_thick |= x > SERIES_MAX;
     }
-    if !is_deep {
-        return weights;
-    }
-    for l in 0..count.min(WEIGHED_AT_ONCE) {
-        let depth = 0.5 * (a0[l] + a1[l]);
-        if depth > SERIES_MAX {
-            let PieceWeights { near, far } = quadrature(a0[l], a1[l], depth);
-            (weights[0][l], weights[1][l]) = (near, far);
-        }
+    if is_thick {
+        weigh_thick(a0, a1, &mut weights);
     }
     weights
 }
 
-/// Five-point Gauss-Legendre on [0, 1]: abscissae and weights.
-const GAUSS: [(f32, f32); 5] = [
-    (0.046_910_077, 0.118_463_44),
-    (0.230_765_34, 0.239_314_34),
-    (0.5, 0.284_444_45),
-    (0.769_234_66, 0.239_314_34),
-    (0.953_089_9, 0.118_463_44),
-];
-
-#[cold]
-#[inline(never)]
-fn quadrature(a0: f32, a1: f32, depth: f32) -> PieceWeights {
-    let b = 0.5 * (a1 - a0);
-    let theta = |u: f32| u * (a0 + b * u);
-    // Where Theta reaches x: the root of b u^2 + a0 u = x in the form that does not cancel.
-    let inverse = |x: f32| 2.0 * x / (a0 + (a0 * a0 + 4.0 * b * x).max(0.0).sqrt());
-    let pieces = (depth.min(DEPTH_MAX) / PIECE_MAX).ceil().max(1.0);
-    let end = if depth > DEPTH_MAX { inverse(DEPTH_MAX).min(1.0) } else { 1.0 };
-    let mut mean_transmittance = 0.0;
-    let mut from = 0.0;
-    for i in 1..=pieces as u32 {
-        let to =
-            if i as f32 == pieces { end } else { inverse(depth.min(DEPTH_MAX) * i as f32 / pieces).clamp(from, end) };
-        let width = to - from;
-        let sum: f32 = GAUSS.iter().map(|&(u, w)| w * (-theta(from + width * u)).exp()).sum();
-        mean_transmittance += width * sum;
-        from = to;
+/// [`thick`] where that is wanted.
+#[inline(always)]
+fn weigh_thick(
+    a0: &[f32; WEIGHED_AT_ONCE],
+    a1: &[f32; WEIGHED_AT_ONCE],
+    weights: &mut [[f32; WEIGHED_AT_ONCE]; 2],
+) {
+    let [mut depth, mut through, mut mean] = [[0.0; WEIGHED_AT_ONCE]; 3];
+    let [mut by_rule, mut rises, mut falls] = [false; 3];
+    for l in 0..WEIGHED_AT_ONCE {
+        let x = 0.5 * (a0[l] + a1[l]);
+        (depth[l], through[l]) = (x, exp_neg(x));
+        by_rule |= x > SERIES_MAX && x <= RULE_MAX;
+        rises |= x > RULE_MAX && a1[l] > a0[l];
+        falls |= x > RULE_MAX && a1[l] <= a0[l];
     }
-    let alpha = -(-depth).exp_m1();
-    let near = (1.0 - mean_transmittance).clamp(0.0, alpha);
+    if by_rule {
+        for l in 0..WEIGHED_AT_ONCE {
+            mean[l] = mean_by_rule(a0[l], a1[l]);
+        }
+    }
+    if rises {
+        for l in 0..WEIGHED_AT_ONCE {
+            let of_rise = mean_of_rise(a0[l], a1[l], through[l]);
+            mean[l] = if depth[l] > RULE_MAX { of_rise } else { mean[l] };
+        }
+    }
+    if falls {
+        for l in 0..WEIGHED_AT_ONCE {
+            let of_fall = mean_of_fall(a0[l], a1[l], through[l]);
+            mean[l] = if depth[l] > RULE_MAX && a1[l] <= a0[l] { of_fall } else { mean[l] };
+        }
+    }
+    for l in 0..WEIGHED_AT_ONCE {
+        let thick = weights_of(mean[l], through[l]);
+        let is_thick = depth[l] > SERIES_MAX;
+        weights[0][l] = if is_thick { thick.near } else { weights[0][l] };
+        weights[1][l] = if is_thick { thick.far } else { weights[1][l] };
+    }
+}
+
+/// Weights of a piece of this optical depth beyond [`SERIES_MAX`].
+#[inline(never)]
+fn thick(a0: f32, a1: f32, depth: f32) -> PieceWeights {
+    let through = exp_neg(depth);
+    let mean = if depth <= RULE_MAX {
+        mean_by_rule(a0, a1)
+    } else if a1 > a0 {
+        mean_of_rise(a0, a1, through)
+    } else {
+        mean_of_fall(a0, a1, through)
+    };
+    weights_of(mean, through)
+}
+
+/// The weights of a piece with a mean transmittance, of which this shines through.
+#[inline(always)]
+fn weights_of(mean: f32, through: f32) -> PieceWeights {
+    let alpha = 1.0 - through;
+    let near = 1.0 - mean;
+    let near = if near > 0.0 { near } else { 0.0 };
+    let near = if near < alpha { near } else { alpha };
     PieceWeights { near, far: alpha - near }
 }
 
@@ -225,7 +243,7 @@ mod tests {
                 [a0[l], a1[l]] = *pair;
             }
             let of = |[near, far]: [[f32; WEIGHED_AT_ONCE]; 2], l: usize| PieceWeights { near: near[l], far: far[l] };
-            let (weights, other) = (weigh(&a0, &a1, some.len()), weigh(&a0.map(|a| a * 1.000_001), &a1, some.len()));
+            let (weights, other) = (weigh(&a0, &a1), weigh(&a0.map(|a| a * 1.000_001), &a1));
             for (l, &[a0, a1]) in some.iter().enumerate() {
                 assert_eq!(of(weights, l), piece_weights(a0, a1), "{a0} {a1}");
                 other_bits += usize::from(of(other, l) != piece_weights(a0, a1));

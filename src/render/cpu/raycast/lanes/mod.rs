@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! while there are rays
-//!     while there is room for a row
+//!     while there is room for a row, of few where rays have become opaque
 //!         each lane walks through one cell of its own: new vertex, edge functions, exit, (depth, scalar) there
 //!         the segments of the lanes are a row
 //!         a lane at the end of a path goes to the next one; at the end of its ray the next ray of the tile takes it
@@ -36,7 +36,7 @@ use crate::stats::FrameStats;
 use each::EachLight;
 use exact::{ExactLights, Optics};
 use pulp::{NullaryFnOnce, cast};
-use rows::{Lights, Out, RayEnd, Rows};
+use rows::{Lights, Out, RayEnd, Rows, RowsAhead};
 use std::arch::x86_64::__m256i;
 
 use vector::{Eight, LANES, Lanes};
@@ -45,6 +45,8 @@ use vector::{Eight, LANES, Lanes};
 #[derive(Default)]
 pub(super) struct LaneScratch {
     rows: Box<Rows>,
+    /// From tile to tile, since neighbours are alike.
+    ahead: RowsAhead,
 }
 
 /// Walks the rays of a tile.
@@ -65,17 +67,17 @@ impl<M: Medium<Light = Accumulator>, L: Lanes> NullaryFnOnce for WalkRays<'_, M,
     #[inline(always)]
     fn call(self) {
         let Self { lanes, scene, rect, starts, scratch, pixels, stats } = self;
-        let rows = &mut *scratch.rows;
+        let LaneScratch { rows, ahead } = scratch;
         let mut out = Out { pixels, stats, early_termination: scene.early_termination };
         let rays = Rays { scene, rect, rest: starts };
         match scene.medium.exact_table() {
             Some(table) => {
                 let mut lights = ExactLights::new(Optics { lanes, table }, scene.view.near_depth());
-                walk(lanes, scene, rays, rows, &mut out, &mut lights);
+                walk(lanes, scene, rays, (rows, ahead), &mut out, &mut lights);
             }
             None => {
                 let mut lights = EachLight::new(scene.medium, scene.view.near_depth());
-                walk(lanes, scene, rays, rows, &mut out, &mut lights);
+                walk(lanes, scene, rays, (rows, ahead), &mut out, &mut lights);
             }
         }
         waste(Slow::Walk, out.stats.steps as usize);
@@ -253,7 +255,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
     lanes: L,
     scene: &'a Scene<'a, M>,
     mut rays: Rays<'a, M>,
-    rows: &mut Rows,
+    (rows, ahead): (&mut Rows, &mut RowsAhead),
     out: &mut Out<'_>,
     lights: &mut K,
 ) {
@@ -283,9 +285,10 @@ fn walk<'a, M, L: Lanes, K: Lights>(
     while alive != 0 {
         rows.count = 0;
         rows.ends.clear();
-        while rows.count < rows::ROWS && alive != 0 {
+        let before = (out.stats.steps, out.stats.rays_stopped_early);
+        while rows.count < ahead.count() && alive != 0 {
             let first = rows.count;
-            let stepped = walk_on::<L, K>(lanes, &cells, &mut slots, rows, alive);
+            let stepped = walk_on::<L, K>(lanes, &cells, &mut slots, (rows, ahead.count()), alive);
             out.stats.steps += (rows.count - first) as u64 * u64::from(alive.count_ones());
             debug_assert!(out.stats.steps <= most as u64, "a path goes through a cell once");
             let mut ended = alive & !stepped.goes_on;
@@ -304,10 +307,13 @@ fn walk<'a, M, L: Lanes, K: Lights>(
                 rows.ends.push(RayEnd { row: rows.count - 1, lane: l, pixel, line: line_of(&own[l]) });
             }
         }
+        let walked = out.stats.steps;
         lights.composite(rows, out);
         if !scene.early_termination {
+            *ahead = RowsAhead::all();
             continue;
         }
+        ahead.learn(walked - before.0, walked - out.stats.steps, out.stats.rays_stopped_early - before.1);
         let mut opaque = alive & lights.opaque();
         while opaque != 0 {
             let l = opaque.trailing_zeros() as usize;
@@ -342,9 +348,15 @@ fn next_ray<'a, M>(
     own[l].as_mut().is_some_and(|lane| slots.next_path(scene, l, lane))
 }
 
-/// Walks on until a path ends or the rows are full, one row at least.
+/// Walks on until a path ends or there are `most` rows, one row at least.
 #[inline(always)]
-fn walk_on<L: Lanes, K: Lights>(lanes: L, cells: &Cells<'_>, slots: &mut Slots, rows: &mut Rows, alive: u8) -> Stepped {
+fn walk_on<L: Lanes, K: Lights>(
+    lanes: L,
+    cells: &Cells<'_>,
+    slots: &mut Slots,
+    (rows, most): (&mut Rows, usize),
+    alive: u8,
+) -> Stepped {
     let mut place = Place::load(lanes, slots);
     let stepped = loop {
         let row = rows.count % rows::ROWS;
@@ -358,7 +370,7 @@ fn walk_on<L: Lanes, K: Lights>(lanes: L, cells: &Cells<'_>, slots: &mut Slots, 
         rows.to_scalar[row] = lanes.store(place.scalar);
         rows.alive[row] = alive;
         rows.count = row + 1;
-        if alive & !stepped.goes_on != 0 || rows.count == rows::ROWS {
+        if alive & !stepped.goes_on != 0 || rows.count >= most {
             break stepped;
         }
     };

@@ -5,8 +5,40 @@ use super::super::super::tiles::TilePixel;
 use super::vector::{Eight, LANES};
 use crate::stats::FrameStats;
 
-/// Steps that are walked before their segments are composited.
+/// Steps that are walked before their segments are composited, at most.
 pub(super) const ROWS: usize = 32;
+
+/// How many steps are walked before their segments are composited: few where rays become opaque, whose steps beyond are in vain, more
+/// where they live. An image does not depend on it.
+#[derive(Clone, Copy)]
+pub(super) struct RowsAhead(usize);
+
+impl Default for RowsAhead {
+    fn default() -> Self {
+        Self(2)
+    }
+}
+
+impl RowsAhead {
+    /// As many as there is room for.
+    pub(super) fn all() -> Self {
+        Self(ROWS)
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.0
+    }
+
+    /// After rows with so many steps, some of them in vain, in which some rays have become opaque. Half as many from a quarter in vain on, since
+    /// beginning anew costs little beside that; twice as many if less than an eighth would be, with as many rays that end at any step.
+    pub(super) fn learn(&mut self, steps: u64, in_vain: u64, opaque: u64) {
+        if 4 * in_vain > steps {
+            self.0 = (self.0 / 2).max(1);
+        } else if 8 * (in_vain + opaque * self.0 as u64) < 2 * steps {
+            self.0 = (2 * self.0).min(ROWS);
+        }
+    }
+}
 
 /// The last steps of eight rays: in each row the segment of each lane, from one (depth, scalar) place to the next.
 #[repr(C, align(64))]
