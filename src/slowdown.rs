@@ -52,6 +52,8 @@ pub(crate) enum Slow {
     Pipelined,
     /// Frames of some of the faces; a unit is a fragment.
     FewFaces,
+    /// Rays that end since they are opaque, as timed; a unit is a ray.
+    OpaqueRays,
     /// A unit is a cell beyond half a million.
     LargeMeshes,
     /// A unit is a frame that came before.
@@ -88,7 +90,7 @@ mod with_feature {
     /// Instructions of one turn of the loop that wastes them.
     const PER_TURN: usize = 4;
 
-    const PLACES: [Slow; 25] = [
+    const PLACES: [Slow; 26] = [
         Slow::DecodeVq,
         Slow::DecodeRaw,
         Slow::Walk,
@@ -111,6 +113,7 @@ mod with_feature {
         Slow::DecodeLanes,
         Slow::Pipelined,
         Slow::FewFaces,
+        Slow::OpaqueRays,
         Slow::LargeMeshes,
         Slow::LateFrames,
         Slow::Import,
@@ -142,6 +145,7 @@ mod with_feature {
                 Self::DecodeLanes => ("decode_lanes", 20_000),
                 Self::Pipelined => ("pipelined", 6_000_000),
                 Self::FewFaces => ("few_faces", 3_000_000),
+                Self::OpaqueRays => ("opaque_rays", 60_000_000),
                 Self::LargeMeshes => ("large_meshes", 5_000_000),
                 Self::LateFrames => ("late_frames", 500_000_000),
                 Self::Import => ("import", 4_000_000),

@@ -31,6 +31,14 @@ fn light_clear(ray: Ray) {
     optics_clear();
 }
 
+// What shines through becomes less by what has been gathered; what rounding leaves out of a difference goes into the next one.
+// CPU twin: Accumulator::dim.
+fn optics_dim(gathered: f32) {
+    let left = two_sum(optics.transmittance, optics.carried - gathered);
+    optics.transmittance = left.x;
+    optics.carried = left.y;
+}
+
 // Composites the segment from the last place through a cell to the next, or the part of it behind `front`; false if there is none.
 fn composite(cell: u32, to: real2) -> bool {
     var from_ = light.last;

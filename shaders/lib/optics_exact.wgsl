@@ -14,6 +14,8 @@ struct Optics {
     // What has been gathered: premultiplied colour, opacity; and what still shines through.
     light: vec4<f32>,
     transmittance: f32,
+    // What rounding has left out of that.
+    carried: f32,
     pieces: u32,
     // Whether a piece had extinction, and before which share of its segment the first of them began.
     visible: bool,
@@ -25,7 +27,7 @@ var<private> optics: Optics;
 
 // Before the ray has met anything.
 fn optics_clear() {
-    optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0u, false, 0.0);
+    optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
 fn optics_load(interval: u32) {
@@ -81,7 +83,7 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
     let of_far = transmittance * weights.y;
     optics.light += vec4(near.xyz, 1.0) * of_near + vec4(far.xyz, 1.0) * of_far;
     // Not the product with what the piece lets through: of many equal pieces that is rounded alike each time.
-    optics.transmittance = transmittance - (of_near + of_far);
+    optics_dim(of_near + of_far);
     optics.pieces += 1u;
     return near_depth + far_depth <= 2.0 * DEPTH_MAX;
 }

@@ -24,6 +24,8 @@ struct Optics {
     // What has been gathered: premultiplied colour, opacity; and what still shines through.
     light: vec4<f32>,
     transmittance: f32,
+    // What rounding has left out of that.
+    carried: f32,
     pieces: u32,
     // Whether a piece had extinction, and before which share of its segment the first of them began.
     visible: bool,
@@ -48,7 +50,7 @@ var<private> values: vec2<f32>;
 
 // Before the ray has met anything.
 fn optics_clear() {
-    optics = Optics(vec4(0.0), 1.0, 0u, false, 0.0);
+    optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
 // The ray is at a place with this quantity of vertices, after a gap.
@@ -196,7 +198,7 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
     let of_near = transmittance * weights.x;
     let of_far = transmittance * weights.y;
     optics.light += vec4(at_near.xyz, 1.0) * of_near + vec4(at_far.xyz, 1.0) * of_far;
-    optics.transmittance = transmittance - (of_near + of_far);
+    optics_dim(of_near + of_far);
     optics.pieces += 1u;
 }
 

@@ -18,6 +18,8 @@ struct Optics {
     // What has been gathered: premultiplied colour, opacity; and what still shines through.
     light: vec4<f32>,
     transmittance: f32,
+    // What rounding has left out of that.
+    carried: f32,
     pieces: u32,
     // Whether a segment had extinction, and before which share of the first such segment it began.
     visible: bool,
@@ -36,7 +38,7 @@ struct Sum {
 
 // Before the ray has met anything.
 fn optics_clear() {
-    optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0u, false, 0.0);
+    optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
 fn optics_load(interval: u32) {
@@ -94,7 +96,7 @@ fn optics_depth(tau: f32, length: f32) -> f32 {
 // Composites light of an opacity behind what has been gathered.
 fn optics_add(rgb: vec3<f32>, alpha: f32) {
     optics.light += vec4(rgb, alpha) * optics.transmittance;
-    optics.transmittance -= optics.transmittance * alpha;
+    optics_dim(optics.transmittance * alpha);
     optics.pieces += 1u;
 }
 

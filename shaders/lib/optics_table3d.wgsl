@@ -26,6 +26,8 @@ struct Optics {
     // What has been gathered: premultiplied colour, opacity; and what still shines through.
     light: vec4<f32>,
     transmittance: f32,
+    // What rounding has left out of that.
+    carried: f32,
     pieces: u32,
     // Whether a segment had extinction, and before which share of the first such segment it began: always its near end,
     // since a table does not know where in it (the CPU asks the transfer function itself).
@@ -37,7 +39,7 @@ var<private> optics: Optics;
 
 // Before the ray has met anything.
 fn optics_clear() {
-    optics = Optics(vec4(0.0), 1.0, 0u, false, 0.0);
+    optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
 // The ray is at a place with this scalar, after a gap.
@@ -87,7 +89,7 @@ fn table3d_composite(entry: vec4<f32>, length: f32) {
     let depth = min(mean * min(length, 1e9 / max(mean, 1.0)), 1e9);
     let alpha = alpha_of_depth(depth);
     optics.light += entry * (alpha / max(mean, MEAN_MIN)) * optics.transmittance;
-    optics.transmittance -= optics.transmittance * alpha;
+    optics_dim(optics.transmittance * alpha);
     if depth > 0.0 {
         optics.pieces += 1u;
         optics.visible = true;

@@ -98,7 +98,7 @@ fn meet(sheet: Sheet, cell: u32, depth: real, ascends: bool) {
     let lit = light_on(cell, depth) * opacity;
     let rgb = select(sheet.back.xyz, sheet.front.xyz, ascends);
     optics.light += vec4(rgb * lit, opacity) * optics.transmittance;
-    optics.transmittance -= optics.transmittance * opacity;
+    optics_dim(optics.transmittance * opacity);
     optics.pieces += 1u;
     if !optics.visible {
         optics.visible = true;

@@ -101,9 +101,22 @@ pub(crate) const WEIGHED_AT_ONCE: usize = 16;
 /// [`piece_weights`] of so many pieces, to the last bit: near and far. The lanes of a vector are the pieces here, not the series.
 #[inline(always)]
 pub(crate) fn weigh(a0: &[f32; WEIGHED_AT_ONCE], a1: &[f32; WEIGHED_AT_ONCE]) -> [[f32; WEIGHED_AT_ONCE]; 2] {
+    let (mut weights, has_thick) = weigh_thin(a0, a1);
+    if has_thick {
+        weigh_thick(a0, a1, &mut weights);
+    }
+    weights
+}
+
+/// [`weigh`] for pieces of small optical depths; whether there are others, for [`weigh_thick`].
+#[inline(always)]
+pub(crate) fn weigh_thin(
+    a0: &[f32; WEIGHED_AT_ONCE],
+    a1: &[f32; WEIGHED_AT_ONCE],
+) -> ([[f32; WEIGHED_AT_ONCE]; 2], bool) {
     let [c0, c1, c2, c3, c4, c5] = const { series_by_order() };
     let mut weights = [[0.0; WEIGHED_AT_ONCE]; 2];
-    let mut is_thick = false;
+    let mut has_thick = false;
     for l in 0..WEIGHED_AT_ONCE {
         let x = 0.5 * (a0[l] + a1[l]);
         let sum = |i: usize| c0[i] + x * (c1[i] + x * (c2[i] + x * (c3[i] + x * (c4[i] + x * c5[i]))));
@@ -113,17 +126,15 @@ pub(crate) fn weigh(a0: &[f32; WEIGHED_AT_ONCE], a1: &[f32; WEIGHED_AT_ONCE]) ->
         let alpha = x * sum(0);
         let near = x * sum(1) - bend;
         (weights[0][l], weights[1][l]) = (near, alpha - near);
-        is_thick |= x > SERIES_MAX;
+        has_thick |= x > SERIES_MAX;
     }
-    if is_thick {
-        weigh_thick(a0, a1, &mut weights);
-    }
-    weights
+    (weights, has_thick)
 }
 
-/// [`thick`] where that is wanted.
+/// Corrects what [`weigh_thin`] has of thick pieces. Best not inlined where pieces are weighed, which most often are thin, but with all of the
+/// processor's instructions.
 #[inline(always)]
-fn weigh_thick(
+pub(crate) fn weigh_thick(
     a0: &[f32; WEIGHED_AT_ONCE],
     a1: &[f32; WEIGHED_AT_ONCE],
     weights: &mut [[f32; WEIGHED_AT_ONCE]; 2],
@@ -133,9 +144,13 @@ fn weigh_thick(
     for l in 0..WEIGHED_AT_ONCE {
         let x = 0.5 * (a0[l] + a1[l]);
         (depth[l], through[l]) = (x, exp_neg(x));
-        by_rule |= x > SERIES_MAX && x <= RULE_MAX;
-        rises |= x > RULE_MAX && a1[l] > a0[l];
-        falls |= x > RULE_MAX && a1[l] <= a0[l];
+    }
+    // Without short circuits, which would not become vectors.
+    for l in 0..WEIGHED_AT_ONCE {
+        let (is_deep, ascends) = (depth[l] > RULE_MAX, a1[l] > a0[l]);
+        by_rule |= (depth[l] > SERIES_MAX) & !is_deep;
+        rises |= is_deep & ascends;
+        falls |= is_deep & !ascends;
     }
     if by_rule {
         for l in 0..WEIGHED_AT_ONCE {
@@ -151,7 +166,7 @@ fn weigh_thick(
     if falls {
         for l in 0..WEIGHED_AT_ONCE {
             let of_fall = mean_of_fall(a0[l], a1[l], through[l]);
-            mean[l] = if depth[l] > RULE_MAX && a1[l] <= a0[l] { of_fall } else { mean[l] };
+            mean[l] = if (depth[l] > RULE_MAX) & (a1[l] <= a0[l]) { of_fall } else { mean[l] };
         }
     }
     for l in 0..WEIGHED_AT_ONCE {

@@ -32,7 +32,7 @@ struct Ratio {
     measure: fn() -> Result<f64, Box<dyn Error>>,
 }
 
-const RATIOS: [Ratio; 9] = [
+const RATIOS: [Ratio; 10] = [
     Ratio {
         name: "skipping",
         what: "all that can be is left out / nothing",
@@ -81,6 +81,14 @@ const RATIOS: [Ratio; 9] = [
         of_vectors: false,
         threads: false,
         measure: renderers::few_faces,
+    },
+    Ratio {
+        name: "opaque_rays",
+        what: "the slowest opacity from .5 to 1 / .05",
+        here: 0.6,
+        of_vectors: false,
+        threads: false,
+        measure: renderers::opaque_rays,
     },
     Ratio {
         name: "large_meshes",

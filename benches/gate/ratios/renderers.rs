@@ -48,6 +48,18 @@ pub fn few_faces() -> Result<f64, Box<dyn Error>> {
     ratio(9, (Havs::new(), all), (Havs::new(), few))
 }
 
+/// Constant opacities, the slowest of all over the first one, on a coarse mesh, whose pieces are thick: nothing may be slower for being more
+/// opaque.
+pub fn opaque_rays() -> Result<f64, Box<dyn Error>> {
+    let jet = Jet::new(10_000, &[8])?;
+    let job = |opacity: &str| jet.job(&format!("viridis@0:{opacity},1:{opacity}"), 256);
+    let mut worst = 0.0f64;
+    for opacity in ["0.5", "0.9", "0.99", "0.9999", "1"] {
+        worst = worst.max(ratio(5, (Raycast::new(), job("0.05")?), (Raycast::new(), job(opacity)?))?);
+    }
+    Ok(worst)
+}
+
 /// What a frame takes for each cell, of a million cells over a hundred thousand.
 pub fn large_meshes() -> Result<f64, Box<dyn Error>> {
     let [small, large] = [Jet::new(100_000, &[8])?, Jet::new(1_000_000, &[8])?];

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! for each row of segments
-//!     drop those of lanes that are opaque whatever rounding does
+//!     drop those behind a piece that nothing shines through
 //!     cut those that begin in front of what there is, drop those that end there
 //!     while a lane has a piece left: the part of its segment up to the next node of the transfer function
 //!         a step: two optical depths and two colours for each lane, zero where a lane has no piece
@@ -22,7 +22,7 @@ use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};
 use crate::mesh::NONE;
 use crate::optics::exact::{ExactTable, Interval};
-use crate::optics::{DEPTH_MAX, OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh};
+use crate::optics::{DEPTH_MAX, OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh_thick, weigh_thin};
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::__m256;
 
@@ -122,11 +122,6 @@ fn find_interval(table: &ExactTable, mut index: usize, scalar: f64, ascends: boo
     index
 }
 
-/// A ray that has passed through this optical depth is opaque for the compositing behind, too. exp(-14) is 8.3e-7. Weights are off by 4e-7 beyond
-/// the series and by 3e-7 of the depth within, times what shines through in front: in sum 4e-7 / (1 - exp(-1/4)) + 3e-7 = 2.1e-6. Together that is
-/// less than half of [`OPAQUE_TRANSMITTANCE`]; the rounding of a depth of ten thousand pieces, 6e-4 of it, is nothing beside.
-const OPAQUE_DEPTH: f32 = 14.0;
-
 /// Pieces of all lanes that wait to be weighed.
 #[repr(C, align(64))]
 struct Steps {
@@ -154,6 +149,8 @@ struct Step {
 struct Sum {
     rgba: [__m256; 4],
     transmittance: __m256,
+    /// What rounding has left out of that, as in [`Accumulator`](crate::optics::Accumulator).
+    carried: __m256,
 }
 
 /// What is the same for all rays.
@@ -179,6 +176,22 @@ impl<L: Lanes> NullaryFnOnce for AddSteps<'_, '_, '_, L> {
     }
 }
 
+/// A call of [`weigh_thick`].
+struct WeighThick<'a> {
+    near: &'a [f32; WEIGHED_AT_ONCE],
+    far: &'a [f32; WEIGHED_AT_ONCE],
+    weights: &'a mut [[f32; WEIGHED_AT_ONCE]; 2],
+}
+
+impl NullaryFnOnce for WeighThick<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        weigh_thick(self.near, self.far, self.weights);
+    }
+}
+
 /// The light of eight rays.
 #[repr(C, align(64))]
 pub(super) struct ExactLights<'a, L> {
@@ -192,14 +205,13 @@ pub(super) struct ExactLights<'a, L> {
     front: Eight,
     /// Bits of the lanes where that is the end of a segment.
     composited: u8,
-    /// Twice the optical depth of the rays up to the last row, and bits of the lanes where that is more than twice [`OPAQUE_DEPTH`]: nothing is
-    /// split for them.
-    depth_twice: EightF32,
+    /// Bits of the lanes that have passed through a piece that nothing shines through: nothing is split for them.
     closed: u8,
     near_distance: f64,
     /// Red, green, blue and opacity.
     rgba: [EightF32; 4],
     transmittance: EightF32,
+    carried: EightF32,
     /// Depth of the first visible place.
     visible_from: Eight,
     /// Bits of the lanes whose rays have seen something, and of those that are opaque.
@@ -240,11 +252,11 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             length_per_depth: zero,
             front: [near_distance; LANES],
             composited: 0,
-            depth_twice: [0.0; LANES],
             closed: 0,
             near_distance,
             rgba: [[0.0; LANES]; 4],
             transmittance: [1.0; LANES],
+            carried: [0.0; LANES],
             visible_from: [f64::INFINITY; LANES],
             seen: 0,
             opaque: 0,
@@ -258,7 +270,6 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
     fn change_ray(&mut self, lane: usize, line: RayLine) {
         self.length_per_depth[lane] = line.length_per_depth;
         self.front[lane] = self.near_distance;
-        self.depth_twice[lane] = 0.0;
         self.composited &= !(1 << lane);
         self.closed &= !(1 << lane);
     }
@@ -417,11 +428,9 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             self.steps.far[at][i] = cast(intervals.value(lanes, i, far_share));
         }
         self.steps.about[at] = Step { row, visible, ..Step::default() };
-        let both = lanes.add_f32(near, far);
-        let depth_twice = lanes.add_f32(cast(self.depth_twice), both);
-        self.depth_twice = cast(depth_twice);
-        self.closed |= lanes.less_f32(lanes.splat_f32(2.0 * OPAQUE_DEPTH), depth_twice);
-        (visible, lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), both))
+        let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
+        self.closed |= deep;
+        (visible, deep)
     }
 
     /// Room for another step.
@@ -441,18 +450,37 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         if count % 2 == 1 {
             (self.steps.near_depth[count], self.steps.far_depth[count]) = ([0.0; LANES], [0.0; LANES]);
         }
-        let mut sum = Sum { rgba: cast(self.rgba), transmittance: cast(self.transmittance) };
+        let mut sum = self.load_sum();
         for pair in 0..count.div_ceil(2) {
             let near: &[[f32; WEIGHED_AT_ONCE]] = bytemuck::cast_slice(&self.steps.near_depth);
             let far: &[[f32; WEIGHED_AT_ONCE]] = bytemuck::cast_slice(&self.steps.far_depth);
-            let weights = weigh(&near[pair], &far[pair]);
+            let (thin, has_thick) = weigh_thin(&near[pair], &far[pair]);
+            // A copy, so that weights of thin pieces stay in registers.
+            let weights = if has_thick {
+                let mut weights = thin;
+                self.optics.lanes.vectorize(WeighThick { near: &near[pair], far: &far[pair], weights: &mut weights });
+                weights
+            } else {
+                thin
+            };
             let [near, far]: [[__m256; 2]; 2] = cast(weights);
             self.add(rows, 2 * pair, &mut sum, [near[0], far[0]], out);
             if 2 * pair + 1 < count {
                 self.add(rows, 2 * pair + 1, &mut sum, [near[1], far[1]], out);
             }
         }
+        self.store_sum(&sum);
+    }
+
+    #[inline(always)]
+    fn load_sum(&self) -> Sum {
+        Sum { rgba: cast(self.rgba), transmittance: cast(self.transmittance), carried: cast(self.carried) }
+    }
+
+    #[inline(always)]
+    fn store_sum(&mut self, sum: &Sum) {
         (self.rgba, self.transmittance) = (cast(sum.rgba), cast(sum.transmittance));
+        self.carried = cast(sum.carried);
     }
 
     /// Composites the pieces of one step with these weights.
@@ -461,9 +489,9 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         let lanes = self.optics.lanes;
         let about = self.steps.about[at];
         if rows.ends.get(self.ends_passed).is_some_and(|end| end.row < about.row) {
-            (self.rgba, self.transmittance) = (cast(sum.rgba), cast(sum.transmittance));
+            self.store_sum(sum);
             self.pass_ends(rows, about.row, out);
-            *sum = Sum { rgba: cast(self.rgba), transmittance: cast(self.transmittance) };
+            *sum = self.load_sum();
         }
         let (near, far) = (lanes.mul_f32(sum.transmittance, near), lanes.mul_f32(sum.transmittance, far));
         for i in 0..3 {
@@ -473,7 +501,10 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         }
         let gathered = lanes.add_f32(near, far);
         sum.rgba[3] = lanes.add_f32(sum.rgba[3], gathered);
-        sum.transmittance = lanes.sub_f32(sum.transmittance, gathered);
+        let change = lanes.sub_f32(sum.carried, gathered);
+        let left = lanes.add_f32(sum.transmittance, change);
+        sum.carried = lanes.sub_f32(change, lanes.sub_f32(left, sum.transmittance));
+        sum.transmittance = left;
         let visible = about.visible & !self.opaque;
         out.stats.segments += u64::from(visible.count_ones());
         out.stats.out_of_order += u64::from((about.hidden & !self.opaque).count_ones());
@@ -488,6 +519,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
                 self.close(rows, about.row, opaque, out);
                 let clear = lanes.splat_f32(0.0);
                 sum.transmittance = lanes.select_f32(lanes.mask(opaque), clear, sum.transmittance);
+                sum.carried = lanes.select_f32(lanes.mask(opaque), clear, sum.carried);
             }
         }
     }
@@ -568,7 +600,7 @@ impl<L: Lanes> Lights for ExactLights<'_, L> {
         let rgba = self.rgba.map(|channel| channel[lane]);
         out.pixels[pixel] = TilePixel { rgba, depth: self.visible_from[lane] };
         self.rgba.iter_mut().for_each(|channel| channel[lane] = 0.0);
-        self.transmittance[lane] = 1.0;
+        (self.transmittance[lane], self.carried[lane]) = (1.0, 0.0);
         self.visible_from[lane] = f64::INFINITY;
         self.seen &= !(1 << lane);
         self.opaque &= !(1 << lane);

@@ -82,6 +82,7 @@ impl<M: Medium<Light = Accumulator>, L: Lanes> NullaryFnOnce for WalkRays<'_, M,
         }
         waste(Slow::Walk, out.stats.steps as usize);
         waste(Slow::Lanes, out.stats.steps as usize);
+        waste(Slow::OpaqueRays, out.stats.rays_stopped_early as usize);
     }
 }
 
