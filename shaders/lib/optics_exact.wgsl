@@ -83,7 +83,7 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
     let of_far = transmittance * weights.y;
     optics.light += vec4(near.xyz, 1.0) * of_near + vec4(far.xyz, 1.0) * of_far;
     // Not the product with what the piece lets through: of many equal pieces that is rounded alike each time.
-    optics_dim(of_near + of_far);
+    optics_dim(transmittance * (weights.x + weights.y));
     optics.pieces += 1u;
     return near_depth + far_depth <= 2.0 * DEPTH_MAX;
 }

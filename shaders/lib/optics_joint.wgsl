@@ -198,7 +198,7 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
     let of_near = transmittance * weights.x;
     let of_far = transmittance * weights.y;
     optics.light += vec4(at_near.xyz, 1.0) * of_near + vec4(at_far.xyz, 1.0) * of_far;
-    optics_dim(of_near + of_far);
+    optics_dim(transmittance * (weights.x + weights.y));
     optics.pieces += 1u;
 }
 

@@ -125,11 +125,12 @@ impl Accumulator {
     pub fn add(&mut self, weights: PieceWeights, near: Vec4, far: Vec4) {
         let (of_near, of_far) = (self.transmittance * weights.near, self.transmittance * weights.far);
         self.rgba += near * of_near + far * of_far;
-        self.dim(of_near + of_far);
+        // Not their sum, which would be known an operation later.
+        self.dim(self.transmittance * (weights.near + weights.far));
     }
 
-    /// What shines through becomes less by what has been gathered. What rounding leaves out of a difference goes into the next one (Kahan's
-    /// summation), so that its sum does not grow with the number of pieces. Nothing gathered changes nothing: what is carried is at most half
+    /// What shines through becomes less by what has been gathered. What rounding leaves out of a difference goes into the next one (as Kahan
+    /// sums), so that it does not grow with the number of pieces. Nothing gathered changes nothing: what is carried is at most half
     /// a bit.
     #[inline(always)]
     fn dim(&mut self, gathered: f32) {

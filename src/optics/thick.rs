@@ -2,8 +2,8 @@
 //! exp(-Theta(u)) du with Theta(u) = a0 u + (a1 - a0) u^2 / 2, x = Theta(1) > 1/4.
 //!
 //! 1. x <= [`RULE_MAX`]: seven-point Gauss-Legendre. Within the ellipse around [0, 1] with semi-axes that sum to rho / 2 the integrand is at
-//!    most exp(x ((1 + (rho + 1 / rho) / 2)^2 / 4 - 1)): its exponent is linear in (a1 - a0) / x, hence greatest where a1 = 0. The rule is off by
-//!    32 / 15 of that times rho^-14 / (1 - rho^-2), which is 8e-8 at rho = 6 and x = 5/2. Measured: 1e-8.
+//!    most exp(x ((1 + (rho + 1 / rho) / 2)^2 / 4 - 1)): its exponent is linear in (a1 - a0) / x, hence greatest where a1 = 0. The rule
+//!    is off by 32 / 15 of that times rho^-14 / (1 - rho^-2), which is 8e-8 at rho = 6 and x = 5/2.
 //! 2. else, extinction rises: completing the square, with b = |a1 - a0| / 2, p = a0 / (2 sqrt b) and q = a1 / (2 sqrt b),
 //!
 //!    ```text
@@ -21,10 +21,10 @@
 //!    with Dawson's function. D(z) (1 + z^2 / 2) / z is a quotient of polynomials in v = 1 / (1 + z^2 / 2), and
 //!    D / sqrt b = 4 a / (8 b + a^2) times it: no square root.
 //!
-//! Nothing cancels in the differences beyond x = 5/2, where exp(-x) is below 0.083. The coefficients (fitted in f64 for the least largest relative
-//! error, then rounded) leave 4e-8 of E and 1.6e-7 of D; with all roundings both are within 3.5e-7 and 5e-7 of their integrals, as a test
-//! says. The first terms are at most 0.886 / sqrt(5/2) and 0.541 / sqrt(5/2), the second ones a twelfth of them; with two roundings more, of b and of the
-//! difference, M is off by 2.7e-7 at most.
+//! Nothing cancels in the differences beyond x = 5/2, where exp(-x) is below 0.083. The coefficients (fitted in f64 for the least largest
+//! relative error, then rounded) leave 4e-8 of E and 1.6e-7 of D; with all roundings both are within 3.5e-7 and 5e-7 of their integrals, as
+//! a test says. The first terms are at most 0.886 / sqrt(5/2) and 0.541 / sqrt(5/2), the second ones a twelfth of them; with two roundings
+//! more, of b and of the difference, M is off by 2.7e-7 at most.
 //!
 //! Below x = 5/2 the differences lose digits, 2.1 of them at 1/4, and the power series of the thin pieces needs too many terms.
 //!

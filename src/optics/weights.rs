@@ -21,8 +21,8 @@
 //!    The four power series in x (alpha / x, the first term / x, P1, P2) are summed side by side in the lanes of a vector.
 //!    With |h| <= x <= 1/4 the first terms left out are x^7 / 40320 of alpha, h^5 / (120 * 2772), h^3 x^3 / (6 * 5040) and
 //!    h^4 x / (24 * 1260): all below 4e-8, the rounding of an f32 accumulator.
-//! 2. else, with M the mean transmittance, A = 1 - M: [`thick`](super::thick) has it by a quadrature rule up to an optical depth of 5/2, and by
-//!    closed forms beyond, in E (of error functions) and Dawson's function.
+//! 2. else, with M the mean transmittance, A = 1 - M: [`thick`](super::thick) has it by a quadrature rule up to an optical depth of 5/2,
+//!    and by closed forms beyond, of error and Dawson functions.
 
 use super::thick::{RULE_MAX, exp_neg, mean_by_rule, mean_of_fall, mean_of_rise};
 use glam::Vec4;
@@ -131,8 +131,8 @@ pub(crate) fn weigh_thin(
     (weights, has_thick)
 }
 
-/// Corrects what [`weigh_thin`] has of thick pieces. Best not inlined where pieces are weighed, which most often are thin, but with all of the
-/// processor's instructions.
+/// Corrects what [`weigh_thin`] has of thick pieces. Best not inlined where pieces are weighed, which most often are thin, but with all of
+/// the processor's instructions.
 #[inline(always)]
 pub(crate) fn weigh_thick(
     a0: &[f32; WEIGHED_AT_ONCE],

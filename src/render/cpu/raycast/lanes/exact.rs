@@ -493,14 +493,14 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             self.pass_ends(rows, about.row, out);
             *sum = self.load_sum();
         }
+        let gathered = lanes.mul_f32(sum.transmittance, lanes.add_f32(near, far));
         let (near, far) = (lanes.mul_f32(sum.transmittance, near), lanes.mul_f32(sum.transmittance, far));
         for i in 0..3 {
             let near = lanes.mul_f32(cast(self.steps.near[at][i]), near);
             let both = lanes.add_f32(near, lanes.mul_f32(cast(self.steps.far[at][i]), far));
             sum.rgba[i] = lanes.add_f32(sum.rgba[i], both);
         }
-        let gathered = lanes.add_f32(near, far);
-        sum.rgba[3] = lanes.add_f32(sum.rgba[3], gathered);
+        sum.rgba[3] = lanes.add_f32(sum.rgba[3], lanes.add_f32(near, far));
         let change = lanes.sub_f32(sum.carried, gathered);
         let left = lanes.add_f32(sum.transmittance, change);
         sum.carried = lanes.sub_f32(change, lanes.sub_f32(left, sum.transmittance));

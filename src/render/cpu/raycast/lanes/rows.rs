@@ -29,8 +29,8 @@ impl RowsAhead {
         self.0
     }
 
-    /// After rows with so many steps, some of them in vain, in which some rays have become opaque. Half as many from a quarter in vain on, since
-    /// beginning anew costs little beside that; twice as many if less than an eighth would be, with as many rays that end at any step.
+    /// After rows with so many steps, some of them in vain, in which some rays have become opaque. Half as many from a quarter in vain on,
+    /// since beginning anew costs little beside that; twice as many if less than an eighth would be, with as many rays that end at any step.
     pub(super) fn learn(&mut self, steps: u64, in_vain: u64, opaque: u64) {
         if 4 * in_vain > steps {
             self.0 = (self.0 / 2).max(1);
