@@ -50,7 +50,7 @@ pub(super) fn exp_neg(x: f32) -> f32 {
     let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
     let k = shifted - TO_INTEGER;
     // ln 2 in two parts, the first of 9 bits: k times it is exact.
-    let y = (k * 0.693_359_375 - x) + k * -2.121_944_4e-4;
+    let y = (k * (355.0 / 512.0) - x) + k * -2.121_944_4e-4;
     let tail = 1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0)));
     let p = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * tail)));
     let exponent = (TO_INTEGER.to_bits() + 127).wrapping_sub(shifted.to_bits());
@@ -110,7 +110,7 @@ fn behind_rise(root: f32, a: f32) -> f32 {
 }
 
 /// Coefficients of D(z) (1 + z^2 / 2) / z as a quotient of polynomials in v.
-const D: [f32; 8] = [0.249_999_97, -1.437_773, 9.257_574, -11.419_598, 57.154_068, 111.841_33, -94.946_94, 1638.391_7];
+const D: [f32; 8] = [0.249_999_97, -1.437_773, 9.257_574, -11.419_598, 57.154_068, 111.841_33, -94.946_94, 1_638.391_7];
 const PER_D: [f32; 9] =
     [1.0, -7.001_166_3, 44.104_385, -92.071_71, 296.275_12, -46.030_792, 637.145_3, 488.144_68, 387.524_7];
 
