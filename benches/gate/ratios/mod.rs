@@ -85,7 +85,7 @@ const RATIOS: [Ratio; 10] = [
     Ratio {
         name: "opaque_rays",
         what: "the slowest opacity from .5 to 1 / .05",
-        here: 0.6,
+        here: 0.8,
         of_vectors: false,
         threads: false,
         measure: renderers::opaque_rays,
