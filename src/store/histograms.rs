@@ -70,9 +70,11 @@ impl FieldReader {
     /// Puts histograms of [`Kind::ALL`] into the store, in the place of those that are there. They are written beside it, and moved.
     fn keep_histograms(&self, histograms: &[Histogram]) -> FileResult<()> {
         let Some(of) = self.checksum() else { return Ok(()) };
-        let staging = files::sibling_folder(&self.root, "histograms")?;
+        let staging = files::sibling_folder(&self.root, "tmp")?;
         let folder = &self.info().folder;
         write(staging.path(), &layout::storage(staging.path()), folder, (self.step_count(), of), histograms)?;
+        // They are of no use to another series that has taken the place of this one.
+        self.source.check()?;
         let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
         let (new, kept) = (staging.path().join(&key), self.root.join(&key));
         if fs::rename(&new, &kept).is_ok() {
