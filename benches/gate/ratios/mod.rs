@@ -109,7 +109,7 @@ const RATIOS: [Ratio; 10] = [
     Ratio {
         name: "import",
         what: "import of .vtu files / cat",
-        here: 10.0,
+        here: 11.0,
         of_vectors: false,
         threads: true,
         measure: data::import,
