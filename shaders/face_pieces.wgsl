@@ -2,8 +2,9 @@
 
 @compute @workgroup_size(32)
 fn face_pieces(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let piece = face_params.first + group.x + group.y * groups.x;
-    if piece >= face_params.end {
+    let slice = pieces_of_slice();
+    let piece = slice.x + group.x + group.y * groups.x;
+    if piece >= slice.y {
         return;
     }
     let rank = atomicLoad(&lists[piece_at(piece)]);
@@ -11,7 +12,7 @@ fn face_pieces(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     if !(is_in_band(tile, face_params.first_pixel)) {
         return;
     }
-    let face = load_face(drawn[rank]);
+    let face = listed_face(rank);
     let box = box_of(face);
     let corner = vec2<i32>(vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX);
     let row = corner.y + i32(thread / 2u);

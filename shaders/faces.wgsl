@@ -6,7 +6,7 @@ fn faces(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     if rank >= face_params.end {
         return;
     }
-    let face = load_face(drawn[rank]);
+    let face = listed_face(rank);
     let box = box_of(face);
     if box.x > box.y || box.z > box.w {
         return;

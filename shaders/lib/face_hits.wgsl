@@ -15,26 +15,6 @@ struct Face {
     cells: vec2<u32>,
 }
 
-fn face_word(face: u32, word: u32) -> u32 {
-    let part = face_params.face_part;
-    if face < part {
-        return faces_0[FACE_WORDS * face + word];
-    }
-    if face < 2u * part {
-        return faces_1[FACE_WORDS * (face - part) + word];
-    }
-    return faces_2[FACE_WORDS * (face - 2u * part) + word];
-}
-
-fn load_face(face: u32) -> Face {
-    let ids = vec3(face_word(face, 0u), face_word(face, 1u), face_word(face, 2u));
-    return Face(ids, vec2(face_word(face, 3u), face_word(face, 4u)));
-}
-
-fn eye_word(index: u32, word: u32) -> u32 {
-    return drawn[face_params.drawn_count + EYE_WORDS * index + word];
-}
-
 // Whether a face with these corners is not wholly in front of the eye.
 fn reaches_eye(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> bool {
     let w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
@@ -83,33 +63,6 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     found.scalar = f32(scalar_on_face(scalar, p.w, q.w, r.w));
     found.value = value_at_hit(edges, ids);
     return found;
-}
-
-// Whether a face of a cell at the eye is hit in front of the eye. Of faces with one active cell that is decided exactly, by the
-// side of the face's plane on which the eye is: an eye in the boundary sees what is in front of it. Of others it does not
-// matter how, as long as all cells agree.
-fn is_before_eye(found: FaceHit, bits: u32, face: u32) -> bool {
-    if ((bits >> (8u + face)) & 1u) == 0u {
-        return found.in_front;
-    }
-    let enters = (((bits >> (12u + face)) & 1u) != 0u) != found.turned;
-    return ((bits >> select(4u + face, face, enters)) & 1u) != 0u;
-}
-
-// Whether a face that reaches the eye is hit in front of it.
-fn is_seen(found: FaceHit, face: Face) -> bool {
-    for (var i = 0u; i < face_params.eye_count; i++) {
-        if any(face.cells == vec2(eye_word(i, 0u))) {
-            let bits = eye_word(i, 1u);
-            for (var corner = 0u; corner < 4u; corner++) {
-                let is_open = ((bits >> (8u + corner)) & 1u) != 0u;
-                if is_open && all(face.ids != vec3(eye_word(i, 2u + corner))) {
-                    return is_before_eye(found, bits, corner);
-                }
-            }
-        }
-    }
-    return found.in_front;
 }
 
 // An edge function in f32.

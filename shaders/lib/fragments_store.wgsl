@@ -38,4 +38,9 @@ fn band_rows() -> vec2<i32> {
     return vec2(i32(first), min(i32(end), i32(params.size_px.y)) - 1);
 }
 
+// First piece of the slice, and the one behind its last.
+fn pieces_of_slice() -> vec2<u32> {
+    return vec2(face_params.first, face_params.end);
+}
+
 fn cut(rank: u32, box: vec4<u32>) {}

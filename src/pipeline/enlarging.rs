@@ -1,4 +1,5 @@
-//! From the small image that was rendered to the frame that was asked for.
+//! From the small image that was rendered to the frame that was asked for, on the CPU; an image on the GPU comes to its size there
+//! ([`Enlargement`]).
 
 use super::{UpsampleFilter, Upsampling};
 use crate::camera::View;
@@ -6,7 +7,9 @@ use crate::image::upsample::{self, Enlarging, JointKernel, Reference};
 use crate::image::{Planes, RgbaImage};
 use crate::render::RenderJob;
 use crate::render::cpu::layers::BoundaryDepths;
+use crate::render::upsampling::Enlargement;
 use crate::stats::FrameStats;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What is left to be done on an image that is rendered at another size than its frame.
@@ -40,6 +43,13 @@ impl Enlarge {
         let active = job.domain.as_ref().unwrap_or(&job.active).clone();
         let full = RenderJob { active, view, placed: None, faces: None, fragments: None, ..job.clone() };
         Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone() }
+    }
+
+    /// The same for the GPU.
+    pub(super) fn enlargement(&self) -> Arc<Enlargement> {
+        let Self { filter, enlarging, full, .. } = self;
+        let (view, domain) = (full.view.clone(), full.active.clone());
+        Arc::new(Enlargement { filter: *filter, enlarging: *enlarging, view, domain })
     }
 
     /// Brings planes to full size, and counts; false if the job was cancelled: then the planes are of no use.

@@ -33,10 +33,10 @@ mod steps;
 pub(crate) mod test_series;
 mod text;
 mod time;
-mod upsampling;
 #[cfg(feature = "gpu")]
 mod window_gpu;
 
+pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 pub use backend::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
@@ -49,7 +49,6 @@ pub use residual::{ResidualBase, ResidualRequest};
 pub use samples::SampleSet;
 pub use series::Series;
 pub use time::FrameTime;
-pub use upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 #[cfg(feature = "gpu")]
 pub use window_gpu::WindowGpu;
 

@@ -405,10 +405,13 @@ impl Order {
         let enlarge = request.upsampling.map(|upsampling| Enlarge::of(upsampling, &job, full_view));
         let add_details = request.residual.as_ref().map(|residual| AddDetails::of(residual, &job)).transpose()?;
         // Planes are needed here.
-        let is_done = on_image.is_none() && enlarge.is_none() && add_details.is_none();
+        let is_done = on_image.is_none() && add_details.is_none();
         job.for_window &= is_done;
-        if !is_done {
+        if !is_done || enlarge.is_some() {
             job.previews.clear();
+        }
+        if is_done {
+            job.enlarge = enlarge.as_ref().map(Enlarge::enlargement);
         }
         Ok(Ordered { job, by, on_image, enlarge, add_details })
     }

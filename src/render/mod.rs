@@ -20,6 +20,7 @@ pub mod residual;
 pub mod surfaces;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod upsampling;
 
 use crate::camera::{Samples, View};
 use crate::codec::vq::VqBlock;
@@ -40,6 +41,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 use surfaces::SurfaceScene;
+use upsampling::Enlargement;
 
 /// Everything that a frame depends on. Cheap to clone: the large parts are shared.
 #[derive(Clone, Debug)]
@@ -88,6 +90,8 @@ pub struct RenderJob {
     pub previews: Vec<Contrast>,
     /// The cells that decide with it, if these are not the active ones.
     pub domain: Option<Arc<CellSet>>,
+    /// How the image comes to another size on the GPU that it is rendered on; on the CPU whoever has the image does that.
+    pub enlarge: Option<Arc<Enlargement>>,
     /// What may be left out; the image is the same.
     pub skip: Skip,
     /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
@@ -266,6 +270,7 @@ impl RenderJob {
             contrast: None,
             previews: Vec::new(),
             domain: None,
+            enlarge: None,
             skip: Skip::default(),
             cancel: Cancel::default(),
             thread_limit: ThreadLimit::default(),
@@ -283,7 +288,8 @@ impl RenderJob {
         if self.scalars.len() != vertices {
             return Err(RenderError::ScalarCount { scalars: self.scalars.len(), vertices });
         }
-        let sets = [Some(&self.active), self.finite.as_ref(), self.domain.as_ref()];
+        let of_edges = self.enlarge.as_ref().map(|enlargement| &enlargement.domain);
+        let sets = [Some(&self.active), self.finite.as_ref(), self.domain.as_ref(), of_edges];
         if let Some(set) = sets.into_iter().flatten().map(|set| set.universe()).find(|&set| set != cells) {
             return Err(RenderError::CellCount { set, cells });
         }

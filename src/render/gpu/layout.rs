@@ -321,6 +321,49 @@ pub struct VqStep {
     pub per_word_log2: u32,
 }
 
+/// Places in the buffers that depth layers are drawn with, in words (`shaders/lib/layer_lists.wgsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LayerLists {
+    /// Tiles of the image.
+    pub tiles: u64,
+    /// Layers of a pixel.
+    pub layers: u64,
+}
+
+impl LayerLists {
+    /// Words before the first piece of a large face.
+    pub const HEAD: u64 = 4;
+    /// Pieces that there should be room for.
+    pub const PIECE_COUNT: usize = 0;
+    /// The first piece of the slice.
+    pub const PIECES_FROM: usize = 1;
+    /// The piece behind the last one of the slice.
+    pub const PIECES_TO: usize = 2;
+
+    /// Words of the depths: two for the range of each tile, then the layers of each pixel of each tile.
+    pub fn depths(self) -> u64 {
+        (2 + self.layers * TILE_PIXELS as u64) * self.tiles
+    }
+}
+
+/// What stages need beyond [`Params`] that bring an image to another size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct UpsampleParams {
+    /// Pixels per row of the small image, rows of it.
+    pub small_px: [u32; 2],
+    /// Samples from one pixel to the next, a power of two.
+    pub samples_per_pixel: f32,
+    /// Omega reaches so many pixels to each side.
+    pub half_px: i32,
+    /// The logarithm (base 2) of f is minus this times the square of a distance in pixels.
+    pub domain_per_square: f32,
+    /// The same of g, of a distance in the reference.
+    pub reference_per_square: f32,
+    /// Nothing.
+    pub unused: [u32; 2],
+}
+
 /// Places in the buffer of the rays that contrast asks for, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of what is
 /// listed and of what has met a cell, states of the blocks between rays, the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -22,9 +22,13 @@ mod eye;
 #[cfg(feature = "gpu")]
 mod frame_texture;
 #[cfg(feature = "gpu")]
+mod full_size;
+#[cfg(feature = "gpu")]
 pub mod havs;
 #[cfg(feature = "gpu")]
 mod joint;
+#[cfg(feature = "gpu")]
+mod layers;
 #[cfg(feature = "gpu")]
 mod pipelines;
 #[cfg(feature = "gpu")]

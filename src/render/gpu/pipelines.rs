@@ -133,7 +133,7 @@ impl Pipelines {
 }
 
 /// What a texture of such pixels is made of.
-fn format(texel: Texel) -> wgpu::TextureFormat {
+pub(super) fn format(texel: Texel) -> wgpu::TextureFormat {
     match texel {
         Texel::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
         Texel::R32Float => wgpu::TextureFormat::R32Float,

@@ -280,18 +280,17 @@ impl SliceData<'_> {
 
     /// Sum of the tiles' counters.
     fn counts(&self) -> FrameStats {
-        let mut sum = [0u64; COUNTERS];
-        for tile in self.tiles.clone() {
-            for (i, sum) in sum.iter_mut().enumerate() {
-                let at = self.places.counters + COUNTER_BYTES * tile as u64 + 4 * i as u64;
-                *sum += u64::from(self.word(at));
-            }
-        }
-        counted(sum)
+        counted(std::array::from_fn(|i| self.counter(i)))
+    }
+
+    /// The sum of one of the tiles' counters.
+    pub(super) fn counter(&self, i: usize) -> u64 {
+        let at = |tile: usize| self.places.counters + COUNTER_BYTES * tile as u64 + 4 * i as u64;
+        self.tiles.clone().map(|tile| u64::from(self.word(at(tile)))).sum()
     }
 
     /// Milliseconds of transform, entries, walk and decoding, if there are timestamps.
-    fn milliseconds(&self, context: &Context) -> Option<[f64; 4]> {
+    pub(super) fn milliseconds(&self, context: &Context) -> Option<[f64; 4]> {
         let period_ns = context.timestamp_period_ns()?;
         let stamp = |i: u64| {
             let at = self.places.timestamps + 8 * i;

@@ -20,6 +20,8 @@ pub enum Resource {
     Surfaces,
     /// Those of the rays that contrast asks for.
     RayParams,
+    /// Those of an image that comes to another size.
+    UpsampleParams,
     /// A block of codec `vq`.
     Block,
     /// Positions of the vertices, local units.
@@ -62,7 +64,11 @@ pub enum Resource {
     Fragments1,
     /// The rays that contrast asks for, and how far they are: [`RayLists`](super::layout::RayLists).
     Rays,
-    /// Workgroups of what is started without the CPU: columns, rows and 1 of the next step, then the same of the walk.
+    /// Layers of depth: [`LayerLists`](super::layout::LayerLists).
+    Depths,
+    /// The least and the greatest depth of the boundary in view.
+    DepthRange,
+    /// Workgroups of what is started without the CPU, as often as it is: columns, rows and 1.
     Args,
     /// Accumulators of rays, where they are not the image.
     SeenColorPlane,
@@ -72,6 +78,20 @@ pub enum Resource {
     SeenColor,
     /// The same depths, to be read.
     SeenDepth,
+    /// Layers of depth of the full image, from 0 to 1.
+    ReferencePlane,
+    /// The same, to be read.
+    Reference,
+    /// Those at the samples of the small image, to be read.
+    SmallReference,
+    /// Accumulators of the small image.
+    SmallColor,
+    /// Depths of the small image.
+    SmallDepth,
+    /// Accumulators of the full image before they are filtered.
+    EnlargedPlane,
+    /// The same, to be read.
+    Enlarged,
     /// Accumulators of the image.
     ColorPlane,
     /// Depths of the image.
@@ -136,6 +156,7 @@ impl Resource {
             Self::JointParams => ("joint", "parameters of the table", Uniform("JointParams")),
             Self::Surfaces => ("surfaces", "parameters of the surfaces", Uniform("Surfaces")),
             Self::RayParams => ("ray_params", "parameters of rays", Uniform("RayParams")),
+            Self::UpsampleParams => ("upsample_params", "parameters of filters", Uniform("UpsampleParams")),
             Self::Block => ("block", "compressed block", Storage("u32")),
             Self::Positions => ("positions", "positions", Storage("f32")),
             Self::Scalars => ("scalars", "scalars", Storage("f32")),
@@ -157,11 +178,20 @@ impl Resource {
             Self::Fragments0 => ("fragments_0", "fragments, first part", Storage("vec2<u32>")),
             Self::Fragments1 => ("fragments_1", "fragments, second part", Storage("vec2<u32>")),
             Self::Rays => ("rays", "rays that contrast asks for", Storage("u32")),
+            Self::Depths => ("depths", "layers of depth", Storage("u32")),
+            Self::DepthRange => ("depth_range", "range of depths", Storage("f32")),
             Self::Args => ("args", "workgroups to start", Storage("u32")),
             Self::SeenColorPlane => ("color_plane", "colour of rays", Plane(Texel::Rgba32Float)),
             Self::SeenDepthPlane => ("depth_plane", "depth of rays", Plane(Texel::R32Float)),
             Self::SeenColor => ("seen_color", "colour of rays", Texture),
             Self::SeenDepth => ("seen_depth", "depth of rays", Texture),
+            Self::ReferencePlane => ("reference_plane", "layers of depth, 0 to 1", Plane(Texel::Rgba32Float)),
+            Self::Reference => ("reference", "layers of depth, 0 to 1", Texture),
+            Self::SmallReference => ("small_reference", "layers of depth at the samples, 0 to 1", Texture),
+            Self::SmallColor => ("small_color", "colour of the small image", Texture),
+            Self::SmallDepth => ("small_depth", "depth of the small image", Texture),
+            Self::EnlargedPlane => ("color_plane", "colour before the filter", Plane(Texel::Rgba32Float)),
+            Self::Enlarged => ("enlarged", "colour before the filter", Texture),
             Self::ColorPlane => ("color_plane", "colour", Plane(Texel::Rgba32Float)),
             Self::DepthPlane => ("depth_plane", "depth", Plane(Texel::R32Float)),
             Self::Color => ("color", "colour", Texture),

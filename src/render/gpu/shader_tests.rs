@@ -1,7 +1,8 @@
 //! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
 
 use super::layout::{
-    self, FaceParams, JointParams, Lists, Params, RayLists, RayParams, SheetParams, SurfaceParams, VqStep,
+    self, FaceParams, JointParams, LayerLists, Lists, Params, RayLists, RayParams, SheetParams, SurfaceParams,
+    UpsampleParams, VqStep,
 };
 use super::resources::{Binding, Kind};
 use super::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
@@ -52,7 +53,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 92);
+    assert_eq!(checked, 2 * 102);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -320,7 +321,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 49);
+    assert_eq!(checked, 51);
 }
 
 /// A constant of a shader.
@@ -402,6 +403,38 @@ fn the_lists_of_rays_have_the_same_layout() {
     // What stays from contrast to contrast comes first, and sums of two words last.
     assert!(["LISTED", "COUNTED", "CAST"].into_iter().all(|name| constant(&slice, name) < RayLists::STEP as f64));
     assert_eq!(RayLists::HEAD, RayLists::SUMS + 2 * layout::COUNTERS);
+}
+
+#[test]
+fn what_depth_layers_and_filters_are_given_has_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(UpsampleParams, $field))),*] };
+    }
+    let rust = rust_offsets!(small_px, samples_per_pixel, half_px, domain_per_square, reference_per_square, unused);
+    let mut checked = 0;
+    for stage in stages().filter(|stage| stage.name().starts_with("upsample")) {
+        let found = members(&module(stage), "UpsampleParams");
+        assert_eq!(found, (rust.clone(), size_of::<UpsampleParams>()), "{stage:?}");
+        checked += 1;
+    }
+    assert_eq!(checked, 5);
+    for stage in [Stage::LayersPlan, Stage::LayersRange, Stage::LayersReference] {
+        let module = module(stage);
+        assert_eq!(members(&module, "FaceParams").1, size_of::<FaceParams>(), "{stage:?}");
+        for (name, rust) in [
+            ("PIECE_COUNT", LayerLists::PIECE_COUNT),
+            ("PIECES_FROM", LayerLists::PIECES_FROM),
+            ("PIECES_TO", LayerLists::PIECES_TO),
+            ("LISTS_HEAD", LayerLists::HEAD as usize),
+        ] {
+            assert_eq!(constant(&module, name), rust as f64, "{name}");
+        }
+    }
+    let missing = constant(&module(Stage::LayersReference), "MISSING");
+    assert_eq!(missing, f64::from(crate::render::cpu::layers::MISSING));
+    let joint2x2 = module(Stage::UpsampleJoint2x2);
+    assert_eq!(constant(&joint2x2, "LEAST_SUM") as f32, crate::image::upsample::LEAST_SUM);
+    assert_eq!(constant(&joint2x2, "COUNTERS"), layout::COUNTERS as f64);
 }
 
 #[test]

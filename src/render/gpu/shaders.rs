@@ -24,6 +24,17 @@ pub enum Pass {
     Count,
     /// They are stored.
     Store(FragmentKind, Inside),
+    /// Of the boundary, the nearest depths of each pixel are kept.
+    Layers,
+}
+
+/// What an image becomes that is between the samples of another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Toward {
+    /// The frame.
+    Image,
+    /// What the joint filter reads.
+    Filter,
 }
 
 /// What a fragment has.
@@ -163,6 +174,20 @@ pub enum Stage {
     FaceSort(FragmentKind),
     /// Fragments put in order, and composited.
     FaceResolve(Gathering, Inside, Precision),
+    /// The next pieces of the boundary's large faces.
+    LayersPlan,
+    /// From depths to their range.
+    LayersRange,
+    /// From depths to what filters compare.
+    LayersReference,
+    /// A small image at full size, by its nearest samples.
+    UpsampleNearest,
+    /// The same between its samples.
+    UpsampleBilinear(Toward),
+    /// That, where depths are alike.
+    UpsampleJoint,
+    /// Between samples whose depths are alike.
+    UpsampleJoint2x2,
 }
 
 /// All stages.
@@ -182,6 +207,16 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::SplitAppend,
         Stage::SplitSlice,
         Stage::Fill,
+        Stage::Faces(Pass::Layers, Precision::Single),
+        Stage::FacePieces(Pass::Layers, Precision::Single),
+        Stage::LayersPlan,
+        Stage::LayersRange,
+        Stage::LayersReference,
+        Stage::UpsampleNearest,
+        Stage::UpsampleBilinear(Toward::Image),
+        Stage::UpsampleBilinear(Toward::Filter),
+        Stage::UpsampleJoint,
+        Stage::UpsampleJoint2x2,
     ];
     let with = |precision: Precision| {
         let kinds = [FragmentKind::Plain, FragmentKind::Joint];
@@ -254,6 +289,13 @@ impl Stage {
             Self::FaceScan => "face_scan",
             Self::FaceSort(_) => "face_sort",
             Self::FaceResolve(..) => "face_resolve",
+            Self::LayersPlan => "layers_plan",
+            Self::LayersRange => "layers_range",
+            Self::LayersReference => "layers_reference",
+            Self::UpsampleNearest => "upsample_nearest",
+            Self::UpsampleBilinear(_) => "upsample_bilinear",
+            Self::UpsampleJoint => "upsample_joint",
+            Self::UpsampleJoint2x2 => "upsample_joint2x2",
         }
     }
 
@@ -276,6 +318,8 @@ impl Stage {
         use Resource::*;
         let params = [Read(Params), Read(FaceParams)];
         let planes = [Write(Counters), Write(ColorPlane), Write(DepthPlane)];
+        let upsampling = [Read(Params), Read(UpsampleParams)];
+        let small = [Read(SmallColor), Read(SmallDepth)];
         let records = Resource::RECORDS.map(Read);
         let fragments = Resource::FRAGMENTS.map(Write);
         match self {
@@ -309,12 +353,29 @@ impl Stage {
             }
             Self::Present => vec![Read(Color), Write(Screen)],
             Self::Faces(pass, _) | Self::FacePieces(pass, _) | Self::FaceStarts(pass, _) => {
+                let faces = Resource::FACES.map(Read);
                 let kept = match pass {
-                    Pass::Count => &[][..],
-                    Pass::Store(..) => &fragments,
+                    Pass::Count => faces.to_vec(),
+                    Pass::Store(..) => [&faces[..], &fragments].concat(),
+                    Pass::Layers => vec![Atomic(Depths)],
                 };
                 let found = [Atomic(Lists), Read(Vertices), Read(Drawn)];
-                [&params[..], &found, &Resource::FACES.map(Read), kept].concat()
+                [&params[..], &found, &kept].concat()
+            }
+            Self::LayersPlan => [&params[..], &[Write(Lists), Write(Args)]].concat(),
+            Self::LayersRange => [&params[..], &[Read(Depths), Write(DepthRange)]].concat(),
+            Self::LayersReference => [&params[..], &[Read(Depths), Read(DepthRange), Write(ReferencePlane)]].concat(),
+            Self::UpsampleNearest => [&upsampling[..], &small, &planes[1..]].concat(),
+            Self::UpsampleBilinear(toward) => {
+                let color = match toward {
+                    Toward::Image => ColorPlane,
+                    Toward::Filter => EnlargedPlane,
+                };
+                [&upsampling[..], &small, &[Write(color), Write(DepthPlane)]].concat()
+            }
+            Self::UpsampleJoint => [&upsampling[..], &[Read(Reference), Read(Enlarged), Write(ColorPlane)]].concat(),
+            Self::UpsampleJoint2x2 => {
+                [&upsampling[..], &small, &[Read(Reference), Read(SmallReference)], &planes].concat()
             }
             Self::FaceScan => vec![Read(Params), Write(Lists)],
             Self::FaceSort(_) => [&params[..], &[Read(Lists)], &fragments].concat(),
@@ -369,6 +430,15 @@ impl Stage {
             Self::FaceScan => {
                 [lib::FRAME, &faces(FragmentKind::Plain), include_str!("../../../shaders/face_scan.wgsl")].concat()
             }
+            Self::LayersPlan => layering(include_str!("../../../shaders/layers_plan.wgsl")),
+            Self::LayersRange => layering(include_str!("../../../shaders/layers_range.wgsl")),
+            Self::LayersReference => layering(include_str!("../../../shaders/layers_reference.wgsl")),
+            Self::UpsampleNearest => upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_nearest.wgsl")),
+            Self::UpsampleBilinear(_) => {
+                upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_bilinear.wgsl"))
+            }
+            Self::UpsampleJoint => upsampling("", include_str!("../../../shaders/upsample_joint.wgsl")),
+            Self::UpsampleJoint2x2 => upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_joint2x2.wgsl")),
             Self::FaceSort(kind) => {
                 [lib::FRAME, &faces(kind), lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
             }
@@ -453,18 +523,36 @@ fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
 
 /// What stages of the face renderer share.
 fn faces(kind: FragmentKind) -> String {
-    format!("const FRAGMENT_PAIRS: u32 = {}u;\n{}", kind.bytes() / 8, lib::FACES)
+    let pairs = format!("const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8);
+    [&pairs, lib::FACES, lib::FACE_LISTS].concat()
+}
+
+/// What stages share that draw layers of depth.
+fn layers() -> String {
+    [lib::FACES, lib::LAYER_LISTS].concat()
+}
+
+/// A stage about layers of depth that have been drawn.
+fn layering(stage: &str) -> String {
+    [lib::FRAME, &layers(), stage].concat()
+}
+
+/// A stage that brings an image to another size.
+fn upsampling(samples: &str, stage: &str) -> String {
+    [lib::FRAME, lib::UPSAMPLE, samples, stage].concat()
 }
 
 /// A stage that finds fragments.
 fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
     let (kept, kind, inside) = match pass {
-        Pass::Count => (lib::FRAGMENTS_COUNT, FragmentKind::Plain, Inside::Volume),
-        Pass::Store(kind, inside) => (lib::FRAGMENTS_STORE, kind, inside),
+        Pass::Count => ([lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES], FragmentKind::Plain, Inside::Volume),
+        Pass::Store(kind, inside) => ([lib::MESH_FACES, lib::FRAGMENTS_STORE, ""], kind, inside),
+        Pass::Layers => ([lib::BOUNDARY_FACES, lib::LAYERS_KEEP, lib::PIECES], FragmentKind::Plain, Inside::Volume),
     };
+    let lists = if pass == Pass::Layers { layers() } else { faces(kind) };
     let values = [vertex_values(kind), behind_vertices(kind, Inside::Volume)].concat();
     let ray = rays(inside, precision);
-    [lib::FRAME, &faces(kind), lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, &values, kept, stage].concat()
+    [lib::FRAME, &lists, lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, &values, &kept.concat(), stage].concat()
 }
 
 /// A stage that finds entries.

@@ -3,8 +3,9 @@
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::{COUNTERS, TILE_PX};
+use super::pipelines::format;
 use super::readback::TIMESTAMPS;
-use super::resources::Resource;
+use super::resources::{Kind, Resource};
 use crate::render::RenderError;
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,33 +25,65 @@ pub(super) struct PlanePair {
 
 impl PlanePair {
     pub(super) fn new(context: &Context, size_px: (usize, usize)) -> Result<Self, RenderError> {
-        let most = context.device.limits().max_texture_dimension_2d as usize;
-        if size_px.0.max(size_px.1) > most {
-            return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
-        }
-        let texture = |plane: Resource, format| wgpu::TextureDescriptor {
-            label: Some(plane.label()),
-            size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_SRC
-                | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        let [color, depth] = context.create(|device| {
-            [
-                (Resource::ColorPlane, wgpu::TextureFormat::Rgba32Float),
-                (Resource::DepthPlane, wgpu::TextureFormat::R32Float),
-            ]
-            .map(|(plane, format)| device.create_texture(&texture(plane, format)))
-        })?;
-        context.count_created(2);
+        let [color, depth] =
+            [plane(context, Resource::ColorPlane, size_px)?, plane(context, Resource::DepthPlane, size_px)?];
         let views = [&color, &depth].map(|plane| plane.create_view(&wgpu::TextureViewDescriptor::default()));
         Ok(Self { color, depth, views })
     }
+}
+
+/// A plane that some stages write and others read.
+pub(super) struct OnePlane {
+    pub(super) texture: wgpu::Texture,
+    pub(super) view: wgpu::TextureView,
+}
+
+impl OnePlane {
+    /// Keeps the one that there is if it is of this size, or else puts a new one in its place, which stages write as `of`; whether it is new.
+    pub(super) fn keep(
+        kept: &mut Option<Self>,
+        context: &Context,
+        of: Resource,
+        size_px: (usize, usize),
+    ) -> Result<bool, RenderError> {
+        let has_size = |plane: &Self| (plane.texture.width() as usize, plane.texture.height() as usize) == size_px;
+        if kept.as_ref().is_some_and(has_size) {
+            return Ok(false);
+        }
+        // One of another size is freed first: two large ones may not fit.
+        *kept = None;
+        let texture = plane(context, of, size_px)?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        *kept = Some(Self { texture, view });
+        Ok(true)
+    }
+}
+
+/// A texture that stages write as `of`, which is a plane, and others read.
+fn plane(context: &Context, of: Resource, size_px: (usize, usize)) -> Result<wgpu::Texture, RenderError> {
+    let most = context.device.limits().max_texture_dimension_2d as usize;
+    if size_px.0.max(size_px.1) > most {
+        return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
+    }
+    let format = match of.kind() {
+        Kind::Plane(texel) => format(texel),
+        _ => return Err(context.beyond(format!("{} is no plane", of.label()))),
+    };
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some(of.label()),
+        size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    };
+    let texture = context.create(|device| device.create_texture(&descriptor))?;
+    context.count_created(1);
+    Ok(texture)
 }
 
 /// Planes and buffers for an image of one size.

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 const FACES_PER_LIST: usize = 8 * 1024;
 
 /// What a layer that a pixel lacks counts as beside depths of 0 (the nearest place of the boundary in view) to 1 (the farthest one).
-const MISSING: f32 = 2.0;
+pub(in crate::render) const MISSING: f32 = 2.0;
 
 /// The first depths of the boundary in each pixel of an image.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +49,8 @@ impl BoundaryDepths {
         project(&view, &vertices, None, &job.cancel, &mut screen);
         let grid = TileGrid::of(&view);
         let source = BoxSource { view: &view, vertices: &vertices, screen: &screen };
-        let faces = boundary_faces(&job.mesh, &job.active);
+        let faces: Vec<ListedFace> =
+            boundary_faces(&job.mesh, &job.active).map(|ids| ListedFace { ids, cells: [NONE; 2] }).collect();
         let lists: Vec<TileLists> =
             faces.par_chunks(FACES_PER_LIST).map(|faces| lists_of(faces, source, grid)).collect();
         let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
@@ -105,14 +106,11 @@ fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
     Bounds { x0: x, x1: x + width, y0: y, y1: y + height }
 }
 
-/// The faces between an active cell and none.
-fn boundary_faces(mesh: &Mesh, active: &CellSet) -> Vec<ListedFace> {
+/// The corners, ascending, of the faces between an active cell and none.
+pub(in crate::render) fn boundary_faces(mesh: &Mesh, active: &CellSet) -> impl ParallelIterator<Item = [u32; 3]> {
     let is_in = |cell: u32| cell != NONE && active.contains(cell);
     let faces = mesh.topology.faces.par_iter().zip(&mesh.topology.face_cells);
-    faces
-        .filter(|(_, [a, b])| is_in(*a) != is_in(*b))
-        .map(|(ids, _)| ListedFace { ids: *ids, cells: [NONE; 2] })
-        .collect()
+    faces.filter(move |(_, [a, b])| is_in(*a) != is_in(*b)).map(|(ids, _)| *ids)
 }
 
 /// Some faces, sorted into the tiles of an image.

@@ -29,6 +29,7 @@ mod steps;
 
 use super::context::Context;
 use super::eye;
+use super::full_size::{AtFullSize, ImageLeft, LeavesImage, reads_pixels};
 use super::layout::{FaceParams, Lists, TILE_PIXELS, flags};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
@@ -63,7 +64,7 @@ fn depth_error(precision: Precision) -> f64 {
 const TRANSFORM_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// The face renderer.
-pub type Havs = FrameRun<FaceLists>;
+pub type Havs = FrameRun<AtFullSize<FaceLists>>;
 
 /// Draws faces by lists of their fragments, on the GPU.
 pub struct FaceLists {
@@ -91,7 +92,7 @@ impl Havs {
 
     /// A renderer whose fragments take so many bytes at a time at most: the less, the more bands, and the same image.
     pub fn with_fragment_bytes(context: Arc<Context>, fragment_bytes: u64) -> Self {
-        Self::of(FaceLists {
+        Self::of(AtFullSize::of(FaceLists {
             context,
             scene: Scene::new(),
             readback: Readback::new(),
@@ -104,17 +105,17 @@ impl Havs {
             sums: Vec::new(),
             bands: Vec::new(),
             bases: Vec::new(),
-        })
+        }))
     }
 
     /// The GPU that it renders on.
     pub fn context(&self) -> &Arc<Context> {
-        &self.layer.context
+        &self.layer.layer.context
     }
 
     /// Bands of the last frame.
     pub fn band_count(&self) -> usize {
-        self.layer.bands.len()
+        self.layer.layer.bands.len()
     }
 }
 
@@ -272,7 +273,7 @@ impl FaceLists {
                 None
             }
             Work::Pixels { sent, ends_tiles } => self.readback.collect(context, sent, |slice| {
-                if frame.texture.is_none() && ends_tiles {
+                if ends_tiles && reads_pixels(&active.job, frame) {
                     slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
                 }
                 slice.add_to(&mut frame.stats, context)
@@ -307,6 +308,16 @@ impl FaceLists {
                 | if job.k_buffer.exact_order { flags::EXACT_ORDER } else { 0 },
             ..FaceParams::default()
         }
+    }
+}
+
+impl LeavesImage for FaceLists {
+    fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    fn left<'a>(&'a self, job: &'a FaceJob) -> ImageLeft<'a> {
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
     }
 }
 
@@ -358,7 +369,7 @@ impl LayerRenderer for FaceLists {
                 let cost = self.costs[step as usize % STEPS].unit;
                 let count = cost.units_for(budget, step.first_units(), step.most_units()).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
-                self.submit_units(active, units, frame.texture.is_none())?;
+                self.submit_units(active, units, reads_pixels(&active.job, frame))?;
                 continue;
             }
             if let Some(flight) = self.in_flight.pop_front() {

@@ -52,7 +52,7 @@ fn run_until(layer: &mut FaceLists, job: &RenderJob, step: Step) -> FaceJob {
 
 /// The lists as they are before `step`.
 fn lists_before(context: &Arc<Context>, job: &RenderJob, step: Step) -> (Vec<u32>, Lists) {
-    let mut layer = Havs::new(context.clone()).layer;
+    let mut layer = Havs::new(context.clone()).layer.layer;
     let active = run_until(&mut layer, job, step);
     (read_back(context, layer.scene.lists.get(context).unwrap()), active.lists)
 }
@@ -159,7 +159,7 @@ fn fragments_are_stored_where_they_belong_with_their_depths() {
     let Some(context) = context() else { return };
     for (name, job) in jobs() {
         let view = job.local_view();
-        let mut layer = Havs::new(context.clone()).layer;
+        let mut layer = Havs::new(context.clone()).layer.layer;
         let active = run_until(&mut layer, &job, Step::Resolve);
         let (lists, params) = (active.lists, active.params);
         let words = read_back(&context, layer.scene.lists.get(&context).unwrap());
@@ -206,7 +206,7 @@ fn column(cubes: usize) -> Mesh {
 
 /// Whether the fragments of each pixel, before `step`, are in order of depth and rank; and the most that a pixel has.
 fn sorted_before(context: &Arc<Context>, job: &RenderJob, step: Step) -> (bool, usize) {
-    let mut layer = Havs::new(context.clone()).layer;
+    let mut layer = Havs::new(context.clone()).layer.layer;
     let lists = run_until(&mut layer, job, step).lists;
     let words = read_back(context, layer.scene.lists.get(context).unwrap());
     let fragments = read_back(context, layer.scene.fragments[0].get(context).unwrap());

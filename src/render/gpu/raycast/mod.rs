@@ -26,6 +26,7 @@ pub(super) mod stage_tests;
 
 use super::context::Context;
 use super::eye::{self, sides};
+use super::full_size::{AtFullSize, ImageLeft, LeavesImage, reads_pixels};
 use super::layout::Params;
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
@@ -46,7 +47,7 @@ use std::time::{Duration, Instant};
 const FIRST_TILES: usize = 32;
 
 /// The GPU ray caster.
-pub type Raycast = FrameRun<CellWalk>;
+pub type Raycast = FrameRun<AtFullSize<CellWalk>>;
 
 /// Walks from cell to cell, on the GPU.
 pub struct CellWalk {
@@ -85,7 +86,7 @@ pub struct WalkJob {
 impl Raycast {
     /// A renderer without a job.
     pub fn new(context: Arc<Context>) -> Self {
-        Self::of(CellWalk {
+        Self::of(AtFullSize::of(CellWalk {
             context,
             scene: Scene::new(),
             readback: Readback::new(),
@@ -96,12 +97,12 @@ impl Raycast {
             cost: UnitCost::default(),
             sampling_costs: SamplingCosts::default(),
             preview: None,
-        })
+        }))
     }
 
     /// The GPU that it renders on.
     pub fn context(&self) -> &Arc<Context> {
-        &self.layer.context
+        &self.layer.layer.context
     }
 }
 
@@ -184,7 +185,7 @@ impl CellWalk {
         loop {
             let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
             if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
-                self.submit_tiles(active, tiles, frame.texture.is_none())?;
+                self.submit_tiles(active, tiles, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
@@ -231,7 +232,7 @@ impl CellWalk {
             if needed > u64::from(active.params.pair_capacity) {
                 return Some(needed);
             }
-            if frame.texture.is_none() {
+            if reads_pixels(&active.job, frame) {
                 slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
             }
             let times = slice.add_to(&mut frame.stats, context);
@@ -263,6 +264,16 @@ impl CellWalk {
         active.sampling.iter_mut().for_each(Sampling::begin_again);
         stats.entry_retries += 1;
         self.submit_preparation(active, stats)
+    }
+}
+
+impl LeavesImage for CellWalk {
+    fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    fn left<'a>(&'a self, job: &'a WalkJob) -> ImageLeft<'a> {
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
     }
 }
 

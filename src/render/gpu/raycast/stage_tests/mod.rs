@@ -89,7 +89,7 @@ struct Prepared {
 
 fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let mut renderer = renderer(context);
-    let layer = &mut renderer.layer;
+    let layer = &mut renderer.layer.layer;
     let active = layer.begin(job.clone(), &mut Frame::default()).unwrap().unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
     let vertices = words(layer.scene.vertices.vertices.get(context).unwrap());

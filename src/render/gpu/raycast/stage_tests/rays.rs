@@ -26,7 +26,7 @@ fn with_contrast(job: &RenderJob, contrast: f32) -> RenderJob {
 fn sampled(context: &Arc<Context>, job: &RenderJob) -> Sampled {
     let mut renderer = renderer(context);
     let frame = renderer.render(job.clone()).unwrap().clone();
-    let words = read_back(context, renderer.layer.scene.rays.rays.get(context).unwrap());
+    let words = read_back(context, renderer.layer.layer.scene.rays.rays.get(context).unwrap());
     Sampled { job: job.clone(), frame, lists: RayLists { size_px: (job.view.width_px, job.view.height_px) }, words }
 }
 

@@ -1,10 +1,13 @@
 //! What a frame is rendered at, and how it comes to full size.
 
+use crate::camera::View;
 use crate::image::upsample::{Enlarging, JointKernel, MAX_KERNEL_PX};
 use crate::render::cpu::layers::MAX_LAYERS;
 use crate::short::Short;
+use crate::visibility::CellSet;
 use crate::words::words;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// How many pixels of the frame one of the image that is rendered stands for, in each direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -172,7 +175,7 @@ impl Upsampling {
     }
 
     /// Numbers have their bounds.
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         if let Some(edges) = self.filter.edges() {
             edges.check()?;
         }
@@ -183,4 +186,18 @@ impl Upsampling {
             _ => Ok(()),
         }
     }
+}
+
+/// How the image of a job comes to the size of its frame, on the device that it is rendered on
+/// ([`RenderJob::enlarge`](crate::render::RenderJob::enlarge)).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Enlargement {
+    /// By what.
+    pub filter: UpsampleFilter,
+    /// Where the pixels of the image lie in the frame.
+    pub enlarging: Enlarging,
+    /// The view of the frame.
+    pub view: View,
+    /// The cells whose boundary tells edges: the same whatever is skipped.
+    pub domain: Arc<CellSet>,
 }

@@ -1,0 +1,26 @@
+// Layers of depth as filters compare them: from 0, the nearest place of the boundary in view, to 1, the farthest. CPU twin:
+// render/cpu/layers/mod.rs, `reference`. A workgroup is a tile.
+
+// What a missing layer counts as.
+const MISSING: f32 = 2.0;
+
+@compute @workgroup_size(256)
+fn layers_reference(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let tile = params.first_tile + group.x;
+    let corner = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX;
+    let pixel = corner + vec2(thread % TILE_PX, thread / TILE_PX);
+    if any(pixel >= params.size_px) {
+        return;
+    }
+    let extent = depth_range[1] - depth_range[0];
+    let at = layers_at(tile, thread);
+    var layers = vec4(MISSING);
+    for (var layer = 0u; layer < face_params.k; layer++) {
+        let nearness = depths[at + layer];
+        if nearness != 0u {
+            // A range without extent counts as 1 long.
+            layers[layer] = (depth_of_nearness(nearness) - depth_range[0]) / select(1.0, extent, extent > 0.0);
+        }
+    }
+    textureStore(reference_plane, pixel, layers);
+}

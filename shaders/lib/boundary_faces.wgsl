@@ -1,0 +1,11 @@
+// The list of faces is that of the boundary's: the corners of each, ascending.
+
+fn listed_face(rank: u32) -> Face {
+    let at = 3u * rank;
+    return Face(vec3(drawn[at], drawn[at + 1u], drawn[at + 2u]), vec2(NONE));
+}
+
+// Whether a face that reaches the eye is hit in front of it.
+fn is_seen(found: FaceHit, face: Face) -> bool {
+    return found.in_front;
+}

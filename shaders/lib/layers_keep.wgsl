@@ -1,0 +1,35 @@
+// Of the depths at which a ray passes through the boundary the nearest are kept. CPU twin: render/cpu/layers/nearest.rs.
+
+const NEEDS_PLACES: bool = true;
+
+fn count_fragment(tile: u32, local: u32) {}
+
+// A layer takes the nearer of two depths and leaves the other to the next: whoever comes first, the nearest are there in the end, in order.
+fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u32>) {
+    let depth = found.depth.x + found.depth.y;
+    if depth < params.near {
+        return;
+    }
+    let farness = farness_of(depth);
+    var nearness = ~farness;
+    atomicMax(&depths[range_at(tile)], nearness);
+    atomicMax(&depths[range_at(tile) + 1u], farness);
+    let at = layers_at(tile, local);
+    for (var layer = 0u; layer < face_params.k && nearness != 0u; layer++) {
+        nearness = min(nearness, atomicMax(&depths[at + layer], nearness));
+    }
+}
+
+fn is_in_band(tile: u32, local: u32) -> bool {
+    return true;
+}
+
+// Rows of the band.
+fn band_rows() -> vec2<i32> {
+    return vec2(0, i32(params.size_px.y) - 1);
+}
+
+// First piece of the slice, and the one behind its last.
+fn pieces_of_slice() -> vec2<u32> {
+    return vec2(atomicLoad(&lists[PIECES_FROM]), atomicLoad(&lists[PIECES_TO]));
+}

@@ -1,0 +1,188 @@
+//! What bringing an image to another size needs in the GPU's memory, and its stages.
+
+use super::ImageLeft;
+use crate::image::upsample::Enlarging;
+use crate::render::gpu::buffers::GrowingBuffer;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::eye;
+use crate::render::gpu::layers::{Boundary, DepthLayers};
+use crate::render::gpu::layout::{Params, UpsampleParams};
+use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
+use crate::render::gpu::resources::Resource;
+use crate::render::gpu::shaders::{Stage, Toward};
+use crate::render::gpu::target::{OnePlane, Target};
+use crate::render::upsampling::{Enlargement, UpsampleFilter};
+use crate::render::{RenderError, RenderJob};
+use std::sync::Arc;
+
+/// All that the stages read and write, beside what the renderer of the image has left.
+pub(super) struct Scene {
+    pub(super) boundary: Boundary,
+    /// At the pixels of the full image, and at the samples of the small one.
+    pub(super) layers: [DepthLayers; 2],
+    /// The range of depths in the full image.
+    pub(super) range: GrowingBuffer,
+    params: GrowingBuffer,
+    upsample_params: GrowingBuffer,
+    pub(super) target: Option<Arc<Target>>,
+    /// The image before it is filtered.
+    enlarged: Option<OnePlane>,
+    pipelines: Pipelines,
+    /// What is bound of what the renderer has left.
+    bound: Option<(Arc<Target>, wgpu::Buffer)>,
+}
+
+/// The stage that brings an image to full size.
+pub(super) fn last_stage(filter: UpsampleFilter) -> Stage {
+    match filter {
+        UpsampleFilter::Nearest => Stage::UpsampleNearest,
+        UpsampleFilter::Bilinear => Stage::UpsampleBilinear(Toward::Image),
+        UpsampleFilter::Joint { .. } => Stage::UpsampleJoint,
+        UpsampleFilter::Joint2x2 { .. } => Stage::UpsampleJoint2x2,
+    }
+}
+
+/// The one before it of the joint filter.
+pub(super) const BEFORE_JOINT: Stage = Stage::UpsampleBilinear(Toward::Filter);
+
+/// The parameters of a filter.
+fn upsample_params(filter: UpsampleFilter, enlarging: &Enlarging) -> UpsampleParams {
+    let (width, height) = enlarging.small;
+    let per_square = |sigma: f64| (std::f64::consts::LOG2_E / (2.0 * sigma * sigma)).min(1e30) as f32;
+    let kernel_px = if let UpsampleFilter::Joint { kernel_px, .. } = filter { kernel_px } else { 1 };
+    UpsampleParams {
+        small_px: [width as u32, height as u32],
+        samples_per_pixel: (1.0 / enlarging.per_sample) as f32,
+        half_px: (kernel_px / 2) as i32,
+        domain_per_square: per_square(0.5 * kernel_px as f64),
+        reference_per_square: filter.edges().map_or(0.0, |edges| per_square(edges.sigma_depth)),
+        unused: [0; 2],
+    }
+}
+
+impl Scene {
+    pub(super) fn new() -> Self {
+        Self {
+            boundary: Boundary::new(),
+            layers: [DepthLayers::new(), DepthLayers::new()],
+            range: GrowingBuffer::new(Resource::DepthRange),
+            params: GrowingBuffer::new(Resource::Params),
+            upsample_params: GrowingBuffer::new(Resource::UpsampleParams),
+            target: None,
+            enlarged: None,
+            pipelines: Pipelines::new(),
+            bound: None,
+        }
+    }
+
+    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent. `job` is at full
+    /// size.
+    pub(super) fn update(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        enlargement: &Enlargement,
+        left: &ImageLeft<'_>,
+    ) -> Result<(Params, Arc<Target>, u64), RenderError> {
+        let updated = self.update_parts(context, job, enlargement, left);
+        if updated.is_err() {
+            // What there is may not belong together.
+            *self = Self::new();
+        }
+        updated
+    }
+
+    fn update_parts(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        enlargement: &Enlargement,
+        left: &ImageLeft<'_>,
+    ) -> Result<(Params, Arc<Target>, u64), RenderError> {
+        let Enlargement { filter, enlarging, domain, .. } = enlargement;
+        let params = eye::params(context, &job.local_view())?;
+        let size_px = enlarging.full;
+        let is_joint = matches!(filter, UpsampleFilter::Joint { .. });
+        self.pipelines.prepare(context, NO_RECORDS, [last_stage(*filter)])?;
+        let (target, mut stale) = Target::kept(&mut self.target, context, size_px)?;
+        stale |= self.params.reserve(context, size_of::<Params>() as u64)?;
+        stale |= self.upsample_params.reserve(context, size_of::<UpsampleParams>() as u64)?;
+        stale |= self.range.reserve(context, 8)?;
+        let mut sent = 0;
+        if let Some(edges) = filter.edges() {
+            let (made, bytes) = self.boundary.update(context, &job.mesh, domain)?;
+            stale |= made;
+            sent += bytes;
+            let [at_pixels, at_samples] = &mut self.layers;
+            stale |= at_pixels.update(context, params, edges.layers, &self.boundary)?;
+            if !is_joint {
+                stale |= at_samples.update(context, *left.params, edges.layers, &self.boundary)?;
+            }
+        }
+        if is_joint {
+            self.pipelines.prepare(context, NO_RECORDS, [BEFORE_JOINT])?;
+            stale |= OnePlane::keep(&mut self.enlarged, context, Resource::EnlargedPlane, size_px)?;
+        }
+        let bound = (left.target.clone(), left.vertices.get(context)?.clone());
+        let is_bound =
+            |(target, vertices): &(Arc<Target>, wgpu::Buffer)| Arc::ptr_eq(target, &bound.0) && *vertices == bound.1;
+        if stale || !self.bound.as_ref().is_some_and(is_bound) {
+            self.unbind();
+        }
+        self.bind(context, *filter, left)?;
+        self.bound = Some(bound);
+        let upsample_params = upsample_params(*filter, enlarging);
+        self.upsample_params.write(context, 0, bytemuck::bytes_of(&upsample_params))?;
+        Ok((params, target, sent))
+    }
+
+    /// Forgets what is bound: some of it has been made anew.
+    fn unbind(&mut self) {
+        self.bound = None;
+        self.pipelines.unbind();
+        self.layers.iter_mut().for_each(DepthLayers::unbind);
+    }
+
+    /// Binds what the stages name wherever nothing is bound.
+    pub(super) fn bind(
+        &mut self,
+        context: &Context,
+        filter: UpsampleFilter,
+        left: &ImageLeft<'_>,
+    ) -> Result<(), RenderError> {
+        let views = match filter {
+            UpsampleFilter::Nearest | UpsampleFilter::Bilinear => 0,
+            UpsampleFilter::Joint { .. } => 1,
+            UpsampleFilter::Joint2x2 { .. } => 2,
+        };
+        for layers in &mut self.layers[..views] {
+            layers.bind(context, &self.boundary, left.vertices, &self.range)?;
+        }
+        let mut buffers = vec![&self.params, &self.upsample_params];
+        buffers.extend(self.target.iter().map(|target| &target.counters));
+        let mut planes: Vec<_> = self.target.iter().flat_map(|target| target.planes()).collect();
+        let [color, depth] = &left.target.planes.views;
+        planes.extend([(Resource::SmallColor, color), (Resource::SmallDepth, depth)]);
+        let enlarged = self.enlarged.iter().map(|plane| &plane.view);
+        planes.extend(enlarged.flat_map(|at| [(Resource::EnlargedPlane, at), (Resource::Enlarged, at)]));
+        let [at_pixels, at_samples] = &self.layers;
+        planes.extend(at_pixels.reference().map(|at| (Resource::Reference, at)));
+        planes.extend(at_samples.reference().map(|at| (Resource::SmallReference, at)));
+        self.pipelines.bind(context, &buffers, &planes)
+    }
+
+    /// Records a stage that brings the image to another size, for some tiles from the first one of `params` on.
+    pub(super) fn record(
+        &self,
+        context: &Context,
+        stage: Stage,
+        params: &Params,
+        tiles: usize,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        self.params.write(context, 0, bytemuck::bytes_of(params))?;
+        self.pipelines.set(context, stage, pass)?;
+        pass.dispatch_workgroups(tiles as u32, 1, 1);
+        Ok(())
+    }
+}

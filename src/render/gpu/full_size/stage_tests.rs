@@ -1,0 +1,208 @@
+//! Filters against the CPU's, of the same small image and the same layers of depth.
+
+use super::*;
+use crate::camera::View;
+use crate::image::upsample::{self, Enlarging, JointKernel, LEAST_SUM, Reference};
+use crate::image::{Planes, RgbaImage};
+use crate::render::Renderer;
+use crate::render::gpu::layers::DepthLayers;
+use crate::render::gpu::raycast::Raycast;
+use crate::render::gpu::raycast::stage_tests::{cameras, context, job, mesh};
+use crate::render::gpu::target::OnePlane;
+use crate::render::upsampling::{DepthEdges, Enlargement, ImageScale, UpsampleFilter, UpsampleKind};
+use crate::task::Cancel;
+use glam::DVec3;
+
+impl<L> AtFullSize<L> {
+    /// At the pixels of the full image, and at the samples of the small one.
+    pub(in crate::render::gpu) fn layers(&self) -> &[DepthLayers; 2] {
+        &self.enlarger.scene.layers
+    }
+
+    /// The range of the first of them.
+    pub(in crate::render::gpu) fn range(&self) -> &GrowingBuffer {
+        &self.enlarger.scene.range
+    }
+}
+
+/// A job whose image is as large as this one's once it is enlarged.
+pub(in crate::render::gpu) fn enlarged(job: &RenderJob, scale: ImageScale, filter: UpsampleFilter) -> RenderJob {
+    let view = job.view.clone();
+    let enlarging = Enlarging::by(scale.factor(), (view.width_px, view.height_px));
+    let covers = |small: usize, full: usize| (scale.factor() * small) as f64 / full as f64;
+    let (width_px, height_px) = enlarging.small;
+    let small = View {
+        half_width: view.half_width * covers(width_px, view.width_px),
+        half_height: view.half_height * covers(height_px, view.height_px),
+        width_px,
+        height_px,
+        ..view.clone()
+    };
+    let enlargement = Enlargement { filter, enlarging, view, domain: job.active.clone() };
+    RenderJob { view: small, enlarge: Some(Arc::new(enlargement)), ..job.clone() }
+}
+
+pub(in crate::render::gpu) fn drawn<R: Renderer>(renderer: &mut R, job: &RenderJob) -> Frame {
+    renderer.render(job.clone()).unwrap().clone()
+}
+
+/// The pixels of a plane of four numbers, without the last.
+fn read_plane(context: &Context, plane: &OnePlane) -> Reference {
+    let (width, height) = (plane.texture.width(), plane.texture.height());
+    let row = (16 * width).next_multiple_of(256);
+    let staging = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(row * height),
+        usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    let to = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
+    encoder.copy_texture_to_buffer(plane.texture.as_image_copy(), to, plane.texture.size());
+    context.queue.submit([encoder.finish()]);
+    let words = crate::render::gpu::raycast::stage_tests::read_back(context, &staging);
+    let number = |x: u32, y: u32, i: u32| f32::from_bits(words[(y * row / 4 + 4 * x + i) as usize]);
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [0, 1, 2].map(|i| number(x, y, i)))).collect();
+    Reference { width: width as usize, height: height as usize, pixels }
+}
+
+/// What the CPU makes of the same image and the same layers, the fewest and the most pixels that fall back, and by how much colours may differ.
+fn twin(small: &Planes, [reference, at_samples]: [&Reference; 2], to: &Enlargement) -> (RgbaImage, [u64; 2], f64) {
+    // Half the distance from 1 to the next f32.
+    let unit = 1.0 / f64::from(1 << 24);
+    // Of a weight 2^-t: what f32 makes of t, and WGSL's bound for exp2, (3 + 2 t) units in the last place, on both sides.
+    let of_weight = |t: f64| 2.0 * (6.0 + 8.0 * t) * unit;
+    match to.filter {
+        UpsampleFilter::Nearest => (upsample::nearest(&small.color, &to.enlarging), [0; 2], 0.0),
+        // Three steps, each rounded twice or three times, on both sides; colours are at most 1.
+        UpsampleFilter::Bilinear => (upsample::bilinear(&small.color, &to.enlarging), [0; 2], 12.0 * unit),
+        UpsampleFilter::Joint { kernel_px, edges } => {
+            let kernel = JointKernel { kernel_px, sigma_reference: edges.sigma_depth };
+            let image = upsample::bilinear(&small.color, &to.enlarging);
+            // Weights 2^-t of N pixels, of which one is 1: the mean of t is at most log2 N (their entropy is the mean of t and the
+            // logarithm of their sum). Sums are rounded row by row, and then over rows.
+            let along = 2.0 * (kernel_px / 2) as f64 + 1.0;
+            let bound = of_weight((along * along).log2()) + 8.0 * along * unit + 12.0 * unit;
+            (upsample::joint(&image, reference, kernel, &Cancel::new()).unwrap(), [0; 2], bound)
+        }
+        UpsampleFilter::Joint2x2 { edges } => {
+            let references = [reference, at_samples];
+            let (image, fell_back) = upsample::joint2x2(&small.color, &to.enlarging, references, edges.sigma_depth);
+            // As above, of four pixels whose weights sum up to LEAST_SUM or more.
+            let bound = of_weight(2.0 - f64::from(LEAST_SUM).log2()) + 12.0 * unit;
+            (image, [fell_back; 2], bound)
+        }
+    }
+}
+
+fn farthest_apart(a: &RgbaImage, b: &RgbaImage) -> f64 {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
+    pairs.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn filters_make_of_an_image_what_the_cpu_makes_of_it() {
+    let Some(context) = context() else { return };
+    let mut renderer = Raycast::new(context.clone());
+    let mut fallen_back = 0;
+    for (size_px, scale) in [
+        ((131, 77), ImageScale::Quarter),
+        ((40, 61), ImageScale::Half),
+        ((70, 50), ImageScale::Full),
+        ((5, 3), ImageScale::Eighth),
+        ((1, 1), ImageScale::Half),
+    ] {
+        for (name, camera) in &cameras(DVec3::ZERO)[..4] {
+            let job = job(&mesh(3, 5, DVec3::ZERO), camera, size_px);
+            for filter in UpsampleKind::ALL.iter().map(|kind| kind.usual(scale)) {
+                let job = enlarged(&job, scale, filter);
+                let small = drawn(&mut renderer, &RenderJob { enlarge: None, ..job.clone() }).planes;
+                let frame = drawn(&mut renderer, &job);
+                let to = job.enlarge.as_ref().unwrap();
+                let [reference, at_samples] = renderer.layer.layers().each_ref().map(|layers| {
+                    let none = Reference { width: 0, height: 0, pixels: Vec::new() };
+                    layers.plane().map_or(none, |plane| read_plane(&context, plane))
+                });
+                let (expected, fell_back, bound) = twin(&small, [&reference, &at_samples], to);
+                let apart = farthest_apart(&frame.planes.color, &expected);
+                assert!(apart <= bound, "{name}, {size_px:?}, {filter:?}: {apart:.1e} of {bound:.1e}");
+                assert!(frame.planes.depth == upsample::nearest(&small.depth, &to.enlarging), "{name}, {filter:?}");
+                assert!((fell_back[0]..=fell_back[1]).contains(&frame.stats.upsample_fallbacks), "{name}, {filter:?}");
+                fallen_back += frame.stats.upsample_fallbacks;
+                // The comparison can fail: a sample that is another, or another place of all.
+                let mut other = small.clone();
+                other.color.pixels[0][3] += 1e-3;
+                let other = farthest_apart(&frame.planes.color, &twin(&other, [&reference, &at_samples], to).0);
+                assert!(other > bound, "{name}, {size_px:?}, {filter:?}: another sample is not noticed, {other:.1e}");
+            }
+        }
+    }
+    assert!(fallen_back > 0, "no pixel fell back");
+}
+
+#[test]
+fn an_image_is_the_same_in_any_slices_and_by_a_renderer_of_other_images_before() {
+    let Some(context) = context() else { return };
+    let job = job(&mesh(3, 5, DVec3::ZERO), &cameras(DVec3::ZERO)[0].1, (131, 77));
+    let mut used = Raycast::new(context.clone());
+    for kind in UpsampleKind::ALL {
+        let job = enlarged(&job, ImageScale::Quarter, kind.usual(ImageScale::Quarter));
+        let whole = drawn(&mut Raycast::new(context.clone()), &job);
+        used.begin(job.clone()).unwrap();
+        let mut slices = 0;
+        let sliced = loop {
+            slices += 1;
+            if let crate::render::Advance::Done(frame) = used.advance(Duration::ZERO).unwrap() {
+                break frame.clone();
+            }
+        };
+        let least = if whole.stats.depth_layers > 0 { 5 } else { 2 };
+        assert!(slices >= least && sliced.planes == whole.planes, "{kind}: {slices} slices");
+        assert_eq!(sliced.stats.upsample_fallbacks, whole.stats.upsample_fallbacks);
+        assert!(sliced.stats.ms_render >= 0.0 && sliced.stats.ms_upsample > 0.0, "{kind}");
+        assert_eq!(sliced.stats.ms_depth_layers > 0.0, sliced.stats.depth_layers > 0, "{kind}");
+        // One that is given up half way.
+        used.begin(job.clone()).unwrap();
+        for _ in 0..slices / 2 {
+            used.advance(Duration::ZERO).unwrap();
+        }
+        assert!(drawn(&mut used, &job).planes == whole.planes, "{kind}, after one that was given up");
+        let created = context.resources_created();
+        drawn(&mut used, &job);
+        assert_eq!(context.resources_created(), created, "{kind}: a steady frame makes nothing");
+        // And what is not enlarged stays as it is.
+        assert_eq!(drawn(&mut used, &RenderJob { enlarge: None, ..job.clone() }).planes.color.width, 33);
+    }
+}
+
+#[test]
+fn enlarged_frames_for_a_window_stay_on_its_gpu() {
+    if context().is_none() {
+        return;
+    }
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = crate::render::gpu::context::BACKENDS;
+    let instance = wgpu::Instance::new(descriptor);
+    let adapters = pollster::block_on(instance.enumerate_adapters(crate::render::gpu::context::BACKENDS));
+    let options = crate::render::gpu::context::ContextOptions::default();
+    let adapter = crate::render::gpu::context::best(&adapters, &options).unwrap();
+    let descriptor = crate::render::gpu::context::descriptor(adapter, &options);
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    let context = Arc::new(Context::of_window(adapter, device, queue));
+    let job = job(&mesh(3, 5, DVec3::ZERO), &cameras(DVec3::ZERO)[0].1, (131, 77));
+    let joint = UpsampleFilter::Joint { kernel_px: 4, edges: DepthEdges::USUAL };
+    let job = RenderJob { for_window: true, ..enlarged(&job, ImageScale::Quarter, joint) };
+    let mut renderer = Raycast::new(context.clone());
+    let size = |frame: &Frame| frame.texture.as_ref().map(|t| (t.texture().width(), t.texture().height()));
+    for _ in 0..2 {
+        let frame = renderer.render(job.clone()).unwrap();
+        assert_eq!((size(frame), frame.planes.color.pixels.len()), (Some((131, 77)), 0));
+    }
+    let before = context.resources_created();
+    renderer.render(job.clone()).unwrap();
+    assert_eq!(context.resources_created(), before);
+    let elsewhere = renderer.render(RenderJob { for_window: false, ..job }).unwrap();
+    assert_eq!((size(elsewhere), elsewhere.planes.color.pixels.len()), (None, 131 * 77));
+}

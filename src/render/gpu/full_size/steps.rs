@@ -1,0 +1,362 @@
+//! What is done for an image of another size, step by step.
+
+use super::ImageLeft;
+use super::scene::{BEFORE_JOINT, Scene, last_stage};
+use crate::render::gpu::FrameTexture;
+use crate::render::gpu::context::Context;
+use crate::render::gpu::layout::{LayerLists, Params};
+use crate::render::gpu::presenter::Presenter;
+use crate::render::gpu::readback::{Readback, Sent};
+use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, UnitCost};
+use crate::render::gpu::target::Target;
+use crate::render::upsampling::{Enlargement, UpsampleFilter};
+use crate::render::{Frame, RenderError, RenderJob};
+use crate::stats::FrameStats;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What the GPU is given to do; of layers with the number of their view, 0 for that of the full image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Faces(usize),
+    Pieces(usize),
+    Range,
+    Reference(usize),
+    Bilinear,
+    Filter,
+}
+
+/// Kinds of steps, whose costs are known apart.
+const KINDS: usize = 6;
+
+impl Step {
+    /// All of a filter, in their order.
+    fn of(filter: UpsampleFilter) -> &'static [Self] {
+        use Step::*;
+        match filter {
+            UpsampleFilter::Nearest | UpsampleFilter::Bilinear => &[Filter],
+            UpsampleFilter::Joint { .. } => &[Faces(0), Pieces(0), Range, Reference(0), Bilinear, Filter],
+            UpsampleFilter::Joint2x2 { .. } => {
+                &[Faces(0), Pieces(0), Range, Reference(0), Faces(1), Pieces(1), Reference(1), Filter]
+            }
+        }
+    }
+
+    fn kind(self) -> usize {
+        match self {
+            Self::Faces(_) => 0,
+            Self::Pieces(_) => 1,
+            Self::Range => 2,
+            Self::Reference(_) => 3,
+            Self::Bilinear => 4,
+            Self::Filter => 5,
+        }
+    }
+
+    /// Whether it is about layers of depth.
+    fn is_of_layers(self) -> bool {
+        !matches!(self, Self::Bilinear | Self::Filter)
+    }
+
+    /// Units of the first slice of all, before anything is known of their cost: workgroups.
+    fn first_units(self) -> usize {
+        match self {
+            Self::Faces(_) => 64,
+            Self::Pieces(_) => 256,
+            _ => 32,
+        }
+    }
+
+    /// Fewest units of a slice, whatever they cost: with less, most of the GPU has nothing to do.
+    fn least_units(self) -> usize {
+        match self {
+            Self::Faces(_) | Self::Pieces(_) => 32,
+            _ => 4,
+        }
+    }
+}
+
+/// Work that has been submitted.
+struct Flight {
+    step: Step,
+    units: Range<usize>,
+    sent: Sent,
+}
+
+/// How far an image is.
+pub struct Work {
+    enlargement: Arc<Enlargement>,
+    params: Params,
+    target: Arc<Target>,
+    /// World units of a local one.
+    scale: f64,
+    /// Place of the step in the list of its filter.
+    at: usize,
+    /// First unit of the step that has not been submitted.
+    next: usize,
+    tiles_done: usize,
+}
+
+impl Work {
+    fn step(&self) -> Option<Step> {
+        Step::of(self.enlargement.filter).get(self.at).copied()
+    }
+
+    fn go_to(&mut self, at: usize) {
+        (self.at, self.next) = (at, 0);
+    }
+}
+
+/// What comes back of a slice.
+struct Told {
+    ms: Option<f64>,
+    pieces: u32,
+    pieces_from: u32,
+    pieces_to: u32,
+    fell_back: u64,
+}
+
+/// Brings images to the size of their frames.
+pub(super) struct Enlarger {
+    pub(super) scene: Scene,
+    readback: Readback,
+    /// Oldest first.
+    in_flight: VecDeque<Flight>,
+    presenter: Presenter,
+    /// The texture of the last frame, until the next one has its own.
+    texture: Option<FrameTexture>,
+    costs: [UnitCost; KINDS],
+}
+
+impl Enlarger {
+    pub(super) fn new() -> Self {
+        Self {
+            scene: Scene::new(),
+            readback: Readback::new(),
+            in_flight: VecDeque::with_capacity(IN_FLIGHT),
+            presenter: Presenter::new(),
+            texture: None,
+            costs: [UnitCost::default(); KINDS],
+        }
+    }
+
+    /// Takes the texture of a frame before the renderer of the small image sees it.
+    pub(super) fn keep_texture(&mut self, frame: &mut Frame) {
+        self.texture = frame.texture.take();
+    }
+
+    /// Brings what is needed for an image that a renderer has left to the GPU, and makes the frame as large as it is to be. `full` is its job.
+    pub(super) fn begin(
+        &mut self,
+        context: &Arc<Context>,
+        full: &RenderJob,
+        left: &ImageLeft<'_>,
+        frame: &mut Frame,
+    ) -> Result<Work, RenderError> {
+        let started = Instant::now();
+        let Some(enlargement) = full.enlarge.clone() else {
+            return Err(context.beyond("an image of another size has no size to come to".to_owned()));
+        };
+        frame.texture = self.texture.take();
+        self.presenter.prepare(context, full, frame)?;
+        let (params, target, sent) = self.scene.update(context, full, &enlargement, left)?;
+        let views = Step::of(enlargement.filter).iter().filter(|step| matches!(step, Step::Faces(_))).count();
+        let stats = &mut frame.stats;
+        stats.bytes_uploaded += sent;
+        (stats.upsample_fallbacks, stats.ms_depth_layers, stats.ms_upsample) = Default::default();
+        stats.depth_layers = (views * enlargement.filter.edges().map_or(0, |edges| edges.layers)) as u64;
+        let scale = full.mesh.positions.scale;
+        let work = Work { enlargement, params, target, scale, at: 0, next: 0, tiles_done: 0 };
+        (0..views).try_for_each(|view| self.clear(context, view))?;
+        add_time(stats, work.step(), started);
+        Ok(work)
+    }
+
+    /// Submits the clearing of the layers of a view.
+    fn clear(&self, context: &Context, view: usize) -> Result<(), RenderError> {
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.scene.layers[view].begin(context, &mut encoder)?;
+        context.queue.submit([encoder.finish()]);
+        context.check()
+    }
+
+    /// Works for about `budget`; whether the frame is done.
+    pub(super) fn advance(
+        &mut self,
+        context: &Arc<Context>,
+        budget: Duration,
+        work: &mut Work,
+        left: &ImageLeft<'_>,
+        frame: &mut Frame,
+    ) -> Result<bool, RenderError> {
+        let started = Instant::now();
+        let mut since = started;
+        loop {
+            let next = self.next_units(work, budget);
+            if let (Some((step, units)), true) = (next, self.in_flight.len() < IN_FLIGHT) {
+                self.submit(context, work, step, units, frame.texture.is_none())?;
+                continue;
+            }
+            let Some(flight) = self.in_flight.pop_front() else {
+                self.presenter.present(context, &work.target.planes.color, frame)?;
+                add_time(&mut frame.stats, Some(Step::Filter), since);
+                return Ok(true);
+            };
+            let step = flight.step;
+            self.collect(context, flight, work, left, frame)?;
+            since = add_time(&mut frame.stats, Some(step), since);
+            if started.elapsed() >= budget && work.tiles_done < work.params.tile_count() {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// The units that come next, if there are some; behind the last ones of a step, those of the next.
+    fn next_units(&self, work: &mut Work, budget: Duration) -> Option<(Step, Range<usize>)> {
+        loop {
+            let step = work.step()?;
+            let end = match step {
+                Step::Faces(_) => self.scene.boundary.groups(),
+                // They say themselves when they are done.
+                Step::Pieces(_) => usize::MAX,
+                Step::Range => 1,
+                Step::Reference(view) => self.scene.layers[view].params.tile_count(),
+                Step::Bilinear | Step::Filter => work.params.tile_count(),
+            };
+            if work.next < end {
+                let cost = self.costs[step.kind()];
+                let count = cost.units_for(budget, step.first_units(), GROUPS_MAX as usize).max(step.least_units());
+                return Some((step, work.next..end.min(work.next.saturating_add(count))));
+            }
+            work.go_to(work.at + 1);
+        }
+    }
+
+    fn submit(
+        &mut self,
+        context: &Context,
+        work: &mut Work,
+        step: Step,
+        units: Range<usize>,
+        has_pixels: bool,
+    ) -> Result<(), RenderError> {
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let scene = &mut self.scene;
+        {
+            let timestamp_writes = work.target.stamps(4);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("full size"), timestamp_writes };
+            let pass = &mut encoder.begin_compute_pass(&descriptor);
+            match step {
+                Step::Faces(view) => scene.layers[view].record_faces(context, &units, pass)?,
+                Step::Pieces(view) => scene.layers[view].record_pieces(context, units.len(), pass)?,
+                Step::Range => scene.layers[0].record_range(context, pass)?,
+                Step::Reference(view) => scene.layers[view].record_reference(context, &units, pass)?,
+                Step::Bilinear | Step::Filter => {
+                    work.params.first_tile = units.start as u32;
+                    let filter = work.enlargement.filter;
+                    let stage = if step == Step::Filter { last_stage(filter) } else { BEFORE_JOINT };
+                    scene.record(context, stage, &work.params, units.len(), pass)?;
+                }
+            }
+        }
+        let words = match step {
+            Step::Pieces(view) => Some((scene.layers[view].head(context)?, 0, LayerLists::HEAD as usize)),
+            _ => None,
+        };
+        let slice = if step == Step::Filter { (units.clone(), has_pixels) } else { (0..0, false) };
+        let sent = self.readback.send(context, encoder, &work.target, slice, words)?;
+        work.next = units.end;
+        self.in_flight.push_back(Flight { step, units, sent });
+        Ok(())
+    }
+
+    /// Waits for a slice, and takes what it brings.
+    fn collect(
+        &mut self,
+        context: &Context,
+        flight: Flight,
+        work: &mut Work,
+        left: &ImageLeft<'_>,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        let waiting = Instant::now();
+        let Flight { step, units, sent } = flight;
+        let told = self.readback.collect(context, sent, |slice| {
+            if step == Step::Filter && frame.texture.is_none() {
+                slice.copy_pixels(&mut frame.planes, &work.params, work.scale);
+            }
+            let counts = step == Step::Filter && matches!(work.enlargement.filter, UpsampleFilter::Joint2x2 { .. });
+            Told {
+                ms: slice.milliseconds(context).map(|[_, _, ms, _]| ms),
+                pieces: slice.word_sent(LayerLists::PIECE_COUNT),
+                pieces_from: slice.word_sent(LayerLists::PIECES_FROM),
+                pieces_to: slice.word_sent(LayerLists::PIECES_TO),
+                fell_back: if counts { slice.counter(0) } else { 0 },
+            }
+        })?;
+        let ms = told.ms.unwrap_or_else(|| waiting.elapsed().as_secs_f64() * 1e3);
+        frame.stats.upsample_fallbacks += told.fell_back;
+        let mut done = units.len();
+        if let Step::Pieces(view) = step {
+            done = (told.pieces_to - told.pieces_from) as usize;
+            self.pieces_told(context, view, &told, work, left, &mut frame.stats)?;
+        } else if step == Step::Filter {
+            work.tiles_done += units.len();
+        }
+        let cost = &mut self.costs[step.kind()];
+        if done > 0 {
+            cost.last = Some(ms / done as f64);
+            cost.mean = Some(cost.mean.map_or(ms / done as f64, |mean| 0.5 * (mean + ms / done as f64)));
+        }
+        Ok(())
+    }
+
+    /// Goes on behind the last piece of the large faces of a view, or draws its boundary again if there was no room for all of them.
+    fn pieces_told(
+        &mut self,
+        context: &Context,
+        view: usize,
+        told: &Told,
+        work: &mut Work,
+        left: &ImageLeft<'_>,
+        stats: &mut FrameStats,
+    ) -> Result<(), RenderError> {
+        if work.step() != Some(Step::Pieces(view)) {
+            return Ok(());
+        }
+        if told.pieces > self.scene.layers[view].piece_capacity() {
+            self.abandon(context)?;
+            self.scene.layers[view].grow_pieces(context, u64::from(told.pieces))?;
+            self.scene.bind(context, work.enlargement.filter, left)?;
+            self.clear(context, view)?;
+            stats.entry_retries += 1;
+            work.go_to(work.at - 1);
+        } else if told.pieces_to >= told.pieces {
+            work.go_to(work.at + 1);
+        }
+        Ok(())
+    }
+
+    /// Forgets what is under way.
+    pub(super) fn abandon(&mut self, context: &Context) -> Result<(), RenderError> {
+        let mut came_back = context.check();
+        while let Some(flight) = self.in_flight.pop_front() {
+            came_back = came_back.and_then(|()| self.readback.collect(context, flight.sent, |_| ()));
+        }
+        came_back
+    }
+}
+
+/// Adds the time since `since` to that of a step; now.
+fn add_time(stats: &mut FrameStats, step: Option<Step>, since: Instant) -> Instant {
+    let now = Instant::now();
+    let ms = (now - since).as_secs_f64() * 1e3;
+    if step.is_some_and(Step::is_of_layers) {
+        stats.ms_depth_layers += ms
+    } else {
+        stats.ms_upsample += ms
+    }
+    now
+}

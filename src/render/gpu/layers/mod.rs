@@ -1,0 +1,255 @@
+//! Layers of depth on the GPU: what [`crate::render::cpu::layers`] does, in WGSL.
+//!
+//! 1. **faces**, the stage of the face renderer: a thread a face of the boundary looks at the pixels of the face's box. A face with a large box is
+//!    cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of a fragment a pixel keeps its nearest depths
+//!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and leaves the other to the next, so that they are the same in any order.
+//! 2. **plan**: how many pieces there are stands in the GPU's memory, and the number of workgroups comes from there. Too many for the list, and
+//!    the boundary is drawn again with a longer one.
+//! 3. **range** of all depths in view, and from it the **reference** of filters.
+//!
+//! Deviations from the CPU path:
+//! 1. A depth is the sum of an f32 for two: right to what f32 knows of the weights, 2^-22 of the face's extent in depth, and to 2^-24 of itself,
+//!    counted from the middle of the mesh or from the eye. Places are computed in f32 whatever the device has.
+//! 2. Which rays pass through a face is as right as for the face renderer: rays within rounding of the boundary's rim may meet it or not.
+//! 3. Whether a face that reaches the eye is in front of it is not asked exactly.
+
+#[cfg(test)]
+mod stage_tests;
+
+use super::buffers::GrowingBuffer;
+use super::context::Context;
+use super::layout::{FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS};
+use super::pipelines::{NO_RECORDS, Pipelines};
+use super::resources::Resource;
+use super::shaders::{Pass, Precision, Stage};
+use super::slices::dispatch;
+use super::target::OnePlane;
+use crate::mesh::Mesh;
+use crate::render::RenderError;
+use crate::render::cpu::layers::boundary_faces;
+use crate::visibility::CellSet;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Pieces of large faces that there is room for at first: a few faces in all tiles.
+const FIRST_PIECES_PER_TILE: u64 = 8;
+/// Faces of a workgroup.
+const FACES_PER_GROUP: u32 = 64;
+
+const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
+const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
+
+/// The boundary of some cells in the GPU's memory.
+pub(super) struct Boundary {
+    of: Option<(Arc<Mesh>, Arc<CellSet>)>,
+    faces: u32,
+    list: GrowingBuffer,
+}
+
+impl Boundary {
+    pub(super) fn new() -> Self {
+        Self { of: None, faces: 0, list: GrowingBuffer::new(Resource::Drawn) }
+    }
+
+    /// Brings the boundary of some cells to the GPU unless it is there; whether a buffer was made, and the bytes sent.
+    pub(super) fn update(
+        &mut self,
+        context: &Context,
+        mesh: &Arc<Mesh>,
+        cells: &Arc<CellSet>,
+    ) -> Result<(bool, u64), RenderError> {
+        let is_there = |(of, set): &(Arc<Mesh>, Arc<CellSet>)| Arc::ptr_eq(of, mesh) && Arc::ptr_eq(set, cells);
+        if self.of.as_ref().is_some_and(is_there) {
+            return Ok((false, 0));
+        }
+        self.of = None;
+        let corners: Vec<[u32; 3]> = boundary_faces(mesh, cells).collect();
+        let made = self.list.reserve(context, size_of_val(corners.as_slice()) as u64)?;
+        let sent = self.list.write(context, 0, bytemuck::cast_slice(&corners))?;
+        (self.of, self.faces) = (Some((mesh.clone(), cells.clone())), corners.len() as u32);
+        Ok((made, sent))
+    }
+
+    /// Workgroups that draw it.
+    pub(super) fn groups(&self) -> usize {
+        self.faces.div_ceil(FACES_PER_GROUP) as usize
+    }
+}
+
+/// Layers of depth of one view.
+pub(super) struct DepthLayers {
+    params_buffer: GrowingBuffer,
+    face_params_buffer: GrowingBuffer,
+    /// Pieces of large faces.
+    lists: GrowingBuffer,
+    args: GrowingBuffer,
+    pub(super) depths: GrowingBuffer,
+    /// What filters compare.
+    reference: Option<OnePlane>,
+    pipelines: Pipelines,
+    pub(super) params: Params,
+    face_params: FaceParams,
+    places: LayerLists,
+}
+
+impl DepthLayers {
+    pub(super) fn new() -> Self {
+        Self {
+            params_buffer: GrowingBuffer::new(Resource::Params),
+            face_params_buffer: GrowingBuffer::new(Resource::FaceParams),
+            lists: GrowingBuffer::new(Resource::Lists),
+            args: GrowingBuffer::new(Resource::Args),
+            depths: GrowingBuffer::new(Resource::Depths),
+            reference: None,
+            pipelines: Pipelines::new(),
+            params: Params::default(),
+            face_params: FaceParams::default(),
+            places: LayerLists { tiles: 0, layers: 0 },
+        }
+    }
+
+    /// Room for so many layers of a boundary in a view, and the stages; whether something was made.
+    pub(super) fn update(
+        &mut self,
+        context: &Context,
+        params: Params,
+        layers: usize,
+        boundary: &Boundary,
+    ) -> Result<bool, RenderError> {
+        let stages = [FACES, PIECES, Stage::LayersPlan, Stage::LayersRange, Stage::LayersReference];
+        self.pipelines.prepare(context, NO_RECORDS, stages)?;
+        let size_px = params.size_px.map(|px| px as usize).into();
+        self.places = LayerLists { tiles: params.tile_count() as u64, layers: layers as u64 };
+        let mut made = self.params_buffer.reserve(context, size_of::<Params>() as u64)?;
+        made |= self.face_params_buffer.reserve(context, size_of::<FaceParams>() as u64)?;
+        made |= self.args.reserve(context, 12)?;
+        made |= self.depths.reserve(context, 4 * self.places.depths())?;
+        made |= self.reserve_pieces(context, FIRST_PIECES_PER_TILE * self.places.tiles)?;
+        made |= OnePlane::keep(&mut self.reference, context, Resource::ReferencePlane, size_px)?;
+        self.params = params;
+        self.face_params = FaceParams {
+            drawn_count: boundary.faces,
+            end_pixel: TILE_PIXELS as u32,
+            end_tile: self.places.tiles as u32,
+            k: layers as u32,
+            piece_capacity: self.piece_capacity(),
+            ..FaceParams::default()
+        };
+        Ok(made)
+    }
+
+    /// What filters compare, if there is room for it.
+    pub(super) fn reference(&self) -> Option<&wgpu::TextureView> {
+        self.reference.as_ref().map(|plane| &plane.view)
+    }
+
+    /// The same with its texture.
+    #[cfg(test)]
+    pub(super) fn plane(&self) -> Option<&OnePlane> {
+        self.reference.as_ref()
+    }
+
+    /// Forgets what is bound: some of it has been made anew.
+    pub(super) fn unbind(&mut self) {
+        self.pipelines.unbind();
+    }
+
+    /// Binds what the stages name wherever nothing is bound: the boundary, its view vertices, and the range that depths are seen in.
+    pub(super) fn bind(
+        &mut self,
+        context: &Context,
+        boundary: &Boundary,
+        vertices: &GrowingBuffer,
+        range: &GrowingBuffer,
+    ) -> Result<(), RenderError> {
+        let own = [&self.params_buffer, &self.face_params_buffer, &self.lists, &self.args, &self.depths];
+        let buffers = [&own[..], &[&boundary.list, vertices, range]].concat();
+        let planes: Vec<_> = self.reference.iter().map(|plane| (Resource::ReferencePlane, &plane.view)).collect();
+        self.pipelines.bind(context, &buffers, &planes)
+    }
+
+    /// Begins without a depth and without pieces; the clearing is recorded.
+    pub(super) fn begin(&self, context: &Context, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
+        self.params_buffer.write(context, 0, bytemuck::bytes_of(&self.params))?;
+        encoder.clear_buffer(self.depths.get(context)?, 0, Some(4 * self.places.depths()));
+        encoder.clear_buffer(self.lists.get(context)?, 0, Some(4 * LayerLists::HEAD));
+        Ok(())
+    }
+
+    /// Records the faces of some workgroups.
+    pub(super) fn record_faces(
+        &mut self,
+        context: &Context,
+        groups: &Range<usize>,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP).min(self.face_params.drawn_count);
+        (self.face_params.first, self.face_params.end) = (face(groups.start), face(groups.end));
+        self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
+        self.pipelines.set(context, FACES, pass)?;
+        dispatch(pass, groups.len() as u32);
+        Ok(())
+    }
+
+    /// Records the next pieces of large faces, at most so many.
+    pub(super) fn record_pieces(
+        &mut self,
+        context: &Context,
+        most: usize,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        self.face_params.end = most as u32;
+        self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
+        self.pipelines.set(context, Stage::LayersPlan, pass)?;
+        pass.dispatch_workgroups(1, 1, 1);
+        self.pipelines.set(context, PIECES, pass)?;
+        pass.dispatch_workgroups_indirect(self.args.get(context)?, 0);
+        Ok(())
+    }
+
+    /// Where slices of pieces tell how far they are: [`LayerLists::HEAD`] words.
+    pub(super) fn head(&self, context: &Context) -> Result<&wgpu::Buffer, RenderError> {
+        self.lists.get(context)
+    }
+
+    /// Pieces that there is room for.
+    pub(super) fn piece_capacity(&self) -> u32 {
+        let words = (self.lists.bytes() / 4).saturating_sub(LayerLists::HEAD);
+        u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
+    }
+
+    /// Room for so many pieces; whether the buffer was made for that.
+    fn reserve_pieces(&mut self, context: &Context, pieces: u64) -> Result<bool, RenderError> {
+        self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
+    }
+
+    /// Room for more pieces than there was; nothing is bound then, and the boundary is to be drawn again.
+    pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
+        self.reserve_pieces(context, pieces + pieces / 4)?;
+        self.face_params.piece_capacity = self.piece_capacity();
+        self.unbind();
+        Ok(())
+    }
+
+    /// Records the range of all depths.
+    pub(super) fn record_range(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
+        self.pipelines.set(context, Stage::LayersRange, pass)?;
+        pass.dispatch_workgroups(1, 1, 1);
+        Ok(())
+    }
+
+    /// Records what filters compare, for some tiles.
+    pub(super) fn record_reference(
+        &mut self,
+        context: &Context,
+        tiles: &Range<usize>,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        self.params.first_tile = tiles.start as u32;
+        self.params_buffer.write(context, 0, bytemuck::bytes_of(&self.params))?;
+        self.pipelines.set(context, Stage::LayersReference, pass)?;
+        pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
+        Ok(())
+    }
+}
