@@ -17,7 +17,7 @@ use tetreel::task::Cancel;
 use tetreel::visibility::Skip;
 
 /// A jet of some cells, some of which are clear, and a request for it on the CPU.
-fn jet(size_px: (usize, usize), tf: &str) -> (tempfile::TempDir, Pipeline, FrameRequest) {
+pub(super) fn jet(size_px: (usize, usize), tf: &str) -> (tempfile::TempDir, Pipeline, FrameRequest) {
     let source = generate(&SynthSpec { cells: 4000, steps: 2, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let store = ingested(&source, &dir.path().join("s.zarr"), "0..1");
@@ -28,9 +28,9 @@ fn jet(size_px: (usize, usize), tf: &str) -> (tempfile::TempDir, Pipeline, Frame
     (dir, pipeline, request)
 }
 
-const TF: &str = "viridis@0:0,0.2:0,0.3:0.4,1:0.6";
+pub(super) const TF: &str = "viridis@0:0,0.2:0,0.3:0.4,1:0.6";
 
-fn upsampled(request: &FrameRequest, scale: ImageScale, filter: UpsampleFilter) -> FrameRequest {
+pub(super) fn upsampled(request: &FrameRequest, scale: ImageScale, filter: UpsampleFilter) -> FrameRequest {
     FrameRequest { upsampling: Some(Upsampling { scale, filter }), ..request.clone() }
 }
 

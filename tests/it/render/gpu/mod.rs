@@ -6,6 +6,7 @@ mod behaviour;
 mod decode;
 mod eyes;
 mod images;
+mod upsampling;
 
 use super::*;
 use crate::meshes::{build, grid, noise, sample};

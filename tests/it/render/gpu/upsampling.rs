@@ -1,0 +1,99 @@
+//! Images that come to full size on the GPU, from a request to a frame, against those of the CPU.
+
+use super::super::upsampling::{TF, jet, upsampled};
+use super::*;
+use tetreel::pipeline::{
+    Backend, DepthEdges, FaceDetail, FrameRequest, ImageScale, Pipeline, TetDraw, UpsampleFilter, UpsampleKind,
+};
+
+/// What colours may be off by beyond what small images may: depths in f32 are right to 1e-6 of the range in view, so that differences of three
+/// layers are off by 3.5e-6. Of weights with a mean t (2^-t) of at most 22 (joint2x2, whose weights sum up to 1e-6) that is 5.5 / sigma times as
+/// much at sigma 0.01, and less of the many pixels of the joint filter.
+const BY_WEIGHTS: f64 = 2e-3;
+
+fn on(backend: Backend, pipeline: &mut Pipeline, request: &FrameRequest) -> Frame {
+    pipeline.render(&FrameRequest { backend, ..request.clone() }).unwrap().clone()
+}
+
+/// Pixels that differ by more than bounds allow.
+fn beyond(a: &RgbaImage, b: &RgbaImage) -> usize {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    let is_off = |(a, b): (&f32, &f32)| f64::from((a - b).abs()) > BOUND_MAX + BY_WEIGHTS;
+    a.pixels.iter().zip(&b.pixels).filter(|(a, b)| a.iter().zip(*b).any(is_off)).count()
+}
+
+#[test]
+fn frames_of_any_size_and_filter_come_to_full_size_on_the_gpu_as_on_the_cpu() {
+    if context().is_none() {
+        return;
+    }
+    let mut fallen_back = 0;
+    for (size_px, scale) in [
+        ((127, 95), ImageScale::Quarter),
+        ((1023, 767), ImageScale::Eighth),
+        ((160, 120), ImageScale::Half),
+        ((90, 61), ImageScale::Full),
+        ((5, 3), ImageScale::Eighth),
+        ((1, 1), ImageScale::Eighth),
+    ] {
+        let (_dir, mut pipeline, mut request) = jet(size_px, TF);
+        for parallel in [false, true] {
+            if parallel {
+                request.camera = request.camera.with_other_projection().unwrap();
+            }
+            for kind in UpsampleKind::ALL {
+                let name = format!("{size_px:?}, {scale}, {kind}, parallel {parallel}");
+                let request = upsampled(&request, scale, kind.usual(scale));
+                let (gpu, cpu) = (on(Backend::Gpu, &mut pipeline, &request), on(Backend::Cpu, &mut pipeline, &request));
+                assert!(gpu.stats.on_gpu && !cpu.stats.on_gpu);
+                let pixels = size_px.0 * size_px.1;
+                let off = beyond(&gpu.planes.color, &cpu.planes.color);
+                // Whether a pixel falls back is decided by rounding where its weights sum up to the bound.
+                let decided = gpu.stats.upsample_fallbacks.abs_diff(cpu.stats.upsample_fallbacks);
+                assert!(off <= decided as usize && decided as usize * 1000 <= pixels, "{name}: {off}, {decided}");
+                let infinite = |frame: &Frame| frame.planes.depth.pixels.iter().filter(|d| d.is_infinite()).count();
+                assert_eq!((gpu.planes.depth.width, gpu.planes.depth.height), size_px, "{name}");
+                assert!(infinite(&gpu).abs_diff(infinite(&cpu)) * 200 <= pixels, "{name}");
+                let (found, expected) = (&gpu.stats, &cpu.stats);
+                assert_eq!(found.depth_layers, expected.depth_layers, "{name}");
+                assert_eq!(found.ms_depth_layers > 0.0, found.depth_layers > 0, "{name}");
+                assert!(found.ms_upsample > 0.0 && found.ms_render > 0.0, "{name}");
+                assert!(found.ms_frame >= found.ms_depth_layers + found.ms_upsample, "{name}");
+                fallen_back += found.upsample_fallbacks;
+                // The comparison can fail.
+                if pixels > 10_000 {
+                    let mut moved = request.clone();
+                    moved.camera.position +=
+                        0.01 * (moved.camera.focal_point - moved.camera.position).cross(moved.camera.view_up);
+                    let moved = on(Backend::Gpu, &mut pipeline, &moved);
+                    assert!(beyond(&moved.planes.color, &cpu.planes.color) > pixels / 100, "{name}: not noticed");
+                }
+            }
+        }
+    }
+    assert!(fallen_back > 0, "no pixel fell back");
+}
+
+#[test]
+fn layers_and_sigma_count_and_faces_are_enlarged_as_cells_are() {
+    if context().is_none() {
+        return;
+    }
+    let (_dir, mut pipeline, request) = jet((150, 101), TF);
+    let faces = request.clone().with_draw(TetDraw::Faces(FaceDetail { lod: 0.3, ..FaceDetail::ALL }));
+    let mut frames = Vec::new();
+    for (request, scale) in [(&request, ImageScale::Quarter), (&faces, ImageScale::Full), (&faces, ImageScale::Quarter)]
+    {
+        for (sigma_depth, layers) in [(0.01, 1), (0.01, 3), (0.1, 3)] {
+            let edges = DepthEdges { sigma_depth, layers };
+            let request = upsampled(request, scale, UpsampleFilter::Joint { kernel_px: 6, edges });
+            let (gpu, cpu) = (on(Backend::Gpu, &mut pipeline, &request), on(Backend::Cpu, &mut pipeline, &request));
+            assert_eq!((gpu.stats.on_gpu, gpu.stats.depth_layers), (true, layers as u64));
+            assert_eq!(beyond(&gpu.planes.color, &cpu.planes.color), 0, "{scale}, {sigma_depth}, {layers}");
+            frames.push(gpu.planes.color);
+        }
+    }
+    for (i, a) in frames.iter().enumerate() {
+        assert!(frames[..i].iter().all(|b| beyond(a, b) > 0), "the comparison tells frame {i} from those before");
+    }
+}
