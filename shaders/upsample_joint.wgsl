@@ -1,33 +1,61 @@
 // The joint bilateral filter on the image that is bilinear. CPU twin: image/upsample/joint.rs.
+//
+// A workgroup is a tile. What Omega has of all its pixels is read once, as many rows at a time as there is room for.
+
+// Pixels that there is room for: with two vectors each all of the 16 KiB that WebGPU promises.
+const ROOM: i32 = 512;
+var<workgroup> colors: array<vec4<f32>, ROOM>;
+// The reference, and 1 within the image.
+var<workgroup> references: array<vec4<f32>, ROOM>;
+
+fn read(slot: i32, pixel: vec2<i32>) {
+    let last = vec2<i32>(params.size_px) - 1;
+    let inside = clamp(pixel, vec2(0), last);
+    colors[slot] = textureLoad(enlarged, inside, 0);
+    references[slot] = vec4(textureLoad(reference, inside, 0).xyz, select(0.0, 1.0, all(inside == pixel)));
+}
 
 @compute @workgroup_size(256)
 fn upsample_joint(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let pixel = vec2<i32>(pixel_of_thread(params.first_tile + group.x, thread));
-    let size = vec2<i32>(params.size_px);
-    if any(pixel >= size) {
-        return;
-    }
-    let here = textureLoad(reference, pixel, 0).xyz;
-    // Omega, cropped at the image's border.
-    let first = max(pixel - upsample_params.half_px, vec2(0));
-    let last = min(pixel + upsample_params.half_px, size - 1);
+    let tile = params.first_tile + group.x;
+    let pixel = vec2<i32>(pixel_of_thread(tile, thread));
+    let local = vec2<i32>(vec2(thread % TILE_PX, thread / TILE_PX));
+    let half = upsample_params.half_px;
+    // The tile with what Omega reaches to each side, and how many of its rows there is room for.
+    let corner = vec2<i32>(pixel_of_thread(tile, 0u)) - half;
+    let wide = i32(TILE_PX) + 2 * half;
+    let rows = ROOM / wide;
+    let here = textureLoad(reference, min(pixel, vec2<i32>(params.size_px) - 1), 0).xyz;
     var sum = vec4(0.0);
     var weights = 0.0;
-    for (var y = first.y; y <= last.y; y++) {
-        var of_row = vec4(0.0);
-        var weights_of_row = 0.0;
-        for (var x = first.x; x <= last.x; x++) {
-            let there = vec2(x, y);
-            let apart = textureLoad(reference, there, 0).xyz - here;
-            let away = vec2<f32>(there - pixel);
-            let t = dot(away, away) * upsample_params.domain_per_square + dot(apart, apart) * upsample_params.reference_per_square;
-            let weight = exp2(-t);
-            of_row += weight * textureLoad(enlarged, there, 0);
-            weights_of_row += weight;
+    for (var top = 0; top < wide; top += rows) {
+        workgroupBarrier();
+        let places = min(rows, wide - top) * wide;
+        for (var i = i32(thread); i < places; i += 256) {
+            read(i, corner + vec2(i % wide, top + i / wide));
         }
-        sum += of_row;
-        weights += weights_of_row;
+        workgroupBarrier();
+        let last = min(local.y + 2 * half, min(top + rows, wide) - 1);
+        for (var y = max(local.y, top); y <= last; y++) {
+            let first = (y - top) * wide + local.x;
+            let down = f32(y - local.y - half);
+            var of_row = vec4(0.0);
+            var weights_of_row = 0.0;
+            for (var x = 0; x <= 2 * half; x++) {
+                let there = references[first + x];
+                let apart = there.xyz - here;
+                let along = f32(x - half);
+                let of_domain = (along * along + down * down) * upsample_params.domain_per_square;
+                let weight = there.w * exp2(-(of_domain + dot(apart, apart) * upsample_params.reference_per_square));
+                of_row += weight * colors[first + x];
+                weights_of_row += weight;
+            }
+            sum += of_row;
+            weights += weights_of_row;
+        }
     }
-    // The pixel itself has the weight 1.
-    textureStore(color_plane, pixel, sum / weights);
+    if all(pixel < vec2<i32>(params.size_px)) {
+        // The pixel itself has the weight 1.
+        textureStore(color_plane, pixel, sum / weights);
+    }
 }
