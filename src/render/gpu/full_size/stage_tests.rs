@@ -116,7 +116,10 @@ fn filters_make_of_an_image_what_the_cpu_makes_of_it() {
     ] {
         for (name, camera) in &cameras(DVec3::ZERO)[..4] {
             let job = job(&mesh(3, 5, DVec3::ZERO), camera, size_px);
-            for filter in UpsampleKind::ALL.iter().map(|kind| kind.usual(scale)) {
+            // As by default, and Omega from one pixel to as many as there may be.
+            let usual = UpsampleKind::ALL.iter().map(|kind| kind.usual(scale));
+            let kernels = [1, 17, 64].map(|kernel_px| UpsampleFilter::Joint { kernel_px, edges: DepthEdges::USUAL });
+            for filter in usual.chain(kernels) {
                 let job = enlarged(&job, scale, filter);
                 let small = drawn(&mut renderer, &RenderJob { enlarge: None, ..job.clone() }).planes;
                 let frame = drawn(&mut renderer, &job);
