@@ -111,6 +111,18 @@ impl Accumulator {
     /// Nothing gathered, everything shines through.
     pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0, carried: 0.0, visible_from: f64::INFINITY };
 
+    /// Light of which this is known: red, green, blue and opacity, what shines through, and what rounding has left out of that.
+    #[inline(always)]
+    pub(crate) fn of_parts(rgba: [f32; 4], transmittance: f32, carried: f32) -> Self {
+        Self { rgba: Vec4::from_array(rgba), transmittance, carried, ..Self::CLEAR }
+    }
+
+    /// As [`Self::of_parts`] takes it.
+    #[inline(always)]
+    pub(crate) fn parts(&self) -> ([f32; 4], f32, f32) {
+        (self.rgba.to_array(), self.transmittance, self.carried)
+    }
+
     /// Whether what lies behind no longer matters; see [`OPAQUE_TRANSMITTANCE`].
     #[inline]
     pub fn is_opaque(&self) -> bool {

@@ -86,6 +86,50 @@ pub(in super::super) trait Lanes: Copy {
     /// Columns of eight rows.
     fn transpose(self, rows: [&[f64; 4]; LANES]) -> [Self::F; 4];
 
+    /// Columns of eight rows of f32.
+    #[inline(always)]
+    fn transpose_f32(self, rows: [&[f32; LANES]; LANES]) -> [__m256; LANES] {
+        let avx = self.avx();
+        let [a, b, c, d, e, f, g, h]: [__m256; LANES] = [
+            cast(*rows[0]),
+            cast(*rows[1]),
+            cast(*rows[2]),
+            cast(*rows[3]),
+            cast(*rows[4]),
+            cast(*rows[5]),
+            cast(*rows[6]),
+            cast(*rows[7]),
+        ];
+        // Columns 0 and 1 of each half of two rows, then 2 and 3.
+        let (ab, cd) = (avx._mm256_unpacklo_ps(a, b), avx._mm256_unpacklo_ps(c, d));
+        let (ef, gh) = (avx._mm256_unpacklo_ps(e, f), avx._mm256_unpacklo_ps(g, h));
+        let (ab_high, cd_high) = (avx._mm256_unpackhi_ps(a, b), avx._mm256_unpackhi_ps(c, d));
+        let (ef_high, gh_high) = (avx._mm256_unpackhi_ps(e, f), avx._mm256_unpackhi_ps(g, h));
+        // One column of each half of four rows.
+        let first = [
+            avx._mm256_shuffle_ps::<0x44>(ab, cd),
+            avx._mm256_shuffle_ps::<0xee>(ab, cd),
+            avx._mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+            avx._mm256_shuffle_ps::<0xee>(ab_high, cd_high),
+        ];
+        let second = [
+            avx._mm256_shuffle_ps::<0x44>(ef, gh),
+            avx._mm256_shuffle_ps::<0xee>(ef, gh),
+            avx._mm256_shuffle_ps::<0x44>(ef_high, gh_high),
+            avx._mm256_shuffle_ps::<0xee>(ef_high, gh_high),
+        ];
+        [
+            avx._mm256_permute2f128_ps::<0x20>(first[0], second[0]),
+            avx._mm256_permute2f128_ps::<0x20>(first[1], second[1]),
+            avx._mm256_permute2f128_ps::<0x20>(first[2], second[2]),
+            avx._mm256_permute2f128_ps::<0x20>(first[3], second[3]),
+            avx._mm256_permute2f128_ps::<0x31>(first[0], second[0]),
+            avx._mm256_permute2f128_ps::<0x31>(first[1], second[1]),
+            avx._mm256_permute2f128_ps::<0x31>(first[2], second[2]),
+            avx._mm256_permute2f128_ps::<0x31>(first[3], second[3]),
+        ]
+    }
+
     /// Of each row of `neighbours` the entry where `tets` has `gone`; the row has it once.
     fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i;
 

@@ -66,6 +66,9 @@ impl<L: Lanes> Compare<L> {
 
     fn compare_rows(&self) {
         let lanes = self.0;
+        let of_f32: [[f32; LANES]; LANES] = std::array::from_fn(|l| std::array::from_fn(|i| (8 * l + i) as f32));
+        let columns = lanes.transpose_f32(of_f32.each_ref()).map(cast::<__m256, [f32; LANES]>);
+        assert_eq!(columns, std::array::from_fn(|i| of_f32.map(|row| row[i])));
         let numbers: [[f64; 4]; LANES] = std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f64));
         for (c, column) in lanes.transpose(numbers.each_ref()).into_iter().enumerate() {
             assert_eq!(lanes.store(column), std::array::from_fn(|r| numbers[r][c]));

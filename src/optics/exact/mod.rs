@@ -5,11 +5,14 @@
 //! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
 //! are those at the start of the next.
 
+mod whole;
+
 use super::weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
 use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use arrayvec::ArrayVec;
 use glam::Vec4;
+pub(crate) use whole::{AT_ONCE, WholePieces};
 
 /// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
@@ -56,12 +59,6 @@ impl Interval {
         Self { lo, hi, per_width, origin, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
     }
 
-    /// Red, green, blue and extinction at `lo`, and how much more they are at `hi`.
-    #[inline(always)]
-    pub(crate) fn values(&self) -> ([f32; 4], [f32; 4]) {
-        (self.at_lo.0.to_array(), self.rise.0.to_array())
-    }
-
     #[inline]
     pub(super) fn at(&self, scalar: f64) -> Optical {
         let share = if self.per_width == 0.0 { 0.0 } else { ((scalar - self.lo) * self.per_width) as f32 };
@@ -69,10 +66,31 @@ impl Interval {
     }
 }
 
+/// An [`Interval`] as the lanes of vectors read it, in a line of the cache.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct IntervalRow {
+    /// `lo`, `hi`, `origin` and `per_width`.
+    pub(crate) bounds: [f64; 4],
+    /// Red, green, blue and extinction at `lo`, then how much more they are at `hi`.
+    pub(crate) values: [f32; 8],
+}
+
+impl IntervalRow {
+    fn of(interval: &Interval) -> Self {
+        let Interval { lo, hi, origin, per_width, at_lo, rise, .. } = *interval;
+        let values = bytemuck::cast([at_lo.0.to_array(), rise.0.to_array()]);
+        Self { bounds: [lo, hi, origin, per_width], values }
+    }
+}
+
 /// A [`NodeTable`] prepared for integration along rays, extinction per unit of the ray's length parameter.
 #[derive(Clone, Debug)]
 pub struct ExactTable {
     intervals: Vec<Interval>,
+    rows: Vec<IntervalRow>,
+    /// Where scalars rise and where they fall.
+    whole: [WholePieces; 2],
 }
 
 impl ExactTable {
@@ -85,7 +103,9 @@ impl ExactTable {
             intervals.push(Interval::new(pair[0].scalar, pair[1].scalar, &pair[0], &pair[1], world_per_length));
         }
         intervals.push(Interval::new(last.scalar, f64::INFINITY, last, last, world_per_length));
-        Self { intervals }
+        let whole = [WholePieces::rising(&intervals), WholePieces::falling(&intervals)];
+        let rows = intervals.iter().map(IntervalRow::of).collect();
+        Self { intervals, rows, whole }
     }
 
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
@@ -135,6 +155,24 @@ impl ExactTable {
     #[inline(always)]
     pub(crate) fn interval(&self, index: usize) -> &Interval {
         &self.intervals[index]
+    }
+
+    /// That interval for the lanes of vectors.
+    #[inline(always)]
+    pub(crate) fn row(&self, index: usize) -> &IntervalRow {
+        &self.rows[index]
+    }
+
+    /// Pieces from node to node where scalars rise, or fall.
+    #[inline(always)]
+    pub(crate) fn whole(&self, falls: bool) -> &WholePieces {
+        &self.whole[usize::from(falls)]
+    }
+
+    /// The place of an interval among them, and the interval at a place.
+    #[inline(always)]
+    pub(crate) fn place_of(&self, interval: usize, falls: bool) -> usize {
+        if falls { self.intervals.len() - 1 - interval } else { interval }
     }
 
     /// Whether no scalar has extinction.

@@ -1,0 +1,82 @@
+//! Pieces from node to node: of a segment that crosses many nodes all but the first and the last one. Their values at the ends are those of the
+//! table, and only their lengths are of the segment, so that many can be computed side by side.
+
+use super::Interval;
+use glam::Vec4;
+
+/// Pieces that are read at once. So many follow behind the last one that can be whole.
+pub(crate) const AT_ONCE: usize = 8;
+
+/// The intervals of a table in the order in which a scalar that rises or falls comes through them.
+#[derive(Clone, Debug)]
+pub(crate) struct WholePieces {
+    /// Scalars at the far ends, negated where scalars fall: they ascend.
+    ends: Vec<f64>,
+    widths: Vec<f64>,
+    /// Extinction at the near and at the far ends.
+    extinctions: [Vec<f32>; 2],
+    /// Red, green, blue and 1 at the near and at the far ends.
+    colors: Vec<[Vec4; 2]>,
+}
+
+impl WholePieces {
+    pub(super) fn rising(intervals: &[Interval]) -> Self {
+        Self::of(intervals.iter().map(|i| (i.hi, [i.at_lo.0, i.at_lo.0 + i.rise.0], i)))
+    }
+
+    pub(super) fn falling(intervals: &[Interval]) -> Self {
+        Self::of(intervals.iter().rev().map(|i| (-i.lo, [i.at_lo.0 + i.rise.0, i.at_lo.0], i)))
+    }
+
+    fn of<'a>(pieces: impl ExactSizeIterator<Item = (f64, [Vec4; 2], &'a Interval)>) -> Self {
+        let room = pieces.len() + AT_ONCE;
+        let mut all = Self {
+            ends: Vec::with_capacity(room),
+            widths: Vec::with_capacity(room),
+            extinctions: [Vec::with_capacity(room), Vec::with_capacity(room)],
+            colors: Vec::with_capacity(pieces.len()),
+        };
+        for (end, values, interval) in pieces {
+            all.ends.push(end);
+            // The first and the last interval are never whole.
+            let is_finite = interval.lo.is_finite() && interval.hi.is_finite();
+            all.widths.push(if is_finite { interval.hi - interval.lo } else { 0.0 });
+            for (extinctions, value) in all.extinctions.iter_mut().zip(values) {
+                extinctions.push(value.w);
+            }
+            all.colors.push(values.map(|value| value.with_w(1.0)));
+        }
+        all.ends.resize(room, f64::INFINITY);
+        all.widths.resize(room, 0.0);
+        all.extinctions.iter_mut().for_each(|extinctions| extinctions.resize(room, 0.0));
+        all
+    }
+
+    /// [`AT_ONCE`] pieces from `first` on; behind the last interval there are some that no scalar reaches the end of, and then none.
+    #[inline(always)]
+    pub(crate) fn some(&self, first: usize) -> Option<SomePieces<'_>> {
+        let [near, far] = &self.extinctions;
+        Some(SomePieces {
+            ends: self.ends.get(first..)?.first_chunk()?,
+            widths: self.widths.get(first..)?.first_chunk()?,
+            extinctions: [near.get(first..)?.first_chunk()?, far.get(first..)?.first_chunk()?],
+        })
+    }
+
+    /// Colours (red, green, blue, 1) at the near and at the far ends of the pieces from `first` on.
+    #[inline(always)]
+    pub(crate) fn colors(&self, first: usize) -> &[[Vec4; 2]] {
+        &self.colors[first..]
+    }
+}
+
+/// Some of [`WholePieces`] that follow each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SomePieces<'a> {
+    /// Scalars at the far ends, negated where scalars fall.
+    pub(crate) ends: &'a [f64; AT_ONCE],
+    /// Scalars from end to end, above 0.
+    pub(crate) widths: &'a [f64; AT_ONCE],
+    /// Extinction at the near and at the far ends.
+    pub(crate) extinctions: [&'a [f32; AT_ONCE]; 2],
+}

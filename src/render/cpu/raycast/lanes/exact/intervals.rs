@@ -1,0 +1,90 @@
+//! The intervals of the transfer function that eight rays are in.
+
+use super::super::vector::{Eight, LANES, Lanes};
+use super::EightF32;
+use crate::optics::exact::IntervalRow;
+use pulp::cast;
+use std::arch::x86_64::__m256;
+
+/// The intervals of the table that hold the last scalars.
+#[derive(Clone, Copy)]
+pub(super) struct Intervals<F, G> {
+    pub(super) lo: F,
+    pub(super) hi: F,
+    /// Where shares are counted from: `lo`, if that is finite.
+    pub(super) origin: F,
+    pub(super) per_width: F,
+    /// Red, green, blue and extinction at `lo`, and how much more at `hi`.
+    pub(super) at_lo: [G; 4],
+    pub(super) rise: [G; 4],
+}
+
+/// The intervals of [`ExactLights`] in registers.
+pub(super) type InRegisters<L> = Intervals<<L as Lanes>::F, __m256>;
+
+impl Intervals<Eight, EightF32> {
+    #[inline(always)]
+    pub(super) fn load<L: Lanes>(&self, lanes: L) -> InRegisters<L> {
+        Intervals {
+            lo: lanes.load(&self.lo),
+            hi: lanes.load(&self.hi),
+            origin: lanes.load(&self.origin),
+            per_width: lanes.load(&self.per_width),
+            at_lo: cast(self.at_lo),
+            rise: cast(self.rise),
+        }
+    }
+}
+
+impl<F: Copy> Intervals<F, __m256> {
+    #[inline(always)]
+    pub(super) fn store<L: Lanes<F = F>>(&self, lanes: L) -> Intervals<Eight, EightF32> {
+        Intervals {
+            lo: lanes.store(self.lo),
+            hi: lanes.store(self.hi),
+            origin: lanes.store(self.origin),
+            per_width: lanes.store(self.per_width),
+            at_lo: cast(self.at_lo),
+            rise: cast(self.rise),
+        }
+    }
+
+    /// How far through their intervals scalars are; 0 in other lanes than those of `mask`.
+    #[inline(always)]
+    pub(super) fn share<L: Lanes<F = F>>(&self, lanes: L, mask: L::M, scalar: F) -> __m256 {
+        let share = lanes.mul(lanes.sub(scalar, self.origin), self.per_width);
+        lanes.to_f32(lanes.select(mask, share, lanes.splat(0.0)))
+    }
+
+    /// Red, green, blue or extinction there.
+    #[inline(always)]
+    pub(super) fn value<L: Lanes<F = F>>(&self, lanes: L, i: usize, share: __m256) -> __m256 {
+        lanes.add_f32(self.at_lo[i], lanes.mul_f32(self.rise[i], share))
+    }
+
+    /// A lane goes to another interval. Whole vectors are written, since they are read as such right behind.
+    #[inline(always)]
+    pub(super) fn set<L: Lanes<F = F>>(&mut self, lanes: L, lane: usize, row: &IntervalRow) {
+        let mask = lanes.mask(1 << lane);
+        let [lo, hi, origin, per_width] = row.bounds;
+        self.lo = lanes.select(mask, lanes.splat(lo), self.lo);
+        self.hi = lanes.select(mask, lanes.splat(hi), self.hi);
+        self.origin = lanes.select(mask, lanes.splat(origin), self.origin);
+        self.per_width = lanes.select(mask, lanes.splat(per_width), self.per_width);
+        for i in 0..4 {
+            self.at_lo[i] = lanes.select_f32(mask, lanes.splat_f32(row.values[i]), self.at_lo[i]);
+            self.rise[i] = lanes.select_f32(mask, lanes.splat_f32(row.values[4 + i]), self.rise[i]);
+        }
+    }
+
+    /// The intervals of all lanes.
+    #[inline(always)]
+    pub(super) fn of_all<L: Lanes<F = F>>(lanes: L, rows: [&IntervalRow; LANES]) -> Self {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let bounds = [a, b, c, d, e, f, g, h].map(|row| &row.bounds);
+        let [lo, hi, origin, per_width] = lanes.transpose(bounds);
+        let values = [a, b, c, d, e, f, g, h].map(|row| &row.values);
+        let [r, g, b, tau, dr, dg, db, dtau] = lanes.transpose_f32(values);
+        Self { lo, hi, origin, per_width, at_lo: [r, g, b, tau], rise: [dr, dg, db, dtau] }
+    }
+}

@@ -1,0 +1,172 @@
+//! The light of eight rays side by side, for the exact integrator.
+//!
+//! ```text
+//! for each row of segments
+//!     drop those behind a piece that nothing shines through
+//!     cut those that begin in front of what there is, drop those that end there
+//!     the parts of its segments up to the next node of the transfer function
+//!         a step: two optical depths and two colours for each lane, zero where a lane has no piece
+//!     for each lane with nodes on the way: the pieces from node to node, a run: two optical depths and the place in the table
+//!     the parts behind the last nodes, another step
+//! for each pair of steps or runs of up to eight
+//!     weigh their pieces side by side
+//!     add them to the light of their lanes, one step or run after the other
+//!     at the end of a row: lanes that have become opaque take no more
+//! ```
+//!
+//! Every operation is one of [`RayLight`](super::super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
+//! optical depth have no weight: a lane without a piece is one with such a piece. An opaque ray is one with no
+//! transmittance left.
+
+mod intervals;
+mod split;
+mod steps;
+mod whole;
+
+use super::super::super::super::medium::RayLine;
+use super::super::super::tiles::TilePixel;
+use super::rows::{Lights, Out, Rows};
+use super::vector::{Eight, LANES, Lanes};
+use crate::optics::exact::ExactTable;
+use intervals::Intervals;
+use steps::{ROOM, Step, Steps};
+
+/// An f32 for each lane.
+type EightF32 = [f32; LANES];
+
+/// What is the same for all rays.
+#[derive(Clone, Copy)]
+pub(super) struct Optics<'a, L> {
+    pub(super) lanes: L,
+    pub(super) table: &'a ExactTable,
+}
+
+/// The light of eight rays.
+#[repr(C, align(64))]
+pub(super) struct ExactLights<'a, L> {
+    optics: Optics<'a, L>,
+    intervals: Intervals<Eight, EightF32>,
+    /// Which intervals of the table these are.
+    interval: [usize; LANES],
+    steps: Steps,
+    length_per_depth: Eight,
+    /// Depth up to which rays have been composited, or the near distance.
+    front: Eight,
+    /// Bits of the lanes where that is the end of a segment.
+    composited: u8,
+    /// Bits of the lanes that have passed through a piece that nothing shines through: nothing is split for them.
+    closed: u8,
+    near_distance: f64,
+    /// Red, green, blue and opacity.
+    rgba: [EightF32; 4],
+    transmittance: EightF32,
+    carried: EightF32,
+    /// Depth of the first visible place.
+    visible_from: Eight,
+    /// Bits of the lanes whose rays have seen something, and of those that are opaque.
+    seen: u8,
+    opaque: u8,
+    /// Lanes that have a piece in the present row of steps.
+    row_visible: u8,
+    /// Ends of rays that have been passed.
+    ends_passed: usize,
+}
+
+impl<'a, L: Lanes> ExactLights<'a, L> {
+    pub(super) fn new(optics: Optics<'a, L>, near_distance: f64) -> Self {
+        let zero = [0.0; LANES];
+        // An interval that holds nothing.
+        let intervals = Intervals {
+            lo: [f64::INFINITY; LANES],
+            hi: [f64::NEG_INFINITY; LANES],
+            origin: zero,
+            per_width: zero,
+            at_lo: [[0.0; LANES]; 4],
+            rise: [[0.0; LANES]; 4],
+        };
+        let empty = [[0.0; LANES]; ROOM];
+        let steps = Steps {
+            near_depth: empty,
+            far_depth: empty,
+            near: [[[0.0; LANES]; 3]; ROOM],
+            far: [[[0.0; LANES]; 3]; ROOM],
+            about: [Step::default(); ROOM],
+            count: 0,
+        };
+        Self {
+            optics,
+            intervals,
+            interval: [0; LANES],
+            steps,
+            length_per_depth: zero,
+            front: [near_distance; LANES],
+            composited: 0,
+            closed: 0,
+            near_distance,
+            rgba: [[0.0; LANES]; 4],
+            transmittance: [1.0; LANES],
+            carried: [0.0; LANES],
+            visible_from: [f64::INFINITY; LANES],
+            seen: 0,
+            opaque: 0,
+            row_visible: 0,
+            ends_passed: 0,
+        }
+    }
+
+    /// What there is of a new ray before its first segment, as far as splitting goes.
+    #[inline(always)]
+    fn change_ray(&mut self, lane: usize, line: RayLine) {
+        self.length_per_depth[lane] = line.length_per_depth;
+        self.front[lane] = self.near_distance;
+        self.composited &= !(1 << lane);
+        self.closed &= !(1 << lane);
+    }
+}
+
+impl<L: Lanes> Lights for ExactLights<'_, L> {
+    const CELLS: bool = false;
+
+    #[inline(always)]
+    fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>) {
+        let lanes = self.optics.lanes;
+        let mut ends = 0;
+        self.ends_passed = 0;
+        let mut intervals = self.intervals.load(lanes);
+        for row in 0..rows.count {
+            while let Some(end) = rows.ends.get(ends)
+                && end.row < row
+            {
+                self.change_ray(end.lane, end.line);
+                ends += 1;
+            }
+            self.split_row(&mut intervals, rows, row, out);
+        }
+        self.intervals = intervals.store(lanes);
+        for end in &rows.ends[ends..] {
+            self.change_ray(end.lane, end.line);
+        }
+        self.add_steps(rows, out);
+        self.pass_ends(rows, rows.count, out);
+        debug_assert!(self.closed & !self.opaque == 0, "what is not split is not seen");
+    }
+
+    fn begin(&mut self, lane: usize, line: RayLine) {
+        self.change_ray(lane, line);
+    }
+
+    fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize) {
+        out.stats.rays_hit += 1;
+        let rgba = self.rgba.map(|channel| channel[lane]);
+        out.pixels[pixel] = TilePixel { rgba, depth: self.visible_from[lane] };
+        self.rgba.iter_mut().for_each(|channel| channel[lane] = 0.0);
+        (self.transmittance[lane], self.carried[lane]) = (1.0, 0.0);
+        self.visible_from[lane] = f64::INFINITY;
+        self.seen &= !(1 << lane);
+        self.opaque &= !(1 << lane);
+    }
+
+    fn opaque(&self) -> u8 {
+        self.opaque
+    }
+}

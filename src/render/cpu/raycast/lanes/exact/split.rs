@@ -1,0 +1,198 @@
+//! Segments of eight rays are split at the nodes of the transfer function.
+
+use super::super::super::super::super::medium::{RayLine, Segment};
+use super::super::rows::{Out, Rows};
+use super::super::vector::{LANES, Lanes};
+use super::intervals::InRegisters;
+use super::steps::Step;
+use super::{ExactLights, Optics};
+use crate::mesh::NONE;
+use crate::optics::DEPTH_MAX;
+use crate::optics::exact::ExactTable;
+use pulp::cast;
+
+/// Segments of the lanes `todo`: scalars at their ends and lengths, and bits of the lanes whose scalars fall.
+struct Segments<F> {
+    todo: u8,
+    descends: u8,
+    from: F,
+    to: F,
+    length: F,
+}
+
+impl<L: Lanes> ExactLights<'_, L> {
+    /// Splits the segments of a row at nodes.
+    #[inline(always)]
+    pub(super) fn split_row(&mut self, intervals: &mut InRegisters<L>, rows: &mut Rows, row: usize, out: &mut Out<'_>) {
+        let lanes = self.optics.lanes;
+        let (to_depth, to_scalar) = (lanes.load(&rows.to_depth[row]), lanes.load(&rows.to_scalar[row]));
+        let (mut from_depth, mut s) = (lanes.load(&rows.from_depth[row]), lanes.load(&rows.from_scalar[row]));
+        let mut todo = rows.alive[row] & !self.closed & lanes.bits(lanes.lt(from_depth, to_depth));
+        if todo == 0 {
+            return;
+        }
+        let is_hidden = lanes.bits(lanes.lt(from_depth, lanes.load(&self.front)));
+        if todo & is_hidden != 0 {
+            todo = self.cut_hidden(rows, row, todo & is_hidden, out) ^ todo;
+            (from_depth, s) = (lanes.load(&rows.from_depth[row]), lanes.load(&rows.from_scalar[row]));
+        }
+        let depth = lanes.sub(to_depth, from_depth);
+        let length = lanes.mul(depth, lanes.load(&self.length_per_depth));
+        let (lo, hi) = (intervals.lo, intervals.hi);
+        // The usual case: no node on the way.
+        let above = lanes.and(lanes.lt(lo, to_scalar), lanes.lt(to_scalar, hi));
+        let from = lanes.and_not(lanes.lt(s, hi), lanes.lt(s, lo));
+        let within = lanes.bits(lanes.and(above, from));
+        let visible = if todo & !within == 0 {
+            self.piece(intervals, rows, row, (todo, s, to_scalar, length), out).0
+        } else {
+            let descends = lanes.lt(to_scalar, s);
+            self.find_intervals(intervals, todo & !within, lanes.bits(descends), s);
+            let segments = Segments { todo, descends: lanes.bits(descends), from: s, to: to_scalar, length };
+            self.split_at_nodes(intervals, rows, row, &segments, out)
+        };
+        if visible != 0 {
+            let front = lanes.select(lanes.mask(visible), to_depth, lanes.load(&self.front));
+            self.front = lanes.store(front);
+            self.composited |= visible;
+        }
+        if let Some(last) = self.steps.about[..self.steps.count].last_mut()
+            && last.row == row
+        {
+            last.ends_row = true;
+        }
+    }
+
+    /// Pieces of segments some of which cross nodes: first ones, whole ones (one lane after the other), last ones. Returns the lanes in
+    /// which something can be seen.
+    #[inline(always)]
+    fn split_at_nodes(
+        &mut self,
+        intervals: &mut InRegisters<L>,
+        rows: &Rows,
+        row: usize,
+        segments: &Segments<L::F>,
+        out: &mut Out<'_>,
+    ) -> u8 {
+        let lanes = self.optics.lanes;
+        let &Segments { todo, descends, from, to, length } = segments;
+        let falls = lanes.mask(descends);
+        let rise = lanes.abs(lanes.sub(to, from));
+        let is_constant = lanes.lt(lanes.splat(0.0), rise);
+        let per_scalar = lanes.select(is_constant, lanes.div(length, rise), lanes.splat(0.0));
+        let beyond =
+            lanes.bits(lanes.lt(intervals.hi, to)) & !descends | lanes.bits(lanes.lt(to, intervals.lo)) & descends;
+        let crosses = lanes.mask(todo & beyond);
+        let end = lanes.select(crosses, lanes.select(falls, intervals.lo, intervals.hi), to);
+        let part = lanes.mul(lanes.abs(lanes.sub(end, from)), per_scalar);
+        let part = lanes.select(crosses, part, length);
+        let (visible, deep) = self.piece(intervals, rows, row, (todo, from, end, part), out);
+        // Nothing behind a deep piece is seen.
+        let crosses = todo & beyond & !deep;
+        if crosses == 0 {
+            return visible;
+        }
+        let ends = (lanes.store(to), lanes.store(per_scalar));
+        let (of_whole, left) = self.whole_pieces(intervals, rows, row, (crosses, descends, ends), out);
+        let from = lanes.select(falls, intervals.hi, intervals.lo);
+        let rest = lanes.mul(lanes.abs(lanes.sub(to, from)), per_scalar);
+        let (of_last, _) = self.piece(intervals, rows, row, (left, from, to, rest), out);
+        visible | of_whole | of_last
+    }
+
+    /// Lanes in `which` begin in front of what there is: those that end there, too, are returned.
+    #[cold]
+    #[inline(never)]
+    fn cut_hidden(&mut self, rows: &mut Rows, row: usize, mut which: u8, out: &mut Out<'_>) -> u8 {
+        let (mut all, mut hidden) = (0, 0);
+        while which != 0 {
+            let lane = which.trailing_zeros() as usize;
+            which &= which - 1;
+            let to = (rows.to_depth[row][lane], rows.to_scalar[row][lane]);
+            if to.0 <= self.front[lane] {
+                hidden |= self.composited & 1 << lane;
+                all |= 1 << lane;
+            } else {
+                let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
+                let (_, behind) = Segment::of_scalars(NONE, from, to, RayLine::default()).split(self.front[lane]);
+                (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.part_scalar[0]);
+            }
+        }
+        if hidden != 0 {
+            let at = self.new_step(rows, out);
+            (self.steps.near_depth[at], self.steps.far_depth[at]) = ([0.0; LANES], [0.0; LANES]);
+            self.steps.about[at] = Step { row, hidden, ..Step::default() };
+        }
+        all
+    }
+
+    /// Lanes find the intervals in which their segments begin.
+    #[inline(always)]
+    fn find_intervals(&mut self, intervals: &mut InRegisters<L>, mut which: u8, descends: u8, scalar: L::F) {
+        let Optics { lanes, table } = self.optics;
+        let (lo, hi) = (lanes.bits(lanes.lt(scalar, intervals.lo)), lanes.bits(lanes.lt(intervals.hi, scalar)));
+        let at_lo = !lo & !lanes.bits(lanes.lt(intervals.lo, scalar));
+        let at_hi = !hi & !lanes.bits(lanes.lt(scalar, intervals.hi));
+        which &= lo | hi | at_lo & descends | at_hi & !descends;
+        let scalar = lanes.store(scalar);
+        while which != 0 {
+            let lane = which.trailing_zeros() as usize;
+            which &= which - 1;
+            let index = find_interval(table, self.interval[lane], scalar[lane], descends >> lane & 1 == 0);
+            self.interval[lane] = index;
+            intervals.set(lanes, lane, table.row(index));
+        }
+    }
+
+    /// Pieces of the lanes `todo`, from scalar to scalar, of a length: a step, if any can be seen. Returns those that can, and those
+    /// behind which nothing can.
+    #[inline(always)]
+    fn piece(
+        &mut self,
+        intervals: &InRegisters<L>,
+        rows: &Rows,
+        row: usize,
+        (todo, from, to, length): (u8, L::F, L::F, L::F),
+        out: &mut Out<'_>,
+    ) -> (u8, u8) {
+        let lanes = self.optics.lanes;
+        let mask = lanes.mask(todo);
+        let near_share = intervals.share(lanes, mask, from);
+        let far_share = intervals.share(lanes, mask, to);
+        let length = lanes.to_f32(lanes.select(mask, length, lanes.splat(0.0)));
+        let zero = lanes.splat_f32(0.0);
+        let near = lanes.greater_f32(lanes.mul_f32(intervals.value(lanes, 3, near_share), length), zero);
+        let far = lanes.greater_f32(lanes.mul_f32(intervals.value(lanes, 3, far_share), length), zero);
+        let visible = lanes.less_f32(zero, near) | lanes.less_f32(zero, far);
+        if visible == 0 {
+            return (0, 0);
+        }
+        let at = self.new_step(rows, out);
+        (self.steps.near_depth[at], self.steps.far_depth[at]) = (cast(near), cast(far));
+        for i in 0..3 {
+            self.steps.near[at][i] = cast(intervals.value(lanes, i, near_share));
+            self.steps.far[at][i] = cast(intervals.value(lanes, i, far_share));
+        }
+        self.steps.about[at] = Step { row, visible, ..Step::default() };
+        let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
+        self.closed |= deep;
+        (visible, deep)
+    }
+}
+
+/// The interval that holds a scalar, at a node on the side to which a segment goes (a constant one takes the right one); perhaps
+/// this one.
+#[inline(never)]
+fn find_interval(table: &ExactTable, mut index: usize, scalar: f64, ascends: bool) -> usize {
+    let guess = table.interval(index);
+    if scalar < guess.lo || scalar > guess.hi {
+        index = table.interval_at(scalar);
+    }
+    while ascends && scalar >= table.interval(index).hi {
+        index += 1;
+    }
+    while !ascends && scalar <= table.interval(index).lo {
+        index -= 1;
+    }
+    index
+}
