@@ -56,6 +56,10 @@ pub(crate) enum Slow {
     OpaqueRays,
     /// A unit is a cell beyond half a million.
     LargeMeshes,
+    /// A unit is a cell less than fifty thousand.
+    CoarseMeshes,
+    /// A unit is a cell of a mesh that is seen for the first time.
+    FirstFrame,
     /// A unit is a frame that came before.
     LateFrames,
     /// A unit is a value of a step.
@@ -90,7 +94,7 @@ mod with_feature {
     /// Instructions of one turn of the loop that wastes them.
     const PER_TURN: usize = 4;
 
-    const PLACES: [Slow; 26] = [
+    const PLACES: [Slow; 28] = [
         Slow::DecodeVq,
         Slow::DecodeRaw,
         Slow::Walk,
@@ -115,6 +119,8 @@ mod with_feature {
         Slow::FewFaces,
         Slow::OpaqueRays,
         Slow::LargeMeshes,
+        Slow::CoarseMeshes,
+        Slow::FirstFrame,
         Slow::LateFrames,
         Slow::Import,
     ];
@@ -147,6 +153,8 @@ mod with_feature {
                 Self::FewFaces => ("few_faces", 3_000_000),
                 Self::OpaqueRays => ("opaque_rays", 60_000_000),
                 Self::LargeMeshes => ("large_meshes", 5_000_000),
+                Self::CoarseMeshes => ("coarse_meshes", 40_000_000),
+                Self::FirstFrame => ("first_frame", 10_000_000),
                 Self::LateFrames => ("late_frames", 500_000_000),
                 Self::Import => ("import", 4_000_000),
             }

@@ -5,6 +5,7 @@
 
 use super::Label;
 use crate::mesh::Mesh;
+use crate::slowdown::{Slow, waste};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -107,6 +108,7 @@ fn of_cells(cells: &[[u32; 4]]) -> (Vec<u32>, Vec<[u32; 2]>) {
     pairs.dedup();
     let used = pairs.iter().filter(|[a, b]| a == b).map(|[a, _]| *a).collect();
     pairs.retain(|[a, b]| a != b);
+    waste(Slow::FirstFrame, cells.len());
     (used, pairs)
 }
 

@@ -4,6 +4,7 @@ use super::on_one_thread;
 use crate::scene::{DENSE, TENTS};
 use std::error::Error;
 use std::hint::black_box;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tetreel::bench::{median, paired};
@@ -26,7 +27,8 @@ const TURN: usize = 20;
 struct Scene {
     series: Arc<Series>,
     requests: Vec<FrameRequest>,
-    /// The files of the series.
+    store: PathBuf,
+    /// Where that is.
     _folder: tempfile::TempDir,
 }
 
@@ -55,7 +57,7 @@ impl Scene {
             Ok(FrameRequest { backend: Backend::Cpu, skip, ..request })
         };
         let requests = (0..TURN).map(request).collect::<Result<_, _>>()?;
-        Ok(Self { series, requests, _folder: folder })
+        Ok(Self { series, requests, store: path, _folder: folder })
     }
 
     fn request(&self, frame: usize) -> FrameRequest {
@@ -116,6 +118,25 @@ pub fn pipelined() -> Result<f64, Box<dyn Error>> {
     };
     let ratio = paired(one_after_the_other, side_by_side, 5, 1).ratio;
     if delivered == 6 * FRAMES { Ok(ratio) } else { Err(format!("{delivered} frames came").into()) }
+}
+
+/// The first frame of a pipeline over one with other scalars later on, after its series has been opened.
+pub fn first_frame() -> Result<f64, Box<dyn Error>> {
+    const PIPELINES: usize = 5;
+    const LATER: usize = 4;
+    let scene = Scene::new(400_000, TENTS, 256, Skip::ALL)?;
+    on_one_thread(|| {
+        let mut ratios = Vec::with_capacity(PIPELINES);
+        for _ in 0..PIPELINES {
+            // A series knows what has been found out about its mesh.
+            let series = Store::open(&scene.store).and_then(|store| Series::open(&store, None));
+            let mut pipeline = Pipeline::new(Arc::new(series.map_err(|e| e.to_string())?));
+            let frames = (0..=LATER).map(|frame| milliseconds(&mut pipeline, &scene.request(frame)));
+            let frames = frames.collect::<Result<Vec<f64>, String>>()?;
+            ratios.push(frames[0] / frames[LATER]);
+        }
+        Ok(median(&ratios))
+    })
 }
 
 /// Frames late in a pipeline's life over the same ones early in it. Seconds lie between them, in which the machine may have become

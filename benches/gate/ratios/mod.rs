@@ -32,7 +32,7 @@ struct Ratio {
     measure: fn() -> Result<f64, Box<dyn Error>>,
 }
 
-const RATIOS: [Ratio; 10] = [
+const RATIOS: [Ratio; 12] = [
     Ratio {
         name: "skipping",
         what: "all that can be is left out / nothing",
@@ -97,6 +97,22 @@ const RATIOS: [Ratio; 10] = [
         of_vectors: false,
         threads: false,
         measure: renderers::large_meshes,
+    },
+    Ratio {
+        name: "coarse_meshes",
+        what: "10k cells / 100k",
+        here: 1.0,
+        of_vectors: false,
+        threads: false,
+        measure: renderers::coarse_meshes,
+    },
+    Ratio {
+        name: "first_frame",
+        what: "the first frame / the fifth",
+        here: 4.0,
+        of_vectors: false,
+        threads: false,
+        measure: frames::first_frame,
     },
     Ratio {
         name: "late_frames",

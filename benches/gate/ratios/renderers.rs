@@ -67,3 +67,10 @@ pub fn large_meshes() -> Result<f64, Box<dyn Error>> {
     let [of_small, of_large] = [small.job(DENSE, 256)?, large.job(DENSE, 256)?];
     Ok(ratio(9, (Raycast::new(), of_small), (Raycast::new(), of_large))? / cells)
 }
+
+/// A frame of ten thousand cells over one of a hundred thousand: rays come through half as many cells, which cross more colours each.
+pub fn coarse_meshes() -> Result<f64, Box<dyn Error>> {
+    let [coarse, fine] = [Jet::new(10_000, &[8])?, Jet::new(100_000, &[8])?];
+    let [of_coarse, of_fine] = [coarse.job(DENSE, 256)?, fine.job(DENSE, 256)?];
+    ratio(9, (Raycast::new(), of_fine), (Raycast::new(), of_coarse))
+}

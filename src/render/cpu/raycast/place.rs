@@ -93,6 +93,7 @@ impl CellPlacer {
         });
         waste(Slow::Entries, cells.universe());
         waste(Slow::LargeMeshes, cells.universe().saturating_sub(500_000));
+        waste(Slow::CoarseMeshes, 50_000usize.saturating_sub(cells.universe()));
         stats.ms_place += started.elapsed().as_secs_f64() * 1e3;
         CellsInView { cells, lists }
     }
