@@ -135,7 +135,6 @@ impl Renderers {
         let of_rows = add_details.as_mut().and_then(AddDetails::rows);
         let Some(rows) = planes_of(&mut self.rows, of_rows)? else { return Ok(None) };
         let renewed = renewed.elapsed();
-        let gpu_enlarges = job.enlarge.is_some();
         let Some(renderer) = self.draw_job(job, by, backend, previewed)? else { return Ok(None) };
         let Frame { planes, stats, details, .. } = renderer.frame_mut();
         (stats.ms_guides, *details) = (0.0, None);
@@ -144,7 +143,7 @@ impl Renderers {
             on_image.finish(planes, &guides);
             stats.ms_guides = (guided + lit.elapsed()).as_secs_f64() * 1e3;
         }
-        let enlarge = enlarge.filter(|_| !(gpu_enlarges && stats.on_gpu));
+        let enlarge = enlarge.filter(|_| !stats.upsampled_on_gpu);
         let is_whole = enlarge.is_none_or(|enlarge| enlarge.finish(planes, stats));
         *details = add_details.map(|add_details| add_details.finish(planes, rows.as_ref(), renewed, stats));
         Ok(is_whole.then_some(renderer))

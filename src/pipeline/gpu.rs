@@ -8,7 +8,6 @@ use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::havs::Havs;
 use crate::render::gpu::raycast::Raycast;
 use crate::render::surfaces::SurfaceScene;
-use crate::render::upsampling::Enlargement;
 use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
 use std::sync::Arc;
 
@@ -46,22 +45,20 @@ struct Beyond {
     /// Values of its table of more than the scalar.
     joint_values: usize,
     extras: [bool; 6],
-    enlarge: Option<Arc<Enlargement>>,
     error: RenderError,
 }
 
 impl Beyond {
     fn new(job: RenderJob, primitive: Primitive, error: RenderError) -> Self {
         let (faces, joint_values, extras) = (faces_of(&job), joint_values_of(&job), extras_of(&job));
-        let RenderJob { mesh, view, enlarge, .. } = job;
-        Self { mesh, view, primitive, faces, joint_values, extras, enlarge, error }
+        let RenderJob { mesh, view, .. } = job;
+        Self { mesh, view, primitive, faces, joint_values, extras, error }
     }
 
     /// Whether a job like that one would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
         let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
-        let frame_of = |enlarge: &Option<Arc<Enlargement>>| enlarge.as_ref().map(|of| (of.filter, of.view.clone()));
-        let is_same = is_same && self.extras == extras_of(job) && frame_of(&self.enlarge) == frame_of(&job.enlarge);
+        let is_same = is_same && self.extras == extras_of(job);
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
 }

@@ -90,7 +90,8 @@ pub struct RenderJob {
     pub previews: Vec<Contrast>,
     /// The cells that decide with it, if these are not the active ones.
     pub domain: Option<Arc<CellSet>>,
-    /// How the image comes to another size on the GPU that it is rendered on; on the CPU whoever has the image does that.
+    /// How the image comes to another size on the GPU that it is rendered on, if it can
+    /// ([`upsampled_on_gpu`](FrameStats::upsampled_on_gpu)); elsewhere whoever has the image does that.
     pub enlarge: Option<Arc<Enlargement>>,
     /// What may be left out; the image is the same.
     pub skip: Skip,

@@ -73,6 +73,8 @@ pub struct FrameStats {
     pub blocks_filled: u64,
     /// Layers of depth of the domain's boundary that were drawn to enlarge the image, in all of its sizes together.
     pub depth_layers: u64,
+    /// Whether the GPU brought the image to the size of its frame.
+    pub upsampled_on_gpu: bool,
     /// Pixels of the enlarged image that none of the four samples around them is alike, so that all of them counted (`joint2x2`).
     pub upsample_fallbacks: u64,
     /// Pixels whose rays were all cast, for details of later frames.

@@ -33,15 +33,20 @@ struct Places {
 
 impl Places {
     /// For all tiles of an image; without its pixels if they stay where they are.
-    fn of(target: &Target, has_pixels: bool) -> Self {
-        let (width, height) = if has_pixels { target.size_px } else { (0, 0) };
+    fn of(size_px: (usize, usize), has_pixels: bool) -> Self {
+        let (width, height) = if has_pixels { size_px } else { (0, 0) };
         let depth = color_row_bytes(width) * height as u64;
         let counters = depth + depth_row_bytes(width) * height as u64;
-        let words = counters + COUNTER_BYTES * target.tile_count() as u64;
+        let words = counters + Target::counter_bytes(size_px);
         // Timestamps are 8 bytes, at a multiple of that.
         let timestamps = (words + 4 * WORDS_MAX as u64).next_multiple_of(8);
         Self { depth, counters, words, timestamps, end: timestamps + 8 * u64::from(TIMESTAMPS) }
     }
+}
+
+/// Bytes of the buffer that slices of an image come back in.
+pub(super) fn slice_bytes(size_px: (usize, usize), has_pixels: bool) -> u64 {
+    Places::of(size_px, has_pixels).end
 }
 
 fn row_bytes(width: usize, pixel_bytes: u64) -> u64 {
@@ -93,7 +98,7 @@ impl Readback {
     ) -> Result<Sent, RenderError> {
         let new = || Slot { buffer: GrowingBuffer::readback("read-back"), mapped: Arc::default() };
         let mut slot = self.free.pop().unwrap_or_else(new);
-        let places = Places::of(target, has_pixels);
+        let places = Places::of(target.size_px, has_pixels);
         slot.buffer.reserve(context, places.end)?;
         let buffer = slot.buffer.get(context)?;
         if has_pixels {
@@ -131,7 +136,7 @@ impl Readback {
         let buffer = slot.buffer.get(context)?;
         let result = {
             let bytes = buffer.get_mapped_range(..).map_err(|e| failed(context, e.to_string()))?;
-            read(&SliceData { bytes: &bytes, places: Places::of(&target, has_pixels), target: &target, tiles })
+            read(&SliceData { bytes: &bytes, places: Places::of(target.size_px, has_pixels), target: &target, tiles })
         };
         buffer.unmap();
         self.free.push(slot);

@@ -131,9 +131,13 @@ impl Target {
             })
         })?;
         let mut counters = GrowingBuffer::new(Resource::Counters);
-        let tiles = size_px.0.div_ceil(TILE_PX) * size_px.1.div_ceil(TILE_PX);
-        counters.reserve(context, 4 * (COUNTERS * tiles) as u64)?;
+        counters.reserve(context, Self::counter_bytes(size_px))?;
         Ok(Self { size_px, planes, counters, times })
+    }
+
+    /// Bytes of the counters of all tiles of an image.
+    pub(super) fn counter_bytes((width, height): (usize, usize)) -> u64 {
+        4 * (COUNTERS * width.div_ceil(TILE_PX) * height.div_ceil(TILE_PX)) as u64
     }
 
     /// The planes, as stages bind them.

@@ -12,6 +12,7 @@
 //! ```
 //! What a slice of pieces brings back is how far they are; nothing else is read before the image.
 
+mod limits;
 mod scene;
 #[cfg(test)]
 pub(super) mod stage_tests;
@@ -22,6 +23,7 @@ use super::context::Context;
 use super::layout::Params;
 use super::target::Target;
 use crate::render::{Contrast, Frame, LayerRenderer, RenderError, RenderJob};
+use crate::stats::FrameStats;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use steps::Enlarger;
@@ -49,7 +51,8 @@ pub(super) fn reads_pixels(job: &RenderJob, frame: &Frame) -> bool {
     frame.texture.is_none() && job.enlarge.is_none()
 }
 
-/// A renderer whose images come to the size of their frames.
+/// A renderer whose images come to the size of their frames. An image that cannot come to its size here comes back as it is, for the CPU:
+/// [`FrameStats::upsampled_on_gpu`] says which of both it was.
 pub struct AtFullSize<L> {
     pub(super) layer: L,
     enlarger: Enlarger,
@@ -59,9 +62,23 @@ pub struct AtFullSize<L> {
 pub struct SizedJob<J> {
     image: J,
     is_drawn: bool,
-    /// The job of the full image, if the one that is rendered is smaller.
-    full: Option<Box<RenderJob>>,
+    /// `None` if the image comes back as it is drawn.
+    sizing: Option<Box<Sizing>>,
+}
+
+/// What is to be done for an image of another size.
+struct Sizing {
+    /// The job of the full image.
+    full: RenderJob,
     work: Option<Work>,
+    /// The job whose image comes back as it is, and what had been counted before, should there be no room for another size.
+    as_it_is: RenderJob,
+    stats: FrameStats,
+}
+
+/// The job whose image comes back as it is drawn.
+fn as_it_is(job: RenderJob) -> RenderJob {
+    RenderJob { enlarge: None, for_window: false, ..job }
 }
 
 impl<L> AtFullSize<L> {
@@ -70,24 +87,51 @@ impl<L> AtFullSize<L> {
     }
 }
 
+impl<L: LeavesImage> AtFullSize<L> {
+    /// Begins a job whose image comes back as it is drawn.
+    fn begin_as_it_is(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<SizedJob<L::Job>>, RenderError> {
+        Ok(self.layer.begin(job, frame)?.map(|image| SizedJob { image, is_drawn: false, sizing: None }))
+    }
+
+    /// Draws an image again that has no room at its size, so that it comes back as it is. The next ones like it do at once.
+    fn come_back(&mut self, job: &mut SizedJob<L::Job>, frame: &mut Frame) -> Result<(), RenderError> {
+        let Some(sizing) = job.sizing.take() else { return Ok(()) };
+        self.enlarger.abandon(self.layer.context())?;
+        self.enlarger.refuse(&sizing.full);
+        let Sizing { as_it_is, stats, .. } = *sizing;
+        let (ms_begin, ms_render) = (frame.stats.ms_begin, frame.stats.ms_render);
+        frame.stats = FrameStats { ms_begin, ms_render, ..stats };
+        let image = self.layer.begin(as_it_is, frame)?;
+        job.is_drawn = image.is_none();
+        if let Some(image) = image {
+            job.image = image;
+        }
+        Ok(())
+    }
+}
+
 impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
     type Job = SizedJob<L::Job>;
 
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<Self::Job>, RenderError> {
-        let full = job.enlarge.as_ref().map(|to| Box::new(RenderJob { view: to.view.clone(), ..job.clone() }));
-        let small = match &full {
-            None => job,
-            Some(_) => RenderJob { for_window: false, ..job },
+        let Some(enlargement) = job.enlarge.clone() else {
+            self.enlarger.give_texture(frame);
+            return self.begin_as_it_is(job, frame);
         };
-        if full.is_some() {
-            self.enlarger.keep_texture(frame);
+        let full = RenderJob { view: enlargement.view.clone(), ..job.clone() };
+        if !self.enlarger.can_do(self.layer.context(), &full, &enlargement) {
+            return self.begin_as_it_is(as_it_is(job), frame);
         }
-        let image = self.layer.begin(small, frame)?;
-        if let (None, Some(full)) = (&image, &full) {
+        self.enlarger.keep_texture(frame);
+        let stats = frame.stats.clone();
+        let image = self.layer.begin(RenderJob { for_window: false, ..job.clone() }, frame)?;
+        frame.stats.upsampled_on_gpu = true;
+        if image.is_none() {
             // All pixels are clear, and here.
             frame.clear(full.view.plane_px());
         }
-        Ok(image.map(|image| SizedJob { image, is_drawn: false, full, work: None }))
+        let sizing = || Some(Box::new(Sizing { full, work: None, as_it_is: as_it_is(job), stats }));
+        Ok(image.map(|image| SizedJob { image, is_drawn: false, sizing: sizing() }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut Self::Job, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -98,19 +142,16 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
                 return Ok(false);
             }
         }
-        let Some(full) = &job.full else { return Ok(true) };
+        let Some(sizing) = &mut job.sizing else { return Ok(true) };
         let budget = if budget == Duration::MAX { budget } else { budget.saturating_sub(started.elapsed()) };
-        let _span = tracing::info_span!("upsample").entered();
-        let (context, left) = (self.layer.context(), self.layer.left(&job.image));
         let enlarging = Instant::now();
-        let work = match &mut job.work {
-            Some(work) => work,
-            None => job.work.insert(self.enlarger.begin(context, full, &left, frame)?),
-        };
-        let is_done = self.enlarger.advance(context, budget, work, &left, frame)?;
+        let advanced = self.enlarger.enlarge(budget, sizing, self.layer.context(), &self.layer.left(&job.image), frame);
+        if matches!(advanced, Err(RenderError::BeyondGpu { .. })) {
+            return self.come_back(job, frame).map(|()| false);
+        }
         // It has its own numbers.
         frame.stats.ms_render -= enlarging.elapsed().as_secs_f64() * 1e3;
-        Ok(is_done)
+        advanced
     }
 
     fn preview(&self) -> Option<Contrast> {

@@ -4,14 +4,20 @@ use super::*;
 use crate::camera::View;
 use crate::image::upsample::{self, Enlarging, JointKernel, LEAST_SUM, Reference};
 use crate::image::{Planes, RgbaImage};
+use crate::mesh::Mesh;
+use crate::mesh::test_meshes::kuhn_grid_of;
 use crate::render::Renderer;
+use crate::render::cpu::layers::boundary_faces;
+use crate::render::gpu::context::ContextOptions;
 use crate::render::gpu::layers::DepthLayers;
 use crate::render::gpu::raycast::Raycast;
 use crate::render::gpu::raycast::stage_tests::{cameras, context, job, mesh};
 use crate::render::gpu::target::OnePlane;
 use crate::render::upsampling::{DepthEdges, Enlargement, ImageScale, UpsampleFilter, UpsampleKind};
 use crate::task::Cancel;
+use crate::visibility::CellSet;
 use glam::DVec3;
+use rayon::prelude::*;
 
 impl<L> AtFullSize<L> {
     /// At the pixels of the full image, and at the samples of the small one.
@@ -203,6 +209,61 @@ fn enlarged_frames_for_a_window_stay_on_its_gpu() {
     let before = context.resources_created();
     renderer.render(job.clone()).unwrap();
     assert_eq!(context.resources_created(), before);
+    // Wherever one is given up, before its image is there or while that is enlarged, the next one has its texture.
+    for slices in 0..12 {
+        renderer.begin(job.clone()).unwrap();
+        for _ in 0..slices {
+            renderer.advance(Duration::ZERO).unwrap();
+        }
+        assert_eq!(size(renderer.render(job.clone()).unwrap()), Some((131, 77)));
+        assert_eq!(context.resources_created(), before, "given up after {slices} slices");
+    }
+    // As has one that is as large without being enlarged: it makes no more than behind one that was done.
+    let view = job.enlarge.as_ref().unwrap().view.clone();
+    let whole = RenderJob { view, enlarge: None, ..job.clone() };
+    let made = [Some(0), Some(1), None].map(|slices| {
+        renderer.begin(job.clone()).unwrap();
+        match slices {
+            Some(slices) => (0..slices).for_each(|_| drop(renderer.advance(Duration::ZERO).unwrap())),
+            None => drop(renderer.advance(Duration::MAX).unwrap()),
+        }
+        let before = context.resources_created();
+        assert_eq!(size(renderer.render(whole.clone()).unwrap()), Some((131, 77)));
+        context.resources_created() - before
+    });
+    assert_eq!(made, [made[2]; 3]);
     let elsewhere = renderer.render(RenderJob { for_window: false, ..job }).unwrap();
     assert_eq!((size(elsewhere), elsewhere.planes.color.pixels.len()), (None, 131 * 77));
+}
+
+#[test]
+fn an_image_without_room_at_full_size_comes_back_as_it_is_and_the_next_one_does_at_once() {
+    if context().is_none() {
+        return;
+    }
+    // The renderer has few faces, the filter a boundary that takes more than a binding has: 12 bytes a face.
+    let options = ContextOptions { binding_bytes: Some(100_000), ..ContextOptions::default() };
+    let context = Arc::new(Context::new(&options).unwrap());
+    let keep = |[x, y, z]: [usize; 3]| (x + y + z) % 2 == 0;
+    let mesh = Arc::new(Mesh::build(kuhn_grid_of([12; 3], keep)).unwrap().0);
+    let job = job(&mesh, &cameras(DVec3::ZERO)[0].1, (40, 30));
+    let few = CellSet::of(job.active.universe(), |cell| cell % 64 == 0);
+    assert!(boundary_faces(&mesh, &job.active).count() > 100_000 / 12);
+    let edges = UpsampleFilter::Joint { kernel_px: 4, edges: DepthEdges::USUAL };
+    let job = RenderJob { active: Arc::new(few), ..enlarged(&job, ImageScale::Half, edges) };
+    let mut renderer = Raycast::new(context.clone());
+    let as_it_is = drawn(&mut renderer, &RenderJob { enlarge: None, ..job.clone() });
+    assert!(as_it_is.stats.rays_hit > 0 && as_it_is.planes.color.width == 20);
+    for is_refused in [false, true] {
+        let begun = renderer.layer.begin(job.clone(), &mut Frame::default()).unwrap().unwrap();
+        assert_eq!(begun.sizing.is_none(), is_refused, "it is known from the first one on");
+        let frame = drawn(&mut renderer, &job);
+        assert!(frame.planes == as_it_is.planes && frame.stats.on_gpu && !frame.stats.upsampled_on_gpu);
+        let counts = |frame: &Frame| (frame.stats.steps, frame.stats.rays_hit, frame.stats.depth_layers);
+        assert_eq!(counts(&frame), counts(&as_it_is), "nothing is counted twice");
+    }
+    // Another filter may have room.
+    let whole = RenderJob { view: job.enlarge.as_ref().unwrap().view.clone(), enlarge: None, ..job };
+    let job = enlarged(&whole, ImageScale::Half, UpsampleFilter::Bilinear);
+    assert!(drawn(&mut renderer, &job).stats.upsampled_on_gpu);
 }

@@ -1,7 +1,8 @@
 //! What is done for an image of another size, step by step.
 
-use super::ImageLeft;
+use super::limits::{self, Refused};
 use super::scene::{BEFORE_JOINT, Scene, last_stage};
+use super::{ImageLeft, Sizing};
 use crate::render::gpu::FrameTexture;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{LayerLists, Params};
@@ -128,6 +129,8 @@ pub(super) struct Enlarger {
     /// The texture of the last frame, until the next one has its own.
     texture: Option<FrameTexture>,
     costs: [UnitCost; KINDS],
+    /// The last image that there was no room for.
+    refused: Option<Refused>,
 }
 
 impl Enlarger {
@@ -139,16 +142,52 @@ impl Enlarger {
             presenter: Presenter::new(),
             texture: None,
             costs: [UnitCost::default(); KINDS],
+            refused: None,
         }
     }
 
-    /// Takes the texture of a frame before the renderer of the small image sees it.
+    /// Takes the texture of a frame before the renderer of the small image sees it. A frame whose job was given up before has none: the one
+    /// from before that is still here.
     pub(super) fn keep_texture(&mut self, frame: &mut Frame) {
-        self.texture = frame.texture.take();
+        self.texture = frame.texture.take().or(self.texture.take());
+    }
+
+    /// Gives a frame without a texture the one that is here.
+    pub(super) fn give_texture(&mut self, frame: &mut Frame) {
+        frame.texture = frame.texture.take().or(self.texture.take());
+    }
+
+    /// Whether an image can come to its size here, as far as that is known beforehand. `full` is its job.
+    pub(super) fn can_do(&self, context: &Context, full: &RenderJob, enlargement: &Enlargement) -> bool {
+        let is_refused = self.refused.as_ref().is_some_and(|refused| refused.holds_for(full, enlargement));
+        !is_refused && limits::are_kept(context, full, enlargement)
+    }
+
+    /// Keeps in mind that there was no room for an image, and gives back what there was.
+    pub(super) fn refuse(&mut self, full: &RenderJob) {
+        self.refused = full.enlarge.as_ref().map(|enlargement| Refused::new(full, enlargement));
+        self.scene = Scene::new();
+    }
+
+    /// Works on an image for about `budget`; whether the frame is done.
+    pub(super) fn enlarge(
+        &mut self,
+        budget: Duration,
+        sizing: &mut Sizing,
+        context: &Arc<Context>,
+        left: &ImageLeft<'_>,
+        frame: &mut Frame,
+    ) -> Result<bool, RenderError> {
+        let _span = tracing::info_span!("upsample").entered();
+        let work = match &mut sizing.work {
+            Some(work) => work,
+            None => sizing.work.insert(self.begin(context, &sizing.full, left, frame)?),
+        };
+        self.advance(context, budget, work, left, frame)
     }
 
     /// Brings what is needed for an image that a renderer has left to the GPU, and makes the frame as large as it is to be. `full` is its job.
-    pub(super) fn begin(
+    fn begin(
         &mut self,
         context: &Arc<Context>,
         full: &RenderJob,
@@ -183,7 +222,7 @@ impl Enlarger {
     }
 
     /// Works for about `budget`; whether the frame is done.
-    pub(super) fn advance(
+    fn advance(
         &mut self,
         context: &Arc<Context>,
         budget: Duration,

@@ -18,7 +18,7 @@ mod stage_tests;
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS};
+use super::layout::{FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX};
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::{Pass, Precision, Stage};
@@ -107,6 +107,13 @@ impl DepthLayers {
             face_params: FaceParams::default(),
             places: LayerLists { tiles: 0, layers: 0 },
         }
+    }
+
+    /// Bytes of the largest binding for an image, but for the boundary and for pieces that are more than there is room for at first.
+    pub(super) fn binding_bytes((width, height): (usize, usize), layers: usize) -> u64 {
+        let tiles = (width.div_ceil(TILE_PX) * height.div_ceil(TILE_PX)) as u64;
+        let pieces = LayerLists::HEAD + PIECE_WORDS * FIRST_PIECES_PER_TILE * tiles;
+        4 * pieces.max(LayerLists { tiles, layers: layers as u64 }.depths())
     }
 
     /// Room for so many layers of a boundary in a view, and the stages; whether something was made.

@@ -97,3 +97,44 @@ fn layers_and_sigma_count_and_faces_are_enlarged_as_cells_are() {
         assert!(frames[..i].iter().all(|b| beyond(a, b) > 0), "the comparison tells frame {i} from those before");
     }
 }
+
+/// The frame of a request on the GPU, and whether it came to its size there: it is that of the CPU wherever it did.
+fn sized_on_gpu(pipeline: &mut Pipeline, request: &FrameRequest, name: &str) -> bool {
+    let (gpu, cpu) = (on(Backend::Gpu, pipeline, request), on(Backend::Cpu, pipeline, request));
+    assert!(gpu.stats.on_gpu && !cpu.stats.on_gpu && !cpu.stats.upsampled_on_gpu, "{name}");
+    assert_eq!((gpu.planes.color.width, gpu.planes.color.height), request.size_px, "{name}");
+    assert!(cpu.planes.color.pixels.iter().filter(|p| p[3] > 0.1).count() * 20 > cpu.planes.color.pixels.len());
+    let decided = gpu.stats.upsample_fallbacks.abs_diff(cpu.stats.upsample_fallbacks) as usize;
+    let off = beyond(&gpu.planes.color, &cpu.planes.color);
+    assert!(off <= decided && decided * 1000 <= cpu.planes.color.pixels.len(), "{name}: {off}, {decided}");
+    gpu.stats.upsampled_on_gpu
+}
+
+#[test]
+fn what_is_beyond_the_gpu_at_full_size_is_drawn_on_it_and_enlarged_on_the_cpu() {
+    if context().is_none() {
+        return;
+    }
+    // WebGPU's textures are 8192 pixels wide at most: a thin slice through all of the mesh.
+    for (width, fits) in [(8192, true), (8200, false)] {
+        let (_dir, mut pipeline, mut request) = jet((width, 16), TF);
+        pipeline.choose_gpu(ContextOptions { tier: Tier::WebGpu, ..ContextOptions::default() });
+        let (lo, hi) = pipeline.mesh().positions.world_bounds();
+        let scale = 0.5 * (hi - lo).length() * 16.0 / width as f64;
+        request.camera.projection = Projection::Parallel { scale };
+        for kind in UpsampleKind::ALL {
+            let request = upsampled(&request, ImageScale::Eighth, kind.usual(ImageScale::Eighth));
+            assert_eq!(sized_on_gpu(&mut pipeline, &request, &format!("{width}, {kind}")), fits, "{width}, {kind}");
+        }
+    }
+    // Layers of 300 x 200 pixels are 247 tiles of 2 + 256 words a layer and more: a quarter of a megabyte each.
+    let (_dir, mut pipeline, request) = jet((300, 200), TF);
+    pipeline.choose_gpu(ContextOptions { binding_bytes: Some(400_000), ..ContextOptions::default() });
+    for (layers, fits) in [(1, true), (3, false), (1, true)] {
+        let edges = DepthEdges { layers, ..DepthEdges::USUAL };
+        for filter in [UpsampleFilter::Joint { kernel_px: 4, edges }, UpsampleFilter::Joint2x2 { edges }] {
+            let request = upsampled(&request, ImageScale::Quarter, filter);
+            assert_eq!(sized_on_gpu(&mut pipeline, &request, &format!("{filter:?}")), fits, "{filter:?}");
+        }
+    }
+}
