@@ -39,6 +39,41 @@ impl UnitCost {
     }
 }
 
+/// What a step of a frame costs, slice by slice.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct StepCost {
+    unit: UnitCost,
+    /// Milliseconds and units of the frame under way.
+    ms: f64,
+    units: usize,
+}
+
+impl StepCost {
+    /// Of a unit.
+    pub(super) fn unit(self) -> UnitCost {
+        self.unit
+    }
+
+    /// Begins a frame.
+    pub(super) fn begin_frame(&mut self) {
+        (self.ms, self.units) = (0.0, 0);
+    }
+
+    /// Counts a slice that has come back.
+    pub(super) fn add(&mut self, ms: f64, units: usize) {
+        self.unit.last = Some(ms / units.max(1) as f64);
+        self.ms += ms;
+        self.units += units;
+    }
+
+    /// The frame is done: what its step has cost is what the next one's is expected to.
+    pub(super) fn end_frame(&mut self) {
+        if self.units > 0 {
+            self.unit.mean = Some(self.ms / self.units as f64);
+        }
+    }
+}
+
 /// Starts at least so many workgroups, in rows if there are more than a row may have.
 pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
     let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
@@ -59,5 +94,24 @@ mod tests {
         assert_eq!(units_in(UnitCost { last: Some(3.0), mean: Some(0.5) }, 7.5), 2);
         assert_eq!(units_in(UnitCost { last: Some(100.0), mean: None }, 7.5), 1);
         assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.0) }, 1e9), GROUPS_MAX as usize);
+    }
+
+    #[test]
+    fn a_step_makes_no_leaps_before_a_whole_frame_is_done() {
+        let mut cost = StepCost::default();
+        let units = |cost: StepCost| cost.unit().units_for(SLICE, 32, GROUPS_MAX as usize);
+        for _ in 0..10 {
+            assert!(units(cost) <= 64);
+            cost.add(1e-3, 64);
+        }
+        cost.end_frame();
+        assert_eq!(units(cost), GROUPS_MAX as usize);
+        // A dear slice of the next frame counts at once, and in the end the whole frame does.
+        cost.begin_frame();
+        cost.add(15.0, 10);
+        assert_eq!(units(cost), 5);
+        cost.add(3.0, 5);
+        cost.end_frame();
+        assert_eq!((cost.unit().last, cost.unit().mean), (Some(0.6), Some(1.2)));
     }
 }

@@ -5,10 +5,10 @@ use super::scene::{BEFORE_JOINT, Scene, last_stage};
 use super::{ImageLeft, Sizing};
 use crate::render::gpu::FrameTexture;
 use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{LayerLists, Params};
+use crate::render::gpu::layout::{LayerLists, Params, TILE_PIXELS};
 use crate::render::gpu::presenter::Presenter;
 use crate::render::gpu::readback::{Readback, Sent};
-use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, UnitCost};
+use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, StepCost};
 use crate::render::gpu::target::Target;
 use crate::render::upsampling::{Enlargement, UpsampleFilter};
 use crate::render::{Frame, RenderError, RenderJob};
@@ -27,6 +27,23 @@ enum Step {
     Reference(usize),
     Bilinear,
     Filter,
+}
+
+/// Pairs of pixels that the first slice of a filter weighs at most: in software, where a pair took 6 ns, 50 ms.
+const FIRST_PAIRS: usize = 1 << 23;
+/// Pairs that a slice weighs at most. Drivers give a GPU up that works on one submission for two seconds; at ten operations a pair this is less
+/// than half of one for a GPU of 10^11 operations a second, which is fewer than those built into processors have.
+const PAIRS_MAX: usize = 1 << 32;
+
+/// Pairs of pixels that a filter weighs in a tile.
+fn pairs_of_tile(filter: UpsampleFilter) -> usize {
+    let side = if let UpsampleFilter::Joint { kernel_px, .. } = filter { 2 * (kernel_px / 2) + 1 } else { 2 };
+    TILE_PIXELS * side * side
+}
+
+/// Whether slices of two filters take as long.
+fn cost_alike(a: UpsampleFilter, b: UpsampleFilter) -> bool {
+    a.kind() == b.kind() && pairs_of_tile(a) == pairs_of_tile(b)
 }
 
 /// Kinds of steps, whose costs are known apart.
@@ -62,11 +79,20 @@ impl Step {
     }
 
     /// Units of the first slice of all, before anything is known of their cost: workgroups.
-    fn first_units(self) -> usize {
+    fn first_units(self, filter: UpsampleFilter) -> usize {
         match self {
             Self::Faces(_) => 64,
             Self::Pieces(_) => 256,
+            Self::Filter => (FIRST_PAIRS / pairs_of_tile(filter)).clamp(self.least_units(), 32),
             _ => 32,
+        }
+    }
+
+    /// Most units of a slice, whatever the budget.
+    fn most_units(self, filter: UpsampleFilter) -> usize {
+        match self {
+            Self::Filter => (PAIRS_MAX / pairs_of_tile(filter)).min(GROUPS_MAX as usize),
+            _ => GROUPS_MAX as usize,
         }
     }
 
@@ -128,7 +154,9 @@ pub(super) struct Enlarger {
     presenter: Presenter,
     /// The texture of the last frame, until the next one has its own.
     texture: Option<FrameTexture>,
-    costs: [UnitCost; KINDS],
+    costs: [StepCost; KINDS],
+    /// The filter that the cost of the last step is of.
+    costed: Option<UpsampleFilter>,
     /// The last image that there was no room for.
     refused: Option<Refused>,
 }
@@ -141,7 +169,8 @@ impl Enlarger {
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
             presenter: Presenter::new(),
             texture: None,
-            costs: [UnitCost::default(); KINDS],
+            costs: [StepCost::default(); KINDS],
+            costed: None,
             refused: None,
         }
     }
@@ -201,6 +230,7 @@ impl Enlarger {
         frame.texture = self.texture.take();
         self.presenter.prepare(context, full, frame)?;
         let (params, target, sent) = self.scene.update(context, full, &enlargement, left)?;
+        self.begin_costs(enlargement.filter);
         let views = Step::of(enlargement.filter).iter().filter(|step| matches!(step, Step::Faces(_))).count();
         let stats = &mut frame.stats;
         stats.bytes_uploaded += sent;
@@ -211,6 +241,15 @@ impl Enlarger {
         (0..views).try_for_each(|view| self.clear(context, view))?;
         add_time(stats, work.step(), started);
         Ok(work)
+    }
+
+    /// Begins to count what an image costs.
+    fn begin_costs(&mut self, filter: UpsampleFilter) {
+        if !self.costed.is_some_and(|last| cost_alike(last, filter)) {
+            self.costs[Step::Filter.kind()] = StepCost::default();
+        }
+        self.costed = Some(filter);
+        self.costs.iter_mut().for_each(StepCost::begin_frame);
     }
 
     /// Submits the clearing of the layers of a view.
@@ -240,6 +279,7 @@ impl Enlarger {
             }
             let Some(flight) = self.in_flight.pop_front() else {
                 self.presenter.present(context, &work.target.planes.color, frame)?;
+                self.costs.iter_mut().for_each(StepCost::end_frame);
                 add_time(&mut frame.stats, Some(Step::Filter), since);
                 return Ok(true);
             };
@@ -265,8 +305,9 @@ impl Enlarger {
                 Step::Bilinear | Step::Filter => work.params.tile_count(),
             };
             if work.next < end {
-                let cost = self.costs[step.kind()];
-                let count = cost.units_for(budget, step.first_units(), GROUPS_MAX as usize).max(step.least_units());
+                let (cost, filter) = (self.costs[step.kind()].unit(), work.enlargement.filter);
+                let count = cost.units_for(budget, step.first_units(filter), step.most_units(filter));
+                let count = count.max(step.least_units());
                 return Some((step, work.next..end.min(work.next.saturating_add(count))));
             }
             work.go_to(work.at + 1);
@@ -344,10 +385,8 @@ impl Enlarger {
         } else if step == Step::Filter {
             work.tiles_done += units.len();
         }
-        let cost = &mut self.costs[step.kind()];
         if done > 0 {
-            cost.last = Some(ms / done as f64);
-            cost.mean = Some(cost.mean.map_or(ms / done as f64, |mean| 0.5 * (mean + ms / done as f64)));
+            self.costs[step.kind()].add(ms, done);
         }
         Ok(())
     }
@@ -398,4 +437,38 @@ fn add_time(stats: &mut FrameStats, step: Option<Step>, since: Instant) -> Insta
         stats.ms_upsample += ms
     }
     now
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::upsampling::DepthEdges;
+
+    #[test]
+    fn no_slice_is_all_of_a_large_image_and_a_filter_does_not_go_by_the_cost_of_another() {
+        let edges = DepthEdges::USUAL;
+        let [wide, usual] = [64, 8].map(|kernel_px| UpsampleFilter::Joint { kernel_px, edges });
+        // 3840 x 2160 pixels.
+        let tiles = 240 * 135;
+        assert_eq!([wide, usual].map(|filter| Step::Filter.first_units(filter)), [7, 32]);
+        assert!(Step::Filter.most_units(wide) < tiles / 8 && Step::Filter.most_units(usual) == GROUPS_MAX as usize);
+        let mut enlarger = Enlarger::new();
+        let units = |enlarger: &Enlarger, step: Step| {
+            enlarger.costs[step.kind()].unit().units_for(Duration::from_millis(15), 32, GROUPS_MAX as usize)
+        };
+        enlarger.begin_costs(UpsampleFilter::Nearest);
+        for step in [Step::Filter, Step::Range] {
+            enlarger.costs[step.kind()].add(1.0, tiles);
+            enlarger.costs[step.kind()].end_frame();
+        }
+        enlarger.begin_costs(UpsampleFilter::Nearest);
+        assert!(units(&enlarger, Step::Filter) > tiles);
+        for (filter, of) in [(wide, "another filter"), (usual, "another kernel")] {
+            enlarger.begin_costs(filter);
+            assert_eq!(units(&enlarger, Step::Filter), 32, "{of}");
+            assert!(units(&enlarger, Step::Range) > tiles, "other steps cost as before");
+            enlarger.costs[Step::Filter.kind()].add(1.0, tiles);
+            enlarger.costs[Step::Filter.kind()].end_frame();
+        }
+    }
 }

@@ -35,7 +35,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
 use super::shaders::{FragmentKind, Precision, Stage};
-use super::slices::{IN_FLIGHT, SLICE, dispatch};
+use super::slices::{IN_FLIGHT, SLICE, StepCost, dispatch};
 use super::target::Target;
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
@@ -48,7 +48,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 pub use steps::FaceJob;
-use steps::{Flight, STEPS, Step, StepCost, Work, stage};
+use steps::{Flight, STEPS, Step, Work, stage};
 
 /// Bytes that all fragments of a band take at most, unless told otherwise.
 const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
@@ -76,6 +76,7 @@ pub struct FaceLists {
     in_flight: VecDeque<Flight>,
     presenter: Presenter,
     precision: PrecisionChoice,
+    /// A unit is a workgroup; of sorting, a round.
     costs: [StepCost; STEPS],
     fragment_bytes: u64,
     /// Fragments of each tile, and of the deepest pixel of each.
@@ -280,20 +281,13 @@ impl FaceLists {
             })?,
         };
         let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, resolve]| resolve);
-        let cost = &mut self.costs[flight.step as usize % STEPS];
-        cost.unit.last = Some(ms / flight.units.max(1) as f64);
-        cost.ms += ms;
-        cost.units += flight.units;
+        self.costs[flight.step as usize % STEPS].add(ms, flight.units);
         Ok(())
     }
 
-    /// The frame is done: what its steps have cost is what the next one's are expected to.
+    /// The frame is done.
     fn finish(&mut self, target: &Target, frame: &mut Frame) -> Result<(), RenderError> {
-        for cost in &mut self.costs {
-            if cost.units > 0 {
-                cost.unit.mean = Some(cost.ms / cost.units as f64);
-            }
-        }
+        self.costs.iter_mut().for_each(StepCost::end_frame);
         self.presenter.present(&self.context, &target.planes.color, frame)
     }
 
@@ -347,9 +341,7 @@ impl LayerRenderer for FaceLists {
         frame.stats.faces_drawn = drawn.faces.len() as u64;
         frame.stats.in_f64 = precision == Precision::Double;
         frame.stats.bytes_uploaded = self.scene.bytes_sent;
-        for cost in &mut self.costs {
-            (cost.ms, cost.units) = (0.0, 0);
-        }
+        self.costs.iter_mut().for_each(StepCost::begin_frame);
         let lists = Lists { tiles: params.tile_count() as u64 };
         let step = Step::CountFaces;
         let active = FaceJob { job, precision, params, face_params, target, lists, step, next: 0, pieces: 0, band: 0 };
@@ -366,7 +358,7 @@ impl LayerRenderer for FaceLists {
                 continue;
             }
             if step != Step::End && self.in_flight.len() < IN_FLIGHT {
-                let cost = self.costs[step as usize % STEPS].unit;
+                let cost = self.costs[step as usize % STEPS].unit();
                 let count = cost.units_for(budget, step.first_units(), step.most_units()).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
                 self.submit_units(active, units, reads_pixels(&active.job, frame))?;

@@ -5,7 +5,7 @@ use crate::render::RenderJob;
 use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
 use crate::render::gpu::readback::Sent;
 use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
-use crate::render::gpu::slices::{GROUPS_MAX, UnitCost};
+use crate::render::gpu::slices::GROUPS_MAX;
 use crate::render::gpu::target::Target;
 use std::ops::Range;
 use std::sync::Arc;
@@ -82,15 +82,6 @@ fn sort_mask(round: usize) -> u32 {
         0 => (1 << level) - 1,
         next => 1 << (level - 1 - next),
     }
-}
-
-/// What a step costs: a unit is a workgroup; of sorting, a round.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct StepCost {
-    pub(super) unit: UnitCost,
-    /// Of the frame under way.
-    pub(super) ms: f64,
-    pub(super) units: usize,
 }
 
 /// Work that has been submitted.
