@@ -254,6 +254,7 @@ impl Gpu {
                 | RenderError::BadLayerFragment { .. }
                 | RenderError::LayerPixels { .. }
                 | RenderError::SampleSize { .. }
+                | RenderError::EnlargedSize { .. }
                 | RenderError::BadK(_) => return Err(error),
             }
         }

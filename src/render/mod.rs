@@ -186,6 +186,14 @@ pub enum RenderError {
         /// Those of the image to be rendered.
         expected: (usize, usize),
     },
+    /// An image and how it comes to another size do not belong together.
+    #[error("to be enlarged is an image of {} x {} pixels, and the job is about {} x {}", expected.0, expected.1, given.0, given.1)]
+    EnlargedSize {
+        /// Columns and rows of the job's view; of the rays that are cast, where these are other ones.
+        given: (usize, usize),
+        /// Those that are enlarged; of the full image, where the view of that is at fault.
+        expected: (usize, usize),
+    },
     /// Fragments of other layers and image do not belong together.
     #[error("fragments of other layers for {given} pixels in an image of {expected}")]
     LayerPixels {
@@ -283,7 +291,7 @@ impl RenderJob {
     /// Checks that the parts belong together.
     ///
     /// # Errors
-    /// If scalars, active cells or quantities beside the scalar are of another mesh, or pixels or fragments of another image.
+    /// If scalars, active cells or quantities beside the scalar are of another mesh, or pixels, fragments or another size of another image.
     pub fn check(&self) -> Result<(), RenderError> {
         let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
         if self.scalars.len() != vertices {
@@ -300,6 +308,14 @@ impl RenderJob {
                 return Err(RenderError::SampleSize { given: pixels.size_px(), expected: size_px });
             }
             _ => {}
+        }
+        if let Some(Enlargement { enlarging, view, .. }) = self.enlarge.as_deref() {
+            let sizes = |view: &View| [(view.width_px, view.height_px), view.plane_px()];
+            let given = sizes(&self.view).map(|given| (given, enlarging.small));
+            let of_frame = sizes(view).map(|given| (given, enlarging.full));
+            if let Some((given, expected)) = given.into_iter().chain(of_frame).find(|(given, is)| given != is) {
+                return Err(RenderError::EnlargedSize { given, expected });
+            }
         }
         let (columns, rows) = self.view.plane_px();
         let expected = columns * rows;

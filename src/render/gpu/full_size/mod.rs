@@ -78,7 +78,7 @@ struct Sizing {
 
 /// The job whose image comes back as it is drawn.
 fn as_it_is(job: RenderJob) -> RenderJob {
-    RenderJob { enlarge: None, for_window: false, ..job }
+    RenderJob { enlarge: None, for_window: false, previews: Vec::new(), ..job }
 }
 
 impl<L> AtFullSize<L> {
@@ -124,7 +124,9 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         }
         self.enlarger.keep_texture(frame);
         let stats = frame.stats.clone();
-        let image = self.layer.begin(RenderJob { for_window: false, ..job.clone() }, frame)?;
+        // Nobody sees the small image on the way.
+        let small = RenderJob { for_window: false, previews: Vec::new(), ..job.clone() };
+        let image = self.layer.begin(small, frame)?;
         frame.stats.upsampled_on_gpu = true;
         if image.is_none() {
             // All pixels are clear, and here.

@@ -267,3 +267,32 @@ fn an_image_without_room_at_full_size_comes_back_as_it_is_and_the_next_one_does_
     let job = enlarged(&whole, ImageScale::Half, UpsampleFilter::Bilinear);
     assert!(drawn(&mut renderer, &job).stats.upsampled_on_gpu);
 }
+
+#[test]
+fn an_image_of_few_rays_is_enlarged_when_it_is_whole_and_one_of_another_size_is_refused() {
+    let Some(context) = context() else { return };
+    let job = job(&mesh(3, 5, DVec3::ZERO), &cameras(DVec3::ZERO)[0].1, (131, 77));
+    let job = enlarged(&job, ImageScale::Half, UpsampleFilter::Nearest);
+    let mut renderer = Raycast::new(context);
+    let whole = drawn(&mut renderer, &job);
+    let previews = [0.2, 0.05].map(|contrast| Contrast::new(contrast).unwrap()).to_vec();
+    let mut seen = 0;
+    let shown = RenderJob { previews, ..job.clone() };
+    let frame = renderer.render_with_previews(shown, &mut |_, _| seen += 1).unwrap().unwrap();
+    assert!(seen == 0 && frame.planes == whole.planes);
+    let few = RenderJob { contrast: Contrast::new(0.05), ..job.clone() };
+    let small = drawn(&mut renderer, &RenderJob { enlarge: None, ..few.clone() });
+    let frame = drawn(&mut renderer, &few);
+    assert!(frame.planes.color == upsample::nearest(&small.planes.color, &few.enlarge.as_ref().unwrap().enlarging));
+    assert!(frame.stats.blocks_filled > 0 && frame.stats.upsampled_on_gpu && frame.planes != whole.planes);
+
+    let mut other = job.clone();
+    other.view.width_px += 1;
+    let expected = RenderError::EnlargedSize { given: (67, 39), expected: (66, 39) };
+    assert_eq!(renderer.begin(other).unwrap_err(), expected);
+    let mut enlargement = Enlargement::clone(job.enlarge.as_ref().unwrap());
+    enlargement.view.height_px = 78;
+    let other = RenderJob { enlarge: Some(Arc::new(enlargement)), ..job };
+    let expected = RenderError::EnlargedSize { given: (131, 78), expected: (131, 77) };
+    assert_eq!(renderer.begin(other).unwrap_err(), expected);
+}

@@ -19,6 +19,7 @@
 
 use super::{CellWalk, FIRST_TILES, WalkJob};
 use crate::render::gpu::context::Context;
+use crate::render::gpu::full_size::reads_pixels;
 use crate::render::gpu::layout::RayLists;
 use crate::render::gpu::readback::{Sent, SliceData, counted};
 use crate::render::gpu::shaders::{Gathering, Inside, Stage};
@@ -126,7 +127,7 @@ impl CellWalk {
                 continue;
             }
             if fills && has_room && active.next_tile < active.tile_count {
-                self.submit_filling(active, budget, frame.texture.is_none())?;
+                self.submit_filling(active, budget, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
@@ -215,7 +216,7 @@ impl CellWalk {
     fn collect_filling(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
         let (waiting, cost) = (Instant::now(), &mut self.sampling_costs.fill);
         self.readback.collect(&self.context, sent, |slice| {
-            if frame.texture.is_none() {
+            if reads_pixels(&active.job, frame) {
                 slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
             }
             let times = slice.add_times_to(&mut frame.stats, &self.context);
