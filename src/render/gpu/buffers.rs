@@ -69,6 +69,11 @@ impl GrowingBuffer {
         Ok(true)
     }
 
+    /// Gives its memory back.
+    pub(super) fn release(&mut self) {
+        self.buffer = None;
+    }
+
     /// The buffer; the caller has reserved it.
     pub(super) fn get(&self, context: &Context) -> Result<&wgpu::Buffer, RenderError> {
         self.buffer.as_ref().ok_or_else(|| context.beyond(format!("{} has not been made", self.label)))

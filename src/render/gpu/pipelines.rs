@@ -10,7 +10,8 @@ use crate::render::RenderError;
 /// Of shaders that read no records of cells.
 pub(super) const NO_RECORDS: RecordSplit = RecordSplit { parts: 1, shift: 0 };
 
-/// A stage, compiled.
+/// A stage, compiled; copies share it.
+#[derive(Clone)]
 pub(super) struct Pipeline {
     stage: Stage,
     layout: wgpu::BindGroupLayout,
@@ -90,6 +91,16 @@ impl Pipelines {
         Ok(())
     }
 
+    /// Takes over what others have compiled for the same records; nothing of it is bound here.
+    pub(super) fn share(&mut self, others: &Self) {
+        if self.split == others.split {
+            let is_new = |stage| !self.made.iter().any(|(pipeline, _)| pipeline.stage == stage);
+            let shared = others.made.iter().filter(|(pipeline, _)| is_new(pipeline.stage));
+            let shared: Vec<_> = shared.map(|(pipeline, _)| (pipeline.clone(), None)).collect();
+            self.made.extend(shared);
+        }
+    }
+
     /// Forgets what is bound: some of it has been made anew.
     pub(super) fn unbind(&mut self) {
         self.made.iter_mut().for_each(|(_, group)| *group = None);
@@ -105,8 +116,22 @@ impl Pipelines {
         buffers: &[&GrowingBuffer],
         views: &[(Resource, &wgpu::TextureView)],
     ) -> Result<(), RenderError> {
+        self.bind_those(context, |_| true, buffers, views)
+    }
+
+    /// The same of some stages alone.
+    ///
+    /// # Errors
+    /// As [`Self::bind`].
+    pub(super) fn bind_those(
+        &mut self,
+        context: &Context,
+        are_meant: impl Fn(Stage) -> bool,
+        buffers: &[&GrowingBuffer],
+        views: &[(Resource, &wgpu::TextureView)],
+    ) -> Result<(), RenderError> {
         for (pipeline, group) in &mut self.made {
-            if group.is_none() {
+            if group.is_none() && are_meant(pipeline.stage) {
                 *group = Some(pipeline.group(context, buffers, views)?);
             }
         }

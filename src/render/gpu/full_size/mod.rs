@@ -88,8 +88,10 @@ impl<L> AtFullSize<L> {
 }
 
 impl<L: LeavesImage> AtFullSize<L> {
-    /// Begins a job whose image comes back as it is drawn.
+    /// Begins a job whose image is as large as it is drawn: nothing is kept for others.
     fn begin_as_it_is(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<SizedJob<L::Job>>, RenderError> {
+        self.enlarger.release();
+        self.enlarger.give_texture(frame);
         Ok(self.layer.begin(job, frame)?.map(|image| SizedJob { image, is_drawn: false, sizing: None }))
     }
 
@@ -115,7 +117,6 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
 
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<Self::Job>, RenderError> {
         let Some(enlargement) = job.enlarge.clone() else {
-            self.enlarger.give_texture(frame);
             return self.begin_as_it_is(job, frame);
         };
         let full = RenderJob { view: enlargement.view.clone(), ..job.clone() };
@@ -123,6 +124,7 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
             return self.begin_as_it_is(as_it_is(job), frame);
         }
         self.enlarger.keep_texture(frame);
+        self.enlarger.scene.let_go(&job);
         let stats = frame.stats.clone();
         // Nobody sees the small image on the way.
         let small = RenderJob { for_window: false, previews: Vec::new(), ..job.clone() };

@@ -87,7 +87,7 @@ impl Scene {
         let updated = self.update_parts(context, job, enlargement, left);
         if updated.is_err() {
             // What there is may not belong together.
-            *self = Self::new();
+            self.release();
         }
         updated
     }
@@ -104,6 +104,10 @@ impl Scene {
         let size_px = enlarging.full;
         let is_joint = matches!(filter, UpsampleFilter::Joint { .. });
         self.pipelines.prepare(context, NO_RECORDS, [last_stage(*filter)])?;
+        if self.target.as_ref().is_some_and(|target| target.size_px != size_px) {
+            // What is bound would keep the old ones beside the new ones.
+            self.unbind();
+        }
         let (target, mut stale) = Target::kept(&mut self.target, context, size_px)?;
         stale |= self.params.reserve(context, size_of::<Params>() as u64)?;
         stale |= self.upsample_params.reserve(context, size_of::<UpsampleParams>() as u64)?;
@@ -116,6 +120,7 @@ impl Scene {
             let [at_pixels, at_samples] = &mut self.layers;
             stale |= at_pixels.update(context, params, edges.layers, &self.boundary)?;
             if !is_joint {
+                at_samples.share(at_pixels);
                 stale |= at_samples.update(context, *left.params, edges.layers, &self.boundary)?;
             }
         }
@@ -134,6 +139,27 @@ impl Scene {
         let upsample_params = upsample_params(*filter, enlarging);
         self.upsample_params.write(context, 0, bytemuck::bytes_of(&upsample_params))?;
         Ok((params, target, sent))
+    }
+
+    /// Gives back what an image takes; what is compiled stays.
+    pub(super) fn release(&mut self) {
+        self.unbind();
+        self.boundary.release();
+        self.layers.iter_mut().for_each(DepthLayers::release);
+        [&mut self.range, &mut self.params, &mut self.upsample_params].map(GrowingBuffer::release);
+        (self.target, self.enlarged) = (None, None);
+    }
+
+    /// Lets go of what a renderer has left that it will not leave for a job, before it makes room for that: two large ones may not fit.
+    pub(super) fn let_go(&mut self, small: &RenderJob) {
+        let is_of_other_size = |(target, _): &(Arc<Target>, wgpu::Buffer)| target.size_px != small.view.plane_px();
+        let is_of_other_mesh = self.boundary.is_of_other(&small.mesh);
+        if is_of_other_mesh {
+            self.boundary.release();
+        }
+        if is_of_other_mesh || self.bound.as_ref().is_some_and(is_of_other_size) {
+            self.unbind();
+        }
     }
 
     /// Forgets what is bound: some of it has been made anew.
@@ -168,7 +194,10 @@ impl Scene {
         let [at_pixels, at_samples] = &self.layers;
         planes.extend(at_pixels.reference().map(|at| (Resource::Reference, at)));
         planes.extend(at_samples.reference().map(|at| (Resource::SmallReference, at)));
-        self.pipelines.bind(context, &buffers, &planes)
+        let is_joint = matches!(filter, UpsampleFilter::Joint { .. });
+        // Those of other filters may name what this one has not.
+        let is_meant = |stage| stage == last_stage(filter) || is_joint && stage == BEFORE_JOINT;
+        self.pipelines.bind_those(context, is_meant, &buffers, &planes)
     }
 
     /// Records a stage that brings the image to another size, for some tiles from the first one of `params` on.

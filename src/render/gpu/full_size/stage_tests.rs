@@ -296,3 +296,28 @@ fn an_image_of_few_rays_is_enlarged_when_it_is_whole_and_one_of_another_size_is_
     let expected = RenderError::EnlargedSize { given: (131, 78), expected: (131, 77) };
     assert_eq!(renderer.begin(other).unwrap_err(), expected);
 }
+
+#[test]
+fn what_an_image_takes_at_full_size_is_given_back_with_the_next_one_that_is_not_enlarged() {
+    let Some(context) = context() else { return };
+    let (mesh, others) = (mesh(3, 5, DVec3::ZERO), mesh(2, 5, DVec3::ZERO));
+    let camera = &cameras(DVec3::ZERO)[0].1;
+    let other = job(&others, camera, (40, 30));
+    let held = [None, Some(UpsampleKind::Joint), Some(UpsampleKind::Joint2x2)].map(|kind| {
+        let mut renderer = Raycast::new(context.clone());
+        let job = job(&mesh, camera, (131, 77));
+        match kind {
+            Some(kind) => drawn(&mut renderer, &enlarged(&job, ImageScale::Half, kind.usual(ImageScale::Half))),
+            None => drawn(&mut renderer, &job),
+        };
+        drop(job);
+        let before = Arc::strong_count(&mesh);
+        assert_eq!(renderer.layer.layers()[0].plane().is_some(), kind.is_some());
+        drawn(&mut renderer, &other);
+        assert!(renderer.layer.layers().iter().all(|layers| layers.plane().is_none()));
+        (before, Arc::strong_count(&mesh))
+    });
+    let [(before, left), joint, joint2x2] = held;
+    assert!(joint.0 > before && joint2x2.0 > before, "the boundary has its mesh: {held:?}");
+    assert_eq!([joint.1, joint2x2.1], [left; 2]);
+}

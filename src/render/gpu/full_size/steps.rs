@@ -195,7 +195,13 @@ impl Enlarger {
     /// Keeps in mind that there was no room for an image, and gives back what there was.
     pub(super) fn refuse(&mut self, full: &RenderJob) {
         self.refused = full.enlarge.as_ref().map(|enlargement| Refused::new(full, enlargement));
-        self.scene = Scene::new();
+        self.release();
+    }
+
+    /// Gives back what images take; the texture of a frame stays.
+    pub(super) fn release(&mut self) {
+        self.scene.release();
+        self.readback = Readback::new();
     }
 
     /// Works on an image for about `budget`; whether the frame is done.

@@ -71,6 +71,16 @@ impl Boundary {
         Ok((made, sent))
     }
 
+    /// Gives back what it takes, and lets the mesh go.
+    pub(super) fn release(&mut self) {
+        *self = Self::new();
+    }
+
+    /// Whether it is of some cells of another mesh.
+    pub(super) fn is_of_other(&self, mesh: &Arc<Mesh>) -> bool {
+        self.of.as_ref().is_some_and(|(of, _)| !Arc::ptr_eq(of, mesh))
+    }
+
     /// Workgroups that draw it.
     pub(super) fn groups(&self) -> usize {
         self.faces.div_ceil(FACES_PER_GROUP) as usize
@@ -144,6 +154,19 @@ impl DepthLayers {
             ..FaceParams::default()
         };
         Ok(made)
+    }
+
+    /// Gives back what layers take; what is compiled stays.
+    pub(super) fn release(&mut self) {
+        let Self { params_buffer, face_params_buffer, lists, args, depths, reference, pipelines, .. } = self;
+        pipelines.unbind();
+        *reference = None;
+        [params_buffer, face_params_buffer, lists, args, depths].map(GrowingBuffer::release);
+    }
+
+    /// Takes over the stages that others have compiled.
+    pub(super) fn share(&mut self, others: &Self) {
+        self.pipelines.share(&others.pipelines);
     }
 
     /// What filters compare, if there is room for it.
@@ -231,11 +254,16 @@ impl DepthLayers {
         self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
     }
 
-    /// Room for more pieces than there was; nothing is bound then, and the boundary is to be drawn again.
+    /// Room for more pieces than there was, and a quarter more than that if a binding may have them; nothing is bound then, and the boundary is to
+    /// be drawn again.
     pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
-        self.reserve_pieces(context, pieces + pieces / 4)?;
-        self.face_params.piece_capacity = self.piece_capacity();
+        // What is bound would keep the list that there is beside the new one.
         self.unbind();
+        let most = (context.binding_bytes() / 4).saturating_sub(LayerLists::HEAD) / PIECE_WORDS;
+        // A buffer is a multiple of 16 bytes.
+        let most = most - most % 2;
+        self.reserve_pieces(context, (pieces + pieces / 4).min(most).max(pieces))?;
+        self.face_params.piece_capacity = self.piece_capacity();
         Ok(())
     }
 
