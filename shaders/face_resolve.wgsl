@@ -290,7 +290,7 @@ fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
 @compute @workgroup_size(256)
 fn face_resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let tile = face_params.first + group.x + group.y * groups.x;
-    let pixel = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX + vec2(local % TILE_PX, local / TILE_PX);
+    let pixel = pixel_of_thread(tile, local);
     let is_wanted = local >= face_params.first_pixel && local < face_params.end_pixel;
     if tile < face_params.end && is_wanted && all(pixel < params.size_px) {
         resolve_pixel(tile, local, pixel);

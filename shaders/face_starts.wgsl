@@ -45,7 +45,7 @@ fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
 @compute @workgroup_size(256)
 fn face_starts(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let tile = face_params.first + group.x + group.y * groups.x;
-    let pixel = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX + vec2(local % TILE_PX, local / TILE_PX);
+    let pixel = pixel_of_thread(tile, local);
     if tile >= face_params.end || any(pixel >= params.size_px) || !is_in_band(tile, local) {
         return;
     }

@@ -7,8 +7,7 @@ const MISSING: f32 = 2.0;
 @compute @workgroup_size(256)
 fn layers_reference(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let tile = params.first_tile + group.x;
-    let corner = vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX;
-    let pixel = corner + vec2(thread % TILE_PX, thread / TILE_PX);
+    let pixel = pixel_of_thread(tile, thread);
     if any(pixel >= params.size_px) {
         return;
     }

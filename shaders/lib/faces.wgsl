@@ -50,7 +50,3 @@ const EYE_WORDS: u32 = 6u;
 const JOINT_PAIRS: u32 = 4u;
 // Words of a piece of a large face: its place in the list, a tile.
 const PIECE_WORDS: u32 = 2u;
-
-fn tile_count() -> u32 {
-    return params.tiles.x * params.tiles.y;
-}

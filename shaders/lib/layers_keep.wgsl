@@ -20,15 +20,6 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
     }
 }
 
-fn is_in_band(tile: u32, local: u32) -> bool {
-    return true;
-}
-
-// Rows of the band.
-fn band_rows() -> vec2<i32> {
-    return vec2(0, i32(params.size_px.y) - 1);
-}
-
 // First piece of the slice, and the one behind its last.
 fn pieces_of_slice() -> vec2<u32> {
     return vec2(atomicLoad(&lists[PIECES_FROM]), atomicLoad(&lists[PIECES_TO]));

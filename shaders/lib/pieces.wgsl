@@ -1,4 +1,4 @@
-// Large faces in pieces, one a tile.
+// Large faces in pieces, one a tile, for passes about all of the image.
 
 // More pieces than there can be room for: their number stays there, and does not run over.
 const TOO_MANY: u32 = 0x40000000u;
@@ -20,4 +20,14 @@ fn cut(rank: u32, box: vec4<u32>) {
             piece += 1u;
         }
     }
+}
+
+// There is one band, the image.
+fn is_in_band(tile: u32, local: u32) -> bool {
+    return true;
+}
+
+// Rows of the band.
+fn band_rows() -> vec2<i32> {
+    return vec2(0, i32(params.size_px.y) - 1);
 }

@@ -12,8 +12,3 @@ struct UpsampleParams {
     reference_per_square: f32,
     unused: vec2<u32>,
 }
-
-// The pixel of a thread of a workgroup that is a tile.
-fn pixel_of_thread(tile: u32, thread: u32) -> vec2<u32> {
-    return vec2(tile % params.tiles.x, tile / params.tiles.x) * TILE_PX + vec2(thread % TILE_PX, thread / TILE_PX);
-}

@@ -7,7 +7,7 @@ use crate::image::upsample::{self, Enlarging, JointKernel, Reference};
 use crate::image::{Planes, RgbaImage};
 use crate::render::RenderJob;
 use crate::render::cpu::layers::BoundaryDepths;
-use crate::render::upsampling::Enlargement;
+use crate::render::upsampling::{Enlargement, small_view};
 use crate::stats::FrameStats;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,21 +20,14 @@ pub(super) struct Enlarge {
     /// The job at full size, and at the size that is rendered: of cells that are the same whatever is skipped.
     full: RenderJob,
     small_view: View,
+    /// Whether the image is clear, as one of no cells is.
+    is_clear: bool,
 }
 
 impl Enlarge {
     /// The view of the image that is rendered for a view: pixels of its own around the same middle.
     pub(super) fn small_view(upsampling: Upsampling, view: &View) -> View {
-        let enlarging = upsampling.enlarging((view.width_px, view.height_px));
-        let (width_px, height_px) = enlarging.small;
-        let covers = |small: usize, full: usize| enlarging.per_sample * small as f64 / full as f64;
-        View {
-            half_width: view.half_width * covers(width_px, view.width_px),
-            half_height: view.half_height * covers(height_px, view.height_px),
-            width_px,
-            height_px,
-            ..view.clone()
-        }
+        small_view(&upsampling.enlarging((view.width_px, view.height_px)), view)
     }
 
     /// What brings the image of a job to the size of `view`.
@@ -42,7 +35,8 @@ impl Enlarge {
         let enlarging = upsampling.enlarging((view.width_px, view.height_px));
         let active = job.domain.as_ref().unwrap_or(&job.active).clone();
         let full = RenderJob { active, view, placed: None, faces: None, fragments: None, ..job.clone() };
-        Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone() }
+        let is_clear = job.active.count() == 0 && job.fragments.is_none();
+        Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_clear }
     }
 
     /// The same for the GPU.
@@ -71,6 +65,7 @@ impl Enlarge {
     fn color(&self, color: &RgbaImage, stats: &mut FrameStats) -> Option<RgbaImage> {
         let enlarging = &self.enlarging;
         match self.filter {
+            _ if self.is_clear => Some(upsample::nearest(color, enlarging)),
             UpsampleFilter::Nearest => Some(upsample::nearest(color, enlarging)),
             UpsampleFilter::Bilinear => Some(upsample::bilinear(color, enlarging)),
             UpsampleFilter::Joint { kernel_px, edges } => {

@@ -188,6 +188,19 @@ impl Upsampling {
     }
 }
 
+/// The view of a small image that is enlarged to that of a view: pixels of its own around the same middle.
+pub(crate) fn small_view(enlarging: &Enlarging, view: &View) -> View {
+    let (width_px, height_px) = enlarging.small;
+    let covers = |small: usize, full: usize| enlarging.per_sample * small as f64 / full as f64;
+    View {
+        half_width: view.half_width * covers(width_px, view.width_px),
+        half_height: view.half_height * covers(height_px, view.height_px),
+        width_px,
+        height_px,
+        ..view.clone()
+    }
+}
+
 /// How the image of a job comes to the size of its frame, on the device that it is rendered on
 /// ([`RenderJob::enlarge`](crate::render::RenderJob::enlarge)).
 #[derive(Clone, Debug, PartialEq)]

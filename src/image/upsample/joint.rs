@@ -11,7 +11,7 @@
 //! plane that counts (1 within the image) are 0: nothing asks where the border is. Weights of f are a table by offset; g is a
 //! polynomial, right to 2e-7, and not below 2^-126. Sums are made row by row of Omega, and then over rows, in the same order for any thread count.
 
-use super::Reference;
+use super::{Reference, log2_per_square};
 use crate::image::RgbaImage;
 use crate::task::Cancel;
 use rayon::prelude::*;
@@ -57,8 +57,7 @@ pub fn joint(image: &RgbaImage, reference: &Reference, kernel: JointKernel, canc
     }
     let padded = Padded::of(image, reference, kernel.kernel_px / 2);
     let domain = domain_weights(kernel.kernel_px);
-    // Beyond 1e30 all that differs is out.
-    let per_square = (std::f64::consts::LOG2_E / (2.0 * kernel.sigma_reference.powi(2))).min(1e30) as f32;
+    let per_square = log2_per_square(kernel.sigma_reference);
     out.pixels.par_chunks_mut(image.width).enumerate().for_each(|(row, pixels)| {
         if !cancel.is_cancelled() {
             pulp::Arch::new().dispatch(FilterRow { padded: &padded, domain: &domain, per_square, row, pixels });

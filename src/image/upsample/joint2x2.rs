@@ -7,7 +7,7 @@
 //! weights is below [`LEAST_SUM`], the pixel is that of bilinear interpolation.
 
 use super::joint::exp2_of_negative;
-use super::{Enlarging, Reference};
+use super::{Enlarging, Reference, log2_per_square};
 use crate::image::RgbaImage;
 use rayon::prelude::*;
 
@@ -27,7 +27,7 @@ pub fn joint2x2(
     if enlarging.is_empty() {
         return (out, 0);
     }
-    let per_square = (std::f64::consts::LOG2_E / (2.0 * sigma_reference.powi(2))).min(1e30) as f32;
+    let per_square = log2_per_square(sigma_reference);
     let columns = enlarging.between_samples(image.width, width);
     let rows = enlarging.between_samples(image.height, height);
     let lines = out.pixels.par_chunks_mut(width).zip(at_pixels.pixels.par_chunks(width)).zip(&rows);

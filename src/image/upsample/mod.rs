@@ -25,6 +25,12 @@ pub use nearest::nearest;
 /// What is compared between pixels, by the distance of vectors; numbers that are not used are the same everywhere.
 pub type Reference = Plane<[f32; 3]>;
 
+/// The logarithm (base 2) of a Gaussian of width `sigma`, above 0, is minus this times the square of a distance. Beyond 1e30 all that differs is
+/// out.
+pub(crate) fn log2_per_square(sigma: f64) -> f32 {
+    (std::f64::consts::LOG2_E / (2.0 * sigma.powi(2))).min(1e30) as f32
+}
+
 /// Where the samples of a small image lie in the full one: both have the same middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enlarging {

@@ -50,6 +50,9 @@ pub mod flags {
 /// Pixels with more fragments are sorted before they are resolved.
 pub const DEEP: u32 = 1024;
 
+/// Faces of a workgroup of the stage that draws them.
+pub const FACES_PER_GROUP: u32 = 64;
+
 /// Pixels of a tile.
 pub const TILE_PIXELS: usize = TILE_PX * TILE_PX;
 

@@ -42,6 +42,7 @@ pub(super) const BOUNDARY_FACES: &str = include_str!("../../../shaders/lib/bound
 pub(super) const PIECES: &str = include_str!("../../../shaders/lib/pieces.wgsl");
 pub(super) const LAYER_LISTS: &str = include_str!("../../../shaders/lib/layer_lists.wgsl");
 pub(super) const LAYERS_KEEP: &str = include_str!("../../../shaders/lib/layers_keep.wgsl");
+pub(super) const TILES: &str = include_str!("../../../shaders/lib/tiles.wgsl");
 pub(super) const UPSAMPLE: &str = include_str!("../../../shaders/lib/upsample.wgsl");
 pub(super) const SAMPLES: &str = include_str!("../../../shaders/lib/samples.wgsl");
 pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");

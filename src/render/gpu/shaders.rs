@@ -524,12 +524,12 @@ fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
 /// What stages of the face renderer share.
 fn faces(kind: FragmentKind) -> String {
     let pairs = format!("const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8);
-    [&pairs, lib::FACES, lib::FACE_LISTS].concat()
+    [&pairs, lib::TILES, lib::FACES, lib::FACE_LISTS].concat()
 }
 
 /// What stages share that draw layers of depth.
 fn layers() -> String {
-    [lib::FACES, lib::LAYER_LISTS].concat()
+    [lib::TILES, lib::FACES, lib::LAYER_LISTS].concat()
 }
 
 /// A stage about layers of depth that have been drawn.
@@ -539,7 +539,7 @@ fn layering(stage: &str) -> String {
 
 /// A stage that brings an image to another size.
 fn upsampling(samples: &str, stage: &str) -> String {
-    [lib::FRAME, lib::UPSAMPLE, samples, stage].concat()
+    [lib::FRAME, lib::TILES, lib::UPSAMPLE, samples, stage].concat()
 }
 
 /// A stage that finds fragments.

@@ -17,7 +17,7 @@ use super::tiles::{PixelRect, TILE_PX, TileGrid};
 use crate::camera::{Samples, View};
 use crate::image::Plane;
 use crate::image::upsample::Reference;
-use crate::mesh::{Mesh, NONE};
+use crate::mesh::{NONE, Topology};
 use crate::visibility::CellSet;
 pub use nearest::MAX_LAYERS;
 use nearest::{Scene, Scratch};
@@ -25,6 +25,9 @@ use rayon::prelude::*;
 
 /// Faces that are sorted into tiles by one thread: enough to hide the cost of a list for each tile.
 const FACES_PER_LIST: usize = 8 * 1024;
+
+/// Faces of the mesh that are looked at between two looks at whether the job is cancelled: a fraction of a millisecond.
+const FACES_PER_LOOK: usize = 64 * 1024;
 
 /// What a layer that a pixel lacks counts as beside depths of 0 (the nearest place of the boundary in view) to 1 (the farthest one).
 pub(in crate::render) const MISSING: f32 = 2.0;
@@ -49,8 +52,8 @@ impl BoundaryDepths {
         project(&view, &vertices, None, &job.cancel, &mut screen);
         let grid = TileGrid::of(&view);
         let source = BoxSource { view: &view, vertices: &vertices, screen: &screen };
-        let faces: Vec<ListedFace> =
-            boundary_faces(&job.mesh, &job.active).map(|ids| ListedFace { ids, cells: [NONE; 2] }).collect();
+        let faces = boundary_faces(job, &job.active)?;
+        let faces: Vec<_> = faces.into_par_iter().map(|ids| ListedFace { ids, cells: [NONE; 2] }).collect();
         let lists: Vec<TileLists> =
             faces.par_chunks(FACES_PER_LIST).map(|faces| lists_of(faces, source, grid)).collect();
         let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
@@ -106,11 +109,21 @@ fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
     Bounds { x0: x, x1: x + width, y0: y, y1: y + height }
 }
 
-/// The corners, ascending, of the faces between an active cell and none.
-pub(in crate::render) fn boundary_faces(mesh: &Mesh, active: &CellSet) -> impl ParallelIterator<Item = [u32; 3]> {
-    let is_in = |cell: u32| cell != NONE && active.contains(cell);
-    let faces = mesh.topology.faces.par_iter().zip(&mesh.topology.face_cells);
-    faces.filter(move |(_, [a, b])| is_in(*a) != is_in(*b)).map(|(ids, _)| *ids)
+/// The corners, ascending, of the faces between a cell of a set and none, in the order of the mesh; `None` if the job is cancelled.
+pub(in crate::render) fn boundary_faces(job: &RenderJob, cells: &CellSet) -> Option<Vec<[u32; 3]>> {
+    let is_in = |cell: u32| cell != NONE && cells.contains(cell);
+    let Topology { faces, face_cells, .. } = &job.mesh.topology;
+    let parts = faces.par_chunks(FACES_PER_LOOK).zip(face_cells.par_chunks(FACES_PER_LOOK));
+    let of_part = |(faces, cells): (&[[u32; 3]], &[[u32; 2]])| -> Vec<[u32; 3]> {
+        if job.cancel.is_cancelled() {
+            return Vec::new();
+        }
+        let _turn = job.thread_limit.turn();
+        let part = faces.iter().zip(cells).filter(|(_, [a, b])| is_in(*a) != is_in(*b));
+        part.map(|(ids, _)| *ids).collect()
+    };
+    let found: Vec<Vec<[u32; 3]>> = parts.map(of_part).collect();
+    (!job.cancel.is_cancelled()).then(|| found.concat())
 }
 
 /// Some faces, sorted into the tiles of an image.

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::camera::{Camera, Projection};
+use crate::mesh::Mesh;
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid_of};
 use crate::node_table::NodeTable;
 use crate::render::reference::clip::Cell;

@@ -1,7 +1,7 @@
 //! What bringing an image to another size needs in the GPU's memory, and its stages.
 
 use super::ImageLeft;
-use crate::image::upsample::Enlarging;
+use crate::image::upsample::{Enlarging, log2_per_square};
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::eye;
@@ -48,14 +48,13 @@ pub(super) const BEFORE_JOINT: Stage = Stage::UpsampleBilinear(Toward::Filter);
 /// The parameters of a filter.
 fn upsample_params(filter: UpsampleFilter, enlarging: &Enlarging) -> UpsampleParams {
     let (width, height) = enlarging.small;
-    let per_square = |sigma: f64| (std::f64::consts::LOG2_E / (2.0 * sigma * sigma)).min(1e30) as f32;
     let kernel_px = if let UpsampleFilter::Joint { kernel_px, .. } = filter { kernel_px } else { 1 };
     UpsampleParams {
         small_px: [width as u32, height as u32],
         samples_per_pixel: (1.0 / enlarging.per_sample) as f32,
         half_px: (kernel_px / 2) as i32,
-        domain_per_square: per_square(0.5 * kernel_px as f64),
-        reference_per_square: filter.edges().map_or(0.0, |edges| per_square(edges.sigma_depth)),
+        domain_per_square: log2_per_square(0.5 * kernel_px as f64),
+        reference_per_square: filter.edges().map_or(0.0, |edges| log2_per_square(edges.sigma_depth)),
         unused: [0; 2],
     }
 }
@@ -75,19 +74,22 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent. `job` is at full
-    /// size.
+    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent; `None` if the job
+    /// is cancelled. `job` is at full size.
     pub(super) fn update(
         &mut self,
         context: &Context,
         job: &RenderJob,
         enlargement: &Enlargement,
         left: &ImageLeft<'_>,
-    ) -> Result<(Params, Arc<Target>, u64), RenderError> {
+    ) -> Result<Option<(Params, Arc<Target>, u64)>, RenderError> {
         let updated = self.update_parts(context, job, enlargement, left);
-        if updated.is_err() {
+        match &updated {
+            Ok(Some(_)) => {}
+            // Some of what is bound may have been made anew.
+            Ok(None) => self.unbind(),
             // What there is may not belong together.
-            self.release();
+            Err(_) => self.release(),
         }
         updated
     }
@@ -98,7 +100,7 @@ impl Scene {
         job: &RenderJob,
         enlargement: &Enlargement,
         left: &ImageLeft<'_>,
-    ) -> Result<(Params, Arc<Target>, u64), RenderError> {
+    ) -> Result<Option<(Params, Arc<Target>, u64)>, RenderError> {
         let Enlargement { filter, enlarging, domain, .. } = enlargement;
         let params = eye::params(context, &job.local_view())?;
         let size_px = enlarging.full;
@@ -114,7 +116,7 @@ impl Scene {
         stale |= self.range.reserve(context, 8)?;
         let mut sent = 0;
         if let Some(edges) = filter.edges() {
-            let (made, bytes) = self.boundary.update(context, &job.mesh, domain)?;
+            let Some((made, bytes)) = self.boundary.update(context, job, domain)? else { return Ok(None) };
             stale |= made;
             sent += bytes;
             let [at_pixels, at_samples] = &mut self.layers;
@@ -138,7 +140,7 @@ impl Scene {
         self.bound = Some(bound);
         let upsample_params = upsample_params(*filter, enlarging);
         self.upsample_params.write(context, 0, bytemuck::bytes_of(&upsample_params))?;
-        Ok((params, target, sent))
+        Ok(Some((params, target, sent)))
     }
 
     /// Gives back what an image takes; what is compiled stays.
@@ -146,7 +148,7 @@ impl Scene {
         self.unbind();
         self.boundary.release();
         self.layers.iter_mut().for_each(DepthLayers::release);
-        [&mut self.range, &mut self.params, &mut self.upsample_params].map(GrowingBuffer::release);
+        [&mut self.range, &mut self.params, &mut self.upsample_params].into_iter().for_each(GrowingBuffer::release);
         (self.target, self.enlarged) = (None, None);
     }
 

@@ -216,7 +216,11 @@ impl Enlarger {
         let _span = tracing::info_span!("upsample").entered();
         let work = match &mut sizing.work {
             Some(work) => work,
-            None => sizing.work.insert(self.begin(context, &sizing.full, left, frame)?),
+            None => match self.begin(context, &sizing.full, left, frame)? {
+                Some(work) => sizing.work.insert(work),
+                // The job is cancelled.
+                None => return Ok(false),
+            },
         };
         self.advance(context, budget, work, left, frame)
     }
@@ -228,14 +232,16 @@ impl Enlarger {
         full: &RenderJob,
         left: &ImageLeft<'_>,
         frame: &mut Frame,
-    ) -> Result<Work, RenderError> {
+    ) -> Result<Option<Work>, RenderError> {
         let started = Instant::now();
         let Some(enlargement) = full.enlarge.clone() else {
             return Err(context.beyond("an image of another size has no size to come to".to_owned()));
         };
+        let _span = enlargement.filter.edges().map(|_| layers_span());
         frame.texture = self.texture.take();
         self.presenter.prepare(context, full, frame)?;
-        let (params, target, sent) = self.scene.update(context, full, &enlargement, left)?;
+        let updated = self.scene.update(context, full, &enlargement, left)?;
+        let Some((params, target, sent)) = updated else { return Ok(None) };
         self.begin_costs(enlargement.filter);
         let views = Step::of(enlargement.filter).iter().filter(|step| matches!(step, Step::Faces(_))).count();
         let stats = &mut frame.stats;
@@ -246,7 +252,7 @@ impl Enlarger {
         let work = Work { enlargement, params, target, scale, at: 0, next: 0, tiles_done: 0 };
         (0..views).try_for_each(|view| self.clear(context, view))?;
         add_time(stats, work.step(), started);
-        Ok(work)
+        Ok(Some(work))
     }
 
     /// Begins to count what an image costs.
@@ -290,6 +296,7 @@ impl Enlarger {
                 return Ok(true);
             };
             let step = flight.step;
+            let _span = step.is_of_layers().then(layers_span);
             self.collect(context, flight, work, left, frame)?;
             since = add_time(&mut frame.stats, Some(step), since);
             if started.elapsed() >= budget && work.tiles_done < work.params.tile_count() {
@@ -431,6 +438,11 @@ impl Enlarger {
         }
         came_back
     }
+}
+
+/// In a trace, as the CPU has it.
+fn layers_span() -> tracing::span::EnteredSpan {
+    tracing::info_span!("depth layers").entered()
 }
 
 /// Adds the time since `since` to that of a step; now.

@@ -2,16 +2,13 @@
 
 use super::bands::Band;
 use crate::render::RenderJob;
-use crate::render::gpu::layout::{DEEP, FaceParams, Lists, Params};
+use crate::render::gpu::layout::{DEEP, FACES_PER_GROUP, FaceParams, Lists, Params};
 use crate::render::gpu::readback::Sent;
 use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
 use crate::render::gpu::slices::GROUPS_MAX;
 use crate::render::gpu::target::Target;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Faces of a workgroup.
-const FACES_PER_GROUP: u32 = 64;
 
 /// What the GPU is given to do, in this order; those from `StoreFaces` on again for each band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

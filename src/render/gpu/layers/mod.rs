@@ -18,24 +18,21 @@ mod stage_tests;
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX};
+use super::layout::{FACES_PER_GROUP, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX};
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::{Pass, Precision, Stage};
 use super::slices::dispatch;
 use super::target::OnePlane;
 use crate::mesh::Mesh;
-use crate::render::RenderError;
 use crate::render::cpu::layers::boundary_faces;
+use crate::render::{RenderError, RenderJob};
 use crate::visibility::CellSet;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Pieces of large faces that there is room for at first: a few faces in all tiles.
 const FIRST_PIECES_PER_TILE: u64 = 8;
-/// Faces of a workgroup.
-const FACES_PER_GROUP: u32 = 64;
 
 const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
 const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
@@ -52,23 +49,25 @@ impl Boundary {
         Self { of: None, faces: 0, list: GrowingBuffer::new(Resource::Drawn) }
     }
 
-    /// Brings the boundary of some cells to the GPU unless it is there; whether a buffer was made, and the bytes sent.
+    /// Brings the boundary of some cells of a job's mesh to the GPU unless it is there; whether a buffer was made, and the bytes sent. `None` if
+    /// the job is cancelled.
     pub(super) fn update(
         &mut self,
         context: &Context,
-        mesh: &Arc<Mesh>,
+        job: &RenderJob,
         cells: &Arc<CellSet>,
-    ) -> Result<(bool, u64), RenderError> {
+    ) -> Result<Option<(bool, u64)>, RenderError> {
+        let mesh = &job.mesh;
         let is_there = |(of, set): &(Arc<Mesh>, Arc<CellSet>)| Arc::ptr_eq(of, mesh) && Arc::ptr_eq(set, cells);
         if self.of.as_ref().is_some_and(is_there) {
-            return Ok((false, 0));
+            return Ok(Some((false, 0)));
         }
         self.of = None;
-        let corners: Vec<[u32; 3]> = boundary_faces(mesh, cells).collect();
+        let Some(corners) = boundary_faces(job, cells) else { return Ok(None) };
         let made = self.list.reserve(context, size_of_val(corners.as_slice()) as u64)?;
         let sent = self.list.write(context, 0, bytemuck::cast_slice(&corners))?;
         (self.of, self.faces) = (Some((mesh.clone(), cells.clone())), corners.len() as u32);
-        Ok((made, sent))
+        Ok(Some((made, sent)))
     }
 
     /// Gives back what it takes, and lets the mesh go.
@@ -161,7 +160,7 @@ impl DepthLayers {
         let Self { params_buffer, face_params_buffer, lists, args, depths, reference, pipelines, .. } = self;
         pipelines.unbind();
         *reference = None;
-        [params_buffer, face_params_buffer, lists, args, depths].map(GrowingBuffer::release);
+        [params_buffer, face_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
     }
 
     /// Takes over the stages that others have compiled.

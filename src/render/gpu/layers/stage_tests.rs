@@ -3,13 +3,13 @@
 use super::*;
 use crate::camera::View;
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid_of};
-use crate::render::RenderJob;
 use crate::render::cpu::layers::BoundaryDepths;
 use crate::render::gpu::full_size::stage_tests::{drawn, enlarged};
 use crate::render::gpu::layout::depth_of;
 use crate::render::gpu::raycast::Raycast;
 use crate::render::gpu::raycast::stage_tests::{Meeting, cameras, context, job, meet, read_back, seen};
 use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter};
+use crate::task::Cancel;
 use glam::DVec3;
 
 /// Two parts, one with a hole through it and a cavity, and cells left out at random.
@@ -59,7 +59,7 @@ fn layers_of(context: &Context, layers: &DepthLayers) -> Vec<[f64; 3]> {
 /// Whether f32 may take the ray of a pixel past a face of the boundary, or to it.
 fn is_doubtful(job: &RenderJob, view: &View, pixel: (usize, usize)) -> bool {
     let place = |v: u32| seen(view, job.mesh.positions.local[v as usize].as_dvec3());
-    let faces: Vec<_> = boundary_faces(&job.mesh, &job.active).collect();
+    let faces = boundary_faces(job, &job.active).unwrap();
     faces.iter().any(|ids| {
         let [a, b, c] = ids.map(place);
         [[a, b, c], [a, c, b]].into_iter().any(|corners| meet(view, pixel, corners) == Meeting::Doubtful)
@@ -153,4 +153,15 @@ fn large_faces_are_drawn_in_pieces_and_again_if_there_is_no_room_for_them() {
     let again = drawn(&mut renderer, &job);
     assert_eq!(again.stats.entry_retries, 0);
     assert!(layers_of(&context, &renderer.layer.layers()[0]) == found && again.planes == frame.planes);
+}
+
+#[test]
+fn a_boundary_of_a_job_that_is_cancelled_is_not_taken_for_one() {
+    let Some(context) = context() else { return };
+    let (job, mut boundary) = (parts(3, 0), Boundary::new());
+    let cancelled = RenderJob { cancel: Cancel::after_looks(1), ..job.clone() };
+    assert_eq!(boundary.update(&context, &cancelled, &job.active).unwrap(), None);
+    let faces = boundary_faces(&job, &job.active).unwrap().len();
+    assert_eq!(boundary.update(&context, &job, &job.active).unwrap(), Some((true, 12 * faces as u64)));
+    assert_eq!(boundary.update(&context, &job, &job.active).unwrap(), Some((false, 0)));
 }

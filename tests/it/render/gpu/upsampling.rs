@@ -138,3 +138,23 @@ fn what_is_beyond_the_gpu_at_full_size_is_drawn_on_it_and_enlarged_on_the_cpu() 
         }
     }
 }
+
+#[test]
+fn no_layers_are_drawn_for_an_image_of_no_cells() {
+    if context().is_none() {
+        return;
+    }
+    for (tf, layers) in [(TF, 6), ("viridis@0:0,1:0", 0)] {
+        let (_dir, mut pipeline, request) = jet((60, 41), tf);
+        let request = upsampled(&request, ImageScale::Half, UpsampleKind::Joint2x2.usual(ImageScale::Half));
+        for backend in [Backend::Gpu, Backend::Cpu] {
+            let frame = on(backend, &mut pipeline, &request);
+            let is_clear = frame.planes.color.pixels.iter().all(|pixel| *pixel == [0.0; 4]);
+            assert_eq!(
+                (frame.planes.color.width, frame.stats.depth_layers, is_clear),
+                (60, layers, layers == 0),
+                "{backend}"
+            );
+        }
+    }
+}
