@@ -19,6 +19,17 @@ pub const LEAST_SUM: f32 = 1e-6;
 pub fn joint2x2(
     image: &RgbaImage,
     enlarging: &Enlarging,
+    references: [&Reference; 2],
+    sigma_reference: f64,
+) -> (RgbaImage, u64) {
+    joint2x2_above(LEAST_SUM, image, enlarging, references, sigma_reference)
+}
+
+/// The same with another least sum of weights.
+pub(crate) fn joint2x2_above(
+    least_sum: f32,
+    image: &RgbaImage,
+    enlarging: &Enlarging,
     [at_pixels, at_samples]: [&Reference; 2],
     sigma_reference: f64,
 ) -> (RgbaImage, u64) {
@@ -40,7 +51,7 @@ pub fn joint2x2(
             let weight = |i: usize| shares[i] * alike(here, &at_samples.pixels[samples[i]], per_square);
             let mut weights: [f32; 4] = std::array::from_fn(weight);
             let mut sum: f32 = weights.iter().sum();
-            if sum < LEAST_SUM {
+            if sum < least_sum {
                 (weights, sum) = (shares, shares.iter().sum());
                 fell_back += 1;
             }

@@ -19,6 +19,8 @@ mod tests;
 use super::Plane;
 pub use bilinear::{bilinear, enlarged};
 pub use joint::{JointKernel, MAX_KERNEL_PX, joint};
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use joint2x2::joint2x2_above;
 pub use joint2x2::{LEAST_SUM, joint2x2};
 pub use nearest::nearest;
 

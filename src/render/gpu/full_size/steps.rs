@@ -131,6 +131,12 @@ impl Work {
         Step::of(self.enlargement.filter).get(self.at).copied()
     }
 
+    /// Whether some pieces of large faces have been submitted, and others not.
+    #[cfg(test)]
+    pub(super) fn is_within_pieces(&self) -> bool {
+        matches!(self.step(), Some(Step::Pieces(_))) && self.next > 0
+    }
+
     fn go_to(&mut self, at: usize) {
         (self.at, self.next) = (at, 0);
     }

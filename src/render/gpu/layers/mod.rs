@@ -14,7 +14,7 @@
 //! 3. Whether a face that reaches the eye is in front of it is not asked exactly.
 
 #[cfg(test)]
-mod stage_tests;
+pub(super) mod stage_tests;
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;

@@ -129,18 +129,21 @@ fn layers_are_those_of_the_cpu_but_where_a_ray_is_within_rounding_of_a_rim() {
     println!("{others} of {met} pixels differ");
 }
 
-#[test]
-fn large_faces_are_drawn_in_pieces_and_again_if_there_is_no_room_for_them() {
-    let Some(context) = context() else { return };
-    let mut renderer = Raycast::new(context.clone());
+/// Within a mesh of many layers: more pieces of large faces than the list has at first.
+pub(in crate::render::gpu) fn large_faces() -> RenderJob {
     let filter = UpsampleFilter::Joint { kernel_px: 2, edges: DepthEdges::USUAL };
-    // Within a mesh of many layers: more pieces than the list has at first.
     let keep = |[x, y, z]: [usize; 3]| (x + y + z) % 2 == 0;
     let (mesh, _) = Mesh::build(kuhn_grid_of([12; 3], keep)).unwrap();
     let mut view = cameras(DVec3::ZERO)[0].1;
     (view.position, view.focal_point) = (DVec3::new(-0.4, 5.71, 6.33), DVec3::new(12.0, 6.1, 6.2));
     let job = job(&Arc::new(mesh), &view, (300, 200));
-    let job = enlarged(&job, ImageScale::Half, filter);
+    enlarged(&job, ImageScale::Half, filter)
+}
+
+#[test]
+fn large_faces_are_drawn_in_pieces_and_again_if_there_is_no_room_for_them() {
+    let Some(context) = context() else { return };
+    let (mut renderer, job) = (Raycast::new(context.clone()), large_faces());
     let frame = drawn(&mut renderer, &job);
     assert_eq!(frame.stats.entry_retries, 1, "the list was too short");
     let full = RenderJob { view: job.enlarge.as_ref().unwrap().view.clone(), ..job.clone() };
@@ -164,4 +167,30 @@ fn a_boundary_of_a_job_that_is_cancelled_is_not_taken_for_one() {
     let faces = boundary_faces(&job, &job.active).unwrap().len();
     assert_eq!(boundary.update(&context, &job, &job.active).unwrap(), Some((true, 12 * faces as u64)));
     assert_eq!(boundary.update(&context, &job, &job.active).unwrap(), Some((false, 0)));
+}
+
+#[test]
+fn other_active_cells_of_the_same_mesh_have_layers_of_their_own() {
+    let Some(context) = context() else { return };
+    let mut renderer = Raycast::new(context.clone());
+    let filter = UpsampleFilter::Joint2x2 { edges: DepthEdges::USUAL };
+    let first = parts(5, 0);
+    // Only one of the parts, and then all again: the boundary is shorter, and longer, than the one before.
+    let bounds = |cell: usize| first.mesh.topology.tets[cell].map(|v| first.mesh.positions.local[v as usize].x);
+    let right = CellSet::of(first.active.universe(), |cell| bounds(cell).iter().all(|&x| x > 0.0));
+    let second = RenderJob { active: Arc::new(right), ..first.clone() };
+    let boundaries = [&first, &second].map(|job| boundary_faces(job, &job.active).unwrap().len());
+    assert!(boundaries[1] > 0 && boundaries[1] < boundaries[0], "{boundaries:?}");
+    let mut found = Vec::new();
+    for of in [&first, &second, &first] {
+        let job = enlarged(of, ImageScale::Half, filter);
+        let frame = drawn(&mut renderer, &job);
+        for (layers, job) in renderer.layer.layers().iter().zip([of, &job]) {
+            let [seen, differ, wrong] = compared(job, &layers_of(&context, layers), 3, 8.0);
+            assert!(wrong == 0 && differ * 100 <= seen && seen > 100, "{differ} of {seen}, {wrong} beyond doubt");
+        }
+        assert!(frame.planes == drawn(&mut Raycast::new(context.clone()), &job).planes);
+        found.push(layers_of(&context, &renderer.layer.layers()[0]));
+    }
+    assert!(found[0] != found[1] && found[0] == found[2]);
 }
