@@ -71,7 +71,8 @@ pub struct FrameStats {
     pub blocks_split: [u64; 5],
     /// Blocks between rays whose pixels were filled.
     pub blocks_filled: u64,
-    /// Layers of depth of the domain's boundary that were drawn to enlarge the image, in all of its sizes together; none for an image of no cells.
+    /// Layers of depth of the domain's boundary that were drawn to enlarge the image, in all of its sizes together; none for an image of no
+    /// cells.
     pub depth_layers: u64,
     /// Whether the GPU brought the image to the size of its frame.
     pub upsampled_on_gpu: bool,
@@ -89,8 +90,8 @@ pub struct FrameStats {
     pub in_f64: bool,
     /// Times that the frame was begun again because the device was lost or failed.
     pub gpu_restarts: u64,
-    /// Times that a frame was begun again because its lists of entries or of large faces were longer than the room for them, and that layers of
-    /// depth were, because their list of large faces was (GPU).
+    /// Times that a frame was begun again because its lists of entries or of large faces were longer than the room for them, and that
+    /// layers of depth were, because their list of large faces was (GPU).
     pub entry_retries: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,

@@ -3,8 +3,8 @@
 //! ```text
 //! S_p = 1 / k_p  sum over the four samples s of  I_s b_s(p) g(|R_p - R_s|)      b: the weights of bilinear interpolation
 //! ```
-//! with g as the joint filter has it (`joint.rs`) and R_s found at the place of the sample. All four may lie across an edge: where the sum of the
-//! weights is below [`LEAST_SUM`], the pixel is that of bilinear interpolation.
+//! with g as the joint filter has it (`joint.rs`) and R_s found at the place of the sample. All four may lie across an edge: where the sum
+//! of the weights is below [`LEAST_SUM`], the pixel is that of bilinear interpolation.
 
 use super::joint::exp2_of_negative;
 use super::{Enlarging, Reference, log2_per_square};
@@ -14,8 +14,8 @@ use rayon::prelude::*;
 /// The least sum of weights; below that none of the samples counts.
 pub const LEAST_SUM: f32 = 1e-6;
 
-/// The image at full size, and how many pixels fell back to bilinear interpolation. `references`: at the pixels of the full image, and at the
-/// samples. `sigma_reference`: of g, above 0.
+/// The image at full size, and how many pixels fell back to bilinear interpolation. `references`: at the pixels of the full image, and at
+/// the samples. `sigma_reference`: of g, above 0.
 pub fn joint2x2(
     image: &RgbaImage,
     enlarging: &Enlarging,

@@ -6,8 +6,8 @@
 //! joint      bilinear, then a mean over pixels nearby at which a reference has nearly the same value (joint.rs)
 //! joint2x2   bilinear, but for samples at which a reference has another value (joint2x2.rs)
 //! ```
-//! A reference ([`Reference`]) has up to three numbers a pixel, such as depths of the domain's boundary. Only colours are mixed: of depths, normals
-//! and numbers the one of the nearest sample is taken, since a mean with an infinite depth is none.
+//! A reference ([`Reference`]) has up to three numbers a pixel, such as depths of the domain's boundary. Only colours are mixed: of depths,
+//! normals and numbers the one of the nearest sample is taken, since a mean with an infinite depth is none.
 
 mod bilinear;
 mod joint;
@@ -27,8 +27,8 @@ pub use nearest::nearest;
 /// What is compared between pixels, by the distance of vectors; numbers that are not used are the same everywhere.
 pub type Reference = Plane<[f32; 3]>;
 
-/// The logarithm (base 2) of a Gaussian of width `sigma`, above 0, is minus this times the square of a distance. Beyond 1e30 all that differs is
-/// out.
+/// The logarithm (base 2) of a Gaussian of width `sigma`, above 0, is minus this times the square of a distance. Beyond 1e30 all that
+/// differs is out.
 pub(crate) fn log2_per_square(sigma: f64) -> f32 {
     (std::f64::consts::LOG2_E / (2.0 * sigma.powi(2))).min(1e30) as f32
 }

@@ -367,8 +367,8 @@ pub struct UpsampleParams {
     pub unused: [u32; 2],
 }
 
-/// Places in the buffer of the rays that contrast asks for, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of what is
-/// listed and of what has met a cell, states of the blocks between rays, the list.
+/// Places in the buffer of the rays that contrast asks for, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of what
+/// is listed and of what has met a cell, states of the blocks between rays, the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RayLists {
     /// Width and height of the image.

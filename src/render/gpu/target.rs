@@ -39,7 +39,8 @@ pub(super) struct OnePlane {
 }
 
 impl OnePlane {
-    /// Keeps the one that there is if it is of this size, or else puts a new one in its place, which stages write as `of`; whether it is new.
+    /// Keeps the one that there is if it is of this size, or else puts a new one in its place, which stages write as `of`; whether it is
+    /// new.
     pub(super) fn keep(
         kept: &mut Option<Self>,
         context: &Context,

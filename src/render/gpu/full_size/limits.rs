@@ -9,8 +9,8 @@ use crate::render::gpu::target::Target;
 use crate::render::upsampling::{Enlargement, UpsampleFilter};
 use std::sync::{Arc, Weak};
 
-/// Whether an image is within the limits of a device at its size. Whether there is memory for it, and for the boundary of its cells, is found
-/// out by asking for that. `full` is its job.
+/// Whether an image is within the limits of a device at its size. Whether there is memory for it, and for the boundary of its cells, is
+/// found out by asking for that. `full` is its job.
 pub(super) fn are_kept(context: &Context, full: &RenderJob, enlargement: &Enlargement) -> bool {
     let (size_px, limits) = (enlargement.enlarging.full, context.device.limits());
     let comes_back = !(full.for_window && context.is_of_window());

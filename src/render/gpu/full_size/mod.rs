@@ -1,7 +1,7 @@
 //! Images that come to the size of their frame on the GPU that they are rendered on ([`crate::image::upsample`]).
 //!
-//! A renderer leaves a small image, and the vertices of the mesh in view coordinates, which are the same for any number of pixels. Its planes do
-//! not come back; then, slice by slice:
+//! A renderer leaves a small image, and the vertices of the mesh in view coordinates, which are the same for any number of pixels. Its
+//! planes do not come back; then, slice by slice:
 //!
 //! ```text
 //! for filters that keep edges:

@@ -74,8 +74,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent; `None` if the job
-    /// is cancelled. `job` is at full size.
+    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent; `None`
+    /// if the job is cancelled. `job` is at full size.
     pub(super) fn update(
         &mut self,
         context: &Context,

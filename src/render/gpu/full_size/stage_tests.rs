@@ -64,7 +64,8 @@ fn read_plane(context: &Context, plane: &OnePlane) -> Reference {
     Reference { width: width as usize, height: height as usize, pixels }
 }
 
-/// What the CPU makes of the same image and the same layers, the fewest and the most pixels that fall back, and by how much colours may differ.
+/// What the CPU makes of the same image and the same layers, the fewest and the most pixels that fall back, and by how much colours may
+/// differ.
 fn twin(small: &Planes, [reference, at_samples]: [&Reference; 2], to: &Enlargement) -> (RgbaImage, [u64; 2], f64) {
     // Half the distance from 1 to the next f32.
     let unit = 1.0 / f64::from(1 << 24);

@@ -31,8 +31,8 @@ enum Step {
 
 /// Pairs of pixels that the first slice of a filter weighs at most: in software, where a pair took 6 ns, 50 ms.
 const FIRST_PAIRS: usize = 1 << 23;
-/// Pairs that a slice weighs at most. Drivers give a GPU up that works on one submission for two seconds; at ten operations a pair this is less
-/// than half of one for a GPU of 10^11 operations a second, which is fewer than those built into processors have.
+/// Pairs that a slice weighs at most. Drivers give a GPU up that works on one submission for two seconds; at ten operations a pair this is
+/// less than half a second's work of a GPU of 10^11 operations a second, and those built into processors have more.
 const PAIRS_MAX: usize = 1 << 32;
 
 /// Pairs of pixels that a filter weighs in a tile.
@@ -231,7 +231,8 @@ impl Enlarger {
         self.advance(context, budget, work, left, frame)
     }
 
-    /// Brings what is needed for an image that a renderer has left to the GPU, and makes the frame as large as it is to be. `full` is its job.
+    /// Brings what is needed for an image that a renderer has left to the GPU, and makes the frame as large as it is to be. `full` is its
+    /// job.
     fn begin(
         &mut self,
         context: &Arc<Context>,

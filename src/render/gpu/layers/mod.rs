@@ -1,15 +1,16 @@
 //! Layers of depth on the GPU: what [`crate::render::cpu::layers`] does, in WGSL.
 //!
-//! 1. **faces**, the stage of the face renderer: a thread a face of the boundary looks at the pixels of the face's box. A face with a large box is
-//!    cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of a fragment a pixel keeps its nearest depths
-//!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and leaves the other to the next, so that they are the same in any order.
-//! 2. **plan**: how many pieces there are stands in the GPU's memory, and the number of workgroups comes from there. Too many for the list, and
-//!    the boundary is drawn again with a longer one.
+//! 1. **faces**, the stage of the face renderer: a thread a face of the boundary looks at the pixels of the face's box. A face with a large
+//!    box is cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of a fragment a pixel keeps its nearest depths
+//!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and leaves the other to the next, so that they are the same in
+//!    any order.
+//! 2. **plan**: how many pieces there are stands in the GPU's memory, and the number of workgroups comes from there. Too many for the list,
+//!    and the boundary is drawn again with a longer one.
 //! 3. **range** of all depths in view, and from it the **reference** of filters.
 //!
 //! Deviations from the CPU path:
-//! 1. A depth is the sum of an f32 for two: right to what f32 knows of the weights, 2^-22 of the face's extent in depth, and to 2^-24 of itself,
-//!    counted from the middle of the mesh or from the eye. Places are computed in f32 whatever the device has.
+//! 1. A depth is the sum of an f32 for two: right to what f32 knows of the weights, 2^-22 of the face's extent in depth, and to 2^-24 of
+//!    itself, counted from the middle of the mesh or from the eye. Places are computed in f32 whatever the device has.
 //! 2. Which rays pass through a face is as right as for the face renderer: rays within rounding of the boundary's rim may meet it or not.
 //! 3. Whether a face that reaches the eye is in front of it is not asked exactly.
 
@@ -49,8 +50,8 @@ impl Boundary {
         Self { of: None, faces: 0, list: GrowingBuffer::new(Resource::Drawn) }
     }
 
-    /// Brings the boundary of some cells of a job's mesh to the GPU unless it is there; whether a buffer was made, and the bytes sent. `None` if
-    /// the job is cancelled.
+    /// Brings the boundary of some cells of a job's mesh to the GPU unless it is there; whether a buffer was made, and the bytes sent.
+    /// `None` if the job is cancelled.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -253,8 +254,8 @@ impl DepthLayers {
         self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
     }
 
-    /// Room for more pieces than there was, and a quarter more than that if a binding may have them; nothing is bound then, and the boundary is to
-    /// be drawn again.
+    /// Room for more pieces than there was, and a quarter more than that if a binding may have them; nothing is bound then, and the
+    /// boundary is to be drawn again.
     pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
         // What is bound would keep the list that there is beside the new one.
         self.unbind();

@@ -6,9 +6,9 @@ use tetreel::pipeline::{
     Backend, DepthEdges, FaceDetail, FrameRequest, ImageScale, Pipeline, TetDraw, UpsampleFilter, UpsampleKind,
 };
 
-/// What colours may be off by beyond what small images may: depths in f32 are right to 1e-6 of the range in view, so that differences of three
-/// layers are off by 3.5e-6. Of weights with a mean t (2^-t) of at most 22 (joint2x2, whose weights sum up to 1e-6) that is 5.5 / sigma times as
-/// much at sigma 0.01, and less of the many pixels of the joint filter.
+/// What colours may be off by beyond what small images may: depths in f32 are right to 1e-6 of the range in view, so that differences of
+/// three layers are off by 3.5e-6. Of weights with a mean t (2^-t) of at most 22 (joint2x2, whose weights sum up to 1e-6) that is 5.5 /
+/// sigma times as much at sigma 0.01, and less of the many pixels of the joint filter.
 const BY_WEIGHTS: f64 = 2e-3;
 
 fn on(backend: Backend, pipeline: &mut Pipeline, request: &FrameRequest) -> Frame {
