@@ -157,8 +157,8 @@ impl Adaptive {
         }
     }
 
-    /// Whether the ray of a pixel was cast before the level that is being cast.
-    #[cfg(all(test, feature = "gpu"))]
+    /// Whether the ray of a pixel was cast before the level that is being cast; of an image that is filled, at all.
+    #[cfg(test)]
     pub(in crate::render) fn has_cast(&self, column: usize, row: usize) -> bool {
         self.cast.contains(column, row)
     }

@@ -33,6 +33,8 @@
 //! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
 //! ([`light`](super::light)).
 
+#[cfg(test)]
+mod adaptive_tests;
 pub(in crate::render) mod entries;
 mod entry_faces;
 #[cfg(target_arch = "x86_64")]
@@ -111,7 +113,7 @@ impl Raycast {
     }
 
     /// How the sampling of the last image went.
-    #[cfg(all(test, feature = "gpu"))]
+    #[cfg(test)]
     pub(in crate::render) fn adaptive(&self) -> &Adaptive {
         &self.layer.adaptive
     }
