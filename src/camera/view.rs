@@ -126,6 +126,12 @@ impl View {
         }
     }
 
+    /// How many rays its samples are: one for each pixel of the plane that is rendered.
+    pub(crate) fn ray_count(&self) -> u64 {
+        let (columns, rows) = self.plane_px();
+        columns as u64 * rows as u64
+    }
+
     /// Depth before which rays see nothing: a perspective camera sees nothing behind its eye, a parallel one has no eye.
     pub fn near_depth(&self) -> f64 {
         if self.perspective { self.near.max(0.0) } else { f64::NEG_INFINITY }

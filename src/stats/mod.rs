@@ -64,7 +64,8 @@ pub struct FrameStats {
     pub out_of_order: u64,
     /// Paths given up because the signs of edge functions contradicted each other: 0 where arithmetic is as assumed.
     pub broken_paths: u64,
-    /// Rays that were cast at strides 8, 4, 2 and 1, where contrast decides which.
+    /// Rays that a ray caster has cast: at strides 8, 4, 2 and 1 where contrast decides which, at the last otherwise, as many as the image has
+    /// pixels. None where it was known without that nothing is to be seen.
     pub rays_by_level: [u64; 4],
     /// Blocks between rays that were split since their corners differ, since the border of the domain goes through them, since a face of
     /// it reaches into them, since one beside them is, and since a layer beside the cells begins or ends in them.

@@ -79,8 +79,9 @@ fn fewer_rays_are_cast_where_that_is_asked_for_and_files_say_so() {
         let rays: u64 = frame["stats"]["rays_by_level"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
         (read_exr(&place.path("f.exr")).unwrap(), rays)
     };
-    let ((exact, _), (same, _)) = (exr(&[]), exr(&["--rays", "adaptive:0"]));
+    let ((exact, all), (same, at_zero)) = (exr(&[]), exr(&["--rays", "adaptive:0"]));
     assert!(exact.planes == same.planes);
+    assert_eq!((all, at_zero), (64 * 64, 64 * 64));
     let (fewer, rays) = exr(&["--rays", "adaptive:0.2", "--backend", "cpu"]);
     assert!(rays > 0 && rays < 64 * 64 && fewer.planes != exact.planes, "{rays}");
     assert!(std::fs::read(place.path("f.exr")).unwrap().windows(8).any(|bytes| bytes == b"contrast"));

@@ -164,6 +164,7 @@ impl LayerRenderer for CellWalk {
             let is_empty = in_view.lists.bins.grid.tile_count() == 0;
             let grid = if is_empty { in_view.lists.bins.grid } else { RayPlane::of_view(view).grid };
             self.tiles[LAST].begin(grid, job.skip.costly_first);
+            frame.stats.rays_by_level[LAST] = if is_empty { 0 } else { view.ray_count() };
         }
         Ok(Some(WalkJob { tiles, in_view, is_adaptive, domain }))
     }

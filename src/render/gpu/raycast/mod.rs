@@ -34,6 +34,7 @@ use super::readback::{Readback, Sent};
 use super::shaders::{Gathering, Inside, Precision, Stage};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
 use super::target::Target;
+use crate::render::adaptive::LAST;
 use crate::render::cpu::raycast::skips::CellChoice;
 use crate::render::{Contrast, Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
@@ -153,6 +154,9 @@ impl CellWalk {
     fn begin_walk(&mut self, job: RenderJob, frame: &mut Frame) -> Result<WalkJob, RenderError> {
         let contrasts = job.contrasts();
         let sampling = (!contrasts.is_empty()).then(|| Sampling::new(&job, contrasts));
+        if sampling.is_none() {
+            frame.stats.rays_by_level[LAST] = job.view.ray_count();
+        }
         // Whether a ray meets a cell decides about others: clear ones are not among the cells, whatever is skipped.
         let domain = job.domain.clone().filter(|_| sampling.is_some());
         let job = RenderJob { active: domain.unwrap_or_else(|| self.choice.cells(&job)), ..job };

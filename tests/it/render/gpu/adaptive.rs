@@ -39,7 +39,10 @@ fn in_slices(renderer: &mut GpuRaycast, job: &RenderJob) -> Frame {
 fn without_contrast_the_image_is_the_whole_one() {
     for (name, job) in scenes() {
         let Some(whole) = render(&job) else { return };
-        assert!(render(&with_contrast(&job, 0.0)).unwrap().planes == whole.planes, "{name}");
+        let at_zero = render(&with_contrast(&job, 0.0)).unwrap();
+        assert!(at_zero.planes == whole.planes, "{name}");
+        let all = [0, 0, 0, whole.planes.color.pixels.len() as u64];
+        assert_eq!([whole.stats.rays_by_level, at_zero.stats.rays_by_level], [all; 2], "{name}");
         // The least there is casts rays wherever something is to be seen: the list is another shader than the tiles, with the same lines.
         let frame = render(&with_contrast(&job, f32::MIN_POSITIVE)).unwrap();
         let (rmse, max) = difference(&frame.planes.color, &whole.planes.color);
