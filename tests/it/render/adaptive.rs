@@ -10,6 +10,7 @@ use std::num::NonZeroUsize;
 use std::time::Duration;
 use tetreel::camera::{Lattice, Samples};
 use tetreel::image::Planes;
+use tetreel::mesh::RawMesh;
 use tetreel::pipeline::{Backend, FrameRequest, SampleSet, TetDraw};
 use tetreel::render::{Advance, Frame, LayerFragment, LayerFragments};
 use tetreel::visibility::CellSet;
@@ -35,15 +36,36 @@ fn same(a: &Planes, b: &Planes) -> u64 {
     colors.zip(depths).filter(|(color, depth)| *color && *depth).count() as u64
 }
 
+/// Whether all planes are the same.
+fn is_same(a: &Planes, b: &Planes) -> bool {
+    a == b
+}
+
+/// All planes, with one ray off by its last bit, somewhere in the middle.
+fn planes_off(planes: &Planes) -> Planes {
+    Planes { color: one_ray_off(&planes.color, planes.color.pixels.len() / 2), ..planes.clone() }
+}
+
 #[test]
 fn without_contrast_the_image_is_the_whole_one() {
     for (name, job) in scenes() {
-        let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
-        assert!(Raycast::new().render(with_contrast(&job, 0.0)).unwrap().planes == whole, "{name}");
+        let exact = Raycast::new().render(job.clone()).unwrap().clone();
+        let whole = exact.planes;
+        let at_zero = Raycast::new().render(with_contrast(&job, 0.0)).unwrap().clone();
+        assert!(is_same(&at_zero.planes, &whole), "{name}");
+        assert!(!is_same(&planes_off(&at_zero.planes), &whole), "{name}: one ray is noticed");
+        // All rays are of one stride, with contrast or without; of a lattice, its own.
+        let all = [0, 0, 0, whole.color.pixels.len() as u64];
+        assert_eq!([exact.stats.rays_by_level, at_zero.stats.rays_by_level], [all; 2], "{name}");
+        let mut some = job.clone();
+        some.view.samples = Samples::Lattice(Lattice::new(NonZeroUsize::new(4).unwrap()));
+        let some = Raycast::new().render(some).unwrap().clone();
+        assert_eq!(some.stats.rays_by_level, [0, 0, 0, some.planes.color.pixels.len() as u64], "{name}");
         // The least there is casts rays wherever something is to be seen.
         let frame = Raycast::new().render(with_contrast(&job, f32::MIN_POSITIVE)).unwrap().clone();
         let rays: u64 = frame.stats.rays_by_level.iter().sum();
         assert!(same(&frame.planes, &whole) >= rays, "{name}");
+        assert_eq!(same(&planes_off(&frame.planes), &frame.planes) + 1, all[3], "{name}: one ray is noticed");
         assert!(frame.stats.rays_by_level[3] > 0, "{name}");
     }
 }
@@ -62,21 +84,24 @@ fn sampled_pixels_have_their_bits_and_no_frame_depends_on_how_it_was_drawn() {
             assert!(rays > 0 && rays <= pixels && same(&frame.planes, &whole) >= rays, "{name}, {contrast}");
             left_out += pixels - rays;
             let (width, height) = (whole.color.width, whole.color.height);
-            for at in (0..width * height).filter(|at| (at % width).is_multiple_of(8) && (at / width).is_multiple_of(8))
-            {
-                assert_eq!(frame.planes.color.pixels[at], whole.color.pixels[at], "{name}, {contrast}");
-            }
-            assert!(in_slices(&mut renderer, &job).planes == frame.planes, "{name}, {contrast}, in slices");
-            assert!(Raycast::portable().render(job.clone()).unwrap().planes == frame.planes, "{name}, one by one");
+            let coarsest = |at: &usize| (at % width).is_multiple_of(8) && (at / width).is_multiple_of(8);
+            let coarsest = || (0..width * height).filter(coarsest);
+            assert!(is_same_at(&frame.planes.color, &whole.color, coarsest()), "{name}, {contrast}");
+            let off = one_ray_off(&frame.planes.color, coarsest().last().unwrap());
+            assert!(!is_same_at(&off, &whole.color, coarsest()), "{name}, {contrast}: one ray is noticed");
+            let is_frame = |planes: &Planes| is_same(planes, &frame.planes);
+            assert!(!is_frame(&planes_off(&frame.planes)), "{name}, {contrast}: one ray is noticed");
+            assert!(is_frame(&in_slices(&mut renderer, &job).planes), "{name}, {contrast}, in slices");
+            assert!(is_frame(&Raycast::portable().render(job.clone()).unwrap().planes), "{name}, one by one");
             for threads in [1, 3] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let planes = pool.install(|| Raycast::new().render(job.clone()).unwrap().planes.clone());
-                assert!(planes == frame.planes, "{name}, {contrast}, {threads} threads");
+                assert!(is_frame(&planes), "{name}, {contrast}, {threads} threads");
             }
             // Another image before, and one that was given up.
             renderer.begin(with_contrast(&job, 0.003)).unwrap();
             let _ = renderer.advance(Duration::ZERO).unwrap();
-            assert!(renderer.render(job.clone()).unwrap().planes == frame.planes, "{name}, after another");
+            assert!(is_frame(&renderer.render(job.clone()).unwrap().planes), "{name}, after another");
         }
     }
     assert!(left_out > 1000, "{left_out} rays were left out");
@@ -103,12 +128,19 @@ fn previews_are_the_images_of_their_contrasts_and_change_nothing_in_the_end() {
             let mut renderer = Raycast::new();
             let mut preview = |frame: &Frame, _| planes.push(frame.planes.clone());
             let frame = renderer.render_with_previews(previewed.clone(), &mut preview).unwrap().unwrap().clone();
-            assert!(frame.planes == direct.planes, "{name}, {last}");
+            assert!(is_same(&frame.planes, &direct.planes), "{name}, {last}");
+            assert!(!is_same(&planes_off(&frame.planes), &direct.planes), "{name}, {last}: one ray is noticed");
             shown += planes.len();
             let is_whole_at_once = planes.is_empty();
             planes.push(frame.planes.clone());
             planes.dedup();
-            assert!(planes == expected, "{name}, {last}: {} previews of {}", planes.len(), expected.len());
+            let are_same = |planes: &[Planes]| {
+                planes.len() == expected.len() && planes.iter().zip(&expected).all(|(a, b)| is_same(a, b))
+            };
+            assert!(are_same(&planes), "{name}, {last}: {} previews of {}", planes.len(), expected.len());
+            let mut off = planes.clone();
+            off[0] = planes_off(&off[0]);
+            assert!(!are_same(&off), "{name}, {last}: one ray is noticed");
             let rays: u64 = frame.stats.rays_by_level.iter().sum();
             if last == 0.0 && !is_whole_at_once {
                 assert_eq!(rays, frame.planes.color.pixels.len() as u64, "{name}: each ray once");
@@ -117,8 +149,10 @@ fn previews_are_the_images_of_their_contrasts_and_change_nothing_in_the_end() {
                 assert_eq!(frame.stats.blocks_filled, direct.stats.blocks_filled, "{name}");
                 assert_eq!(rays, direct.stats.rays_by_level.iter().sum::<u64>(), "{name}");
             }
-            assert!(in_slices(&mut renderer, &previewed).planes == direct.planes, "{name}, {last}, in slices");
-            assert!(Raycast::portable().render(previewed).unwrap().planes == direct.planes, "{name}, one by one");
+            let sliced = in_slices(&mut renderer, &previewed);
+            assert!(is_same(&sliced.planes, &direct.planes), "{name}, {last}, in slices");
+            let one_by_one = Raycast::portable().render(previewed).unwrap().planes.clone();
+            assert!(is_same(&one_by_one, &direct.planes), "{name}, one by one");
         }
     }
     assert!(shown > 10, "{shown} previews");
@@ -130,7 +164,8 @@ fn contrast_says_nothing_where_samples_are_named_and_another_mesh_does_not_decid
         let mut some = job.clone();
         some.view.samples = Samples::Lattice(Lattice::new(NonZeroUsize::new(3).unwrap()));
         let expected = Raycast::new().render(some.clone()).unwrap().planes.clone();
-        assert!(Raycast::new().render(with_contrast(&some, 0.05)).unwrap().planes == expected, "{name}");
+        let found = Raycast::new().render(with_contrast(&some, 0.05)).unwrap().planes.clone();
+        assert!(is_same(&found, &expected) && !is_same(&planes_off(&found), &expected), "{name}");
         let wrong = Arc::new(CellSet::all(job.active.universe() + 1));
         assert!(Raycast::new().render(RenderJob { domain: Some(wrong), ..job }).is_err(), "{name}");
     }
@@ -157,27 +192,74 @@ fn pixels_where_layers_begin_and_end_are_those_of_the_whole_image() {
         let without = Raycast::new().render(job.clone()).unwrap().planes.clone();
         let job = with_layers(&job);
         let whole = Raycast::new().render(job.clone()).unwrap().planes.clone();
-        assert!(Raycast::new().render(with_contrast(&job, 0.0)).unwrap().planes == whole, "{name}");
+        assert!(is_same(&Raycast::new().render(with_contrast(&job, 0.0)).unwrap().planes, &whole), "{name}");
         let job = with_contrast(&job, 1.0);
         let mut renderer = Raycast::new();
         let frame = renderer.render(job.clone()).unwrap().clone();
-        assert!(in_slices(&mut renderer, &job).planes == frame.planes, "{name}, in slices");
-        assert!(Raycast::portable().render(job.clone()).unwrap().planes == frame.planes, "{name}, one by one");
+        let is_frame = |planes: &Planes| is_same(planes, &frame.planes);
+        assert!(is_frame(&in_slices(&mut renderer, &job).planes), "{name}, in slices");
+        assert!(is_frame(&Raycast::portable().render(job.clone()).unwrap().planes), "{name}, one by one");
+        assert!(!is_frame(&planes_off(&frame.planes)), "{name}: one ray is noticed");
         let fragments = job.fragments.as_ref().unwrap();
         let count = |pixel: usize| fragments.of_pixel(pixel).len();
-        for pixel in 0..width * height {
-            let ends = pixel % width + 1 < width && count(pixel) != count(pixel + 1);
-            let same = |at: usize| frame.planes.color.pixels[at] == whole.color.pixels[at];
-            if ends {
-                assert!(same(pixel) && same(pixel + 1), "{name}: pixel {pixel}");
-                lines += usize::from(whole.color.pixels[pixel] != without.color.pixels[pixel]);
-            }
-        }
+        let ends = |pixel: &usize| pixel % width + 1 < width && count(*pixel) != count(pixel + 1);
+        let ends: Vec<usize> = (0..width * height).filter(ends).collect();
+        let beside = || ends.iter().flat_map(|&pixel| [pixel, pixel + 1]);
+        assert!(is_same_at(&frame.planes.color, &whole.color, beside()), "{name}");
+        let off = one_ray_off(&frame.planes.color, beside().last().unwrap());
+        assert!(!is_same_at(&off, &whole.color, beside()), "{name}: one ray is noticed");
+        lines += ends.iter().filter(|&&pixel| whole.color.pixels[pixel] != without.color.pixels[pixel]).count();
         let rays: u64 = frame.stats.rays_by_level.iter().sum();
         left_out += if rays > 0 { (width * height) as u64 - rays } else { 0 };
         assert!(rays == 0 || width < 9 || height < 9 || frame.stats.blocks_split[4] > 0, "{name}: {:?}", frame.stats);
     }
     assert!(left_out > 1000 && lines > 100, "{left_out} rays left out, {lines} ends seen");
+}
+
+/// A tet around a place, of twice this size in each direction: along z it is a square.
+fn tet_around(place: DVec3, half_size: f64) -> [DVec3; 4] {
+    [DVec3::ONE, DVec3::new(1.0, -1.0, -1.0), DVec3::new(-1.0, 1.0, -1.0), DVec3::new(-1.0, -1.0, 1.0)]
+        .map(|corner| place + half_size * corner)
+}
+
+/// A part far from the other one that is smaller than a pixel, at all pixels of a block of the coarsest rays and places in them.
+#[test]
+fn a_part_of_one_pixel_with_nothing_before_or_behind_it_is_never_missed() {
+    const SIZE: (usize, usize) = (81, 41);
+    const OFF_CENTRE: [[f64; 2]; 4] = [[0.0, 0.0], [-0.4, 0.3], [0.42, 0.42], [0.1, -0.44]];
+    let pixel = 2.0 / SIZE.1 as f64;
+    // At a distance of 10, both see the same.
+    let view_angle = 2.0 * 0.1f64.atan().to_degrees();
+    let projections = [Projection::Parallel { scale: 1.0 }, Projection::Perspective { view_angle }];
+    let (mut renderer, mut between_rays) = (Raycast::new(), 0);
+    for (column, row) in (16..24).flat_map(|row| (40..48).map(move |column| (column, row))) {
+        for ([right, down], projection) in OFF_CENTRE.into_iter().flat_map(|off| projections.map(|of| (off, of))) {
+            let x = (column as f64 + 0.5 + right - 0.5 * SIZE.0 as f64) * pixel;
+            let y = (0.5 * SIZE.1 as f64 - row as f64 - 0.5 - down) * pixel;
+            let small = tet_around(DVec3::new(x, y, 0.0), 0.45 * pixel);
+            let points = [tet_around(DVec3::new(-1.4, 0.0, 0.0), 0.4), small].concat();
+            let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3], [4, 5, 6, 7]] }));
+            let scalars = vec![0.5; mesh.positions.local.len()];
+            let table = table(&[(0.0, [1.0, 0.6, 0.2], 40.0), (1.0, [1.0, 0.6, 0.2], 40.0)]);
+            let job = job(&mesh, scalars, &camera(DVec3::new(0.0, 0.0, 10.0), projection), SIZE, table);
+            let whole = renderer.render(job.clone()).unwrap().planes.clone();
+            let name = format!("{column}, {row} and {right}, {down}, {projection:?}");
+            let right_half = (0..SIZE.0 * SIZE.1).filter(|at| at % SIZE.0 > SIZE.0 / 2 - 8);
+            let seen: Vec<usize> = right_half.clone().filter(|&at| whole.color.pixels[at][3] > 0.0).collect();
+            assert_eq!(seen, [row * SIZE.0 + column], "{name}");
+            for contrast in [0.05, 1.0] {
+                let frame = renderer.render(with_contrast(&job, contrast)).unwrap();
+                assert!(is_same_at(&frame.planes.color, &whole.color, right_half.clone()), "{name}, {contrast}");
+                assert_eq!(frame.planes.depth.pixels[seen[0]], whole.depth.pixels[seen[0]], "{name}, {contrast}");
+                let off = one_ray_off(&frame.planes.color, seen[0]);
+                assert!(!is_same_at(&off, &whole.color, right_half.clone()), "{name}, {contrast}: noticed");
+                let [coarsest, .., last] = frame.stats.rays_by_level;
+                assert!(coarsest == 11 * 6 && last < (SIZE.0 * SIZE.1 / 4) as u64, "{name}, {contrast}");
+                between_rays += usize::from(frame.stats.blocks_split[2] > 0);
+            }
+        }
+    }
+    assert!(between_rays > 900, "{between_rays} images in which the part lies between rays");
 }
 
 /// What is not sampled lies between what is: on these scenes the largest error stays below twice the threshold.

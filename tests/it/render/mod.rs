@@ -133,6 +133,20 @@ pub fn stretched(job: &RenderJob) -> RenderJob {
     job
 }
 
+/// Whether two images have the same colours at some pixels.
+pub fn is_same_at(a: &RgbaImage, b: &RgbaImage, mut pixels: impl Iterator<Item = usize>) -> bool {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    pixels.all(|at| a.pixels[at] == b.pixels[at])
+}
+
+/// The same image with the ray of a pixel off by the last bit of its opacity: what a comparison of bits has to notice.
+pub fn one_ray_off(image: &RgbaImage, at: usize) -> RgbaImage {
+    let mut image = image.clone();
+    let opacity = &mut image.pixels[at][3];
+    *opacity = f32::from_bits(opacity.to_bits() ^ 1);
+    image
+}
+
 /// Equal to the last bit, and more than an empty image.
 pub fn assert_same(name: &str, a: &RgbaImage, b: &RgbaImage) {
     assert!(a == b, "{name}: rmse and max {:?}", difference(a, b));

@@ -1,5 +1,6 @@
 //! Few rays with details of an earlier moment: what is exact of a frame, how far the rest is off, and what refuses them.
 
+use super::{is_same_at, one_ray_off};
 use crate::series::{ingested, table_for};
 use std::sync::Arc;
 use tetreel::camera::Camera;
@@ -62,12 +63,14 @@ fn rays_that_are_cast_and_rows_made_anew_have_the_bits_of_the_whole_frame() {
             let is = |pixel: usize, pixels: usize| pixel.is_multiple_of(4) || pixel + 1 == pixels;
             is(column, width) && is(row, height) || anew.contains(&(row / 16))
         };
-        let pixels = (0..width * height).filter(|&at| is_cast(at));
-        for at in pixels {
-            assert_eq!(shown.planes.color.pixels[at], exact.color.pixels[at], "{anew:?} {at}");
-        }
+        let pixels = || (0..width * height).filter(|&at| is_cast(at));
+        assert!(is_same_at(&shown.planes.color, &exact.color, pixels()), "{anew:?}");
+        let off = one_ray_off(&shown.planes.color, pixels().last().unwrap());
+        assert!(!is_same_at(&off, &exact.color, pixels()), "{anew:?}: one ray is noticed");
+        let all = 0..width * height;
         assert_eq!((shown.stats.pixels_anew as usize, shown.stats.residual_rmse.is_some()), (count, count > 0));
-        assert_eq!(shown.planes.color == exact.color, count == width * height);
+        assert_eq!(is_same_at(&shown.planes.color, &exact.color, all.clone()), count == width * height);
+        assert!(!is_same_at(&one_ray_off(&exact.color, width), &exact.color, all), "one ray is noticed");
         assert_eq!((shown.planes.depth.width, shown.planes.depth.height), SIZE_PX);
         assert!(shown.stats.ms_residual > 0.0 && shown.stats.ms_worked() >= shown.stats.ms_residual);
     }
