@@ -310,3 +310,7 @@ impl Player {
 #[cfg(test)]
 #[path = "player_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "player_family_tests.rs"]
+mod family_tests;
