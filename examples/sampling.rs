@@ -1,11 +1,13 @@
 //! The pictures of `docs/sampling.md` and `docs/limitations.md`: which rays are cast, small images at full size, what a time buys, and what rays miss.
 //! `cargo run --release --example sampling [FOLDER [STORE.zarr [STEP [TF]]]]`; without a store it generates a jet first. All pictures but the
-//! last are of that series, and their names begin with its own.
+//! last two are of that series, and their names begin with its own.
 
+use glam::DVec3;
 use std::{env::args, error::Error, path::Path, sync::Arc};
 use tetreel::camera::{Camera, Projection};
 use tetreel::image::{PngDepth, RgbaImage, amplified_difference, compare_raw, contact_sheet, write_png};
 use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::mesh::{Mesh, RawMesh};
 use tetreel::node_table::{Node, NodeTable};
 use tetreel::pipeline::{
     Backend, FaceDetail, FrameRequest, ImageScale, Pipeline, SampleSet, TetDraw, UpsampleKind, Upsampling,
@@ -184,23 +186,70 @@ fn missed(store: &Store) -> Result<RgbaImage> {
         .map(|vertex| ((mesh.positions.world(vertex).y - place) / size.y) as f32)
         .collect();
     let camera = Camera {
-        position: middle - glam::DVec3::X * eye,
+        position: middle - DVec3::X * eye,
         focal_point: middle,
-        view_up: glam::DVec3::Z,
+        view_up: DVec3::Z,
         projection: Projection::Parallel { scale: 0.6 * size.z.max(size.y) },
         near: 0.0,
     };
     let cells = Arc::new(tetreel::visibility::finite_cells(&mesh.topology, &scalars));
     let table = Arc::new(NodeTable::new(nodes)?);
     let job = RenderJob::new(mesh, Arc::new(scalars), cells, camera.view(SIDE / 2, SIDE / 2)?, table);
-    let mut images = Vec::new();
-    for contrast in [None, Some(0.05f32.try_into()?)] {
-        let frame = Raycast::new().render(RenderJob { contrast, ..job.clone() })?.clone();
-        images.push(frame.planes.color);
-    }
-    let off = compare_raw(&images[0], &images[1])?;
-    println!("a thin sheet from its edge: max {:.2}", off.max);
+    let images = all_and_fewer("a thin sheet from its edge", &job)?;
     Ok(contact_sheet(&images, 2, 6, [0.0; 3]))
+}
+
+/// All rays of a job, and those that contrast asks for.
+fn all_and_fewer(name: &str, job: &RenderJob) -> Result<[RgbaImage; 2]> {
+    let image = |contrast| -> Result<RgbaImage> {
+        Ok(Raycast::new().render(RenderJob { contrast, ..job.clone() })?.planes.color.clone())
+    };
+    let images = [image(None)?, image(Some(0.05f32.try_into()?))?];
+    println!("{name}: max {:.2}", compare_raw(&images[0], &images[1])?.max);
+    Ok(images)
+}
+
+/// Five parts of five pixels in front of a larger one: all rays, and those that contrast asks for, whose coarsest ones meet the second and the
+/// fourth part.
+fn missed_parts() -> Result<RgbaImage> {
+    const SIDE: usize = 128;
+    const ENLARGED: usize = 2;
+    let pixel = 2.0 / SIDE as f64;
+    let corner = |i: usize| {
+        let end = |axis: usize, lo: f64, hi: f64| if i >> axis & 1 == 1 { hi } else { lo };
+        DVec3::new(end(0, -0.8, 0.8), end(1, -0.8, 0.8), end(2, -2.0, -1.0))
+    };
+    let mut points: Vec<DVec3> = (0..8).map(corner).collect();
+    let mut tets: Vec<[u32; 4]> = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]].map(|[a, b]| [0, a, b, 7]).to_vec();
+    for column in [20, 40, 60, 80, 100] {
+        let at = |px: usize| (px as f64 + 0.5) * pixel - 1.0;
+        let place = DVec3::new(at(column), -at(SIDE / 2), 1.0);
+        let first = points.len() as u32;
+        tets.push([0, 1, 2, 3].map(|corner| first + corner));
+        let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        points.extend(corners.map(|corner| place + 2.5 * pixel * DVec3::from_array(corner)));
+    }
+    let mesh = Arc::new(Mesh::build(RawMesh { points, tets })?.0);
+    let is_part = |vertex: usize| mesh.positions.world(vertex).z > 0.0;
+    let scalars: Vec<f32> =
+        (0..mesh.positions.local.len()).map(|vertex| f32::from(u8::from(is_part(vertex)))).collect();
+    let node = |scalar, rgb, tau| Node { scalar, rgb, tau };
+    let table = NodeTable::new(vec![node(0.0, [0.3, 0.5, 1.0], 0.5), node(1.0, [1.0, 0.8, 0.3], 100.0)])?;
+    let camera = Camera {
+        position: 10.0 * DVec3::Z,
+        focal_point: DVec3::ZERO,
+        view_up: DVec3::Y,
+        projection: Projection::Parallel { scale: 1.0 },
+        near: 0.0,
+    };
+    let cells = Arc::new(tetreel::visibility::finite_cells(&mesh.topology, &scalars));
+    let job = RenderJob::new(mesh, Arc::new(scalars), cells, camera.view(SIDE, SIDE)?, Arc::new(table));
+    let enlarged = |image: RgbaImage| {
+        let side = SIDE * ENLARGED;
+        let pixel = |at: usize| image.pixels[at / side / ENLARGED * SIDE + at % side / ENLARGED];
+        RgbaImage { width: side, height: side, pixels: (0..side * side).map(pixel).collect() }
+    };
+    Ok(contact_sheet(&all_and_fewer("parts before a larger one", &job)?.map(enlarged), 2, 6, [0.0; 3]))
 }
 
 fn main() -> Result<()> {
@@ -228,5 +277,6 @@ fn main() -> Result<()> {
     write(&format!("{name}_row"), &pictures.row()?)?;
     write(&format!("{name}_faces"), &pictures.filtered_faces()?)?;
     write(&format!("{name}_equal_time"), &pictures.equal_time()?)?;
-    write("missed", &missed(&store)?)
+    write("missed", &missed(&store)?)?;
+    write("missed_parts", &missed_parts()?)
 }
