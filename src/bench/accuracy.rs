@@ -15,7 +15,7 @@ mod paths;
 mod scenes;
 mod summary;
 
-pub use equal_time::{BUDGETS, EqualTime, EqualTimeTable, Family, Setting, equal_time};
+pub use equal_time::{BUDGETS, Curves, EqualTime, EqualTimeTable, Family, Setting, curves, equal_time};
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
 pub use scenes::{AccuracyScene, TRANSFER_FUNCTIONS, VIEWS, View, scenes};

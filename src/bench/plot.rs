@@ -1,4 +1,4 @@
-//! Plots of the accuracy suite, as SVG: error against time with the Pareto front, and against what it depends on.
+//! Plots of the accuracy suite, as SVG: error against time with the Pareto front and by what is given up, and against what it depends on.
 //!
 //! All axes are logarithmic. An error of 0 has no place on such an axis: it is drawn at the lower edge, and the plot says so.
 

@@ -197,7 +197,10 @@ fn compressed_values_are_judged_by_those_from_before() {
     assert!(summaries(&all).iter().any(|summary| summary.label == "raycast, vq 9:1"));
     let report = write_plots(temp.path(), &all).unwrap();
     let written: Vec<_> = report.written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
-    assert_eq!(written, ["accuracy_time.svg", "accuracy_ratio.svg", "accuracy_lod.svg", "accuracy_scale.svg"]);
+    assert_eq!(
+        written,
+        ["accuracy_time.svg", "accuracy_families.svg", "accuracy_ratio.svg", "accuracy_lod.svg", "accuracy_scale.svg"]
+    );
 }
 
 /// What f32 may lose in a segment of opacity and of a colour that is exact: weights are off by 4e-7 of 1 at most each

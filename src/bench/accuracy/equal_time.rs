@@ -39,7 +39,8 @@ impl Family {
         }
     }
 
-    fn name(self) -> &'static str {
+    /// In words.
+    pub(in crate::bench) fn name(self) -> &'static str {
         match self {
             Self::Rays => "fewer rays",
             Self::Image => "small image",
@@ -67,6 +68,28 @@ pub struct Setting {
     pub ms: f64,
     /// Root mean square over the scenes.
     pub rmse: f64,
+    /// The filter that brings a small image to full size, if it is named.
+    pub upsample: Option<String>,
+}
+
+impl Setting {
+    /// How it differs from the usual way of its renderer.
+    pub fn how(&self) -> &str {
+        self.label.split_once(", ").map_or("all", |(_, how)| how)
+    }
+}
+
+/// What each family reaches on the scenes of a series with one transfer function.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves<'a> {
+    /// Series.
+    pub series: &'a str,
+    /// Name of the transfer function.
+    pub transfer_function: &'a str,
+    /// All rays.
+    pub whole: Setting,
+    /// The settings of each family, in the order of [`Family::ALL`] and of their runs.
+    pub families: [Vec<Setting>; 3],
 }
 
 /// What can be had within a time.
@@ -90,10 +113,10 @@ impl EqualTime<'_> {
     }
 }
 
-/// Each series, transfer function and budget of some runs of the suite, where all rays were measured and one family at least.
-pub fn equal_time(runs: &[BenchRun]) -> Vec<EqualTime<'_>> {
+/// Each series and transfer function of some runs of the suite, where all rays were measured and one family at least.
+pub fn curves(runs: &[BenchRun]) -> Vec<Curves<'_>> {
     let all = summaries(runs);
-    let mut rows = Vec::new();
+    let mut found = Vec::new();
     for series in series_of(&all) {
         let of_series: Vec<&PathSummary<'_>> = all.iter().filter(|path| path.series == series).collect();
         let its_runs: Vec<&BenchRun> = of_series.iter().flat_map(|path| path.runs.iter().copied()).collect();
@@ -105,26 +128,30 @@ pub fn equal_time(runs: &[BenchRun]) -> Vec<EqualTime<'_>> {
             let Some(whole) = paths.iter().find(|runs| !runs.is_empty() && runs.iter().all(|run| is_whole(run))) else {
                 continue;
             };
-            let whole = setting(whole);
             let settings = |family| {
                 let is_of =
                     |runs: &&Vec<&BenchRun>| !runs.is_empty() && runs.iter().all(|run| Family::of(run) == Some(family));
                 paths.iter().filter(is_of).map(|runs| setting(runs)).collect::<Vec<_>>()
             };
             let families = Family::ALL.map(settings);
-            if families.iter().all(Vec::is_empty) {
-                continue;
+            if families.iter().any(|settings| !settings.is_empty()) {
+                found.push(Curves { series, transfer_function, whole: setting(whole), families });
             }
-            rows.extend(BUDGETS.map(|budget| {
-                let best = families.each_ref().map(|settings| {
-                    let within = settings.iter().filter(|setting| setting.ms <= budget * whole.ms);
-                    within.min_by(|a, b| a.rmse.total_cmp(&b.rmse)).cloned()
-                });
-                EqualTime { series, transfer_function, budget, best }
-            }));
         }
     }
-    rows
+    found
+}
+
+/// The same at each budget.
+pub fn equal_time(runs: &[BenchRun]) -> Vec<EqualTime<'_>> {
+    fn at<'a>(curves: &Curves<'a>, budget: f64) -> EqualTime<'a> {
+        let best = curves.families.each_ref().map(|settings| {
+            let within = settings.iter().filter(|setting| setting.ms <= budget * curves.whole.ms);
+            within.min_by(|a, b| a.rmse.total_cmp(&b.rmse)).cloned()
+        });
+        EqualTime { series: curves.series, transfer_function: curves.transfer_function, budget, best }
+    }
+    curves(runs).into_iter().flat_map(|curves| BUDGETS.map(|budget| at(&curves, budget))).collect()
 }
 
 /// The scenes of one path, together.
@@ -134,7 +161,8 @@ fn setting(runs: &[&BenchRun]) -> Setting {
     let ms = runs.iter().map(|run| run.ms.p50).sum::<f64>() / count;
     let square = |run: &&BenchRun| run.error.as_ref().map_or(f64::NAN, |error| error.rmse * error.rmse);
     let rmse = (runs.iter().map(square).sum::<f64>() / count).sqrt();
-    Setting { label, ms, rmse }
+    let upsample = runs.first().and_then(|run| run.upsample.clone());
+    Setting { label, ms, rmse, upsample }
 }
 
 /// Runs of the accuracy suite at equal time, as Markdown: the winner of each row in bold.
@@ -157,10 +185,7 @@ impl fmt::Display for EqualTimeTable<'_> {
                 let mark = if row.winner() == Some(family) { "**" } else { "" };
                 match best {
                     None => write!(f, " - |")?,
-                    Some(Setting { label, rmse, .. }) => {
-                        let how = label.split_once(", ").map_or("all", |(_, how)| how);
-                        write!(f, " {mark}{rmse:.1e}{mark} ({how}) |")?;
-                    }
+                    Some(setting) => write!(f, " {mark}{:.1e}{mark} ({}) |", setting.rmse, setting.how())?,
                 }
             }
             writeln!(f)?;

@@ -1,7 +1,7 @@
 //! Which plots there are, and what is in them.
 
 use super::{Axis, Chart, Line, Panel, Point, Style};
-use crate::bench::accuracy::{PathSummary, summaries};
+use crate::bench::accuracy::{Curves, Family, PathSummary, Setting, curves, summaries};
 use crate::bench::accuracy::{front_of, is_judged_by, series_of, transfer_functions_of};
 use crate::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
 use crate::render::KBuffer;
@@ -18,6 +18,7 @@ pub(super) struct Kind {
 /// What a plot shows.
 enum Shows {
     Time,
+    Families,
     Factor(Factor),
 }
 
@@ -35,12 +36,17 @@ struct Factor {
     is_of_codecs: bool,
 }
 
-/// Y axis of all plots.
+/// Y axis of all plots but that of families.
 const ERROR_AXIS: &str = "largest RMSE of the scenes [1 = full intensity]";
 
 /// All plots.
-pub(super) static CHARTS: [Kind; 6] = [
+pub(super) static CHARTS: [Kind; 7] = [
     Kind { file: "accuracy_time.svg", needs: "a path that was judged", shows: Shows::Time },
+    Kind {
+        file: "accuracy_families.svg",
+        needs: "all rays beside fewer of them, small images or faces, on the CPU",
+        shows: Shows::Families,
+    },
     Kind {
         file: "accuracy_ratio.svg",
         needs: "a series in a lossy codec beside the same in codec raw",
@@ -137,6 +143,7 @@ fn has_usual_buffer(run: &BenchRun) -> bool {
 pub(super) fn chart(kind: &Kind, runs: &[BenchRun]) -> Option<Chart> {
     let chart = match &kind.shows {
         Shows::Time => against_time(runs),
+        Shows::Families => by_family(runs),
         Shows::Factor(factor) => against(factor, runs),
     };
     Some(chart).filter(|chart| !chart.panels.is_empty())
@@ -175,6 +182,28 @@ fn time_panel(all: &[PathSummary<'_>], series: &str) -> Option<Panel> {
     lines.push(Line { name: "Pareto front".to_owned(), points: through, style: Style::Path });
     let is_empty = lines.iter().all(|line| line.points.is_empty());
     (!is_empty).then(|| Panel { title: format!("Error against time: {series}"), lines })
+}
+
+/// Error against time by what is given up for it, a panel for each series and transfer function.
+fn by_family(runs: &[BenchRun]) -> Chart {
+    let panels = curves(runs).iter().map(family_panel).collect();
+    let x = Axis { name: "time of a frame, mean of the scenes [ms]".to_owned(), ticks: None };
+    Chart { x, y: "RMSE of the scenes together [1 = full intensity]".to_owned(), panels }
+}
+
+/// A line for each family, through what it reaches, and all rays; of filters the bilinear one.
+fn family_panel(curves: &Curves<'_>) -> Panel {
+    let line = |(family, settings): (Family, &Vec<Setting>)| {
+        let is_usual = |of: &&Setting| of.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
+        let point = |of: &Setting| Point { x: of.ms, y: of.rmse, name: Some(of.how().to_owned()) };
+        let points = settings.iter().filter(is_usual).map(point).collect();
+        Line { name: family.name().to_owned(), points, style: Style::Joined }
+    };
+    let mut lines: Vec<Line> = Family::ALL.into_iter().zip(&curves.families).map(line).collect();
+    let whole = Point { x: curves.whole.ms, y: curves.whole.rmse, name: None };
+    lines.push(Line { name: "all rays".to_owned(), points: vec![whole], style: Style::Points });
+    let title = format!("Error against time: {}, {}", curves.series, curves.transfer_function);
+    Panel { title, lines }
 }
 
 /// Error against one thing that changes, a panel for each transfer function, a line for each series and variant.
@@ -245,6 +274,39 @@ mod tests {
         let front: Vec<f64> = lines.last().unwrap().points.iter().map(|point| point.x).collect();
         assert_eq!(front, [5.0, 10.0]);
         assert_eq!(chart.panels[1].title, "Error against time: heart");
+    }
+
+    #[test]
+    fn each_family_has_a_line_through_what_it_reaches() {
+        let fewer = |contrast, ms, rmse| BenchRun { contrast: Some(contrast), ..run("jet", ms, rmse) };
+        let small = |filter: &str, ms, rmse| BenchRun {
+            image_scale: 0.25,
+            upsample: Some(filter.to_owned()),
+            ..run("jet", ms, rmse)
+        };
+        let faces = |lod, ms, rmse| BenchRun { mode: "havs".to_owned(), lod, ..run("jet", ms, rmse) };
+        let runs = [
+            run("jet", 100.0, 1e-7),
+            fewer(0.2, 9.0, 2e-3),
+            fewer(0.05, 20.0, 4e-4),
+            small("joint", 30.0, 2e-3),
+            small("bilinear", 5.0, 3e-3),
+            faces(0.5, 70.0, 1e-2),
+            run("heart", 10.0, 1e-7),
+        ];
+        let chart = chart(kind("accuracy_families.svg"), &runs).unwrap();
+        assert_eq!(chart.panels.len(), 1, "a series without a family has no lines");
+        let of = |line: &Line| (line.name.clone(), line.points.iter().map(|p| (p.x, p.y)).collect::<Vec<_>>());
+        let lines: Vec<_> = chart.panels[0].lines.iter().map(of).collect();
+        let expected = [
+            ("fewer rays", vec![(9.0, 2e-3), (20.0, 4e-4)]),
+            ("small image", vec![(5.0, 3e-3)]),
+            ("faces", vec![(70.0, 1e-2)]),
+            ("all rays", vec![(100.0, 1e-7)]),
+        ];
+        assert_eq!(lines, expected.map(|(name, points)| (name.to_owned(), points)));
+        let names: Vec<_> = chart.panels[0].lines[0].points.iter().map(|point| point.name.as_deref()).collect();
+        assert_eq!(names, [Some("contrast 0.2"), Some("contrast 0.05")]);
     }
 
     #[test]
