@@ -65,8 +65,16 @@ has_gpu() {
     find /usr/share/vulkan /etc/vulkan -name 'lvp_icd*.json' 2>/dev/null | grep . >/dev/null &&
         ldconfig -p | grep 'libvulkan\.so\.1' >/dev/null
 }
+has_validation() {
+    find /usr/share/vulkan /etc/vulkan -name 'VkLayer_khronos_validation.json' 2>/dev/null | grep . >/dev/null
+}
+# The driver, and the layer that checks what it is told: builds with debug assertions ask for it, and .ci/validation.txt has its messages
+# end the test.
 set_up_gpu() {
     has_gpu || apt_install mesa-vulkan-drivers libvulkan1
+    has_validation || apt_install vulkan-validationlayers
+    # Without names for debuggers: the layer of Debian 12 does not know the source language WGSL, and would not look at the shaders.
+    export VK_LAYER_SETTINGS_PATH=$PWD/.ci/validation.txt WGPU_DEBUG=0
     # Drivers look for a display server there, and complain aloud if the folder is missing.
     if [ ! -d "${XDG_RUNTIME_DIR-}" ]; then
         export XDG_RUNTIME_DIR=$scratch/runtime

@@ -45,6 +45,19 @@ tests_that_were_skipped() {
     run_tests cargo test --lib --test it -- --exact $names
 }
 
+# Shows that a test ends at a message of the validation layer: at the one that says that it is there, which counts in tests no more than
+# other information does.
+validation_messages_fail() {
+    local settings=$scratch/validation.txt log=$scratch/validation.log
+    sed 's/^\(khronos_validation.report_flags\) .*/\1 = info/' .ci/validation.txt >"$settings"
+    if VK_LAYER_SETTINGS_PATH=$settings cargo test --lib gpu::raycast::stage_tests::transform >"$log" 2>&1; then
+        echo "the validation layer says nothing, or nobody listens: $log" >&2
+        return 1
+    fi
+    grep 'Khronos Validation Layer Active' "$log"
+    grep 'SIGTRAP' "$log"
+}
+
 # Of the build without optional parts, the tests that differ: those that only it has, and those of the command line.
 tests_without_optional_parts() {
     local only

@@ -76,16 +76,22 @@ pub struct Context {
 /// The backends that tetreel is built with.
 pub const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
+/// wgpu with these backends. Builds with debug assertions ask for the layer that checks what wgpu tells the driver, and give shaders and
+/// objects names for debuggers; `WGPU_VALIDATION` and `WGPU_DEBUG` (0 or 1) come before that, as they do for a window.
+pub fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = BACKENDS;
+    descriptor.flags = descriptor.flags.with_env();
+    wgpu::Instance::new(descriptor)
+}
+
 impl Context {
     /// The GPU that `options` ask for: hardware before software, discrete before integrated.
     ///
     /// # Errors
     /// `NoGpu` if there is no adapter, none of that name, or it gives no device.
     pub fn new(options: &ContextOptions) -> Result<Self, RenderError> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = BACKENDS;
-        let instance = wgpu::Instance::new(descriptor);
-        let adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
+        let adapters = pollster::block_on(instance().enumerate_adapters(BACKENDS));
         Self::of_adapter(best(&adapters, options)?, options)
     }
 

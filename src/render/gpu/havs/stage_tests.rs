@@ -249,9 +249,7 @@ fn frames_for_a_window_stay_on_its_gpu() {
     if context().is_none() {
         return;
     }
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = crate::render::gpu::context::BACKENDS;
-    let instance = wgpu::Instance::new(descriptor);
+    let instance = crate::render::gpu::context::instance();
     let adapters = pollster::block_on(instance.enumerate_adapters(crate::render::gpu::context::BACKENDS));
     let options = crate::render::gpu::context::ContextOptions::default();
     let adapter = crate::render::gpu::context::best(&adapters, &options).unwrap();
