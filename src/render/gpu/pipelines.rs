@@ -21,6 +21,7 @@ pub(super) struct Pipeline {
 impl Pipeline {
     /// Compiles the shader.
     pub(super) fn new(context: &Context, stage: Stage, split: RecordSplit) -> Result<Self, RenderError> {
+        let _span = tracing::info_span!("compile", stage = stage.name()).entered();
         context.create(|device| {
             let layout = bind_group_layout(device, stage);
             Self { stage, compute: compute_pipeline(device, stage, split, &layout), layout }
@@ -219,4 +220,26 @@ fn compute_pipeline(
         compilation_options: wgpu::PipelineCompilationOptions::default(),
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::gpu::raycast::stage_tests::context;
+    use crate::render::gpu::shaders::{Precision, stages};
+    use std::time::Instant;
+
+    #[test]
+    #[ignore = "takes minutes where drivers compile slowly; `.ci/run drivers` runs it"]
+    fn every_stage_compiles() {
+        let Some(context) = context() else { return };
+        eprintln!("milliseconds on {}", context.adapter());
+        for stage in stages().filter(|stage| context.has_f64() || stage.precision() == Precision::Single) {
+            let begin = Instant::now();
+            // The name comes before the time: of one that does not end, too.
+            eprint!("{stage:?}");
+            Pipeline::new(&context, stage, NO_RECORDS).unwrap();
+            eprintln!(" {:.0}", begin.elapsed().as_secs_f64() * 1e3);
+        }
+    }
 }
