@@ -164,27 +164,40 @@ fn begin_path(slot: u32) {
 // 2 at most.
 const NEAR_EYE: f32 = 1.0 / 1024.0;
 
-// Fragments that paths have not gone through yet.
-var<private> left: u32;
-
-// Goes through the path that begins at fragment `start`; false if the ray ends within it. The fragment at which the ray leaves a cell
-// comes next in nearly all lists; else it is looked for to the end of the list, then from its begin. One loop for both: drivers
-// in software count the rounds of all.
-fn follow(first: u32, count: u32, start: u32) -> bool {
-    begin_path(first + start);
-    var at = start;
-    var cell = cells_at(first + start).y;
-    // Fragments that have been looked at since the last of the path.
+// Goes through all paths, each from a fragment at which the ray enters the active cells. The fragment at which it leaves a cell comes
+// next in nearly all lists; else it is looked for to the end of the list, then from its begin. One loop for all: drivers in software
+// count the rounds of all, and compile loops within loops slowly.
+fn follow_all(first: u32, count: u32) {
+    // Fragments that paths have not gone through yet. No path has more than there are: should cells go round in a circle, it ends all
+    // the same. Most rays have one path, and then nothing is left.
+    var left = count;
+    // The next fragment at which a path may begin.
+    var start = 0u;
+    // The last fragment of the path, the cell behind it (NONE between paths), and fragments that have been looked at since.
+    var at = 0u;
+    var cell = NONE;
     var looked_at = 0u;
-    left -= 1u;
-    // No path has more fragments than there are: should cells go round in a circle, it ends all the same.
-    while cell != NONE && left > 0u {
+    while left > 0u && (cell != NONE || start < count) {
+        if cell == NONE {
+            let cells = cells_at(first + start);
+            if cells.x == NONE && cells.y != NONE {
+                ray_counts.hit = true;
+                begin_path(first + start);
+                at = start;
+                cell = cells.y;
+                looked_at = 0u;
+                left -= 1u;
+            }
+            start += 1u;
+            continue;
+        }
         looked_at += 1u;
         if looked_at >= count {
             // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
             let from_eye = light.behind + light.last.x;
             ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > real(NEAR_EYE);
-            return true;
+            cell = NONE;
+            continue;
         }
         let next = (at + looked_at) % count;
         let cells = cells_at(first + next);
@@ -198,31 +211,15 @@ fn follow(first: u32, count: u32, start: u32) -> bool {
             light.last = to;
         }
         if is_opaque() {
-            return false;
+            ray_counts.stopped_early = true;
+            return;
         }
         cell = cells.y;
         at = next;
         looked_at = 0u;
         left -= 1u;
     }
-    return true;
-}
-
-fn follow_all(first: u32, count: u32) {
-    left = count;
-    var i = 0u;
-    // Most rays have one path, and then nothing is left.
-    for (; i < count && left > 0u; i++) {
-        let cells = cells_at(first + i);
-        if cells.x == NONE && cells.y != NONE {
-            ray_counts.hit = true;
-            if !follow(first, count, i) {
-                ray_counts.stopped_early = true;
-                return;
-            }
-        }
-    }
-    expect_end(i >= count || left == 0u);
+    expect_end(left == 0u || (cell == NONE && start >= count));
 }
 
 // Goes from fragment to fragment in the order in which they lie.
