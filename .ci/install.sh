@@ -81,3 +81,23 @@ set_up_gpu() {
         mkdir -p -m 700 "$XDG_RUNTIME_DIR"
     fi
 }
+
+# A second Vulkan driver in software, SwiftShader, from Debian's package of Chromium; taken out of it, since the rest is not needed.
+# $swiftshader is the file that VK_DRIVER_FILES names.
+set_up_swiftshader() {
+    local folder=$scratch/swiftshader
+    swiftshader=$folder/usr/lib/chromium/vk_swiftshader_icd.json
+    [ ! -e "$swiftshader" ] || return 0
+    if ! command -v apt-get >/dev/null || ! command -v dpkg >/dev/null; then
+        echo "no SwiftShader: it comes from Debian's package chromium-common, and there is no apt-get here" >&2
+        return 1
+    fi
+    rm -rf "$folder"
+    mkdir -p "$folder"
+    [ "$(id -u)" != 0 ] || apt-get update -qq
+    (cd "$folder" && apt-get download -qq chromium-common && dpkg -x chromium-common_*.deb . && rm chromium-common_*.deb)
+    if [ ! -e "$swiftshader" ]; then
+        echo "no SwiftShader: chromium-common has no vk_swiftshader_icd.json any more" >&2
+        return 1
+    fi
+}

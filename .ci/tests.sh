@@ -89,3 +89,28 @@ window_tests() {
     done
     cargo test "${tests[@]}"
 }
+
+# For one Vulkan driver at a time there is no need of the window.
+for_drivers=(--package tetreel --no-default-features --features gpu)
+
+# on_driver NAME FILE: what a Vulkan driver makes of the shaders: how long each takes to compile, the tests of the stages, and a frame of
+# each renderer against that of the CPU.
+on_driver() {
+    local frames=$scratch/drivers mode
+    export VK_DRIVER_FILES=$2
+    timeout 3600 cargo test "${for_drivers[@]}" --lib -- --ignored --nocapture every_stage_compiles
+    TETREEL_REQUIRE=gpu run_tests timeout 1800 cargo test "${for_drivers[@]}" --lib gpu::
+    rm -rf "$frames"
+    mkdir "$frames"
+    tetreel synth jet --cells 20000 --steps 2 -o "$frames/jet.zarr"
+    for mode in raycast havs; do
+        tetreel render "$frames/jet.zarr" --steps 1 --size 256x256 --mode $mode --backend cpu -o "$frames/cpu.exr"
+        timeout 600 "$target/debug/tetreel" render "$frames/jet.zarr" --steps 1 --size 256x256 --mode $mode --backend gpu -o "$frames/gpu.exr"
+        echo "$mode, $1 and the CPU:"
+        # Both are within these bounds of the reference (docs/limitations.md).
+        tetreel compare "$frames/gpu.exr" "$frames/cpu.exr" --fail-above 1e-3
+    done
+}
+tetreel() {
+    "$target/debug/tetreel" "$@"
+}
