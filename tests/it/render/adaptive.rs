@@ -87,7 +87,7 @@ fn sampled_pixels_have_their_bits_and_no_frame_depends_on_how_it_was_drawn() {
             let coarsest = |at: &usize| (at % width).is_multiple_of(8) && (at / width).is_multiple_of(8);
             let coarsest = || (0..width * height).filter(coarsest);
             assert!(is_same_at(&frame.planes.color, &whole.color, coarsest()), "{name}, {contrast}");
-            let off = one_ray_off(&frame.planes.color, coarsest().last().unwrap());
+            let off = one_ray_off(&frame.planes.color, coarsest().next_back().unwrap());
             assert!(!is_same_at(&off, &whole.color, coarsest()), "{name}, {contrast}: one ray is noticed");
             let is_frame = |planes: &Planes| is_same(planes, &frame.planes);
             assert!(!is_frame(&planes_off(&frame.planes)), "{name}, {contrast}: one ray is noticed");

@@ -65,7 +65,7 @@ fn rays_that_are_cast_and_rows_made_anew_have_the_bits_of_the_whole_frame() {
         };
         let pixels = || (0..width * height).filter(|&at| is_cast(at));
         assert!(is_same_at(&shown.planes.color, &exact.color, pixels()), "{anew:?}");
-        let off = one_ray_off(&shown.planes.color, pixels().last().unwrap());
+        let off = one_ray_off(&shown.planes.color, pixels().next_back().unwrap());
         assert!(!is_same_at(&off, &exact.color, pixels()), "{anew:?}: one ray is noticed");
         let all = 0..width * height;
         assert_eq!((shown.stats.pixels_anew as usize, shown.stats.residual_rmse.is_some()), (count, count > 0));
