@@ -137,9 +137,9 @@ fn filters_make_of_an_image_what_the_cpu_makes_of_it() {
                 assert!(frame.planes.depth == upsample::nearest(&small.depth, &to.enlarging), "{name}, {filter:?}");
                 assert!((fell_back[0]..=fell_back[1]).contains(&frame.stats.upsample_fallbacks), "{name}, {filter:?}");
                 fallen_back += frame.stats.upsample_fallbacks;
-                // The comparison can fail: it notices one sample that is off by a hundredth.
+                // The comparison can fail: it notices one sample that is off by a tenth, of which the widest kernel leaves 2e-4.
                 let mut other = small.clone();
-                other.color.pixels[0][3] += 1e-2;
+                other.color.pixels[0][3] += 0.1;
                 let other = farthest_apart(&frame.planes.color, &twin(&other, [&reference, &at_samples], to).0);
                 assert!(other > bound, "{name}, {size_px:?}, {filter:?}: another sample is not noticed, {other:.1e}");
             }
