@@ -115,12 +115,12 @@ fn renderers() -> [Raycast; 2] {
 }
 
 /// All planes as bits.
-fn bits(frame: &Frame) -> Vec<u32> {
+pub(super) fn bits(frame: &Frame) -> Vec<u32> {
     frame.planes.list().iter().flat_map(|plane| plane.samples).map(|v| v.to_bits()).collect()
 }
 
 /// What it cost: the same for all renderers that walk.
-fn counts(frame: &Frame) -> [u64; 6] {
+pub(super) fn counts(frame: &Frame) -> [u64; 6] {
     let s = &frame.stats;
     [s.entries, s.steps, s.segments, s.rays_hit, s.rays_stopped_early, s.out_of_order]
 }

@@ -14,6 +14,7 @@ mod joint_gpu;
 mod joint_orders;
 mod lattice;
 mod layers;
+mod many_nodes;
 mod partial;
 mod raycast;
 mod residual;
