@@ -151,7 +151,9 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         let enlarging = Instant::now();
         let advanced = self.enlarger.enlarge(budget, sizing, self.layer.context(), &self.layer.left(&job.image), frame);
         if matches!(advanced, Err(RenderError::BeyondGpu { .. })) {
-            return self.come_back(job, frame).map(|()| false);
+            self.come_back(job, frame)?;
+            // Whoever gives all the time has a frame that is done.
+            return self.advance(budget, job, frame);
         }
         // It has its own numbers.
         frame.stats.ms_render -= enlarging.elapsed().as_secs_f64() * 1e3;
