@@ -1,10 +1,10 @@
-//! Pieces from node to node: of a segment that crosses many nodes all but the first and the last one. Their values at the ends are those of the
-//! table, and only their lengths are of the segment, so that many can be computed side by side.
+//! Pieces from node to node: of a segment that crosses many nodes all but the first and the last one. Their values at the ends are
+//! those of the table, and only their lengths are of the segment, so that many can be computed side by side.
 
 use super::Interval;
 use glam::Vec4;
 
-/// Pieces that are read at once. So many follow behind the last one that can be whole.
+/// Pieces that are read at once.
 pub(crate) const AT_ONCE: usize = 8;
 
 /// The intervals of a table in the order in which a scalar that rises or falls comes through them.
@@ -75,7 +75,7 @@ impl WholePieces {
 pub(crate) struct SomePieces<'a> {
     /// Scalars at the far ends, negated where scalars fall.
     pub(crate) ends: &'a [f64; AT_ONCE],
-    /// Scalars from end to end, above 0.
+    /// Scalars from end to end; 0 of those that are never whole.
     pub(crate) widths: &'a [f64; AT_ONCE],
     /// Extinction at the near and at the far ends.
     pub(crate) extinctions: [&'a [f32; AT_ONCE]; 2],

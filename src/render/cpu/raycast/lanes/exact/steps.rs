@@ -124,21 +124,17 @@ impl<L: Lanes> ExactLights<'_, L> {
             for (half, (near, far)) in near.iter().zip(&far).enumerate().take(count - 2 * pair) {
                 let at = 2 * pair + half;
                 let about = self.steps.about[at];
-                let is_run = about.run.is_some();
-                if is_run && in_registers {
+                let ends = rows.ends.get(self.ends_passed).is_some_and(|end| end.row < about.row);
+                if in_registers && (ends || about.run.is_some()) {
                     self.store_sum(&sum);
-                }
-                if rows.ends.get(self.ends_passed).is_some_and(|end| end.row < about.row) {
-                    if !is_run && in_registers {
-                        self.store_sum(&sum);
-                    }
-                    self.pass_ends(rows, about.row, out);
                     in_registers = false;
+                }
+                if ends {
+                    self.pass_ends(rows, about.row, out);
                 }
                 match about.run {
                     Some(run) => {
                         self.add_run(at, run, [near, far], out);
-                        in_registers = false;
                     }
                     None => {
                         if !in_registers {
