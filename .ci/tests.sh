@@ -98,8 +98,8 @@ for_drivers=(--package tetreel --no-default-features --features gpu)
 on_driver() {
     local frames=$scratch/drivers mode
     export VK_DRIVER_FILES=$2
-    timeout 3600 cargo test "${for_drivers[@]}" --lib -- --ignored --nocapture every_stage_compiles
-    TETREEL_REQUIRE=gpu run_tests timeout 1800 cargo test "${for_drivers[@]}" --lib gpu::
+    timeout 3600 cargo test "${for_drivers[@]}" --lib -- --nocapture every_stage_compiles
+    TETREEL_REQUIRE=gpu run_tests timeout 1800 cargo test "${for_drivers[@]}" --lib gpu:: -- --skip every_stage_compiles
     rm -rf "$frames"
     mkdir "$frames"
     tetreel synth jet --cells 20000 --steps 2 -o "$frames/jet.zarr"

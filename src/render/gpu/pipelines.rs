@@ -230,7 +230,6 @@ mod tests {
     use std::time::Instant;
 
     #[test]
-    #[ignore = "takes minutes where drivers compile slowly; `.ci/run drivers` runs it"]
     fn every_stage_compiles() {
         let Some(context) = context() else { return };
         eprintln!("milliseconds on {}", context.adapter());

@@ -86,8 +86,9 @@ fn lines(session: &Session) -> Vec<(&'static str, String)> {
         lines.push(("rendered on", if shown.is_kept { format!("{place}, kept") } else { place.to_owned() }));
         lines.push(("active cells", format!("{} of {}", stats.cells_active, stats.cells_total)));
         let cast: u64 = stats.rays_by_level.iter().sum();
-        if cast > 0 {
-            lines.push(("rays", format!("{:.1} %", 100.0 * cast as f64 / (width * height) as f64)));
+        let pixels = (width * height) as u64;
+        if (1..pixels).contains(&cast) {
+            lines.push(("rays", format!("{:.1} %", 100.0 * cast as f64 / pixels as f64)));
         }
     }
     if let Some(MotionError { ms, rays, error, .. }) = session.motion_error() {

@@ -11,7 +11,7 @@ use crate::render::gpu::context::ContextOptions;
 use crate::render::gpu::layers::DepthLayers;
 use crate::render::gpu::layers::stage_tests::large_faces;
 use crate::render::gpu::raycast::Raycast;
-use crate::render::gpu::raycast::stage_tests::{cameras, context, job, mesh};
+use crate::render::gpu::raycast::stage_tests::{cameras, context, context_of_window, job, mesh};
 use crate::render::gpu::target::OnePlane;
 use crate::render::upsampling::{DepthEdges, Enlargement, ImageScale, UpsampleFilter, UpsampleKind, small_view};
 use crate::task::Cancel;
@@ -182,16 +182,7 @@ fn an_image_is_the_same_in_any_slices_and_by_a_renderer_of_other_images_before()
 
 #[test]
 fn enlarged_frames_for_a_window_stay_on_its_gpu() {
-    if context().is_none() {
-        return;
-    }
-    let instance = crate::render::gpu::context::instance();
-    let adapters = pollster::block_on(instance.enumerate_adapters(crate::render::gpu::context::BACKENDS));
-    let options = crate::render::gpu::context::ContextOptions::default();
-    let adapter = crate::render::gpu::context::best(&adapters, &options).unwrap();
-    let descriptor = crate::render::gpu::context::descriptor(adapter, &options);
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    let context = Arc::new(Context::of_window(adapter, device, queue));
+    let Some(context) = context_of_window() else { return };
     let job = job(&mesh(3, 5, DVec3::ZERO), &cameras(DVec3::ZERO)[0].1, (131, 77));
     let joint = UpsampleFilter::Joint { kernel_px: 4, edges: DepthEdges::USUAL };
     let job = RenderJob { for_window: true, ..enlarged(&job, ImageScale::Quarter, joint) };

@@ -7,7 +7,7 @@ use crate::mesh::{Mesh, NONE, RawMesh};
 use crate::render::Renderer;
 use crate::render::gpu::layout::{FRAGMENT_BYTES, depth_of};
 use crate::render::gpu::raycast::stage_tests::{
-    Meeting, active_cells, cameras, context, has_eye, job, meet, mesh, read_back, seen,
+    Meeting, active_cells, cameras, context, context_of_window, has_eye, job, meet, mesh, read_back, seen,
 };
 use crate::visibility::DrawnFaces;
 use glam::DVec3;
@@ -246,16 +246,7 @@ fn fragments_of_deep_pixels_come_sorted_to_the_last_stage() {
 
 #[test]
 fn frames_for_a_window_stay_on_its_gpu() {
-    if context().is_none() {
-        return;
-    }
-    let instance = crate::render::gpu::context::instance();
-    let adapters = pollster::block_on(instance.enumerate_adapters(crate::render::gpu::context::BACKENDS));
-    let options = crate::render::gpu::context::ContextOptions::default();
-    let adapter = crate::render::gpu::context::best(&adapters, &options).unwrap();
-    let descriptor = crate::render::gpu::context::descriptor(adapter, &options);
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    let context = Arc::new(Context::of_window(adapter, device, queue));
+    let Some(context) = context_of_window() else { return };
     let (_, job) = jobs().swap_remove(0);
     let mut renderer = Havs::new(context.clone());
     let job = RenderJob { for_window: true, ..job };

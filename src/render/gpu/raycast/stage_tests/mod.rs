@@ -11,7 +11,7 @@ use crate::camera::{Camera, Projection, View};
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid_of};
 use crate::mesh::{FACE_VERTICES, Mesh};
 use crate::node_table::{Node, NodeTable};
-use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::gpu::context::{self, Context, ContextOptions};
 use crate::render::gpu::layout::Params;
 use crate::render::gpu::test_common as common;
 use crate::render::{Frame, LayerRenderer, RenderJob, testing};
@@ -24,6 +24,17 @@ pub(in crate::render::gpu) fn context() -> Option<Arc<Context>> {
     static CONTEXT: OnceLock<Result<Arc<Context>, String>> = OnceLock::new();
     let made = || Context::new(&ContextOptions::default()).map(Arc::new).map_err(|e| e.to_string());
     CONTEXT.get_or_init(made).clone().map_err(|why| common::skip("gpu", &why)).ok()
+}
+
+/// The same GPU as a window has it, which is shared with whoever draws the window.
+pub(in crate::render::gpu) fn context_of_window() -> Option<Arc<Context>> {
+    context()?;
+    let (instance, options) = (context::instance(), ContextOptions::default());
+    let adapters = pollster::block_on(instance.enumerate_adapters(context::BACKENDS));
+    let adapter = context::best(&adapters, &options).unwrap();
+    let asked = adapter.request_device(&context::descriptor(adapter, &options));
+    let (device, queue) = pollster::block_on(asked).unwrap();
+    Some(Arc::new(Context::of_window(adapter, device, queue)))
 }
 
 /// The renderer that all stage tests share: its shaders are compiled once.
