@@ -165,11 +165,12 @@ fn a_rate_that_can_be_held_is_held() {
                             &drawn[..40]
                         )
                     };
-                    // What was forgotten is tried again, once in 250 frames.
-                    assert!(changed <= 10, "{}", says());
+                    // Where the rate cannot be held, ways near to the cheapest are tried.
+                    assert!(changed <= 8, "{}", says());
                     if exact_ms * machine.least(&wanted) <= AIM * TARGET_MS {
                         held += 1;
-                        assert!(changed <= 6, "{}", says());
+                        // A finer way that was forgotten is tried once in 250 frames and left again; and one rise.
+                        assert!(changed <= 3, "{}", says());
                         assert!(late * 20 <= drawn.len() - settled, "{}", says());
                     }
                 }
@@ -195,16 +196,48 @@ fn a_rate_is_held_while_costs_change() {
     }
 }
 
+/// A lasting step counts from its second frame, since one slow frame changes nothing. From then on only frames are late that try a way of
+/// which nobody knows the cost, and none where the ways are known.
 #[test]
-fn it_falls_at_once_and_rises_again() {
+fn it_falls_with_the_second_slow_frame() {
+    let mut steps = 0;
+    for (machine, by) in MACHINES.iter().flat_map(|machine| [1.5, 2.0, 4.0, 8.0, 20.0].map(|by| (machine, by))) {
+        // Where no way is within the time there is nothing to fall to.
+        if 30.0 * by * machine.least(&wanted()) > AIM * TARGET_MS {
+            continue;
+        }
+        for delay in [0, 2] {
+            let is_dear = |frame: usize| (100..200).contains(&frame) || (300..400).contains(&frame);
+            let cost = |frame: usize| if is_dear(frame) { by } else { 1.0 };
+            let drawn = machine.play(&mut QualityControl::default(), &wanted(), 30.0, cost, delay, 500);
+            let is_hiccup = |frame: usize| machine.hiccup > 1.0 && frame % 50 == 30;
+            let late = (0..500).filter(|&frame| drawn[frame].1 > TARGET_MS && !is_hiccup(frame));
+            for frame in late {
+                let is_new = !drawn[..frame - delay].iter().any(|(quality, _)| *quality == drawn[frame].0);
+                let is_at_step = [100, 300].iter().any(|step| (*step..step + 2 + delay).contains(&frame));
+                let is_known = frame >= 300;
+                assert!(
+                    is_at_step || is_new && !is_known,
+                    "{}, {by} times, measured {delay} later: frame {frame} by {:?} took {}",
+                    machine.name,
+                    drawn[frame].0,
+                    drawn[frame].1
+                );
+            }
+            assert!(drawn[..100].iter().all(|(quality, _)| *quality == Quality::Exact), "{}", machine.name);
+            steps += 1;
+        }
+    }
+    assert!(steps > 30, "{steps}");
+}
+
+#[test]
+fn it_rises_again() {
     let machine = MACHINES[0];
     let mut control = QualityControl::default();
     let jump = |frame: usize| if (100..200).contains(&frame) { 8.0 } else { 1.0 };
     let drawn = machine.play(&mut control, &wanted(), 30.0, jump, 0, 300);
     assert!(drawn[..100].iter().all(|(quality, _)| *quality == Quality::Exact), "it is fast enough");
-    let late: Vec<usize> = (100..200).filter(|&frame| drawn[frame].1 > TARGET_MS).collect();
-    // One slow frame changes nothing; the next one does.
-    assert!(late.len() <= 3 && late.iter().all(|&frame| frame < 105), "{late:?}");
     assert!(drawn[110..200].iter().all(|(quality, _)| matches!(quality, Quality::Rays(_))));
     assert_eq!(drawn[299].0, Quality::Exact, "it is fast again");
     // A first frame that is known to be slow is never drawn while something moves.
