@@ -119,12 +119,10 @@ pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<Accuracy
 }
 
 impl AccuracyPath {
-    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, casts all rays, and has in
-    /// exact order no buffer.
+    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, and in exact order no buffer.
     fn is_of_gpu(&self) -> bool {
         let KBuffer { k, exact_order } = self.k_buffer;
         self.mode != RenderMode::Reference
-            && self.contrast.is_none()
             && self.table_scalars == Table3dResolution::default().scalars
             && (!exact_order || k == RAYS.k_buffer.k)
     }
@@ -192,6 +190,8 @@ mod tests {
             }
         }
         assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.upsampling == HALF));
+        let contrasts = gpu.iter().filter(|path| path.contrast.is_some()).count();
+        assert_eq!(contrasts, CONTRASTS.len());
         assert!(gpu.iter().all(|path| path.table_scalars == 128));
     }
 }
