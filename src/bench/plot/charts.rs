@@ -191,12 +191,16 @@ fn by_family(runs: &[BenchRun]) -> Chart {
     Chart { x, y: "RMSE of the scenes together [1 = full intensity]".to_owned(), panels }
 }
 
-/// A line for each family, through what it reaches, and all rays; of filters the bilinear one.
+/// A line for each family, through what it reaches, and all rays; of filters the bilinear one. The first and the last point of a line
+/// have names: those between would lie over each other.
 fn family_panel(curves: &Curves<'_>) -> Panel {
     let line = |(family, settings): (Family, &Vec<Setting>)| {
         let is_usual = |of: &&Setting| of.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
         let point = |of: &Setting| Point { x: of.ms, y: of.rmse, name: Some(of.how().to_owned()) };
-        let points = settings.iter().filter(is_usual).map(point).collect();
+        let mut points: Vec<Point> = settings.iter().filter(is_usual).map(point).collect();
+        if let [_, between @ .., _] = points.as_mut_slice() {
+            between.iter_mut().for_each(|point| point.name = None);
+        }
         Line { name: family.name().to_owned(), points, style: Style::Joined }
     };
     let mut lines: Vec<Line> = Family::ALL.into_iter().zip(&curves.families).map(line).collect();
@@ -288,6 +292,7 @@ mod tests {
         let runs = [
             run("jet", 100.0, 1e-7),
             fewer(0.2, 9.0, 2e-3),
+            fewer(0.1, 12.0, 1e-3),
             fewer(0.05, 20.0, 4e-4),
             small("joint", 30.0, 2e-3),
             small("bilinear", 5.0, 3e-3),
@@ -299,14 +304,14 @@ mod tests {
         let of = |line: &Line| (line.name.clone(), line.points.iter().map(|p| (p.x, p.y)).collect::<Vec<_>>());
         let lines: Vec<_> = chart.panels[0].lines.iter().map(of).collect();
         let expected = [
-            ("fewer rays", vec![(9.0, 2e-3), (20.0, 4e-4)]),
+            ("fewer rays", vec![(9.0, 2e-3), (12.0, 1e-3), (20.0, 4e-4)]),
             ("small image", vec![(5.0, 3e-3)]),
             ("faces", vec![(70.0, 1e-2)]),
             ("all rays", vec![(100.0, 1e-7)]),
         ];
         assert_eq!(lines, expected.map(|(name, points)| (name.to_owned(), points)));
         let names: Vec<_> = chart.panels[0].lines[0].points.iter().map(|point| point.name.as_deref()).collect();
-        assert_eq!(names, [Some("contrast 0.2"), Some("contrast 0.05")]);
+        assert_eq!(names, [Some("contrast 0.2"), None, Some("contrast 0.05")]);
     }
 
     #[test]
