@@ -2,10 +2,13 @@
 //!
 //! ```text
 //! half-faces = the four faces of every cell: ascending vertices, cell, local face
-//! counting sort of the half-faces by their lowest vertex            linear, sequential (a scatter)
-//! sort of each vertex's half-faces by the other two, then the cell  a dozen to a few dozen entries each; in parallel
-//! runs of equal vertices: 1 -> boundary, 2 -> interior, else non-manifold
+//! for each part of the vertices, of a large mesh an eighth of the half-faces:
+//!     counting sort of the half-faces by their lowest vertex            linear, sequential (a scatter)
+//!     sort of each vertex's half-faces by the other two, then the cell  a dozen to a few dozen entries each; in parallel
+//!     runs of equal vertices: 1 -> boundary, 2 -> interior, else non-manifold
 //! ```
+//! Parts save memory: all half-faces at once take more than all that stays. Cells and vertices along a curve are near each other, so that a part
+//! looks at few blocks of cells beside its own.
 //! A hash map of faces would need more memory, and its order would have to be undone. Cells in curve order keep the
 //! scatter and the runs in cache.
 //!
@@ -13,6 +16,7 @@
 //! outward winding relative to ascending order: no coordinates are needed. Two cells on the same side overlap.
 
 use super::{CellNeighbour, FACE_VERTICES, NONE, Topology};
+use std::ops::Range;
 
 /// A face seen from one of its cells. Its lowest vertex is the bucket that it lies in.
 #[derive(Clone, Copy)]
@@ -23,34 +27,58 @@ struct HalfFace {
     cell: CellNeighbour,
 }
 
+/// Half-faces of a part at least: of fewer than a million cells there is one.
+const PART: usize = 4_000_000;
+/// Parts at most, but for vertices of very many cells.
+const PARTS: usize = 8;
+
+/// Cells that are looked at together.
+const BLOCK: usize = 1024;
+
 /// Derives faces and neighbours of positively oriented `tets` with indices below `vertex_count`. Returns how many
 /// triangles are non-manifold beside them.
 pub(super) fn connect(vertex_count: u32, tets: Vec<[u32; 4]>) -> (Topology, u64) {
-    let (starts, mut half_faces) = bucket_half_faces(vertex_count, &tets);
-    sort_buckets(&starts, &mut half_faces);
+    let most = PART.max((4 * tets.len()).div_ceil(PARTS));
+    connect_in_parts(vertex_count, tets, most)
+}
 
-    let face_count: usize = runs(&starts, &half_faces).map(|(_, run)| Junction::of(run, &tets).face_count()).sum();
-    let mut faces = Vec::with_capacity(face_count);
-    let mut face_cells = Vec::with_capacity(face_count);
+/// The same by parts of at most so many half-faces, or those of one vertex.
+pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usize) -> (Topology, u64) {
+    let starts = bucket_starts(vertex_count, &tets);
+    let blocks: Vec<[u32; 2]> = tets.chunks(BLOCK).map(lowest_in).collect();
+    let mut faces = Vec::new();
+    let mut face_cells = Vec::new();
     let mut neighbours = vec![[CellNeighbour::NONE; 4]; tets.len()];
     let mut non_manifold = 0;
-    for (lowest, run) in runs(&starts, &half_faces) {
-        let face = [lowest, run[0].others[0], run[0].others[1]];
-        match Junction::of(run, &tets) {
-            Junction::Interior(first, second) => {
-                faces.push(face);
-                face_cells.push([first.cell, second.cell].map(cell_of));
-                *side_mut(&mut neighbours, first.cell) = second.cell;
-                *side_mut(&mut neighbours, second.cell) = first.cell;
-            }
-            Junction::Boundary(half_faces) => {
-                non_manifold += u64::from(half_faces.len() > 1);
-                for half_face in half_faces {
+    let (mut first, mut half_faces) = (0, Vec::new());
+    while first < vertex_count {
+        let begin = starts[first as usize];
+        let fits = |end: &&u32| (**end - begin) as usize <= most;
+        let behind = first + 1 + starts[first as usize + 2..].iter().take_while(fits).count() as u32;
+        let part = Part { vertices: first..behind, starts: &starts[first as usize..=behind as usize] };
+        part.find(&tets, &blocks, &mut half_faces);
+        let face_count: usize = part.runs(&half_faces).map(|(_, run)| Junction::of(run, &tets).face_count()).sum();
+        faces.reserve_exact(face_count);
+        face_cells.reserve_exact(face_count);
+        for (lowest, run) in part.runs(&half_faces) {
+            let face = [lowest, run[0].others[0], run[0].others[1]];
+            match Junction::of(run, &tets) {
+                Junction::Interior(first, second) => {
                     faces.push(face);
-                    face_cells.push([cell_of(half_face.cell), NONE]);
+                    face_cells.push([first.cell, second.cell].map(cell_of));
+                    *side_mut(&mut neighbours, first.cell) = second.cell;
+                    *side_mut(&mut neighbours, second.cell) = first.cell;
+                }
+                Junction::Boundary(half_faces) => {
+                    non_manifold += u64::from(half_faces.len() > 1);
+                    for half_face in half_faces {
+                        faces.push(face);
+                        face_cells.push([cell_of(half_face.cell), NONE]);
+                    }
                 }
             }
         }
+        first = behind;
     }
     (Topology { vertex_count, tets, neighbours, faces, face_cells }, non_manifold)
 }
@@ -82,33 +110,63 @@ impl<'a> Junction<'a> {
     }
 }
 
-/// All half-faces, bucket by bucket, and where each vertex's bucket starts (one more entry for the end). Fewer than
-/// 2^30 cells have fewer than 2^32 half-faces.
-fn bucket_half_faces(vertex_count: u32, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<HalfFace>) {
-    // Counts become the buckets' ends, and those their starts while the buckets are filled from behind.
+/// Where each vertex's bucket of half-faces starts, and one more entry for the end. Fewer than 2^30 cells have fewer than 2^32 half-faces.
+fn bucket_starts(vertex_count: u32, tets: &[[u32; 4]]) -> Vec<u32> {
     let mut starts = vec![0u32; vertex_count as usize + 1];
     for tet in tets {
         // The lowest vertex of a cell is the lowest of three of its faces; the fourth begins with the second lowest.
         let (lowest, second) = two_lowest(*tet);
-        starts[lowest as usize] += 3;
-        starts[second as usize] += 1;
+        starts[lowest as usize + 1] += 3;
+        starts[second as usize + 1] += 1;
     }
     let mut end = 0;
     for start in &mut starts {
         end += *start;
         *start = end;
     }
-    let unfilled = HalfFace { others: [NONE; 2], cell: CellNeighbour::NONE };
-    let mut half_faces = vec![unfilled; 4 * tets.len()];
-    for (cell, tet) in (0u32..).zip(tets) {
-        for local in 0..4 {
-            let [lowest, b, c] = ascending_face(*tet, local);
-            let start = &mut starts[lowest as usize];
-            *start -= 1;
-            half_faces[*start as usize] = HalfFace { others: [b, c], cell: CellNeighbour::new(cell, local) };
+    starts
+}
+
+/// The half-faces whose lowest vertices are some that follow each other.
+struct Part<'a> {
+    vertices: Range<u32>,
+    /// Where the buckets of these start among all half-faces, and where the last one ends.
+    starts: &'a [u32],
+}
+
+impl Part<'_> {
+    /// Them, bucket by bucket, each bucket sorted. Of each block of cells the least and the greatest of the lowest vertices of faces is known.
+    fn find(&self, tets: &[[u32; 4]], blocks: &[[u32; 2]], half_faces: &mut Vec<HalfFace>) {
+        let (begin, end) = (self.starts[0], self.starts[self.starts.len() - 1]);
+        let unfilled = HalfFace { others: [NONE; 2], cell: CellNeighbour::NONE };
+        half_faces.clear();
+        half_faces.resize((end - begin) as usize, unfilled);
+        let mut next: Vec<u32> = self.starts.iter().map(|start| start - begin).collect();
+        for (block, (cells, [least, greatest])) in tets.chunks(BLOCK).zip(blocks).enumerate() {
+            if *least >= self.vertices.end || *greatest < self.vertices.start {
+                continue;
+            }
+            for (cell, tet) in ((block * BLOCK) as u32..).zip(cells) {
+                for local in 0..4 {
+                    let [lowest, b, c] = ascending_face(*tet, local);
+                    if self.vertices.contains(&lowest) {
+                        let next = &mut next[(lowest - self.vertices.start) as usize];
+                        half_faces[*next as usize] = HalfFace { others: [b, c], cell: CellNeighbour::new(cell, local) };
+                        *next += 1;
+                    }
+                }
+            }
         }
+        sort_buckets(self.starts, half_faces);
     }
-    (starts, half_faces)
+
+    /// Runs of half-faces with the same vertices, each beside its lowest vertex, in lexicographic order.
+    fn runs<'a>(&'a self, half_faces: &'a [HalfFace]) -> impl Iterator<Item = (u32, &'a [HalfFace])> {
+        self.vertices.clone().zip(self.starts.windows(2)).flat_map(|(lowest, ends)| {
+            let [from, to] = [ends[0], ends[1]].map(|end| (end - self.starts[0]) as usize);
+            half_faces[from..to].chunk_by(|a, b| a.others == b.others).map(move |run| (lowest, run))
+        })
+    }
 }
 
 /// Sorts the buckets that begin at `starts` (the last entry is the end); `half_faces` are theirs alone. Halves are
@@ -131,14 +189,6 @@ fn sort_buckets(starts: &[u32], half_faces: &mut [HalfFace]) {
     }
 }
 
-/// Runs of half-faces with the same vertices, each beside its lowest vertex, in lexicographic order.
-fn runs<'a>(starts: &'a [u32], half_faces: &'a [HalfFace]) -> impl Iterator<Item = (u32, &'a [HalfFace])> {
-    (0u32..).zip(starts.windows(2)).flat_map(|(lowest, ends)| {
-        let bucket = &half_faces[ends[0] as usize..ends[1] as usize];
-        bucket.chunk_by(|a, b| a.others == b.others).map(move |run| (lowest, run))
-    })
-}
-
 /// The vertices of a cell's face, ascending.
 pub(super) fn ascending_face(tet: [u32; 4], local: u32) -> [u32; 3] {
     let mut face = FACE_VERTICES[local as usize].map(|i| tet[i]);
@@ -152,6 +202,12 @@ pub(super) fn winding_is_even(side: CellNeighbour, tets: &[[u32; 4]]) -> bool {
     let tet = tets[cell_of(side) as usize];
     let [a, b, c] = FACE_VERTICES[side.opposite() as usize].map(|i| tet[i]);
     ((a > b) ^ (b > c)) == (a > c)
+}
+
+/// The least and the greatest of the lowest vertices of these cells' faces.
+fn lowest_in(tets: &[[u32; 4]]) -> [u32; 2] {
+    let both = tets.iter().map(|tet| two_lowest(*tet));
+    both.fold([u32::MAX, 0], |[least, greatest], (lowest, second)| [least.min(lowest), greatest.max(second)])
 }
 
 fn two_lowest(tet: [u32; 4]) -> (u32, u32) {

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 
 use super::curve::{ascending, cell_curve_index, curve_index};
-use super::faces::ascending_face;
+use super::faces::{ascending_face, connect_in_parts};
 use super::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, shuffled};
 use super::{CellNeighbour, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Topology, tet_volume};
 
@@ -346,6 +346,11 @@ proptest! {
         mesh.check().unwrap();
         let (neighbours, non_manifold) = naive_neighbours(&mesh.topology.tets, &mesh.positions);
         prop_assert_eq!(&mesh.topology.neighbours, &neighbours);
+        for most in [1, 7, 30] {
+            let Topology { vertex_count, tets, .. } = mesh.topology.clone();
+            let in_parts = connect_in_parts(vertex_count, tets, most);
+            prop_assert_eq!(&in_parts, &(mesh.topology.clone(), report.non_manifold_faces), "parts of {}", most);
+        }
         prop_assert_eq!(report.non_manifold_faces, non_manifold);
         let sides = neighbours.iter().flatten().filter(|side| **side == CellNeighbour::NONE).count();
         prop_assert_eq!(report.boundary_faces, sides as u64);
