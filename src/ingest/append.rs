@@ -6,6 +6,7 @@
 //!
 //! [`Moments::resume`]: crate::moments::Moments::resume
 
+use super::order::VertexOrder;
 use super::pass::{Pass, Target};
 use super::plan::{self, PlannedField};
 use super::report::IngestError;
@@ -134,7 +135,8 @@ pub fn append(
 
     let (mut writer, resumed) = StoreWriter::append(&store)?;
     let targets = targets(&fields, &store, resumed)?;
-    let mut pass = Pass::new(source, &mesh, counts, &fields, targets);
+    let (order, _) = VertexOrder::new(mesh, plan::has_cells(&fields));
+    let mut pass = Pass::new(source, order, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     progress.begin("append", steps.len() as u64, "steps");
     let result = with_stream(&job, |stream| {

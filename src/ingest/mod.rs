@@ -32,6 +32,7 @@ use crate::mesh::Mesh;
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
+use order::VertexOrder;
 use pass::{Pass, Target};
 use plan::{Output, PlannedField};
 use std::path::Path;
@@ -63,14 +64,16 @@ pub fn ingest(
     let (mesh, repair) =
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
     writer.write_mesh(&mesh, &repair)?;
-    writer.write_source_points(&mesh, &points)?;
-    drop(points);
+    let cells = mesh.topology.tets.len();
+    let (order, positions) = VertexOrder::new(mesh, plan::has_cells(&fields));
+    writer.write_source_points(&positions, order.vertex_source(), &points)?;
+    drop((points, positions));
     writer.write_times(&TimeAxis { values: times })?;
     let mesh_seconds = start.elapsed().as_secs_f64();
 
-    let vertices = mesh.vertex_source.len();
+    let vertices = order.vertex_source().len();
     let targets = fields.iter().map(|f| targets(f, vertices, options.codec, &mut writer)).collect();
-    let mut pass = Pass::new(source, &mesh, counts, &fields, targets);
+    let mut pass = Pass::new(source, order, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     progress.begin("import", steps.len() as u64, "steps");
     let result = with_stream(&job, |stream| {
@@ -88,7 +91,7 @@ pub fn ingest(
     let finish = Instant::now();
     let mut seconds = pass.seconds;
     let values = pass.values_read;
-    let counts = [mesh.vertex_source.len(), mesh.topology.tets.len(), steps.len()].map(|n| n as u64);
+    let counts = [vertices, cells, steps.len()].map(|n| n as u64);
     let fields = reports(pass.targets, counts, options.codec)?;
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;

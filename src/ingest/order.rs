@@ -1,14 +1,14 @@
 //! From the file's numbering to the mesh's: one value per vertex in curve order.
 
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use rayon::prelude::*;
 
 /// Vertices that one task fills.
 const CHUNK: usize = 16_384;
 
 /// For each vertex of the mesh where its value comes from.
-pub(super) struct VertexOrder<'a> {
-    vertex_source: &'a [u32],
+pub(super) struct VertexOrder {
+    vertex_source: Vec<u32>,
     cells: Option<CellsAround>,
 }
 
@@ -20,10 +20,16 @@ struct CellsAround {
     cells: Vec<u32>,
 }
 
-impl<'a> VertexOrder<'a> {
-    /// The order of a mesh; `with_cells` if values per cell are to come.
-    pub(super) fn new(mesh: &'a Mesh, with_cells: bool) -> Self {
-        Self { vertex_source: &mesh.vertex_source, cells: with_cells.then(|| CellsAround::of(mesh)) }
+impl VertexOrder {
+    /// The order of a mesh, and where its vertices are; the rest, most of it, is freed. `with_cells` if values per cell are to come.
+    pub(super) fn new(mesh: Mesh, with_cells: bool) -> (Self, Positions) {
+        let cells = with_cells.then(|| CellsAround::of(&mesh));
+        (Self { vertex_source: mesh.vertex_source, cells }, mesh.positions)
+    }
+
+    /// The point of the source that each vertex is.
+    pub(super) fn vertex_source(&self) -> &[u32] {
+        &self.vertex_source
     }
 
     /// Values per point of the source -> per vertex of the mesh.

@@ -7,7 +7,6 @@ use super::stream::Stream;
 use crate::codec::magnitude;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource};
-use crate::mesh::Mesh;
 use crate::moments::{Moments, StepSummary};
 use crate::short::Short;
 use crate::slowdown::{Slow, waste};
@@ -30,7 +29,7 @@ pub(super) struct Pass<'a> {
     /// Points and cells of the source.
     counts: [usize; 2],
     fields: &'a [PlannedField],
-    order: VertexOrder<'a>,
+    order: VertexOrder,
     /// For each field one target an output.
     pub(super) targets: Vec<Vec<Target>>,
     /// Components of the current field in vertex order, as many as the field with most needs.
@@ -43,19 +42,18 @@ pub(super) struct Pass<'a> {
 impl<'a> Pass<'a> {
     pub(super) fn new(
         source: &'a dyn SeriesSource,
-        mesh: &'a Mesh,
+        order: VertexOrder,
         counts: [usize; 2],
         fields: &'a [PlannedField],
         targets: Vec<Vec<Target>>,
     ) -> Self {
-        let vertices = mesh.vertex_source.len();
-        let with_cells = fields.iter().any(|f| f.info.association == Association::Cell);
+        let vertices = order.vertex_source().len();
         let most = fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
         Self {
             source,
             counts,
             fields,
-            order: VertexOrder::new(mesh, with_cells),
+            order,
             targets,
             components: vec![vec![0.0; vertices]; most],
             magnitude: vec![0.0; vertices],

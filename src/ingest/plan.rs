@@ -28,6 +28,11 @@ pub(super) struct PlannedField {
     pub(super) outputs: Vec<Output>,
 }
 
+/// Whether some fields have values per cell.
+pub(super) fn has_cells(fields: &[PlannedField]) -> bool {
+    fields.iter().any(|field| field.info.association == Association::Cell)
+}
+
 /// Plans the import of `selectors` (all fields if empty). A problem is returned as what the user should read.
 ///
 /// Fields of one name (a point field and a cell field, say) are told apart: the first keeps the name, a cell field

@@ -15,7 +15,7 @@ use super::staging::Staging;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, Quality, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, TimeAxis};
-use crate::mesh::{Mesh, RepairReport};
+use crate::mesh::{Mesh, Positions, RepairReport};
 use crate::moments::{Moments, VertexStatistics};
 use serde_json::Map;
 use std::collections::BTreeSet;
@@ -69,15 +69,21 @@ impl StoreWriter {
         mesh::write(self.staging.path(), &self.storage, mesh, report).map(drop)
     }
 
-    /// Writes the points that the mesh was built from, if it does not give them back bit for bit.
+    /// Writes the points that a mesh was built from, if its vertices at `positions` do not give them back bit for bit; `vertex_source` has the
+    /// point of each vertex.
     ///
     /// # Errors
     /// If a file cannot be written.
     ///
     /// # Panics
-    /// If the mesh was built from others, and names one that is missing.
-    pub fn write_source_points(&mut self, mesh: &Mesh, points: &SourcePoints) -> FileResult<()> {
-        points.write(self.staging.path(), &self.storage, &mesh.positions, &mesh.vertex_source)
+    /// If a vertex names a point that is missing.
+    pub fn write_source_points(
+        &mut self,
+        positions: &Positions,
+        vertex_source: &[u32],
+        points: &SourcePoints,
+    ) -> FileResult<()> {
+        points.write(self.staging.path(), &self.storage, positions, vertex_source)
     }
 
     /// Writes the times of the steps, all of which show mesh 0.
