@@ -6,7 +6,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0a | [`error`], [`short`], [`slowdown`], [`words`] |
+//! | 0a | [`error`], [`random`], [`short`], [`slowdown`], [`words`] |
 //! | 0b | [`files`], [`task`] |
 //! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`], [`timeline`] |
 //! | 1b | [`field`], [`histograms`] |
@@ -44,6 +44,7 @@ pub mod optics;
 pub mod pipeline;
 pub mod playback;
 pub mod project;
+pub mod random;
 pub mod render;
 mod short;
 mod slowdown;

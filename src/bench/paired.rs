@@ -5,7 +5,7 @@
 //! bootstrap over pairs (Efron and Tibshirani 1993, chapter 13).
 
 use super::statistics::{Spread, median, median_of_sorted, percentile};
-use crate::synth::random::SplitMix64;
+use crate::random::SplitMix64;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 

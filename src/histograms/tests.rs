@@ -25,7 +25,7 @@ impl Steps {
 
     /// Noise over a grid of so many cubes along each axis, with some holes.
     fn noise(n: usize, steps: usize) -> Self {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         let mesh = Mesh::build(jittered(kuhn_grid([n, n, n]), &mut random)).unwrap().0;
         let mut step = |t: usize| {
             let mut values: Vec<f32> =

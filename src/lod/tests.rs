@@ -15,7 +15,7 @@ fn mesh(n: [usize; 3]) -> Mesh {
 
 /// Numbers that look like chance, one for each index.
 fn noise(count: usize, seed: u64) -> Vec<f32> {
-    let mut random = test_meshes::Random(seed);
+    let mut random = test_meshes::Random::new(seed);
     (0..count).map(|_| random.signed() as f32).collect()
 }
 
@@ -256,7 +256,7 @@ proptest! {
         let mesh = Arc::new(mesh([4, 4, 3]));
         let topology = &mesh.topology;
         let ranking = Arc::new(Ranking::by_strata(topology, &noise(vertices(topology), seed)));
-        let mut random = test_meshes::Random(seed);
+        let mut random = test_meshes::Random::new(seed);
         let bits: Vec<bool> = topology.tets.iter().map(|_| random.next() % 8 < kept).collect();
         let active = Arc::new(CellSet::of(bits.len(), |cell| bits[cell]));
         let mut selector = Selector::new();

@@ -81,7 +81,7 @@ proptest! {
 
 #[test]
 fn slivers_need_the_double_precision_and_carelessness_is_noticed() {
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let mut number = |n: i64| random.below(2 * n as usize + 1) as i64 - n;
     let (mut worse, mut slivers) = (0, 0);
     for _ in 0..1000 {
@@ -142,7 +142,7 @@ fn flat_as_a_cell_may_be_its_gradient_is_right_or_missing() {
 
 #[test]
 fn a_constant_has_no_gradient_at_all_and_the_extremes_of_f32_are_differences_too() {
-    let mesh = build(jittered(kuhn_grid([4, 3, 2]), &mut Random(3)));
+    let mesh = build(jittered(kuhn_grid([4, 3, 2]), &mut Random::new(3)));
     let vertices = mesh.vertex_source.len();
     for value in [0.0, -0.0, 0.1, -3e38, f32::MAX, 1e-45, 1e9] {
         let found = gradients(&mesh, &vec![value; vertices]);
@@ -157,7 +157,7 @@ fn a_constant_has_no_gradient_at_all_and_the_extremes_of_f32_are_differences_too
 
 /// A linear field on a jittered grid with coordinates on a coarse raster: all its scalars are exact.
 fn linear() -> (RawMesh, impl Fn(DVec3) -> f32, f64) {
-    let mut raw = jittered(kuhn_grid([5, 4, 3]), &mut Random(1));
+    let mut raw = jittered(kuhn_grid([5, 4, 3]), &mut Random::new(1));
     raw.points.iter_mut().for_each(|p| *p = (*p * 256.0).round() / 256.0);
     (raw, |p: DVec3| (3.0 * p.x - 7.0 * p.y + 2.0 * p.z + 11.0) as f32, 62.0_f64.sqrt())
 }
@@ -232,8 +232,8 @@ fn where_the_mesh_lies_and_how_large_it_is_changes_nothing_but_the_unit() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let mesh = build(jittered(kuhn_grid([13, 12, 11]), &mut Random(9)));
-    let mut random = Random(2);
+    let mesh = build(jittered(kuhn_grid([13, 12, 11]), &mut Random::new(9)));
+    let mut random = Random::new(2);
     let scalars: Vec<f32> = mesh.vertex_source.iter().map(|_| random.signed() as f32).collect();
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -117,7 +117,7 @@ mod tests {
             point in prop::array::uniform3(-1.2f64..1.2),
             tolerance in prop_oneof![Just(0.0), 1e-9f64..0.5],
         ) {
-            let raw = jittered(kuhn_grid([3, 2, 2]), &mut Random(seed));
+            let raw = jittered(kuhn_grid([3, 2, 2]), &mut Random::new(seed));
             let (mesh, _) = Mesh::build(raw).unwrap();
             let point = DVec3::from_array(point);
             let found = mesh.cells_near(point, tolerance);
@@ -138,7 +138,7 @@ mod tests {
         fn a_sliver_is_never_missed_at_points_on_its_faces_and_inside(seed: u64, flatness in 0i32..20) {
             // Overlapping cells, up to 2^20 times flatter than wide. Weights of a few bits keep the points exact, whereas
             // the normals of the planes through them round.
-            let mut random = Random(seed);
+            let mut random = Random::new(seed);
             let flatten = DVec3::new(1.0, 1.0, 2f64.powi(-flatness));
             let points = (0..12).map(|_| flatten * DVec3::from_array(std::array::from_fn(|_| random.signed()))).collect();
             let tets = (0..30).map(|_| std::array::from_fn(|_| random.below(12) as u32)).collect();

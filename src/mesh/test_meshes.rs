@@ -1,18 +1,20 @@
-//! Meshes that several test modules build, and a small generator of repeatable random numbers for them.
+//! Meshes that several test modules build, and random numbers for them.
 
 use glam::DVec3;
 
 use super::RawMesh;
+use crate::random::SplitMix64;
 
-/// SplitMix64 (Steele, Lea, Flood 2014): repeatable from its seed, which is what a failing property prints.
-pub struct Random(pub u64);
+/// Repeatable from its seed, which is what a failing property prints.
+pub struct Random(SplitMix64);
 
 impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(SplitMix64::new(seed))
+    }
+
     pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        self.0.next_u64()
     }
 
     pub fn below(&mut self, n: usize) -> usize {

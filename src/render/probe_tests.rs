@@ -107,7 +107,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
     let bound = 2f64.powi(-25) + 1e-12;
     let (mut seen, mut caught, mut empty) = (0, 0, 0);
     for seed in 0..200 {
-        let job = random_job(&mut Random(seed));
+        let job = random_job(&mut Random::new(seed));
         let judge = Reference::new().render(job.clone()).unwrap().planes.color.clone();
         let thinner = job.table.nodes().iter().map(|n| Node { tau: n.tau * (1.0 - 1e-4), ..*n }).collect();
         let thinner = RenderJob { table: Arc::new(NodeTable::new(thinner).unwrap()), ..job.clone() };
@@ -131,7 +131,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
 fn a_point_lies_on_the_ray_in_its_cell_and_has_its_scalar() {
     let (mut count, mut noticed) = (0, 0);
     for seed in 0..100 {
-        let mut random = Random(1000 + seed);
+        let mut random = Random::new(1000 + seed);
         let job = random_job(&mut random);
         let at_px = (5.5 + 5.5 * random.signed(), 4.5 + 4.5 * random.signed());
         let Some(probe) = probe(&job, &[], at_px).unwrap() else { continue };

@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn the_change_between_two_moments_is_bilinear_and_colours_stay_within_opacity() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         for size_px in SIZES {
             let [before, now] = [(); 2].map(|()| noise(&mut random, size_px));
             let expected = naive(&now, &before);
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn rays_that_are_cast_are_shown_as_they_are_and_so_is_a_moment_that_did_not_change() {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         for size_px in SIZES {
             let [before, now] = [(); 2].map(|()| noise(&mut random, size_px));
             let mut of_now = planes(&now);
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn bands_made_anew_are_exact_and_their_details_serve_the_next_moment() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         for size_px in SIZES {
             let [before, now] = [(); 2].map(|()| noise(&mut random, size_px));
             let bands = 0..Details::count(size_px);

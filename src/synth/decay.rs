@@ -2,9 +2,9 @@
 //! their scalars; in a box with a round cavity and a missing corner, so that the mesh is not convex.
 
 use super::kuhn::Domain;
-use super::random::SplitMix64;
 use super::{Model, point_field};
 use crate::field::FieldInfo;
+use crate::random::SplitMix64;
 use glam::DVec3;
 use std::f64::consts::PI;
 

@@ -13,9 +13,9 @@
 
 use super::kuhn::Domain;
 use super::noise::vector_noise;
-use super::random::{hash, unit};
 use super::{Model, point_field};
 use crate::field::FieldInfo;
+use crate::random::{hash, unit};
 use glam::{DVec2, DVec3, Vec3Swizzles as _};
 
 /// Length and half width of the domain in nozzle diameters; the jet runs along x.

@@ -8,7 +8,7 @@
 //! with 6 * JITTER < 1 its rows stay strictly diagonally dominant, so that its determinant keeps its sign. The bound is
 //! sharp: at worst 1 - 6 * JITTER of the volume is left.
 
-use super::random::{hash, unit};
+use crate::random::{hash, unit};
 use glam::DVec3;
 use rayon::prelude::*;
 

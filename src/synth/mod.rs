@@ -22,7 +22,6 @@ mod faded_tests;
 mod jet;
 mod kuhn;
 mod noise;
-pub mod random;
 pub mod slab;
 #[cfg(test)]
 mod tests;

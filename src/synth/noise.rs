@@ -1,7 +1,7 @@
 //! Gradient noise (Perlin: *Improving noise*, SIGGRAPH 2002) with three independent values for the price of one hash a
 //! lattice corner, on an unbounded lattice and with any seed.
 
-use super::random::hash;
+use crate::random::hash;
 use glam::{DVec3, I64Vec3};
 
 /// Multipliers that spread lattice coordinates over 64 bits before they are hashed; odd, otherwise arbitrary.
@@ -45,7 +45,7 @@ fn slope(bits: u64, d: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::SplitMix64;
+    use crate::random::SplitMix64;
 
     #[test]
     fn noise_vanishes_at_lattice_points_also_far_from_the_origin() {

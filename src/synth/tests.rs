@@ -1,7 +1,7 @@
 //! Meshes are valid, counts are met, values are those of the formulas, bits depend on the seed and nothing else.
 
-use super::random::SplitMix64;
 use super::*;
+use crate::random::SplitMix64;
 use std::collections::HashMap;
 
 fn spec(name: SeriesName, cells: u64, steps: usize) -> SynthSpec {

@@ -37,7 +37,7 @@ fn naive(mesh: &Mesh, scalars: &[f32], table: Option<&NodeTable>) -> CellSet {
 
 /// Several chunks and clusters: 32 x 32 x 32 cubes are 196,608 cells and 35,937 vertices.
 fn large_mesh() -> Arc<Mesh> {
-    Arc::new(Mesh::build(jittered(kuhn_grid([32, 32, 32]), &mut Random(3))).unwrap().0)
+    Arc::new(Mesh::build(jittered(kuhn_grid([32, 32, 32]), &mut Random::new(3))).unwrap().0)
 }
 
 /// A bump that moves along the diagonal of the box, flat far from its middle.
@@ -65,7 +65,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn sets_are_those_found_cell_by_cell_whatever_came_before(seed in any::<u64>()) {
-        let random = &mut Random(seed);
+        let random = &mut Random::new(seed);
         let keep = random.next();
         let mesh = kuhn_grid_of([9, 9, 9], |c| keep >> ((c[0] + 2 * c[1] + 5 * c[2]) % 64) & 3 != 0);
         let mesh = Arc::new(Mesh::build(jittered(mesh, random)).unwrap().0);
@@ -109,7 +109,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn isovalues_that_move_over_the_same_scalars_change_the_cells_that_they_should(seed in any::<u64>()) {
-        let random = &mut Random(seed);
+        let random = &mut Random::new(seed);
         let mesh = Arc::new(Mesh::build(jittered(kuhn_grid([12, 9, 9]), random)).unwrap().0);
         let clusters = clusters(&mesh);
         let mut cells = ActiveCells::new();

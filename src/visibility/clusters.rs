@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn clusters_and_pairs_are_those_of_all_cells() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         for spread in [1, 3, 40, 4000] {
             let vertices = spread * Clusters::VERTICES;
             let cells: Vec<[u32; 4]> = (0..3000).map(|_| [0; 4].map(|_: u32| random.below(vertices) as u32)).collect();

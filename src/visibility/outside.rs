@@ -87,13 +87,13 @@ mod tests {
 
     /// A mesh of several clusters.
     fn mesh() -> Mesh {
-        Mesh::build(jittered(kuhn_grid([20, 20, 20]), &mut Random(3))).unwrap().0
+        Mesh::build(jittered(kuhn_grid([20, 20, 20]), &mut Random::new(3))).unwrap().0
     }
 
     /// Views in the mesh's local coordinates: from inside, nearby and far away, turned anywhere, wide and narrow, in both
     /// projections.
     fn views() -> Vec<View> {
-        let mut random = Random(17);
+        let mut random = Random::new(17);
         let mut views = Vec::new();
         for i in 0..150 {
             let mut point = |reach: f64| reach * DVec3::new(random.signed(), random.signed(), random.signed());
@@ -120,7 +120,7 @@ mod tests {
 
     /// Whether a point of a needed cell is seen that is not in a needed cluster.
     fn misses(clusters: &Clusters, mesh: &Mesh, view: &View, active: &CellSet, needed: &NeededClusters) -> bool {
-        let mut random = Random(1);
+        let mut random = Random::new(1);
         (0..mesh.topology.tets.len()).filter(|&cell| active.contains(cell as u32)).any(|cell| {
             let corners = mesh.topology.tets[cell].map(|v| mesh.positions.local[v as usize].as_dvec3());
             let weights: [f64; 4] = std::array::from_fn(|_| 1.0 + random.signed());

@@ -13,8 +13,8 @@ use tetreel::codec::{ChunkSink, Decoder, Encoder, ReadRange, seal};
 use tetreel::error::{FileError, FileResult};
 use tetreel::field::{Association, FieldSelector, TimeAxis};
 use tetreel::moments::Moments;
+use tetreel::random::SplitMix64;
 use tetreel::store::{FieldDescription, FieldReader, FieldWriter, Store, StoreWriter};
-use tetreel::synth::random::SplitMix64;
 
 /// Chunks in memory.
 #[derive(Default)]

@@ -9,7 +9,7 @@ use crate::optics::partial::PartialTable;
 use crate::optics::quadrature::quadrature;
 use crate::optics::table3d::{Table3d, Table3dResolution};
 use crate::optics::{Accumulator, Integrator, OpticsKind};
-use crate::synth::random::SplitMix64;
+use crate::random::SplitMix64;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -115,7 +115,7 @@ impl VqBlock {
         Self::padded(parts, entries, &Cancel::new())
     }
 
-    /// The same, unless `cancel` is raised: large codebooks take milliseconds to pad.
+    /// Takes the parts of a block as [`Self::new`] does, unless `cancel` is raised: large codebooks take milliseconds to pad.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -205,7 +205,7 @@ impl VqBlock {
         !cancel.is_cancelled()
     }
 
-    /// The same for the vertices from `first` on, on this thread.
+    /// Decodes step `j` of the vertices from `first` on, on this thread.
     pub(super) fn decode_part(&self, j: usize, step: usize, first: usize, out: &mut [f32]) {
         self.decode_finite(j, first, out);
         waste(Slow::DecodeVq, out.len());
@@ -298,7 +298,7 @@ fn add<const N: usize, I: Copy + Into<usize>>(
     }
 }
 
-/// The same without a base.
+/// Decodes differences alone, without a mean to add them to.
 #[inline(always)]
 fn differences<const N: usize, I: Copy + Into<usize>>(
     i8: &[I],
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn wide_registers_give_the_same_bits() {
-        let mut random = Random(12);
+        let mut random = Random::new(12);
         let count = 1003;
         let mut numbers = |n: usize| (0..n).map(|_| random.signed()).collect::<Vec<f32>>();
         let (mean, column8, column64) = (numbers(count), numbers(1024), numbers(1024));

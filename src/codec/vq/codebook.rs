@@ -194,7 +194,7 @@ mod tests {
 
     /// Points around `clusters` far corners.
     fn clusters(clusters: usize, each: usize) -> Tiles {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         let count = clusters * each;
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|i| (i * 7919) % count);
@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn lbg_improves_on_the_splits_and_never_makes_them_worse() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         let mut vectors = Tiles::new(8, 3000);
         vectors.data.iter_mut().for_each(|x| *x = random.signed() * random.signed());
         let mut last = f64::INFINITY;

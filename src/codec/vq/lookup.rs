@@ -149,7 +149,7 @@ mod tests {
             eprintln!("SKIPPED: this processor has no AVX-512, so nothing is permuted");
             return;
         };
-        let mut random = Random(31);
+        let mut random = Random::new(31);
         let mut numbers = |n: usize| (0..n).map(|_| random.signed()).collect::<Vec<f32>>();
         let mut columns = [numbers(256), numbers(256)];
         columns[0][..4].copy_from_slice(&[-0.0, 0.0, f32::MIN_POSITIVE / 8.0, -f32::MAX]);

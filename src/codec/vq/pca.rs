@@ -166,7 +166,7 @@ mod tests {
 
     /// Vectors in the span of three fixed ones, with a little noise.
     fn vectors(count: usize) -> Vec<Vector> {
-        let mut random = Random(1);
+        let mut random = Random::new(1);
         let shape = |k: usize, j: usize| ((j * (2 * k + 1)) as f32 * 0.05 + k as f32).sin();
         (0..count)
             .map(|_| {
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(Basis::of(&vectors(500), 1e-4, &[4, 8, 16]).axes.len(), 4);
         let constant = vec![[1.0; STEPS]; 10];
         assert_eq!(Basis::of(&constant, 1e-4, &[4, 8, 16]).axes.len(), 4);
-        let mut random = Random(2);
+        let mut random = Random::new(2);
         let noise: Vec<Vector> = (0..2000).map(|_| std::array::from_fn(|_| random.signed())).collect();
         assert_eq!(Basis::of(&noise, 1e-4, &[4, 8, 16]).axes.len(), 16);
         assert_eq!(Basis::of(&[], 1e-4, &[4, 8]).axes.len(), 4);

@@ -31,7 +31,7 @@ pub(super) struct Prepared<'a> {
 /// Exponents of units.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Unit {
-    /// The same for all vertices.
+    /// One exponent for all vertices.
     Common(i8),
     /// Each vertex has its own.
     Own(Vec<i8>),
@@ -261,7 +261,7 @@ mod tests {
     fn means_differences_and_group_means_are_those_of_the_definition() {
         let mut noticed = 0;
         for (vertices, steps) in [(37, 64), (5, 64), (20, 23), (3, 1)] {
-            let mut random = Random(vertices as u64);
+            let mut random = Random::new(vertices as u64);
             let mut values: Vec<f32> = (0..vertices * steps).map(|_| 7.0 + random.signed()).collect();
             (0..steps).for_each(|j| values[j * vertices + 2] = 0.1);
             let prepared = Prepared::new(&values, vertices, false);

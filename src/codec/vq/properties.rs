@@ -33,7 +33,7 @@ fn courses() -> impl Strategy<Value = Course> {
 const SPECIAL: [u32; 4] = [0x7fc0_0000, 0x7f80_0000, 0xff80_0000, 0xffc1_2345];
 
 fn series(courses: &[Course], steps: usize, seed: u64) -> Vec<f32> {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut values = Vec::new();
     for _ in 0..steps {
         for course in courses {

@@ -173,7 +173,7 @@ mod tests {
     use super::*;
 
     fn random_tiles(dims: usize, count: usize, seed: u64) -> Tiles {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let mut tiles = Tiles::new(dims, count);
         tiles.data.iter_mut().for_each(|x| *x = random.signed());
         tiles
@@ -199,7 +199,7 @@ mod tests {
         for dims in [4, 8, 12, 16, 5, 64] {
             for count in [1, 2, 37, 256] {
                 let tiles = random_tiles(dims, 1003, 7);
-                let mut random = Random(11);
+                let mut random = Random::new(11);
                 let mut rows: Vec<f32> = (0..count * dims).map(|_| random.signed()).collect();
                 rows[..dims].fill(0.0);
                 let entries = Entries { dims, rows };
@@ -231,7 +231,7 @@ mod tests {
     fn wide_registers_find_the_same_bits() {
         for dims in [4, 8, 12, 16, 64] {
             let tiles = random_tiles(dims, TASK * LANES, 8);
-            let mut random = Random(6);
+            let mut random = Random::new(6);
             let entries = Entries { dims, rows: (0..dims * 301).map(|_| random.signed()).collect() };
             let half: Vec<f32> = (0..301).map(|k| 0.5 * dot(entries.row(k), entries.row(k))).collect();
             let mut plain = Assignment { entry: vec![0; tiles.count], distance: vec![0.0; tiles.count] };
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn chunks_of_work_do_not_show() {
         let tiles = random_tiles(8, 3 * TASK * LANES + 5, 3);
-        let mut random = Random(4);
+        let mut random = Random::new(4);
         let entries = Entries { dims: 8, rows: (0..8 * 33).map(|_| random.signed()).collect() };
         let all = nearest(&tiles, &entries);
         let part: Vec<u32> = (0..tiles.count as u32).rev().collect();

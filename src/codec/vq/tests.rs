@@ -327,7 +327,7 @@ fn with_a_scale_of_its_own_every_vertex_of_a_huge_range_is_close() {
 #[test]
 fn the_largest_numbers_and_the_smallest_stay_finite() {
     let (steps, vertices) = (64, 100);
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let sizes = [f32::MAX, 1e38, 1e-38, 1e-44];
     let values: Vec<f32> = (0..steps * vertices).map(|i| sizes[i % vertices % 4] * random.signed().signum()).collect();
     let coded = code(&values, vertices, options(16));

@@ -260,7 +260,7 @@ fn fields_are_interpolated_between_the_ends_of_an_edge() {
 
 #[test]
 fn any_number_of_threads_gives_the_same() {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let (raw, _) = shuffled(&kuhn_grid([24, 20, 18]), &mut random);
     let field = Field::new(raw, |p| (p.x * 0.3).sin() as f32 + (p.y * p.z * 0.02).cos() as f32);
     let one = |threads| {
@@ -282,7 +282,7 @@ proptest! {
         values in prop::sample::select(vec![2, 3, 5, 1 << 20]),
         has_holes in any::<bool>(),
     ) {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let raw = jittered(kuhn_grid_of(n, |[x, y, z]| (x + 2 * y + 3 * z) % 5 != 4 || x == 0), &mut random);
         let (raw, _) = shuffled(&raw, &mut random);
         let drawn: Vec<f32> = raw.points.iter().map(|_| random.below(values) as f32).collect();

@@ -125,7 +125,7 @@ mod tests {
         use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
         use crate::node_table::{Node, NodeTable};
         use crate::render::testing;
-        let mut raw = jittered(kuhn_grid([4; 3]), &mut Random(1));
+        let mut raw = jittered(kuhn_grid([4; 3]), &mut Random::new(1));
         raw.points.iter_mut().for_each(|p| p.z *= squash);
         let mesh = Arc::new(Mesh::build(raw).unwrap().0);
         let scalars = vec![0.0; mesh.positions.local.len()];

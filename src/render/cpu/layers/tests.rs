@@ -81,7 +81,7 @@ fn compared(job: &RenderJob, layers: usize, found: &BoundaryDepths) -> [usize; 3
 
 #[test]
 fn layers_are_the_first_ends_of_the_references_intervals() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let (mut met, mut full) = (0, 0);
     for round in 0..12 {
         let job = scene(&mut random, round % 2 == 0, round % 6 == 0);
@@ -108,7 +108,7 @@ fn layers_are_the_first_ends_of_the_references_intervals() {
 
 #[test]
 fn layers_are_the_same_on_any_number_of_threads_and_the_range_is_that_of_all_of_them() {
-    let job = scene(&mut Random(8), true, false);
+    let job = scene(&mut Random::new(8), true, false);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| BoundaryDepths::of(&job, 2)).unwrap()
@@ -132,7 +132,7 @@ fn layers_are_the_same_on_any_number_of_threads_and_the_range_is_that_of_all_of_
 
 #[test]
 fn where_there_are_no_cells_there_are_no_layers_and_nobody_waits_for_cancelled_ones() {
-    let mut job = scene(&mut Random(9), true, false);
+    let mut job = scene(&mut Random::new(9), true, false);
     job.cancel.cancel();
     assert_eq!(BoundaryDepths::of(&job, 3), None);
     job.cancel = crate::task::Cancel::new();

@@ -6,7 +6,7 @@ use super::lists::{ListedFace, SeenFace};
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
-use crate::synth::random::SplitMix64;
+use crate::random::SplitMix64;
 use crate::task::Cancel;
 use glam::DVec3;
 use std::sync::Arc;

@@ -41,7 +41,7 @@ prop_compose! {
 impl Scene {
     /// All rays.
     fn whole(&self) -> RenderJob {
-        let mut random = Random(self.seed);
+        let mut random = Random::new(self.seed);
         let [nx, ny, nz] = self.cubes;
         let mut kept: Vec<bool> = (0..nx * ny * nz).map(|_| random.signed() > -0.3).collect();
         kept[0] = true;

@@ -187,7 +187,7 @@ impl<'a> Merge<'a> {
 mod tests {
     use super::*;
     use crate::field::SeriesSource;
-    use crate::synth::random::SplitMix64;
+    use crate::random::SplitMix64;
     use crate::synth::{SeriesName, SynthSpec, generate};
 
     fn jet() -> Arc<Mesh> {

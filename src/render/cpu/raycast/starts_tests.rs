@@ -8,7 +8,7 @@ use super::super::entry_faces::EntryFaces;
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
-use crate::synth::random::SplitMix64;
+use crate::random::SplitMix64;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
 use glam::{DVec3, IVec3};

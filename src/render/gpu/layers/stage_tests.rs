@@ -15,8 +15,8 @@ use glam::DVec3;
 /// Two parts, one with a hole through it and a cavity, and cells left out at random.
 fn parts(seed: u64, of: usize) -> RenderJob {
     let keep = |[x, y, z]: [usize; 3]| x != 2 && !(x == 1 && y == 1) && [x, y, z] != [3, 1, 1];
-    let (mesh, _) = Mesh::build(jittered(kuhn_grid_of([4; 3], keep), &mut Random(seed))).unwrap();
-    let (mesh, random) = (Arc::new(mesh), &mut Random(seed + 1));
+    let (mesh, _) = Mesh::build(jittered(kuhn_grid_of([4; 3], keep), &mut Random::new(seed))).unwrap();
+    let (mesh, random) = (Arc::new(mesh), &mut Random::new(seed + 1));
     let job = job(&mesh, &cameras(DVec3::ZERO)[of].1, (150, 101));
     let out: Vec<bool> = (0..job.active.universe()).map(|_| random.below(12) == 0).collect();
     let active = CellSet::of(job.active.universe(), |cell| job.active.contains(cell as u32) && !out[cell]);

@@ -50,7 +50,7 @@ const CUBES: usize = 4;
 /// A mesh without symmetries, its vertices moved and every `missing`-th of its cubes gone, at `offset` of the world.
 pub(in crate::render::gpu) fn mesh(seed: u64, missing: usize, offset: DVec3) -> Arc<Mesh> {
     let keep = |[x, y, z]: [usize; 3]| missing == 0 || (x + 3 * y + 7 * z) % missing != 1;
-    let mut raw = jittered(kuhn_grid_of([CUBES; 3], keep), &mut Random(seed));
+    let mut raw = jittered(kuhn_grid_of([CUBES; 3], keep), &mut Random::new(seed));
     raw.points.iter_mut().for_each(|p| *p += offset);
     Arc::new(Mesh::build(raw).unwrap().0)
 }
