@@ -1,5 +1,6 @@
 //! How long work reports its progress and is told to stop.
 
+use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
@@ -52,6 +53,12 @@ pub fn give_way() {
         // A courtesy: without it everything works, only less smoothly.
         let _ = ThreadPriority::Crossplatform(priority).set_for_current();
     }
+}
+
+/// What a caught panic says.
+pub fn panic_message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
 }
 
 /// How many threads may work at a time on something that has more: while a window is used, it wants a core for itself.

@@ -11,10 +11,9 @@ use super::queue::{Queue, Ticket};
 use super::{Backend, FrameRequest, PipelineError, SampleSet};
 use crate::render::{Contrast, Frame};
 use crate::slowdown::{Slow, waste};
-use crate::task::ThreadLimit;
+use crate::task::{ThreadLimit, panic_message};
 use crossbeam::channel::{Receiver, Sender};
 use rayon::ThreadPool;
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -56,13 +55,7 @@ pub(super) enum Content<T> {
 /// Runs a stage; a panic becomes an error. The caller must not go on with what the stage has left behind then.
 fn guarded<T>(stage: &'static str, work: impl FnOnce() -> Result<T, PipelineError>) -> Result<T, PipelineError> {
     catch_unwind(AssertUnwindSafe(work))
-        .unwrap_or_else(|panic| Err(PipelineError::Panicked { stage, message: said(&*panic) }))
-}
-
-/// What a panic says.
-fn said(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
+        .unwrap_or_else(|panic| Err(PipelineError::Panicked { stage, message: panic_message(&*panic) }))
 }
 
 fn has_panicked<T>(result: &Result<T, PipelineError>) -> bool {

@@ -4,12 +4,12 @@
 //! [`Store::refreshed`] (which opens the new store); every tenth time it does so in any case, for file systems with coarse
 //! times. What has grown is opened again and waits to be taken.
 
-use super::opening::{Wake, panic_text};
+use super::opening::Wake;
 use crate::error::FileResult;
 use crate::field::FieldSelector;
 use crate::pipeline::Series;
 use crate::store::Store;
-use crate::task::Cancel;
+use crate::task::{Cancel, panic_message};
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -76,7 +76,7 @@ impl Follower {
         let work = move || {
             let run = AssertUnwindSafe(|| follow(watch, &inner, &commands, pause));
             if let Err(panic) = catch_unwind(run) {
-                let text = panic_text(&*panic);
+                let text = panic_message(&*panic);
                 complain(
                     &inner,
                     format!("a defect of tetreel: following the store panicked: {text}; please report it"),

@@ -8,7 +8,7 @@ use crate::field::FieldSelector;
 use crate::image::Planes;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::store::Store;
-use crate::task::Cancel;
+use crate::task::{Cancel, panic_message};
 use crate::transfer::FirstLook;
 use crossbeam::channel::{Receiver, Sender, unbounded};
 use std::fs::OpenOptions;
@@ -76,9 +76,7 @@ impl Jobs {
         let work = move || {
             let done = catch_unwind(AssertUnwindSafe(job));
             let done = done.unwrap_or_else(|panic| {
-                let said = panic.downcast_ref::<&str>().map(ToString::to_string);
-                let said = said.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
-                Done::Failed(format!("tetreel failed: {said}; please report this"))
+                Done::Failed(format!("tetreel failed: {}; please report this", panic_message(&*panic)))
             });
             // Nobody waits for it any more if the window is closed.
             let _ = to.send(done);

@@ -6,7 +6,7 @@ use crate::field::FieldSelector;
 use crate::ingest::{CacheError, CacheEvent, ImportCache, Origin};
 use crate::pipeline::Series;
 use crate::store::Store;
-use crate::task::{Cancel, Progress};
+use crate::task::{Cancel, Progress, panic_message};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -140,7 +140,7 @@ impl Opening {
                 Ok(Err(error)) => OpeningEnd::Failed(error.to_string()),
                 Err(panic) => OpeningEnd::Failed(format!(
                     "a defect of tetreel: opening panicked: {}; please report it",
-                    panic_text(&*panic)
+                    panic_message(&*panic)
                 )),
             });
         };
@@ -315,12 +315,6 @@ fn name_of(paths: &[PathBuf]) -> String {
         [path] => name(path),
         [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),
     }
-}
-
-/// What a panic said.
-pub(super) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a word".to_owned())
 }
 
 #[cfg(test)]

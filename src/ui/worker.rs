@@ -1,8 +1,7 @@
 //! Threads beside the window: each works on the newest of what it is given.
 
-use crate::task::Cancel;
+use crate::task::{Cancel, panic_message};
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -49,7 +48,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
                 let copy = job.clone();
                 if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(job, &cancel))) {
                     work = begin();
-                    let said = said(&*panic);
+                    let said = panic_message(&*panic);
                     failed(copy, &cancel, format!("tetreel failed at this: {said}; please report this"));
                 }
             }
@@ -100,12 +99,6 @@ impl<J> Shared<J> {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
-}
-
-/// What a panic says.
-fn said(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
 }
 
 /// A place for the newest result.
