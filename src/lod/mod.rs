@@ -16,6 +16,10 @@
 //!    part of the faces that stand still would be those of one corner of the mesh.
 //! 3. The ranking that is used unless another is chosen is neither of its two.
 //! 4. The surface of the active cells is drawn whole at every level: it bounds the first and the last gap on a ray.
+//!
+//! [`Selector`] and [`crate::visibility::DepthOrder`] do nothing while nothing changes that they depend on: the depth order is of a
+//! direction and a list, so neither time nor panning costs a sort, and the active set filters the sorted list. A store has coefficients of
+//! variation and intervals from its import (`lod/FIELD/global`, `local_6`); they are computed again where they are missing.
 
 #[cfg(test)]
 mod density_tests;

@@ -13,7 +13,7 @@ use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// Where a frame is rendered. Frames of both backends agree within the bounds of `docs/architecture.md`.
+/// Where a frame is rendered. Frames of both backends agree within the bounds of `docs/accuracy.md`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {

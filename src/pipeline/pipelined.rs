@@ -10,6 +10,13 @@
 //!
 //! Every frame is that of its request, bit for bit the one that [`Pipeline`] renders: a stage keeps buffers and sets from frame
 //! to frame, but nothing that an image depends on.
+//!
+//! - **Errors and panics** come out where the frame would have: channels are bounded, and all requests pass all stages in order. After a
+//!   panic the stage begins afresh.
+//! - **Memory goes round.** Scalars and frames are counted references; the last holder gives the buffer back. Memory is that of two
+//!   preparations, one frame that is rendered and three that are shown or waiting, however long or fast one plays.
+//! - **Blocks** come in the order in which whoever plays says that it needs them ([`crate::codec::blocks`]), on a thread of its own.
+//! - **Frames** of an unchanged view are kept within a budget, by the whole request: a loop over a view that nobody moves is rendered once.
 
 use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::prefetch::Prefetcher;

@@ -1,4 +1,8 @@
 //! A clock and a pipeline: what is due is asked for in time, and shown when it is.
+//!
+//! A player asks for what is due and for the next two moments, shows frames when their time has come, and after a command that goes
+//! elsewhere never one from before. In real-time mode on a slow machine it finishes the frame at hand, shows it, and goes on with what is
+//! due then.
 
 use super::{Clock, Command, CommandError, Mode};
 use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined, Series};

@@ -1,4 +1,15 @@
 //! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them, and the medium that it is.
+//!
+//! The order stage gives a job its quantities: coefficients of variation, which a series finds once, and the magnitudes of the gradients of
+//! the scalars that are shown, for each frame.
+//!
+//! - **The reference** clips the quantity of vertices as the scalar, cuts segments at nodes, rows and diagonals (`reference/joint.rs`), and
+//!   finds values by `JointTable::eval`; the integrator of the fast paths counts rectangles from line to line instead.
+//! - **On the CPU** (`cpu/values.rs`) the walk finds the quantity on each face from its edge functions; the renderer of faces keeps
+//!   fragments as small as they are and evaluates the faces of the cell at both ends of a gap again.
+//! - **On the GPU** nothing more is bound: the quantity of vertices lies behind the view vertices, layers of cells and the table in the
+//!   buffer of the node table. Fragments have the quantity of their place, 32 bytes instead of 24. Eight storage buffers are enough; a
+//!   table that does not fit the binding is `BeyondGpu`.
 
 use super::RenderError;
 use super::medium::{Medium, Segment};

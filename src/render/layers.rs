@@ -2,6 +2,10 @@
 //!
 //! A layer that is neither inside cells nor of cells reaches the rays of this one as a list of fragments for each pixel. A fragment has
 //! a depth, at which it cuts the segment of the cell there: the near part ends before it, the far part begins at it.
+//!
+//! Fragments come nearest first, equal ones in the order of their layers, and are composited as well before the cells, in gaps, behind
+//! them, and where there are none; not in front of the near plane, nor behind what is opaque. The code for a frame of one layer has none of
+//! this (`NoLayers`). The GPU leaves such jobs to the CPU. The surface of the domain is such a layer.
 
 use super::{RenderError, RenderJob};
 use crate::camera::View;

@@ -3,6 +3,9 @@
 //! Renderers find out through which cells a ray goes, and in which order; what is in them they leave to a medium. A medium may be
 //! a transfer function of the scalar ([`ScalarMedium`]) or of more ([`JointMedium`](super::joint::JointMedium)); the
 //! [reference](mod@super::reference) has its own, in float64.
+//!
+//! A renderer on the CPU is compiled for each medium; vectors of rays and runs of fragments are fast paths of media of the scalar alone. In
+//! shaders, functions of a medium begin with `medium_`. Isosurfaces and cuts are a medium around that of the volume.
 
 use crate::optics::exact::ExactTable;
 use crate::optics::{Accumulator, Integrator};

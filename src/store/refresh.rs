@@ -1,4 +1,7 @@
 //! A store that has grown since it was opened, or has become another one.
+//!
+//! A reader looks after each file that it opens whether the store was exchanged. If so, mesh, times, codec and a checksum of each step's
+//! values tell whether it still is the series that was opened: the reader goes on, or stops with an error.
 
 use super::Store;
 use super::field::StoredField;

@@ -24,6 +24,12 @@
 //!
 //! With `own_scales`, differences are trained in units of a power of two of each vertex: the error is then relative to
 //! each vertex's own variation, for data over many orders of magnitude. Values beyond 2^120 force it.
+//!
+//! `encode` is the order of work, `search` the loop in which encoding spends its time, `block` the one for decoding. Errors in the report
+//! and the attributes come from the decoder itself, run on every block before it is written. Means are f32: as f16 they would be two bytes
+//! a vertex and block smaller, and cost decibels where codebooks are good (decaying fields with many entries). `simd` compiles three loops
+//! (search, projection, decoding) for AVX2 and AVX-512 as well, with the same bits. Three lines of numpy in `tests/interop/read_store.py`
+//! decode a step.
 
 mod block;
 mod codebook;

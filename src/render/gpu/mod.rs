@@ -2,6 +2,48 @@
 //!
 //! The stages are those of the CPU path, in WGSL (`shaders/`, one file a stage), over the same buffers. [`layout`], [`resources`]
 //! and [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
+//!
+//! `context` has adapter, device and queue, takes up the errors that wgpu reports outside of calls, and says when the device is lost.
+//! `raycast` does what [`crate::render::cpu::raycast`] does, `havs` what [`crate::render::cpu::havs`] does. Shaders are composed with
+//! `shaders/lib/` in [`shaders`], which also lists what each stage binds, by name: declarations in WGSL, layout and bind group all come
+//! from that list, and no file has a number of a binding. What both use (buffers of vertices and scalars, decoder, table, planes,
+//! read-back, slices) lies beside them.
+//!
+//! | stage | file | a thread is |
+//! |---|---|---|
+//! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex |
+//! | view transform | `view_transform.wgsl` | a vertex |
+//! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
+//! | walk and composite | `walk.wgsl` with `lib/optics_exact.wgsl`, `lib/optics_partial.wgsl`, `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl` | a pixel, a workgroup is a tile |
+//! | count, store (`havs`) | `faces.wgsl`, `face_pieces.wgsl`, `face_starts.wgsl` with `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl` | a face; half a row of a tile; a pixel |
+//! | scan (`havs`) | `face_scan.wgsl` | a pixel, a workgroup is a tile |
+//! | sort (`havs`, pixels of more than 1,024 fragments) | `face_sort.wgsl` | a pair of fragments, a workgroup is a tile |
+//! | resolve (`havs`) | `face_resolve.wgsl` with optics and surfaces of the walk | a pixel, a workgroup is a tile |
+//!
+//! - **f32**, which is what every WGSL device has; f64 for the geometry of thin, visible cells where the device has it (`gpu::precision`).
+//!   View coordinates are sums of two f32 (x and y) or three (depth), products of 12-bit parts are exact, and edge functions that cancel
+//!   are computed again with the rounding errors of their products. Compilers of shaders simplify such sums as if they were exact, so they
+//!   go through `opaque`, which the compiler cannot see through.
+//! - **Within WebGPU's default limits**: eight storage buffers, bindings of 128 MiB. The records of the cells (32 bytes each) are split
+//!   over up to three bindings; a mesh that does not fit even so is refused with `BeyondGpu`, as an image larger than the device's
+//!   textures.
+//! - **Far eyes, and eyes next to an edge.** Depths are counted from the middle of the mesh if the eye is far, and along a path from its
+//!   start. Which cell a ray starts in is decided in the plane in which it is walked, by a sign that both cells at a face agree on; only on
+//!   which side of an open face the eye is, exactly.
+//! - **Compressed steps.** A block of codec `vq` stays in the GPU's memory while its 64 steps are played; a step is 32 bytes of parameters.
+//!   The CPU decodes it too: holes, ranges and a fall-back need the values, and it takes a third of a millisecond for 176k vertices.
+//! - **Entry lists have any length.** Counts per tile are summed and the lists stored one after the other; if the room was too small, the
+//!   frame is begun again with enough (`entry_retries`). A pixel with more than four starts looks for the next four again.
+//! - **Steady frames make nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew
+//!   only with a buffer. Scalars, table and active cells are sent when they have changed. Images come back through a ring of buffers, so
+//!   that the GPU has the next slice while the last one is read.
+//! - **Slices.** `advance(budget)` submits as many tiles (faces, when these are counted or stored) as took that long before.
+//! - **Which GPU.** `pipeline::Backend`: `auto` takes hardware if there is some, never software unless it is named, and the CPU for a job
+//!   that is beyond the GPU. A device that is lost is opened again and the frame begun again, twice at most; then `gpu` gives the error,
+//!   and `auto` the frame from the CPU.
+//!
+//! Tests compare every stage with the definition in f64, every image with the CPU's, and Rust structs and lists of bindings with those of
+//! the compiled shaders (naga, no GPU needed).
 
 pub mod layout;
 pub mod resources;

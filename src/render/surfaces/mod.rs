@@ -11,6 +11,9 @@
 //!
 //! [`Isosurface`], [`Cut`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and
 //! [`medium`] puts it between the pieces of a segment; on the GPU `shaders/lib/surfaces.wgsl` does, but for cuts.
+//!
+//! On the GPU sheets are uniform, gradients of vertices lie behind the view vertices, and the renderer of faces binds the corners of cells
+//! as its eighth buffer.
 
 mod cuts;
 pub(super) mod cuts_in_view;

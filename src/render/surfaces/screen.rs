@@ -8,6 +8,9 @@
 //! ```
 //! A difference is central where both neighbours lie on the same surface; to one side where the other neighbour lies on another one, or so much
 //! farther off that the surface ends in between.
+//!
+//! Normals and numbers take a second pass over the surfaces alone, of which the nearest shows its normal and number in place of colour and
+//! opacity, on the CPU whatever renders the frame.
 
 use super::{Normals, SurfaceShading};
 use crate::camera::View;

@@ -186,7 +186,7 @@ fn a_frame_that_is_rendered_on_the_gpu_of_the_window_is_shown_from_there() {
     let shown = desk.session().shown().unwrap();
     assert!(shown.frame.texture.is_some() && shown.frame.planes.color.pixels.is_empty(), "nothing was read back");
     let expected = picture::over_background(&on_cpu.frame.planes.color.pixels, BACKGROUND);
-    // GPU and CPU agree to 1e-3 (docs/architecture.md), half precision to 2^-11, and both are rounded to 8 bits: less than
+    // GPU and CPU agree to 1e-3 (docs/accuracy.md), half precision to 2^-11, and both are rounded to 8 bits: less than
     // two units.
     assert_shows(&mut desk, &expected, 2);
 

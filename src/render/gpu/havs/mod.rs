@@ -19,6 +19,9 @@
 //! 1. Depths are sums of two f32. They are right to what f32 knows of the weights: 2^-22 of the face's extent in depth. Closer
 //!    ones may be in the wrong order, and cells decide (`FaceParams::tie`). With thin, visible cells they are computed in f64.
 //! 2. Rays that have become opaque cost their fragments all the same, but no integration.
+//!
+//! **Memory.** Fragments of a band fit a budget (256 MiB, two bindings). A tile that does not fit is done in parts; a single pixel that
+//! does not is beyond the GPU. Bands cost time and change no bit.
 
 mod bands;
 mod faces;
