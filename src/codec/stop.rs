@@ -19,7 +19,7 @@ impl From<FileError> for Stop {
 }
 
 impl Stop {
-    /// The same, with the error saying where it was met.
+    /// Adds to an error where it was met.
     #[must_use]
     pub(super) fn at(mut self, place: impl FnOnce() -> String) -> Self {
         if let Self::File(error) = &mut self {

@@ -189,7 +189,7 @@ pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> 
 const PNG_SOFTWARE: &str = "Software";
 /// Keyword of [`FrameAttributes::FINGERPRINT`].
 const PNG_FINGERPRINT: &str = "tetreel fingerprint";
-/// The same as an attribute of an EXR.
+/// Attribute of an EXR for [`FrameAttributes::FINGERPRINT`].
 const EXR_FINGERPRINT: &str = "tetreel.extra.fingerprint";
 
 /// The fingerprint of the request that made an image; `None` if it has none. The file is read to its end.

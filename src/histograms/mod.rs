@@ -75,7 +75,7 @@ impl Kind<'static> {
     /// Which scalars vertices have that change much over time.
     pub const SCALAR_COV: Self = Self { x: &Scalar, y: Some(&CoefficientOfVariation) };
 
-    /// Those that a store keeps.
+    /// The kinds that a store keeps.
     pub const ALL: [Self; 4] = [Self::SCALAR, Self::SCALAR_GRADIENT, Self::COV, Self::SCALAR_COV];
 }
 

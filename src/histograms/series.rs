@@ -11,7 +11,7 @@ use crate::moments::{AxisScale, StepSummary};
 /// (`false`): then there is none. `scalar_range` is that of the series, `cov` are the coefficients of variation of the vertices.
 ///
 /// # Errors
-/// Those of `read`.
+/// If `read` fails: its error.
 ///
 /// # Panics
 /// If there is not one coefficient of variation a vertex.

@@ -46,7 +46,7 @@ pub struct PlaneSamples<'a> {
     pub channels: usize,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
-    /// Those of one pixel after the other, top row first; of integers the bits.
+    /// Channels of one pixel after the other, top row first; integers as the bits of an f32.
     pub samples: &'a [f32],
 }
 

@@ -24,7 +24,7 @@ const FACES_AT_ONCE: usize = 1 << 13;
 /// Errors below this share of their mean count as that: where nothing happened at the steps that were looked at, something may
 /// happen at others, or a transfer function may make much of little.
 const ERROR_FLOOR: f64 = 0.05;
-/// The same for areas.
+/// Areas below this share of their mean count as that.
 const AREA_FLOOR: f64 = 1e-3;
 
 /// How densely each face of a mesh should be sampled, relative to the others: (A e^2)^(1/5) with e^2 the mean over steps; 0 for

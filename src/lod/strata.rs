@@ -28,7 +28,7 @@ impl Ranking {
         Self::by_hash(topology).in_strata(topology, scalars)
     }
 
-    /// The same faces in strata, those of a bin in the order that they have here.
+    /// Puts the faces of this ranking into strata; faces of a bin keep their order.
     ///
     /// # Panics
     /// As [`Self::by_strata`], and if this is a ranking of another mesh.

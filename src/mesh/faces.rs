@@ -42,7 +42,7 @@ pub(super) fn connect(vertex_count: u32, tets: Vec<[u32; 4]>) -> (Topology, u64)
     connect_in_parts(vertex_count, tets, most)
 }
 
-/// The same by parts of at most so many half-faces, or those of one vertex.
+/// Does what [`connect`] does by parts of at most `most` half-faces each, or those of one vertex.
 pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usize) -> (Topology, u64) {
     let starts = bucket_starts(vertex_count, &tets);
     let blocks: Vec<[u32; 2]> = tets.chunks(BLOCK).map(lowest_in).collect();

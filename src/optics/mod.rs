@@ -108,7 +108,7 @@ pub struct Accumulator {
 pub const OPAQUE_TRANSMITTANCE: f32 = 1.0 / 131_072.0;
 
 impl Accumulator {
-    /// Nothing gathered, everything shines through.
+    /// The light of a ray that has met nothing: transmittance 1.
     pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0, carried: 0.0, visible_from: f64::INFINITY };
 
     /// Light of which this is known: red, green, blue and opacity, what shines through, and what rounding has left out of that.

@@ -102,7 +102,7 @@ impl Stretch {
         }
     }
 
-    /// The same from its other end.
+    /// The stretch seen from its other end.
     #[inline(always)]
     fn reversed(self) -> Self {
         Self { tilt: -self.tilt, ..self }

@@ -39,7 +39,7 @@ impl Enlarge {
         Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_clear }
     }
 
-    /// The same for the GPU.
+    /// What the GPU needs to know to enlarge the image.
     pub(super) fn enlargement(&self) -> Arc<Enlargement> {
         let Self { filter, enlarging, full, .. } = self;
         let (view, domain) = (full.view.clone(), full.active.clone());

@@ -26,7 +26,7 @@ impl Layer {
         Some(layer)
     }
 
-    /// The same to be changed.
+    /// The layer of cells, to be changed.
     pub(super) fn tets_mut(&mut self) -> Option<&mut TetLayer> {
         let Self::Tets(layer) = self;
         Some(layer)
@@ -98,7 +98,7 @@ pub struct TetLayer {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColorsBeside {
-    /// As options name it: `NAME`, `NAME:mag` or `NAME:0`.
+    /// Name of the field as options have it: `NAME`, `NAME:mag` or `NAME:0`.
     pub field: String,
     /// A table of colours over its scalars.
     #[serde(with = "whole")]
@@ -223,7 +223,7 @@ impl SurfaceLook {
         }
     }
 
-    /// The same look as it is at a moment.
+    /// The surfaces as they are at a moment.
     #[must_use]
     pub fn at(&self, moment: SurfaceMoment) -> Self {
         let mut look = self.clone();

@@ -161,7 +161,7 @@ struct SurfaceColors {
 }
 
 impl SurfaceColors {
-    /// Those of a layer, the same ones while these do not change.
+    /// The colours of a layer's surfaces; `last` while these do not change.
     fn of(last: &mut Option<Self>, layer: &TetLayer) -> Result<Self, RenderError> {
         let source = layer.formula.as_ref().filter(|_| layer.has_colored_surfaces());
         let Some(source) = source else { return Ok(Self { table: layer.table.over_scalars().clone(), source: None }) };
@@ -490,7 +490,7 @@ impl Order {
         Ok(self.selector.select(&series.mesh, &ranking, lod, active))
     }
 
-    /// The same, front to back.
+    /// The selected faces, front to back.
     fn sorted(
         &mut self,
         series: &Series,

@@ -21,7 +21,7 @@ const BYTES_MAX: usize = 64 << 20;
 #[derive(Debug)]
 pub(super) struct ChunkRanges {
     clusters: OnceLock<Arc<Clusters>>,
-    /// Those of the steps that were decoded first.
+    /// Ranges of chunks, by step; steps beyond `bytes_max` are not kept.
     steps: Mutex<HashMap<usize, StepRanges>>,
     bytes_max: usize,
 }

@@ -78,7 +78,7 @@ struct Kept {
     unordered: Option<Arc<Ranking>>,
     /// The intervals of the partition asked for last.
     intervals: Option<(Partition, Arc<[Interval]>)>,
-    /// Those used last are last.
+    /// Rankings in the order of their last use, the newest at the end.
     rankings: Vec<(Key, Arc<Ranking>)>,
 }
 

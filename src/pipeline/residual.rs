@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 pub enum ResidualBase {
     /// The colours of a frame of all rays of the same view ([`Self::exact`]); whatever else such a frame has is no part of a request.
     Exact(Arc<dyn AsRef<RgbaImage> + Send + Sync>),
-    /// Those of a frame of the same view ([`crate::render::Frame::details`]).
+    /// Details of a frame of the same view ([`crate::render::Frame::details`]).
     Details(Arc<Details>),
 }
 

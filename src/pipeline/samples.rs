@@ -54,7 +54,7 @@ impl SampleSet {
     }
 }
 
-/// As options name it: `exact`, or `adaptive` with a contrast behind a colon.
+/// Parses what `--rays` takes: `exact`, or `adaptive` with a contrast behind a colon.
 impl FromStr for SampleSet {
     type Err = String;
 

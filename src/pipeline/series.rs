@@ -141,7 +141,7 @@ pub(super) struct Beside {
 }
 
 impl Beside {
-    /// The same fields, not opened yet.
+    /// The fields of the same store, none of them opened yet.
     pub(super) fn of_the_same_store(&self) -> Self {
         Self { store: self.store.clone(), ..Self::default() }
     }
@@ -175,7 +175,7 @@ impl Series {
         Self::open_with(store, field, Arc::new(BlockCache::new(Self::BLOCK_BYTES)))
     }
 
-    /// The same with another budget for blocks.
+    /// Opens a series as [`Self::open`] does, with another budget for blocks.
     ///
     /// # Errors
     /// As [`Self::open`].

@@ -17,7 +17,7 @@ pub struct Picked {
     pub position: DVec3,
     /// Number of its cell in the source.
     pub source_cell: u32,
-    /// As far as it is known.
+    /// Values at the point over the steps, as far as they have been read.
     pub curve: Option<Arc<Curve>>,
 }
 

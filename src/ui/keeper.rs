@@ -13,9 +13,9 @@ const QUIET: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct SettingsKeeper {
     settings: Settings,
-    /// As they were sent to be written.
+    /// The settings that were last sent to be written.
     sent: Settings,
-    /// As they were when somebody last looked, and since when.
+    /// The settings at the last look, and since when they have been so.
     seen: (Settings, Duration),
     to: Option<Sender<Settings>>,
     written: Receiver<(Settings, Option<String>)>,

@@ -75,7 +75,7 @@ impl Look {
         Ok(Self { camera, tf, range, opacity_kind, lengths, mode, faces, backend, optics, surfaces, skip, followed })
     }
 
-    /// The same with colours, opacities and range that suit the values of the series.
+    /// The look with colours, opacities and a range that suit the values of the series.
     ///
     /// # Errors
     /// If the mesh has no extent that a camera can frame.

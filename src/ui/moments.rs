@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Which ensembles of a project are shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EnsembleChoice {
-    /// Those of its timeline, or the one that its look names.
+    /// The ensembles of the timeline, or the one that the look names.
     #[default]
     Project,
     /// This one, counted from 0, at all times.

@@ -83,7 +83,7 @@ pub struct Session {
     store: Arc<Store>,
     look: Look,
     requests: Requests,
-    /// Those of small pictures.
+    /// Requests of small pictures.
     previews: Requests,
     /// What the frames on their way look like.
     asked: Option<Asked>,
@@ -290,7 +290,7 @@ impl Session {
         }
     }
 
-    /// The same series has grown, in its store.
+    /// Goes on with the series in its store, to which steps were added.
     pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>) {
         match self.player.grow(series) {
             Ok(()) => {

@@ -154,7 +154,7 @@ impl Settings {
         self.looks.iter().find(|look| look.path == path)
     }
 
-    /// The same with everything where it can be, lists sorted and not too long.
+    /// Settings with every value clamped to its range, and lists checked, sorted and cut to their longest.
     #[must_use]
     pub fn within_bounds(mut self) -> Self {
         let default = Self::default();

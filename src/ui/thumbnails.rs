@@ -56,7 +56,7 @@ impl Thumbnails {
         Self::with_width(WIDTH_PX, wake)
     }
 
-    /// The same with another width in pixels.
+    /// Starts as [`Self::start`] does, with pictures of another width in pixels.
     ///
     /// # Errors
     /// As [`Self::start`].

@@ -44,7 +44,7 @@ impl VqDecoder {
         Self { source, group_key, parameters, steps, vertices, id: DecoderId::unique(), cache }
     }
 
-    /// The same with its blocks in `cache`.
+    /// Keeps its blocks in `cache`, in place of one of its own.
     #[must_use]
     pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
         self.cache = cache;
@@ -65,7 +65,7 @@ impl VqDecoder {
         uncancelled(|cancel| Ok(self.block(step, cancel)?.0))
     }
 
-    /// The same, and the bytes read for it now.
+    /// The block that holds `step`, and the bytes that were read for it now.
     fn block(&self, step: usize, cancel: &Cancel) -> Result<(Arc<VqBlock>, u64), Stop> {
         let Some(index) = self.block_of_step(step) else {
             let problem = format!("there are {} steps, counted from 0", self.steps);

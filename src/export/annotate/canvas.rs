@@ -58,7 +58,7 @@ impl RectPx {
 }
 
 impl Mask {
-    /// Nothing covered.
+    /// A mask that covers nothing.
     pub(super) fn new(left: i64, top: i64, width: usize, height: usize) -> Self {
         Self { left, top, width, height, coverage: vec![0.0; width * height] }
     }

@@ -12,7 +12,7 @@ use crate::transfer::MappedRange;
 pub(crate) struct Tick {
     /// Within the range.
     pub(crate) scalar: f64,
-    /// As shown, to be multiplied by the factor of [`Ticks`].
+    /// The number that is drawn, to be multiplied by the factor of [`Ticks`].
     pub(crate) label: String,
 }
 

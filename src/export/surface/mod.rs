@@ -52,7 +52,7 @@ pub struct SurfaceReport {
     pub output: PathBuf,
     /// Number of files with a surface.
     pub steps: usize,
-    /// Those of them that have no triangle.
+    /// Number of these files without a triangle.
     pub empty_steps: usize,
     /// Triangles of all steps.
     pub triangles: u64,

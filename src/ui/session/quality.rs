@@ -39,7 +39,7 @@ pub(in crate::ui) struct Drawing {
 }
 
 impl Drawing {
-    /// The same as the control wants to know it.
+    /// What the control of quality asks for, from how frames are drawn.
     pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
         let Self { mode, lod, has_rays, has_details } = self;
         let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };

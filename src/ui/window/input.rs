@@ -31,7 +31,7 @@ fn repeats(action: &Action) -> bool {
     matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower)
 }
 
-/// The same key in the table, and whether shift counts.
+/// The key of the table that a key of egui is, and whether shift counts for it.
 fn known(key: egui::Key, shift: bool) -> Option<(Key, bool)> {
     let key = match key {
         egui::Key::Space => Key::Space,

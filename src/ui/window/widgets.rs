@@ -15,7 +15,7 @@ pub(super) fn icon(ui: &mut Ui, symbol: &str, name: &str, enabled: bool) -> Resp
     named(response, Role::Button, name)
 }
 
-/// The same, down or up.
+/// A button that stays down or up.
 pub(super) fn toggle(ui: &mut Ui, symbol: &str, name: &str, is_on: bool) -> Response {
     let response = ui.add(egui::Button::selectable(is_on, symbol).min_size(egui::vec2(26.0, 22.0)));
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, name));
@@ -35,7 +35,7 @@ pub(super) fn number(ui: &mut Ui, value: egui::DragValue<'_>, name: &str) -> Res
     response.on_hover_text(name)
 }
 
-/// The same in a box of this width, whatever is in it.
+/// A number to drag in a box of this width, whatever its digits.
 pub(super) fn wide_number(ui: &mut Ui, width: f32, value: egui::DragValue<'_>, name: &str) -> Response {
     let height = ui.spacing().interact_size.y;
     let response = ui.add_sized([width, height], value);
