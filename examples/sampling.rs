@@ -125,7 +125,7 @@ impl Pictures {
         self.image("all rays", &self.request.clone())?;
         let ways = [
             ("contrast 0.05", self.adaptive(0.05)?),
-            ("image 1/4", self.upsampled(UpsampleKind::Bilinear, ImageScale::Quarter)),
+            ("image 1/2", self.upsampled(UpsampleKind::Bilinear, ImageScale::Half)),
             ("2 % of the faces", self.few_faces(0.02)),
         ];
         let mut images = Vec::new();
