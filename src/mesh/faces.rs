@@ -135,7 +135,8 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Them, bucket by bucket, each bucket sorted. Of each block of cells the least and the greatest of the lowest vertices of faces is known.
+    /// Fills `half_faces` with those of the part, bucket by bucket, each bucket sorted. `blocks` has for every [`BLOCK`] cells the least and the
+    /// greatest of the lowest vertices of their faces ([`lowest_in`]).
     fn find(&self, tets: &[[u32; 4]], blocks: &[[u32; 2]], half_faces: &mut Vec<HalfFace>) {
         let (begin, end) = (self.starts[0], self.starts[self.starts.len() - 1]);
         let unfilled = HalfFace { others: [NONE; 2], cell: CellNeighbour::NONE };
