@@ -27,10 +27,10 @@
 //! | cell keys | 16 | | | x | x | |
 //! | positions, sources, turns | 12 v + 4 v + 5 | | | | x | x |
 //! | cells | 16 | | | | x | x |
-//! | half-faces of a part, bucket starts | 48 (6 in a large mesh) + 4 v | | | | | x |
+//! | half-faces of a part, bucket starts | 48 (6 from 8M cells on) + 4 v | | | | | x |
 //! | neighbours | 16 | | | | | x |
 //! | faces and their cells | 20 s | | | | | x |
-//! | sum for v = 0.18, s = 2 | | 22 | 19 | 39 | 62 | 129 (87) |
+//! | sum for v = 0.18, s = 2 | | 22 | 19 | 39 | 62 | 129 (87 from 8M cells on) |
 //!
 //! Measured on 55^3 jittered cubes in random order (998,250 cells): 128 at the peak, of which 79 stay (then
 //! without the turns); 0.6 s on two shared

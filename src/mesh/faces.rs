@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! half-faces = the four faces of every cell: ascending vertices, cell, local face
-//! for each part of the vertices, of a large mesh an eighth of the half-faces:
+//! for each part of the vertices, of a mesh of 8M cells and more an eighth of the half-faces:
 //!     counting sort of the half-faces by their lowest vertex            linear, sequential (a scatter)
 //!     sort of each vertex's half-faces by the other two, then the cell  a dozen to a few dozen entries each; in parallel
 //!     runs of equal vertices: 1 -> boundary, 2 -> interior, else non-manifold
@@ -29,7 +29,7 @@ struct HalfFace {
 
 /// Half-faces of a part at least: of fewer than a million cells there is one.
 const PART: usize = 4_000_000;
-/// Parts at most, but for vertices of very many cells.
+/// A large mesh has about so many parts: a part ends in front of the vertex whose half-faces would be too many.
 const PARTS: usize = 8;
 
 /// Cells that are looked at together.
