@@ -6,7 +6,7 @@ use egui_kittest::kittest::Queryable;
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state};
 use egui_wgpu::RenderState;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tetreel::ingest::{ImportCache, IngestOptions, ingest};
 use tetreel::pipeline::{Backend, PipelinedOptions, Series};
@@ -30,6 +30,19 @@ pub struct Desk {
     pub harness: Harness<'static, App>,
     /// Where its files are, and images go.
     pub folder: tempfile::TempDir,
+    /// Given back after the window, which lies before it.
+    _turn: MutexGuard<'static, ()>,
+}
+
+/// Only one window of a process is open at a time, as in the program: drivers and layers of Vulkan are made and given back by one thread
+/// after the other.
+static TURN: Mutex<()> = Mutex::new(());
+
+/// Why there is no GPU, if there is none. Looked for once.
+fn gpu_problem() -> Option<&'static str> {
+    static PROBLEM: OnceLock<Option<String>> = OnceLock::new();
+    let problem = || context::Context::new(&Default::default()).err().map(|error| error.to_string());
+    PROBLEM.get_or_init(problem).as_deref()
 }
 
 /// The window as its frame has it.
@@ -101,7 +114,8 @@ impl Desk {
         options: WindowOptions,
         folder: tempfile::TempDir,
     ) -> Option<Self> {
-        if let Err(why) = context::Context::new(&Default::default()) {
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(why) = gpu_problem() {
             eprintln!("SKIPPED (gpu): {why}");
             assert!(!crate::is_required("gpu"), "this test may not be skipped here");
             return None;
@@ -115,7 +129,12 @@ impl Desk {
             window.attach(&cc.egui_ctx, cc.wgpu_render_state.as_ref());
             App(window)
         };
-        Some(Self { harness: builder.build_eframe(shown), folder })
+        Some(Self { harness: builder.build_eframe(shown), folder, _turn: turn })
+    }
+
+    /// Closes the window and leaves its folder.
+    pub fn close(self) -> tempfile::TempDir {
+        self.folder
     }
 
     /// What is played.

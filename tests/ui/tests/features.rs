@@ -185,8 +185,7 @@ fn what_was_chosen_is_there_again_the_next_time() {
     desk.press(Key::X);
     desk.click("Side panel");
     let look = desk.session().look().clone();
-    let Desk { harness, folder } = desk;
-    drop(harness);
+    let folder = desk.close();
     let (settings, told) = SettingsFile::at(folder.path().join("settings")).load();
     assert_eq!(told, None);
     assert_eq!(settings.recent[0].path, path);
