@@ -3,7 +3,6 @@
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 /// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work that looks at it between two units.
 #[derive(Clone, Debug, Default)]
@@ -40,18 +39,6 @@ impl Cancel {
             self.cancel();
         }
         self.raised.load(Ordering::Relaxed)
-    }
-}
-
-/// Of 100: niceness 9 on Linux, below normal on Windows.
-const BACKGROUND_PRIORITY: u8 = 23;
-
-/// Lets this thread give way to others from now on that want the same core, as those do that paint a window. Where the system
-/// does not allow it, all stay equals.
-pub fn give_way() {
-    if let Ok(priority) = ThreadPriorityValue::try_from(BACKGROUND_PRIORITY) {
-        // A courtesy: without it everything works, only less smoothly.
-        let _ = ThreadPriority::Crossplatform(priority).set_for_current();
     }
 }
 
@@ -137,17 +124,6 @@ impl Progress for Silent {
 mod tests {
     use super::*;
 
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_thread_that_gives_way_is_nicer() {
-        // The nineteenth field; the second, in parentheses, may have spaces.
-        let niceness = || -> i32 {
-            let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
-            stat.rsplit_once(')').unwrap().1.split_whitespace().nth(16).unwrap().parse().unwrap()
-        };
-        let after = std::thread::spawn(move || (give_way(), niceness()).1).join().unwrap();
-        assert_eq!(after, 9, "was {}", niceness());
-    }
     use std::sync::atomic::AtomicUsize;
     use std::time::Duration;
 

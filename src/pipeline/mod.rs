@@ -19,6 +19,7 @@ mod layer;
 mod pipelined;
 mod prefetch;
 mod preparation;
+mod priority;
 mod quantities;
 mod queue;
 mod ranges;

@@ -20,11 +20,12 @@
 
 use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::prefetch::Prefetcher;
+use super::priority::give_way;
 use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
 use super::series::Series;
 use super::stages::{Shared, decode_all, order_all, render_all};
 use super::{Decode, FrameRequest, Order, Pipeline, PipelineError, Renderers};
-use crate::task::{self, ThreadLimit};
+use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, bounded};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
@@ -37,7 +38,7 @@ use std::time::{Duration, Instant};
 pub struct PipelinedOptions {
     /// Threads that render on the CPU, and as many that prepare; `None`: as many as rayon's own pool has, which then renders.
     pub threads: Option<usize>,
-    /// Whether those threads give way to others ([`task::give_way`]): to the one that paints a window. They are then no other
+    /// Whether those threads give way to others (a lower priority): to the one that paints a window. They are then no other
     /// work's.
     pub give_way: bool,
     /// Bytes for frames of an unchanged view, kept for the next round of a loop; 0 keeps none.
@@ -91,7 +92,7 @@ fn pool(options: &PipelinedOptions, name: &'static str) -> io::Result<ThreadPool
     let gives_way = options.give_way;
     let builder = builder.start_handler(move |_| {
         if gives_way {
-            task::give_way();
+            give_way();
         }
     });
     builder.build().map_err(io::Error::other)

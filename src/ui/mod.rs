@@ -22,7 +22,7 @@
 //!   and comes first then, so that a clock that goes on does not pass over all of them. Moments of the last frames are kept.
 //! - **One core is the window's** while the user acts and for 250 ms after: renderers on the CPU ask `ThreadLimit` for a turn before each
 //!   tile, so that this also holds for the frame at hand. At all times the threads that render and prepare give way to it
-//!   (`task::give_way`).
+//!   (`PipelinedOptions::give_way`).
 //! - **Painted once for each input.** What the user did is followed in the first layout of a pass; a second layout, before anything is
 //!   painted, shows it.
 //! - **One device.** The window is painted with the device that frames are rendered on. `FrameRequest::for_window` leaves such a frame
