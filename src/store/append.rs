@@ -76,15 +76,13 @@ impl StoreWriter {
         let resumed = store.fields.iter().map(|field| resume(store, field)).collect::<FileResult<Vec<_>>>()?;
         let mut staging = Staging::begin(&target, true)?;
         staging.keep(|key| is_kept(key, store, &resumed))?;
-        let storage = layout::storage(staging.path());
-        let mut writer = Self::at(staging, storage);
+        let mut writer = Self::at(staging);
         writer.folders = store.fields.iter().map(|f| f.folder.clone()).collect();
         writer.revision = store.attributes.revision.saturating_add(1);
         writer.replaces = Some((target, store.stamp.clone()));
         let fields = store.fields.iter().zip(resumed).map(|(field, resumed)| ResumedField {
             writer: FieldWriter {
                 root: writer.staging.path().to_owned(),
-                storage: writer.storage.clone(),
                 folder: field.folder.clone(),
                 description: FieldDescription {
                     name: field.name.clone(),
@@ -152,9 +150,7 @@ fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> F
     if let Some(key) = keys.iter().find(|key| !store.root.join(key).join("zarr.json").is_file()) {
         return Err(too_old(store.root.join(key), "is missing"));
     }
-    let open = |key: &str, rank: usize| {
-        StoredArray::open(&store.root, &store.storage, key, ElementType::F64, Chunking::Whole, rank)
-    };
+    let open = |key: &str, rank: usize| StoredArray::open(&store.root, key, ElementType::F64, Chunking::Whole, rank);
     let per_step = open(&keys[0], 2)?.expect_shape(&store.root, &[steps as u64, 3])?;
     let per_vertex = open(&keys[1], 1)?.expect_shape(&store.root, &[vertices as u64])?;
     let steps = per_step.read::<f64, 3>(&store.root, &*store.source)?;

@@ -1,16 +1,11 @@
 //! Zarr metadata of arrays: written from, and checked against, an [`ArraySpec`].
 
-use super::folder::unlink;
-use super::layout::{Storage, node_path};
+use super::metadata;
 use crate::codec::{ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_rows};
 use crate::error::{FileError, FileResult};
-use serde_json::{Map, Value};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use zarrs::array::builder::ArrayBuilderFillValue;
-use zarrs::array::codec::Crc32cCodec;
-use zarrs::array::{Array, ArrayBuilder, ArrayMetadata};
-use zarrs::metadata::v3::MetadataV3;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use zarrs_metadata::v3::{ArrayMetadataV3, MetadataV3};
 
 /// An array that was found in a store and is cut and coded as tetreel writes it.
 #[derive(Clone, Debug)]
@@ -20,60 +15,60 @@ pub(super) struct StoredArray {
     pub(super) attributes: Map<String, Value>,
 }
 
-fn builder(spec: &ArraySpec) -> ArrayBuilder {
-    let fill: ArrayBuilderFillValue = match spec.element {
-        ElementType::F32 | ElementType::F64 => "NaN".into(),
-        ElementType::I8 | ElementType::U8 | ElementType::U16 | ElementType::U32 | ElementType::U64 => 0u8.into(),
+/// What the metadata of an array of this kind say.
+fn metadata_of(spec: &ArraySpec) -> ArrayMetadataV3 {
+    let configured = |name: &str, key: &str, value: Value| {
+        MetadataV3::new_with_configuration(name, Map::from_iter([(key.to_owned(), value)]))
     };
-    let mut builder = ArrayBuilder::new(spec.shape.clone(), spec.chunk_shape(), spec.element.zarr_name(), fill);
-    builder.bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())]);
-    builder.dimension_names(Some(spec.axes.iter().copied()));
-    builder
+    let fill = match spec.element {
+        ElementType::F32 | ElementType::F64 => "NaN".into(),
+        ElementType::I8 | ElementType::U8 | ElementType::U16 | ElementType::U32 | ElementType::U64 => 0.into(),
+    };
+    let bytes = configured("bytes", "endian", json!("little"));
+    let grid = configured("regular", "chunk_shape", json!(spec.chunk_shape()));
+    let codecs = vec![bytes, MetadataV3::new_with_configuration("crc32c", Map::new())];
+    ArrayMetadataV3::new(spec.shape.clone(), grid, MetadataV3::new(spec.element.zarr_name()), fill, codecs)
+        .with_dimension_names(Some(spec.axes.iter().copied()))
 }
+
+/// Attribute that the crate zarrs gives to arrays. It stays, so that stores keep their bytes whichever crate serves the metadata.
+const ZARRS_ATTRIBUTE: &str = "_zarrs";
 
 /// Writes the metadata of an array of the group `group`; the chunks are the caller's.
 pub(super) fn write_metadata(
     root: &Path,
-    storage: &Storage,
     group: &str,
     spec: &ArraySpec,
-    attributes: Map<String, Value>,
+    mut attributes: Map<String, Value>,
 ) -> FileResult<()> {
-    let key = format!("{group}/{}", spec.name);
-    let failed = |e: String| FileError::unsupported(metadata_path(root, &key), "", format!("cannot write: {e}"));
-    unlink(&metadata_path(root, &key))?;
-    let array = builder(spec).attributes(attributes).build(storage.clone(), &node_path(&key));
-    array.map_err(|e| failed(e.to_string()))?.store_metadata().map_err(|e| failed(e.to_string()))
+    let zarrs = json!({
+        "description": "This array was created with zarrs",
+        "repository": "https://github.com/zarrs/zarrs",
+        "version": "0.23.14",
+    });
+    attributes.insert(ZARRS_ATTRIBUTE.to_owned(), zarrs);
+    metadata::write(root, &format!("{group}/{}", spec.name), &metadata_of(spec).with_attributes(attributes))
 }
 
 impl StoredArray {
     /// Opens an array and checks its number type, axes, chunks and codecs.
     pub(super) fn open(
         root: &Path,
-        storage: &Storage,
         key: &str,
         element: ElementType,
         chunking: Chunking,
         rank: usize,
     ) -> FileResult<Self> {
-        let path = metadata_path(root, key);
-        if !path.is_file() {
-            return Err(FileError::invalid(path, "", "is missing").remedy("import the series again"));
-        }
-        let array = Array::open(storage.clone(), &node_path(key));
-        let array = array.map_err(|e| FileError::invalid(&path, "array", e.to_string()))?;
-        let shape = array.shape().to_vec();
-        let wrong = |problem: String| Err(FileError::invalid(&path, "array", problem));
+        let actual: ArrayMetadataV3 = metadata::read(root, key, "array")?;
+        metadata::check_fields(root, key, "array", &actual.additional_fields)?;
+        let wrong = |problem: String| Err(FileError::invalid(metadata::path(root, key), "array", problem));
+        let shape = actual.shape;
         if shape.len() != rank {
             return wrong(format!("has {} axes instead of {rank}", shape.len()));
         }
         let axes = vec![""; rank];
         let spec = ArraySpec { name: String::new(), element, shape, chunking, axes };
-        let expected = builder(&spec).build_metadata();
-        let expected = expected.map_err(|e| FileError::invalid(&path, "array", e.to_string()))?;
-        let ArrayMetadata::V3(actual) = array.metadata() else {
-            return wrong("is of Zarr version 2 instead of 3".to_owned());
-        };
+        let expected = metadata_of(&spec);
         if actual.data_type != expected.data_type {
             return wrong(format!("has numbers of type {} instead of {}", actual.data_type, expected.data_type));
         }
@@ -84,13 +79,13 @@ impl StoredArray {
             let list: Vec<&str> = actual.codecs.iter().map(|codec| codec.name()).collect();
             return wrong(format!("is coded by {list:?} instead of little-endian bytes and crc32c"));
         }
-        Ok(Self { key: key.to_owned(), shape: spec.shape, attributes: array.attributes().clone() })
+        Ok(Self { key: key.to_owned(), shape: spec.shape, attributes: actual.attributes })
     }
 
     /// The error that this array has an unexpected shape.
     pub(super) fn wrong_shape(&self, root: &Path, expected: &[u64]) -> FileError {
         let problem = format!("has shape {:?} instead of {expected:?}", self.shape);
-        FileError::invalid(metadata_path(root, &self.key), "array", problem).remedy("import the series again")
+        FileError::invalid(metadata::path(root, &self.key), "array", problem).remedy("import the series again")
     }
 
     /// Checks the shape.
@@ -137,6 +132,72 @@ fn same_extensions(a: &[MetadataV3], b: &[MetadataV3]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.name() == b.name() && configured(a) == configured(b))
 }
 
-fn metadata_path(root: &Path, key: &str) -> PathBuf {
-    root.join(key).join("zarr.json")
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metadata_are_those_that_stores_have_had_to_the_byte() {
+        let dir = tempfile::tempdir().unwrap();
+        let spec = ArraySpec {
+            name: "turned".to_owned(),
+            element: ElementType::U8,
+            shape: vec![3],
+            chunking: Chunking::Whole,
+            axes: vec!["cell"],
+        };
+        write_metadata(dir.path(), "mesh", &spec, Map::new()).unwrap();
+        // As zarrs 0.23 wrote it.
+        let expected = r#"{
+  "zarr_format": 3,
+  "node_type": "array",
+  "shape": [
+    3
+  ],
+  "data_type": "uint8",
+  "chunk_grid": {
+    "name": "regular",
+    "configuration": {
+      "chunk_shape": [
+        3
+      ]
+    }
+  },
+  "chunk_key_encoding": {
+    "name": "default",
+    "configuration": {
+      "separator": "/"
+    }
+  },
+  "fill_value": 0,
+  "codecs": [
+    {
+      "name": "bytes",
+      "configuration": {
+        "endian": "little"
+      }
+    },
+    {
+      "name": "crc32c"
+    }
+  ],
+  "attributes": {
+    "_zarrs": {
+      "description": "This array was created with zarrs",
+      "repository": "https://github.com/zarrs/zarrs",
+      "version": "0.23.14"
+    }
+  },
+  "dimension_names": [
+    "cell"
+  ]
+}"#;
+        assert_eq!(std::fs::read_to_string(metadata::path(dir.path(), "mesh/turned")).unwrap(), expected);
+        let opened = StoredArray::open(dir.path(), "mesh/turned", ElementType::U8, Chunking::Whole, 1).unwrap();
+        assert_eq!(opened.shape, [3]);
+        let unknown = expected.replacen('{', "{\n  \"encrypted\": true,", 1);
+        std::fs::write(metadata::path(dir.path(), "mesh/turned"), unknown).unwrap();
+        let refused = StoredArray::open(dir.path(), "mesh/turned", ElementType::U8, Chunking::Whole, 1).unwrap_err();
+        assert!(refused.to_string().contains("encrypted"), "{refused}");
+    }
 }

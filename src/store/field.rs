@@ -3,7 +3,7 @@
 use super::MAGNITUDE_CODEC;
 use super::array::StoredArray;
 use super::folder::Folder;
-use super::layout::{self, FIELDS, FieldAttributes, Storage};
+use super::layout::{self, FIELDS, FieldAttributes};
 use super::mesh::is_current;
 use super::writer::{CHECKSUM_PER_STEP, moments_array};
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
@@ -95,24 +95,17 @@ impl Coding {
 
 impl StoredField {
     /// Reads attributes and ranges and checks the shape of the values.
-    pub(super) fn open(
-        root: &Path,
-        storage: &Storage,
-        source: &Folder,
-        folder: &str,
-        steps: u64,
-        vertices: u64,
-    ) -> FileResult<Self> {
+    pub(super) fn open(root: &Path, source: &Folder, folder: &str, steps: u64, vertices: u64) -> FileResult<Self> {
         let group = format!("{FIELDS}/{folder}");
-        let attributes: FieldAttributes = layout::read_group(root, storage, &group)?;
+        let attributes: FieldAttributes = layout::read_group(root, &group)?;
         let coding = Coding::of(&attributes, &root.join(&group))?;
         for array in coding.arrays(steps, vertices) {
             let key = format!("{group}/{}", array.name);
-            StoredArray::open(root, storage, &key, array.element, array.chunking, array.shape.len())?
+            StoredArray::open(root, &key, array.element, array.chunking, array.shape.len())?
                 .expect_shape(root, &array.shape)?;
         }
         let key = format!("{group}/range_per_step");
-        let ranges = StoredArray::open(root, storage, &key, ElementType::F32, Chunking::Whole, 2)?
+        let ranges = StoredArray::open(root, &key, ElementType::F32, Chunking::Whole, 2)?
             .expect_shape(root, &[steps, 2])?
             .read::<f32, 2>(root, source)?;
         let range_per_step = ranges
@@ -136,7 +129,7 @@ impl StoredField {
             range: series.range,
             range_per_step,
             nonfinite: attributes.nonfinite,
-            checksums: read_checksums(root, storage, source, &group, steps)?,
+            checksums: read_checksums(root, source, &group, steps)?,
             folder: folder.to_owned(),
             component_folders: attributes.magnitude_of,
             coding,
@@ -174,18 +167,12 @@ impl StoredField {
     }
 }
 
-fn read_checksums(
-    root: &Path,
-    storage: &Storage,
-    source: &Folder,
-    group: &str,
-    steps: u64,
-) -> FileResult<Option<Vec<u32>>> {
+fn read_checksums(root: &Path, source: &Folder, group: &str, steps: u64) -> FileResult<Option<Vec<u32>>> {
     let key = format!("{group}/{CHECKSUM_PER_STEP}");
     if !root.join(&key).join("zarr.json").is_file() {
         return Ok(None);
     }
-    let array = StoredArray::open(root, storage, &key, ElementType::U32, Chunking::Whole, 1)?;
+    let array = StoredArray::open(root, &key, ElementType::U32, Chunking::Whole, 1)?;
     Ok(Some(array.expect_shape(root, &[steps])?.read::<u32, 1>(root, source)?.into_flattened()))
 }
 
@@ -201,7 +188,6 @@ fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
 /// What all fields of a store have in common, and where a reader keeps blocks.
 pub(super) struct Series<'a> {
     pub(super) root: &'a Path,
-    pub(super) storage: &'a Storage,
     pub(super) source: &'a Arc<Folder>,
     pub(super) steps: usize,
     pub(super) vertices: usize,
@@ -219,7 +205,6 @@ pub struct FieldReader {
     /// The cache that the reader was given.
     cache: Option<Arc<BlockCache>>,
     pub(super) root: PathBuf,
-    pub(super) storage: Storage,
     pub(super) source: Arc<Folder>,
 }
 
@@ -254,7 +239,6 @@ impl FieldReader {
             values,
             cache: series.cache.clone(),
             root: series.root.to_owned(),
-            storage: series.storage.clone(),
             source: series.source.clone(),
         }
     }
@@ -264,7 +248,6 @@ impl FieldReader {
     pub fn with_blocks(&self, cache: Arc<BlockCache>) -> Self {
         let series = Series {
             root: &self.root,
-            storage: &self.storage,
             source: &self.source,
             steps: self.steps,
             vertices: self.vertices,
@@ -400,7 +383,7 @@ impl FieldReader {
         if !self.root.join(&key).join("zarr.json").is_file() {
             return Ok(None);
         }
-        let array = StoredArray::open(&self.root, &self.storage, &key, spec.element, spec.chunking, spec.shape.len())?;
+        let array = StoredArray::open(&self.root, &key, spec.element, spec.chunking, spec.shape.len())?;
         if !is_current(&array) {
             return Ok(None);
         }

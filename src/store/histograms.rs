@@ -19,7 +19,7 @@
 use super::FieldReader;
 use super::array::StoredArray;
 use super::field::StoredField;
-use super::layout::{self, DERIVED_ATTRIBUTE, FIELDS, Storage};
+use super::layout::{self, DERIVED_ATTRIBUTE, FIELDS};
 use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType};
 use crate::error::{FileError, FileResult};
@@ -72,7 +72,7 @@ impl FieldReader {
         let Some(of) = self.checksum() else { return Ok(()) };
         let staging = files::sibling_folder(&self.root, "tmp")?;
         let folder = &self.info().folder;
-        write(staging.path(), &layout::storage(staging.path()), folder, (self.step_count(), of), histograms)?;
+        write(staging.path(), folder, (self.step_count(), of), histograms)?;
         // They are of no use to another series that has taken the place of this one.
         self.source.check()?;
         let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
@@ -125,7 +125,7 @@ impl FieldReader {
     fn stored_histogram(&self, kind: &Kind<'_>) -> Option<Histogram> {
         let key = format!("{FIELDS}/{}/{HISTOGRAMS}/{}", self.info().folder, kind.name());
         let rank = kind.axes().count();
-        let array = StoredArray::open(&self.root, &self.storage, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
+        let array = StoredArray::open(&self.root, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
         let found = number(DERIVED_ATTRIBUTE)?;
         let is_known = found == version(kind) || found == HISTOGRAMS_VERSION;
@@ -194,16 +194,10 @@ fn range_of(value: &Value) -> Option<Option<[f32; 2]>> {
 }
 
 /// Writes the histograms of [`Kind::ALL`], of so many steps with this checksum.
-fn write(
-    root: &Path,
-    storage: &Storage,
-    folder: &str,
-    (steps, of): (usize, u32),
-    histograms: &[Histogram],
-) -> FileResult<()> {
+fn write(root: &Path, folder: &str, (steps, of): (usize, u32), histograms: &[Histogram]) -> FileResult<()> {
     let group = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
-    layout::write_group(root, storage, &group, &Map::new())?;
-    let mut to = ArrayWriter::new(root, storage, &group);
+    layout::write_group(root, &group, &Map::new())?;
+    let mut to = ArrayWriter::new(root, &group);
     for (kind, histogram) in Kind::ALL.iter().zip(histograms) {
         let [x, y]: Ranges = histogram.ranges();
         let attributes = Map::from_iter([

@@ -11,7 +11,7 @@
 
 use super::FieldReader;
 use super::array::StoredArray;
-use super::layout::{self, DERIVED_ATTRIBUTE, Storage};
+use super::layout::{self, DERIVED_ATTRIBUTE};
 use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType};
 use crate::error::FileResult;
@@ -33,16 +33,10 @@ fn local(count: usize) -> String {
 }
 
 /// Writes what there is to know of a field whose steps are complete; returns the bytes of the chunks.
-pub(super) fn write(
-    root: &Path,
-    storage: &Storage,
-    folder: &str,
-    moments: &Moments,
-    statistics: &VertexStatistics,
-) -> FileResult<u64> {
+pub(super) fn write(root: &Path, folder: &str, moments: &Moments, statistics: &VertexStatistics) -> FileResult<u64> {
     let group = format!("{LOD}/{folder}");
-    layout::write_group(root, storage, LOD, &Map::new())?;
-    layout::write_group(root, storage, &group, &Map::new())?;
+    layout::write_group(root, LOD, &Map::new())?;
+    layout::write_group(root, &group, &Map::new())?;
     let steps = moments.steps().len();
     let attributes = Map::from_iter([
         (DERIVED_ATTRIBUTE.to_owned(), json!(LOD_VERSION)),
@@ -53,7 +47,7 @@ pub(super) fn write(
     let partition = Partition::default();
     let intervals = partition.intervals(steps, &[]);
     let rows: Vec<[u64; 3]> = intervals.iter().map(|i| [i.first, i.end, i.sampled].map(|n| n as u64)).collect();
-    let mut to = ArrayWriter::new(root, storage, &group);
+    let mut to = ArrayWriter::new(root, &group);
     to.write(GLOBAL, column(&cov), ["vertex", ""], attributes.clone())?;
     to.write(&local(partition.count()), &rows, ["interval", "first_end_sampled"], attributes)?;
     Ok(to.sink.bytes)
@@ -88,7 +82,7 @@ impl FieldReader {
 
     fn open_lod(&self, name: &str, element: ElementType, rank: usize) -> Option<StoredArray> {
         let key = format!("{LOD}/{}/{name}", self.info().folder);
-        let array = StoredArray::open(&self.root, &self.storage, &key, element, Chunking::Whole, rank).ok()?;
+        let array = StoredArray::open(&self.root, &key, element, Chunking::Whole, rank).ok()?;
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
         let is_current =
             number(DERIVED_ATTRIBUTE) == Some(LOD_VERSION) && number(STEPS_ATTRIBUTE) == Some(self.step_count() as u64);

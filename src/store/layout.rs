@@ -1,7 +1,6 @@
 //! Names, versions and attributes of the groups of a store.
 
-use super::folder::unlink;
-use super::metadata::MetadataFolder;
+use super::metadata;
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
@@ -9,8 +8,7 @@ use crate::files;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::sync::Arc;
-use zarrs::group::{Group, GroupBuilder};
+use zarrs_metadata::v3::GroupMetadataV3;
 
 /// Version of the layout. A reader takes any minor version of its major one.
 const STORE_VERSION: [u32; 2] = [1, 0];
@@ -25,9 +23,6 @@ pub(super) const MESH: &str = "mesh/0";
 pub(super) const TIME: &str = "time";
 /// Group of the fields.
 pub(super) const FIELDS: &str = "fields";
-
-/// The backing of all Zarr metadata.
-pub(super) type Storage = Arc<MetadataFolder>;
 
 /// Attributes of the root group.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -99,36 +94,25 @@ pub(super) fn store_version() -> String {
     format!("{}.{}", STORE_VERSION[0], STORE_VERSION[1])
 }
 
-/// Opens the backing; nothing is read yet.
-pub(super) fn storage(root: &Path) -> Storage {
-    Arc::new(MetadataFolder::new(root))
-}
-
 /// Writes a group with its attributes.
-pub(super) fn write_group(root: &Path, storage: &Storage, key: &str, attributes: &impl Serialize) -> FileResult<()> {
-    let failed = |e: String| FileError::unsupported(root.join(key).join("zarr.json"), "", format!("cannot write: {e}"));
-    unlink(&root.join(key).join("zarr.json"))?;
+pub(super) fn write_group(root: &Path, key: &str, attributes: &impl Serialize) -> FileResult<()> {
     let Ok(serde_json::Value::Object(attributes)) = serde_json::to_value(attributes) else {
-        return Err(failed("attributes are no JSON object".to_owned()));
+        let problem = "cannot write: attributes are no JSON object";
+        return Err(FileError::unsupported(metadata::path(root, key), "", problem));
     };
-    let group = GroupBuilder::new().attributes(attributes).build(storage.clone(), &node_path(key));
-    group.map_err(|e| failed(e.to_string()))?.store_metadata().map_err(|e| failed(e.to_string()))
+    metadata::write(root, key, &GroupMetadataV3::new().with_attributes(attributes))
 }
 
 /// Reads the attributes of a group.
-pub(super) fn read_group<T: DeserializeOwned>(root: &Path, storage: &Storage, key: &str) -> FileResult<T> {
-    let path = root.join(key).join("zarr.json");
-    if !path.is_file() {
-        return Err(FileError::invalid(path, "", "is missing").remedy("import the series again"));
-    }
-    let group = Group::open(storage.clone(), &node_path(key));
-    let group = group.map_err(|e| FileError::invalid(&path, "group", e.to_string()))?;
-    serde_json::from_value(serde_json::Value::Object(group.attributes().clone()))
-        .map_err(|e| FileError::invalid(&path, "attributes", e.to_string()))
+pub(super) fn read_group<T: DeserializeOwned>(root: &Path, key: &str) -> FileResult<T> {
+    let group: GroupMetadataV3 = metadata::read(root, key, "group")?;
+    metadata::check_fields(root, key, "group", &group.additional_fields)?;
+    serde_json::from_value(serde_json::Value::Object(group.attributes))
+        .map_err(|e| FileError::invalid(metadata::path(root, key), "attributes", e.to_string()))
 }
 
 /// Reads the attributes of the root and checks that the store is one that this version can read.
-pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttributes> {
+pub(super) fn read_root(root: &Path) -> FileResult<RootAttributes> {
     files::check_kind(root)?;
     files::check_kind(&root.join("zarr.json"))?;
     if !root.is_dir() {
@@ -139,7 +123,7 @@ pub(super) fn read_root(root: &Path, storage: &Storage) -> FileResult<RootAttrib
         let error = FileError::invalid(root, "zarr.json", "is missing or not that of a tetreel store");
         return Err(error.remedy("import the series first"));
     }
-    let attributes: RootAttributes = read_group(root, storage, "")?;
+    let attributes: RootAttributes = read_group(root, "")?;
     let major = attributes.tetreel_store.split('.').next().and_then(|v| v.parse::<u32>().ok());
     if major != Some(STORE_VERSION[0]) {
         let (theirs, ours) = (&attributes.tetreel_store, store_version());
@@ -166,9 +150,4 @@ pub(super) fn is_store(path: &Path) -> bool {
     let text = if file.is_file() { std::fs::read(file).unwrap_or_default() } else { Vec::new() };
     let Ok(json) = serde_json::from_slice::<serde_json::Value>(&text) else { return false };
     json.pointer("/attributes/tetreel_store").is_some()
-}
-
-/// Zarr's path of a group or array.
-pub(super) fn node_path(key: &str) -> String {
-    format!("/{key}")
 }

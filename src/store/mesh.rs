@@ -2,7 +2,7 @@
 
 use super::array::{StoredArray, write_metadata};
 use super::folder::{Folder, FolderSink};
-use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes, Storage};
+use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes};
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::mesh::{Mesh, MeshError, Positions, RepairReport, Topology};
@@ -16,14 +16,13 @@ const TURNED: &str = "cell_turned";
 /// Writes the arrays of one group, each as one chunk.
 pub(super) struct ArrayWriter<'a> {
     pub(super) root: &'a Path,
-    pub(super) storage: &'a Storage,
     pub(super) group: &'a str,
     pub(super) sink: FolderSink,
 }
 
 impl<'a> ArrayWriter<'a> {
-    pub(super) fn new(root: &'a Path, storage: &'a Storage, group: &'a str) -> Self {
-        Self { root, storage, group, sink: FolderSink::new(root.join(group)) }
+    pub(super) fn new(root: &'a Path, group: &'a str) -> Self {
+        Self { root, group, sink: FolderSink::new(root.join(group)) }
     }
 
     /// Writes `values` as rows of N; a one-dimensional array for N = 1.
@@ -42,7 +41,7 @@ impl<'a> ArrayWriter<'a> {
             chunking: Chunking::Whole,
             axes: axes[..rank].to_vec(),
         };
-        write_metadata(self.root, self.storage, self.group, &spec, attributes)?;
+        write_metadata(self.root, self.group, &spec, attributes)?;
         if values.is_empty() {
             return Ok(());
         }
@@ -66,16 +65,16 @@ pub(super) fn column<T: Element>(values: &[T]) -> &[[T; 1]] {
 }
 
 /// Writes a mesh; returns the bytes of its chunks.
-pub(super) fn write(root: &Path, storage: &Storage, mesh: &Mesh, report: &RepairReport) -> FileResult<u64> {
+pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResult<u64> {
     let (lo, hi) = mesh.positions.world_bounds();
     let repair = serde_json::to_value(report).map_err(|e| FileError::invalid(root, MESH, e.to_string()))?;
     let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]) };
-    layout::write_group(root, storage, MESH, &attributes)?;
+    layout::write_group(root, MESH, &attributes)?;
 
     let Positions { origin, scale, local } = &mesh.positions;
     let frame = Map::from_iter([("origin".to_owned(), json!(origin.to_array())), ("scale".to_owned(), json!(scale))]);
     let topology = &mesh.topology;
-    let mut to = ArrayWriter::new(root, storage, MESH);
+    let mut to = ArrayWriter::new(root, MESH);
     to.write::<f32, 3>("points", bytemuck::cast_slice(local), ["vertex", "axis"], frame)?;
     to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?;
     to.write("faces", &topology.faces, ["face", "corner"], derived())?;
@@ -102,10 +101,10 @@ pub(super) struct StoredMesh {
 
 impl StoredMesh {
     /// Reads the metadata and checks it against the sizes of the chunks, so that no count is believed unseen.
-    pub(super) fn open(root: &Path, storage: &Storage, source: &Folder) -> FileResult<Self> {
-        let attributes = layout::read_group(root, storage, MESH)?;
-        let points = open_array(root, storage, "points", ElementType::F32, 2)?;
-        let tets = open_array(root, storage, "tets", ElementType::U32, 2)?;
+    pub(super) fn open(root: &Path, source: &Folder) -> FileResult<Self> {
+        let attributes = layout::read_group(root, MESH)?;
+        let points = open_array(root, "points", ElementType::F32, 2)?;
+        let tets = open_array(root, "tets", ElementType::U32, 2)?;
         let (vertices, cells) = (points.rows::<3>(root)?, tets.rows::<4>(root)?);
         points.check_size::<3>(root, source, ElementType::F32)?;
         tets.check_size::<4>(root, source, ElementType::U32)?;
@@ -113,26 +112,26 @@ impl StoredMesh {
     }
 
     /// Reads the mesh; derives faces and neighbours again if they are missing, damaged or of another version.
-    pub(super) fn read(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Mesh> {
+    pub(super) fn read(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Mesh> {
         let positions = self.read_positions(root, source)?;
-        let topology = match self.read_derived(root, storage, source)? {
+        let topology = match self.read_derived(root, source)? {
             Some(topology) => topology,
             None => self.derive(root, source, &positions)?,
         };
         let read = |name: &str, rows: u64| -> FileResult<Vec<u32>> {
-            let array = open_array(root, storage, name, ElementType::U32, 1)?.expect_shape(root, &[rows])?;
+            let array = open_array(root, name, ElementType::U32, 1)?.expect_shape(root, &[rows])?;
             Ok(array.read::<u32, 1>(root, source)?.into_flattened())
         };
         let vertex_source = read("vertex_permutation", self.vertices)?;
         let cell_source = read("cell_permutation", self.cells)?;
-        let cell_turned = self.read_turned(root, storage, source)?;
+        let cell_turned = self.read_turned(root, source)?;
         Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned })
     }
 
     /// Which cells the import turned: none if there is no such array.
-    fn read_turned(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Vec<bool>> {
+    fn read_turned(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Vec<bool>> {
         if root.join(MESH).join(TURNED).exists() {
-            let array = open_array(root, storage, TURNED, ElementType::U8, 1)?.expect_shape(root, &[self.cells])?;
+            let array = open_array(root, TURNED, ElementType::U8, 1)?.expect_shape(root, &[self.cells])?;
             return Ok(array.read::<u8, 1>(root, source)?.into_iter().map(|[turned]| turned != 0).collect());
         }
         // Topology has this many.
@@ -154,9 +153,9 @@ impl StoredMesh {
     }
 
     /// The topology with the derived arrays of the store; `None` if any of them cannot be used.
-    fn read_derived(&self, root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<Option<Topology>> {
+    fn read_derived(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Option<Topology>> {
         let tets = self.tets.read::<u32, 4>(root, source)?;
-        let current = |name: &str| open_array(root, storage, name, ElementType::U32, 2).ok().filter(is_current);
+        let current = |name: &str| open_array(root, name, ElementType::U32, 2).ok().filter(is_current);
         let (Some(faces), Some(face_cells), Some(neighbours)) =
             (current("faces"), current("face_cells"), current("neighbours"))
         else {
@@ -187,12 +186,6 @@ fn mesh_error(root: &Path, error: &MeshError) -> FileError {
 }
 
 /// Opens an array of the mesh that is one chunk.
-fn open_array(
-    root: &Path,
-    storage: &Storage,
-    name: &str,
-    element: ElementType,
-    rank: usize,
-) -> FileResult<StoredArray> {
-    StoredArray::open(root, storage, &format!("{MESH}/{name}"), element, Chunking::Whole, rank)
+fn open_array(root: &Path, name: &str, element: ElementType, rank: usize) -> FileResult<StoredArray> {
+    StoredArray::open(root, &format!("{MESH}/{name}"), element, Chunking::Whole, rank)
 }

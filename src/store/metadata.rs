@@ -1,85 +1,43 @@
-//! The metadata of groups and arrays as files.
+//! The metadata of groups and arrays: one `zarr.json` each.
 
+use super::folder::unlink;
+use crate::error::{FileError, FileResult};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use zarrs::storage::byte_range::{ByteRangeIterator, extract_byte_ranges};
-use zarrs::storage::{
-    Bytes, MaybeBytes, MaybeBytesIterator, OffsetBytesIterator, ReadableStorageTraits, StorageError, StoreKey,
-    StorePrefix, WritableStorageTraits,
-};
+use zarrs_metadata::v3::AdditionalFieldsV3;
 
-/// The folder of a store, for zarrs, of which only metadata are asked. That of zarrs itself refuses folders whose path is no
-/// Unicode, and waits for the medium after each file.
-#[derive(Debug)]
-pub(super) struct MetadataFolder {
-    root: PathBuf,
+/// The file of the metadata of a group or an array.
+pub(super) fn path(root: &Path, key: &str) -> PathBuf {
+    root.join(key).join("zarr.json")
 }
 
-impl MetadataFolder {
-    pub(super) fn new(root: &Path) -> Self {
-        Self { root: root.to_owned() }
+/// Writes metadata; a file that other stores share is replaced, not written into.
+pub(super) fn write(root: &Path, key: &str, metadata: &impl Serialize) -> FileResult<()> {
+    let path = path(root, key);
+    let failed = |e: String| FileError::unsupported(&path, "", format!("cannot write: {e}"));
+    unlink(&path)?;
+    let json = serde_json::to_vec_pretty(metadata).map_err(|e| failed(e.to_string()))?;
+    fs::create_dir_all(root.join(key)).and_then(|()| fs::write(&path, json)).map_err(|e| failed(e.to_string()))
+}
+
+/// Reads metadata; `node` names in errors what they are of.
+pub(super) fn read<T: DeserializeOwned>(root: &Path, key: &str, node: &str) -> FileResult<T> {
+    let path = path(root, key);
+    if !path.is_file() {
+        return Err(FileError::invalid(path, "", "is missing").remedy("import the series again"));
     }
-
-    fn path(&self, key: &StoreKey) -> PathBuf {
-        self.root.join(key.as_str())
-    }
+    let json = fs::read(&path).map_err(|e| FileError::io(&path, "read", &e))?;
+    serde_json::from_slice(&json).map_err(|e| FileError::invalid(&path, node, e.to_string()))
 }
 
-fn not_metadata<T>() -> Result<T, StorageError> {
-    Err(StorageError::Unsupported("only whole metadata are read and written".to_owned()))
-}
-
-impl ReadableStorageTraits for MetadataFolder {
-    fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        match fs::read(self.path(key)) {
-            Ok(bytes) => Ok(Some(bytes.into())),
-            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(e.into()),
+/// Refuses fields that a reader has to understand and this one does not (Zarr v3, section "Extension points").
+pub(super) fn check_fields(root: &Path, key: &str, node: &str, fields: &AdditionalFieldsV3) -> FileResult<()> {
+    match fields.iter().find(|(_, field)| field.must_understand()) {
+        None => Ok(()),
+        Some((name, _)) => {
+            Err(FileError::unsupported(path(root, key), node, format!("has a field {name}, which this does not know")))
         }
-    }
-
-    fn get_partial_many<'a>(
-        &'a self,
-        key: &StoreKey,
-        byte_ranges: ByteRangeIterator<'a>,
-    ) -> Result<MaybeBytesIterator<'a>, StorageError> {
-        let Some(bytes) = self.get(key)? else { return Ok(None) };
-        let parts = extract_byte_ranges(&bytes, byte_ranges)?;
-        Ok(Some(Box::new(parts.into_iter().map(|part| Ok(part.into())))))
-    }
-
-    fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
-        Ok(self.get(key)?.map(|bytes| bytes.len() as u64))
-    }
-
-    fn supports_get_partial(&self) -> bool {
-        false
-    }
-}
-
-impl WritableStorageTraits for MetadataFolder {
-    fn set(&self, key: &StoreKey, value: Bytes) -> Result<(), StorageError> {
-        let path = self.path(key);
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent)?;
-        }
-        Ok(fs::write(path, value)?)
-    }
-
-    fn set_partial_many(&self, _key: &StoreKey, _values: OffsetBytesIterator<'_>) -> Result<(), StorageError> {
-        not_metadata()
-    }
-
-    fn erase(&self, _key: &StoreKey) -> Result<(), StorageError> {
-        not_metadata()
-    }
-
-    fn erase_prefix(&self, _prefix: &StorePrefix) -> Result<(), StorageError> {
-        not_metadata()
-    }
-
-    fn supports_set_partial(&self) -> bool {
-        false
     }
 }

@@ -7,7 +7,7 @@
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `checksum_per_step` (CRC-32C of a step's values as f32, before the codec; not from older versions), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
 //!
-//! Codecs are the stock ones: little-endian bytes, then a CRC-32C. zarrs writes and checks the metadata; the chunks are
+//! Codecs are the stock ones: little-endian bytes, then a CRC-32C. The metadata are of zarrs_metadata; the chunks are
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
 //! name made safe for any file system; the name itself is an attribute.
 //!
@@ -48,7 +48,7 @@ use array::StoredArray;
 use field::Series;
 use folder::Folder;
 use glam::DVec3;
-use layout::{FIELDS, FieldsAttributes, RootAttributes, Storage, TIME};
+use layout::{FIELDS, FieldsAttributes, RootAttributes, TIME};
 use mesh::StoredMesh;
 use refresh::{OpenedSeries, Stamp};
 use std::path::{Path, PathBuf};
@@ -62,7 +62,6 @@ const MAGNITUDE_CODEC: &str = "magnitude";
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    storage: Storage,
     source: Arc<Folder>,
     attributes: RootAttributes,
     mesh: StoredMesh,
@@ -87,15 +86,14 @@ impl Store {
     }
 
     fn open_at(root: &Path, stamp: Stamp) -> FileResult<Self> {
-        let storage = layout::storage(root);
-        let attributes = layout::read_root(root, &storage)?;
+        let attributes = layout::read_root(root)?;
         let source = Arc::new(Folder::new(root));
-        let mesh = StoredMesh::open(root, &storage, &source)?;
-        let times = read_times(root, &storage, &*source)?;
-        let fields = open_fields(root, &storage, &source, times.len() as u64, mesh.vertices)?;
+        let mesh = StoredMesh::open(root, &source)?;
+        let times = read_times(root, &*source)?;
+        let fields = open_fields(root, &source, times.len() as u64, mesh.vertices)?;
         let series = Arc::new(OpenedSeries::of(&mesh, &times, &fields, &*source, &stamp));
         let source = Arc::new(Folder::of_series(root, series.clone()));
-        Ok(Self { root: root.to_owned(), storage, source, attributes, mesh, times, fields, stamp, series })
+        Ok(Self { root: root.to_owned(), source, attributes, mesh, times, fields, stamp, series })
     }
 
     /// Folder of the store.
@@ -118,7 +116,7 @@ impl Store {
     /// # Errors
     /// If points, cells or permutations are missing or damaged, or do not make a mesh; if another series has taken the store's place.
     pub fn mesh(&self) -> FileResult<Mesh> {
-        let mesh = self.mesh.read(&self.root, &self.storage, &*self.source)?;
+        let mesh = self.mesh.read(&self.root, &*self.source)?;
         self.source.check()?;
         Ok(mesh)
     }
@@ -129,7 +127,7 @@ impl Store {
     /// # Errors
     /// If the array is damaged, or another series has taken the store's place.
     pub fn source_points(&self) -> FileResult<Option<Vec<DVec3>>> {
-        let points = source_points::read(&self.root, &self.storage, &*self.source, self.mesh.vertices)?;
+        let points = source_points::read(&self.root, &*self.source, self.mesh.vertices)?;
         self.source.check()?;
         Ok(points)
     }
@@ -162,14 +160,7 @@ impl Store {
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
         let components = components_of(&self.fields, info);
         let source = self.source_of(info, &components)?;
-        let series = Series {
-            root: &self.root,
-            storage: &self.storage,
-            source: &source,
-            steps: self.times.len(),
-            vertices,
-            cache,
-        };
+        let series = Series { root: &self.root, source: &source, steps: self.times.len(), vertices, cache };
         Ok(FieldReader::new(info.clone(), &components, &series))
     }
 
@@ -223,9 +214,9 @@ fn components_of<'a>(fields: &'a [StoredField], info: &StoredField) -> Vec<&'a S
     info.component_folders.iter().filter_map(component).collect()
 }
 
-fn read_times(root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileResult<TimeAxis> {
+fn read_times(root: &Path, source: &dyn ReadRange) -> FileResult<TimeAxis> {
     let key = format!("{TIME}/values");
-    let array = StoredArray::open(root, storage, &key, ElementType::F64, Chunking::Whole, 1)?;
+    let array = StoredArray::open(root, &key, ElementType::F64, Chunking::Whole, 1)?;
     let values = array.read::<f64, 1>(root, source)?.into_flattened();
     let invalid = |problem: String| Err(FileError::invalid(root.join(&key), "", problem));
     if values.is_empty() {
@@ -241,21 +232,15 @@ fn read_times(root: &Path, storage: &Storage, source: &dyn ReadRange) -> FileRes
 }
 
 /// Opens all fields and ties magnitudes to their components.
-fn open_fields(
-    root: &Path,
-    storage: &Storage,
-    source: &Folder,
-    steps: u64,
-    vertices: u64,
-) -> FileResult<Vec<StoredField>> {
-    let FieldsAttributes { folders } = layout::read_group(root, storage, FIELDS)?;
+fn open_fields(root: &Path, source: &Folder, steps: u64, vertices: u64) -> FileResult<Vec<StoredField>> {
+    let FieldsAttributes { folders } = layout::read_group(root, FIELDS)?;
     let invalid = |problem: String| FileError::invalid(root.join(FIELDS), "attributes", problem);
     let mut fields = Vec::new();
     for folder in &folders {
         if !names::is_plain(folder) {
             return Err(invalid(format!("'{folder}' is no folder name")));
         }
-        fields.push(StoredField::open(root, storage, source, folder, steps, vertices)?);
+        fields.push(StoredField::open(root, source, folder, steps, vertices)?);
     }
     for i in 0..fields.len() {
         let mut components = Vec::new();

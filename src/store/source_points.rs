@@ -5,7 +5,7 @@
 //! keeps them as they were, for export; nothing else reads them.
 
 use super::array::StoredArray;
-use super::layout::{MESH, Storage};
+use super::layout::MESH;
 use super::mesh::ArrayWriter;
 use crate::codec::{Chunking, ElementType, ReadRange};
 use crate::error::FileResult;
@@ -48,17 +48,11 @@ impl SourcePoints {
     ///
     /// # Panics
     /// If `vertex_source` names a missing point.
-    pub(super) fn write(
-        &self,
-        root: &Path,
-        storage: &Storage,
-        positions: &Positions,
-        vertex_source: &[u32],
-    ) -> FileResult<()> {
+    pub(super) fn write(&self, root: &Path, positions: &Positions, vertex_source: &[u32]) -> FileResult<()> {
         if vertex_source.iter().enumerate().all(|(vertex, &source)| positions.world(vertex) == self.get(source)) {
             return Ok(());
         }
-        let mut to = ArrayWriter::new(root, storage, MESH);
+        let mut to = ArrayWriter::new(root, MESH);
         let axes = ["vertex", "axis"];
         match &self.0 {
             Points::Single(points) => to.write(NAME, &gather(points, vertex_source), axes, Map::new()),
@@ -73,17 +67,12 @@ fn gather<T: Copy>(points: &[T], vertex_source: &[u32]) -> Vec<T> {
 
 /// The points as the source had them, one for each of so many vertices; `None` if the positions have them, or the store
 /// is older.
-pub(super) fn read(
-    root: &Path,
-    storage: &Storage,
-    source: &dyn ReadRange,
-    vertices: u64,
-) -> FileResult<Option<Vec<DVec3>>> {
+pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileResult<Option<Vec<DVec3>>> {
     if !root.join(MESH).join(NAME).join("zarr.json").exists() {
         return Ok(None);
     }
     let open = |element| {
-        let array = StoredArray::open(root, storage, &format!("{MESH}/{NAME}"), element, Chunking::Whole, 2)?;
+        let array = StoredArray::open(root, &format!("{MESH}/{NAME}"), element, Chunking::Whole, 2)?;
         array.expect_shape(root, &[vertices, 3])
     };
     let error = match open(ElementType::F32) {

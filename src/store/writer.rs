@@ -5,7 +5,7 @@ use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
 use super::importance;
 use super::layout::{
-    self, DERIVED_ATTRIBUTE, DERIVED_VERSION, FIELDS, FieldAttributes, FieldsAttributes, RootAttributes, Storage, TIME,
+    self, DERIVED_ATTRIBUTE, DERIVED_VERSION, FIELDS, FieldAttributes, FieldsAttributes, RootAttributes, TIME,
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
@@ -36,7 +36,6 @@ pub struct FieldDescription {
 #[derive(Debug)]
 pub struct StoreWriter {
     pub(super) staging: Staging,
-    pub(super) storage: Storage,
     names: FolderNames,
     pub(super) folders: Vec<String>,
     /// How often steps were added.
@@ -52,13 +51,12 @@ impl StoreWriter {
     /// If something exists there and is no tetreel store or `overwrite` is not set, or its folder cannot be written.
     pub fn create(target: &Path, overwrite: bool) -> FileResult<Self> {
         let staging = Staging::begin(target, overwrite)?;
-        let storage = layout::storage(staging.path());
-        layout::write_group(staging.path(), &storage, "mesh", &Map::new())?;
-        Ok(Self::at(staging, storage))
+        layout::write_group(staging.path(), "mesh", &Map::new())?;
+        Ok(Self::at(staging))
     }
 
-    pub(super) fn at(staging: Staging, storage: Storage) -> Self {
-        Self { staging, storage, names: FolderNames::new(), folders: Vec::new(), revision: 0, replaces: None }
+    pub(super) fn at(staging: Staging) -> Self {
+        Self { staging, names: FolderNames::new(), folders: Vec::new(), revision: 0, replaces: None }
     }
 
     /// Writes the mesh and what was repaired in it.
@@ -66,7 +64,7 @@ impl StoreWriter {
     /// # Errors
     /// If a file cannot be written.
     pub fn write_mesh(&mut self, mesh: &Mesh, report: &RepairReport) -> FileResult<()> {
-        mesh::write(self.staging.path(), &self.storage, mesh, report).map(drop)
+        mesh::write(self.staging.path(), mesh, report).map(drop)
     }
 
     /// Writes the points that a mesh was built from, if its vertices at `positions` do not give them back bit for bit; `vertex_source` has the
@@ -83,7 +81,7 @@ impl StoreWriter {
         vertex_source: &[u32],
         points: &SourcePoints,
     ) -> FileResult<()> {
-        points.write(self.staging.path(), &self.storage, positions, vertex_source)
+        points.write(self.staging.path(), positions, vertex_source)
     }
 
     /// Writes the times of the steps, all of which show mesh 0.
@@ -91,8 +89,8 @@ impl StoreWriter {
     /// # Errors
     /// If a file cannot be written.
     pub fn write_times(&mut self, times: &TimeAxis) -> FileResult<()> {
-        layout::write_group(self.staging.path(), &self.storage, TIME, &Map::new())?;
-        let mut to = ArrayWriter::new(self.staging.path(), &self.storage, TIME);
+        layout::write_group(self.staging.path(), TIME, &Map::new())?;
+        let mut to = ArrayWriter::new(self.staging.path(), TIME);
         to.write("values", column(&times.values), ["step", ""], Map::new())?;
         to.write("mesh_index", column(&vec![0u32; times.len()]), ["step", ""], Map::new())
     }
@@ -114,12 +112,12 @@ impl StoreWriter {
         let root = self.staging.path().to_owned();
         let sink = FolderSink::new(root.join(FIELDS).join(&folder));
         let checksums = Some(Vec::new());
-        FieldWriter { root, storage: self.storage.clone(), folder, description, content, checksums, sink }
+        FieldWriter { root, folder, description, content, checksums, sink }
     }
 
     pub(super) fn write_fields(&self) -> FileResult<()> {
         let attributes = FieldsAttributes { folders: self.folders.clone() };
-        layout::write_group(self.staging.path(), &self.storage, FIELDS, &attributes)
+        layout::write_group(self.staging.path(), FIELDS, &attributes)
     }
 
     /// Writes the attributes, makes everything durable and moves the store to its place. Returns the bytes on disk.
@@ -137,7 +135,7 @@ impl StoreWriter {
             notes,
             revision: self.revision,
         };
-        layout::write_group(root, &self.storage, "", &attributes)?;
+        layout::write_group(root, "", &attributes)?;
         let bytes = bytes_on_disk(root)?;
         if let Some((path, stamp)) = &self.replaces
             && Stamp::of(path) != *stamp
@@ -170,7 +168,6 @@ pub struct WrittenField {
 /// Writes one field of a new store.
 pub struct FieldWriter {
     pub(super) root: PathBuf,
-    pub(super) storage: Storage,
     pub(super) folder: String,
     pub(super) description: FieldDescription,
     pub(super) content: Content,
@@ -227,15 +224,15 @@ impl FieldWriter {
             range: series.range,
             nonfinite: series.nonfinite,
         };
-        layout::write_group(&self.root, &self.storage, &group, &attributes)?;
+        layout::write_group(&self.root, &group, &attributes)?;
         let groups: BTreeSet<&str> = encoded.arrays.iter().filter_map(|a| Some(a.name.split_once('/')?.0)).collect();
         for name in groups {
-            layout::write_group(&self.root, &self.storage, &format!("{group}/{name}"), &Map::new())?;
+            layout::write_group(&self.root, &format!("{group}/{name}"), &Map::new())?;
         }
         for array in &encoded.arrays {
-            write_metadata(&self.root, &self.storage, &group, array, Map::new())?;
+            write_metadata(&self.root, &group, array, Map::new())?;
         }
-        let mut to = ArrayWriter::new(&self.root, &self.storage, &group);
+        let mut to = ArrayWriter::new(&self.root, &group);
         let ranges: Vec<[f32; 2]> = moments.steps().iter().map(|s| s.range.unwrap_or([f32::NAN; 2])).collect();
         to.write("range_per_step", &ranges, ["step", "bound"], Map::new())?;
         if let Some(checksums) = &self.checksums {
@@ -246,8 +243,8 @@ impl FieldWriter {
             to.write(ERRORS_PER_STEP, &steps, ["step", "squares_count_largest"], mesh::derived())?;
             to.write(ERRORS_PER_VERTEX, column(vertices), ["vertex", ""], mesh::derived())?;
         }
-        let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &self.storage, &group, &statistics)?;
-        let bytes = bytes + importance::write(&self.root, &self.storage, &self.folder, moments, &statistics)?;
+        let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &group, &statistics)?;
+        let bytes = bytes + importance::write(&self.root, &self.folder, moments, &statistics)?;
         Ok(WrittenField { bytes, value_bytes: self.sink.bytes, quality })
     }
 }
@@ -270,10 +267,10 @@ pub(super) fn moments_array(vertices: u64) -> ArraySpec {
     }
 }
 
-fn write_moments(root: &Path, storage: &Storage, group: &str, statistics: &VertexStatistics) -> FileResult<u64> {
+fn write_moments(root: &Path, group: &str, statistics: &VertexStatistics) -> FileResult<u64> {
     let spec = moments_array(statistics.mean.len() as u64);
     let attributes = Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())]);
-    write_metadata(root, storage, group, &spec, attributes)?;
+    write_metadata(root, group, &spec, attributes)?;
     let mut sink = FolderSink::new(root.join(group));
     for (row, values) in (0..).zip([&statistics.mean, &statistics.variance, &statistics.finite_count]) {
         sink.put(&chunk_key(&spec.name, row, 2), &to_bytes(values))?;
