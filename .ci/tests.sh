@@ -58,15 +58,18 @@ validation_messages_fail() {
     grep 'SIGTRAP' "$log"
 }
 
-# Of the build without optional parts, the tests that differ: those that only it has, and those of the command line.
-tests_without_optional_parts() {
+# The command without window and GPU.
+headless=(--package tetreel --no-default-features --features cli)
+
+# Of the build without window and GPU, the tests that differ: those that only it has, and those of the command line.
+tests_without_a_window() {
     local only
     cargo test --quiet --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/it.list"
-    cargo test --quiet --package tetreel --no-default-features --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/bare.list"
+    cargo test --quiet "${headless[@]}" --test it -- --list | sed -n 's/: test$//p' | sort -u >"$scratch/bare.list"
     only=$(comm -13 "$scratch/it.list" "$scratch/bare.list")
-    [ -n "$only" ] || { echo "the build without optional parts has no test of its own" >&2 && return 1; }
+    [ -n "$only" ] || { echo "the build without a window has no test of its own" >&2 && return 1; }
     # shellcheck disable=SC2086  # names of tests, one word each
-    run_tests cargo test --package tetreel --no-default-features --test it -- cli:: $only
+    run_tests cargo test "${headless[@]}" --test it -- cli:: $only
 }
 
 # The tests of the SIMD loops under valgrind. The library itself has no unsafe code (a test reads it); what it asks the processor
@@ -91,7 +94,7 @@ window_tests() {
 }
 
 # For one Vulkan driver at a time there is no need of the window.
-for_drivers=(--package tetreel --no-default-features --features gpu)
+for_drivers=(--package tetreel --no-default-features --features cli,gpu)
 
 # on_driver NAME FILE: what a Vulkan driver makes of the shaders: how long each takes to compile, the tests of the stages, and a frame of
 # each renderer against that of the CPU.

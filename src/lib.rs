@@ -26,6 +26,7 @@
 
 pub mod bench;
 pub mod camera;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod codec;
 pub mod error;

@@ -8,16 +8,21 @@ mod frames;
 mod held;
 mod machine;
 mod paired;
+mod pareto;
 mod playback;
+#[cfg(feature = "cli")]
 pub mod plot;
 mod report;
 mod statistics;
 mod still;
+#[cfg(test)]
+mod test_runs;
 
 pub use frames::{FrameBench, MOTIONS, Motion, run_frames};
 pub use held::{HeldBench, HeldRun, run_held};
 pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
+pub use pareto::pareto_front;
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
 pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes, SceneName};
 pub use statistics::{Spread, median, percentile};

@@ -4,12 +4,7 @@
 
 mod charts;
 mod draw;
-mod pareto;
-#[cfg(test)]
-pub(in crate::bench) mod test_runs;
 mod ticks;
-
-pub use pareto::pareto_front;
 
 use super::BenchRun;
 use crate::error::{FileError, FileResult};
@@ -106,7 +101,7 @@ pub fn write_plots(folder: &Path, runs: &[BenchRun]) -> FileResult<PlotReport> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_runs::run;
+    use crate::bench::test_runs::run;
 
     #[test]
     fn a_plot_with_nothing_to_show_is_not_written_but_said() {

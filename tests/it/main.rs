@@ -2,12 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
 mod accuracy;
+#[cfg(feature = "cli")]
 mod cli;
 mod common;
 mod domain;
 mod exr;
 mod first_look;
 mod floors;
+#[cfg(feature = "cli")]
 mod fuzz;
 mod gate;
 mod import;

@@ -197,7 +197,7 @@ impl fmt::Display for EqualTimeTable<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::plot::test_runs::run;
+    use crate::bench::test_runs::run;
 
     fn faces(lod: f64, ms: f64, rmse: f64) -> BenchRun {
         let k = Some(KBuffer::default().k);

@@ -1,6 +1,6 @@
 //! Runs of the accuracy suite, path by path: the worst error over the scenes beside the median time.
 
-use crate::bench::plot::pareto_front;
+use crate::bench::pareto_front;
 use crate::bench::report::{BenchRun, RunError};
 use crate::bench::statistics::median;
 use crate::codec::raw;
@@ -196,7 +196,7 @@ pub(in crate::bench) fn is_judged_by(run: &BenchRun, judge: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::plot::test_runs::run;
+    use crate::bench::test_runs::run;
 
     #[test]
     fn labels_say_how_a_path_differs_from_the_usual() {

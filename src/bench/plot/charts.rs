@@ -260,7 +260,7 @@ fn lines(factor: &Factor, runs: &[&BenchRun], function: &str) -> Vec<Line> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::plot::test_runs::run;
+    use crate::bench::test_runs::run;
 
     fn kind(file: &str) -> &'static Kind {
         CHARTS.iter().find(|kind| kind.file == file).unwrap()

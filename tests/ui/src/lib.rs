@@ -1,5 +1,7 @@
 //! What the tests of the player window have in common.
 
+#![cfg(feature = "gui")]
+
 pub mod desk;
 #[cfg(target_os = "linux")]
 pub mod screen;
