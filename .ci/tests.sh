@@ -72,6 +72,18 @@ tests_without_a_window() {
     run_tests cargo test "${headless[@]}" --test it -- cli:: $only
 }
 
+# A program that is no member of the workspace builds on the library alone, which has no more than 120 crates and none of a command or a
+# window, and renders a frame with it.
+library_from_outside() {
+    local crates
+    crates=$(cargo tree --package tetreel --no-default-features --edges normal --prefix none | awk '{ print $1, $2 }' | sort -u)
+    if grep -E '^(clap|indicatif|ctrlc|tracing-chrome|plotters|winit|egui)' <<<"$crates"; then return 1; fi
+    echo "$(wc -l <<<"$crates") crates"
+    [ "$(wc -l <<<"$crates")" -le 120 ]
+    cargo build --manifest-path tests/library/Cargo.toml --target-dir "$target"
+    picture "$target/debug/uses-tetreel" "$scratch/jet.zarr" "$scratch/library.png"
+}
+
 # The tests of the SIMD loops under valgrind. The library itself has no unsafe code (a test reads it); what it asks the processor
 # for through pulp is looked at here, as compiled for AVX2: valgrind 3.19 knows no AVX-512, and hides it from the program.
 simd_under_valgrind() {

@@ -64,7 +64,7 @@ impl Run {
         let camera = self.camera.orbit(TURN * self.frames as f64, 0.0)?;
         let started = Instant::now();
         let said = animation.at(step.into(), at, &Cancel::new())?;
-        let table = said.table.ok_or("a project with ensembles")?;
+        let table = said.colors.ok_or("a project with ensembles")?.table;
         self.pipeline.render(&FrameRequest::new(step, camera, table, SIZE))?;
         Ok(started.elapsed().as_secs_f64() * 1e3)
     }
@@ -120,7 +120,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Frames of an ensemble, and of requests with its table.
 fn steady(run: &mut Run, ensemble: &Ensemble, mut animation: Animation) -> Result<(), Box<dyn Error>> {
-    let table = animation.at(0.into(), 0.0, &Cancel::new())?.table.ok_or("an ensemble has a table")?;
+    let table = animation.at(0.into(), 0.0, &Cancel::new())?.colors.ok_or("an ensemble has colours")?.table;
     let mut ms = [Vec::new(), Vec::new()];
     for round in 0..ROUNDS + 2 {
         for case in [round % 2, 1 - round % 2] {

@@ -16,8 +16,9 @@
 //! | 4 | [`store`], [`import`], [`synth`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
-//! | 7a | [`playback`] |
+//! | 7a | [`look`], [`playback`] |
 //! | 7b | [`project`] |
+//! | 7c | [`scene`] |
 //! | 8 | [`export`] |
 //! | 9 | [`mod@bench`], [`ui`] |
 //! | 10 | [`cli`] |
@@ -38,6 +39,7 @@ pub mod image;
 pub mod import;
 pub mod ingest;
 pub mod lod;
+pub mod look;
 pub mod mesh;
 pub mod moments;
 pub mod node_table;
@@ -47,6 +49,7 @@ pub mod playback;
 pub mod project;
 pub mod random;
 pub mod render;
+pub mod scene;
 mod short;
 mod slowdown;
 pub mod stats;

@@ -108,6 +108,8 @@ pub trait Progress: Sync {
     fn advance(&self, n: u64);
     /// The current stage is over.
     fn end(&self);
+    /// A line for the user.
+    fn say(&self, line: &str);
 }
 
 /// Progress that nobody watches.
@@ -118,6 +120,7 @@ impl Progress for Silent {
     fn begin(&self, _stage: &str, _total: u64, _unit: &str) {}
     fn advance(&self, _n: u64) {}
     fn end(&self) {}
+    fn say(&self, _line: &str) {}
 }
 
 #[cfg(test)]

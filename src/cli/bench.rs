@@ -3,7 +3,7 @@
 mod accuracy;
 
 use super::progress::Terminal;
-use super::scene::{Scene, SceneArgs, SizeArgs};
+use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
 use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
@@ -11,6 +11,7 @@ use crate::bench::{
     SeekTimes, run_frames, run_held, run_playback, run_still,
 };
 use crate::files;
+use crate::scene::Scene;
 use crate::task::Progress;
 use crate::ui::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::fmt;
@@ -119,12 +120,12 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
     memory::check(args.image.size, 1)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
+    let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
     for (motion, judged) in args.suite.runs() {
         terminal.check_interrupted()?;
         let bench = FrameBench {
             dataset: dataset_name(path),
-            request: scene.request(0)?,
+            request: scene.request(0).map_err(of_scene)?,
             motion,
             frames: args.frames as usize,
             judged,
@@ -139,17 +140,17 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
     }
     if args.suite.has_motion() {
         report.held.push(run_held_on(path, &mut scene, args, terminal)?);
-        let request = scene.request(0)?;
+        let request = scene.request(0).map_err(of_scene)?;
         let still = run_still(&mut scene.pipeline, &dataset_name(path), &request, terminal, &terminal.cancel)?;
         report.still.extend(still);
     }
-    report.machine.adapter = scene.gpu_report().adapter.or(report.machine.adapter.take());
+    report.machine.adapter = gpu_report(&scene.pipeline).adapter.or(report.machine.adapter.take());
     Ok(())
 }
 
 /// The motion suite on one series.
 fn run_held_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<HeldRun> {
-    let (frames, request) = (10 * args.frames as usize, scene.request(0)?);
+    let (frames, request) = (10 * args.frames as usize, scene.request(0).map_err(of_scene)?);
     let bench = HeldBench { dataset: dataset_name(path), request, frames, target_ms: 1e3 / args.fps };
     terminal.begin("bench", frames as u64, "frames");
     let measured = run_held(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
@@ -168,9 +169,10 @@ fn target_fps(text: &str) -> Result<f64, String> {
 /// The playback suite on one series.
 fn run_playback_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<PlaybackRun> {
     let pairs = args.frames as usize;
-    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0)?, pairs };
+    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0).map_err(of_scene)?, pairs };
     terminal.begin("bench", 2 * u64::from(args.frames), "pairs and seeks");
-    let measured = run_playback(&|| scene.new_pipeline(), &bench, terminal, &terminal.cancel);
+    let series = scene.pipeline.series().clone();
+    let measured = run_playback(&|| args.scene.new_pipeline(&series), &bench, terminal, &terminal.cancel);
     terminal.end();
     Ok(measured?)
 }

@@ -3,15 +3,16 @@
 #[cfg(feature = "gui")]
 use super::play::{self, Playing};
 use super::progress::Terminal;
-use super::scene::{Scene, SceneArgs, SizePx};
+use super::scene::{SceneArgs, SizePx};
 use super::{Outcome, render, source};
+use crate::export::run::{Output, Plan, Run};
 use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, StillOptions};
 use crate::image::{self, PngDepth};
 use crate::ingest::IngestOptions;
+use crate::look::DEFAULT_TF;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
-use crate::ui::DEFAULT_TF;
 #[cfg(feature = "gui")]
 use crate::ui::window::{Start, WindowError};
 use anyhow::Context;
@@ -84,14 +85,17 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             shown => return shown.map(|()| Outcome::Done),
         }
     }
-    let mut scene = Scene::open(&store, &scene_args, SIZE, None, &terminal.cancel)?;
+    let mut scene = scene_args.open(&store, SIZE, None, &terminal.cancel)?;
     let frames_dir = dir.join("frames");
     std::fs::create_dir_all(&frames_dir)
         .with_context(|| format!("{}: cannot make the folder", frames_dir.display()))?;
     let pattern = FramePattern::new(&frames_dir.join("frame_%04d.png"))?;
     let steps: Vec<usize> = (0..STEPS).collect();
     let options = StillOptions { background: BACKGROUND, ..Default::default() };
-    render::render_steps(&mut scene, &steps, &pattern, options, terminal)?;
+    let plan = Plan::of_steps(&steps, scene.pipeline.times());
+    let output = Output::Images { pattern: pattern.clone(), options };
+    let run = Run { plan, output, annotator: None, resume: false };
+    run.render(&mut scene, terminal).map_err(render::of_run)?;
 
     let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(2 * i + 1));
     let frames = shown.map(|path| image::read_png(&path)).collect::<Result<Vec<_>, _>>()?;

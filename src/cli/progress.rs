@@ -1,11 +1,10 @@
 //! Progress bars and messages on stderr, and the end of a run by Ctrl-C.
 
 use super::Interrupted;
+use crate::scene::unless_cancelled;
 use crate::task::{Cancel, Progress};
-use crossbeam::channel::{RecvTimeoutError, bounded};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
 
 /// What a command talks to: bars and messages on stderr, and the flag that Ctrl-C raises.
 pub(super) struct Terminal {
@@ -62,28 +61,12 @@ impl Terminal {
     }
 }
 
-/// How often a wait looks for Ctrl-C.
-const TICK: Duration = Duration::from_millis(50);
-
 /// Does something on a thread of its own that looks at no flag and writes nothing. Ctrl-C ends the wait for it, and then the process.
 pub(super) fn unless_interrupted<T: Send + 'static>(
     cancel: &Cancel,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Interrupted> {
-    let (say, heard) = bounded(1);
-    // Nobody listens any more after Ctrl-C.
-    let thread = std::thread::spawn(move || _ = say.send(work()));
-    loop {
-        match heard.recv_timeout(TICK) {
-            Ok(done) => return Ok(done),
-            Err(RecvTimeoutError::Timeout) if cancel.is_cancelled() => return Err(Interrupted),
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => match thread.join() {
-                Err(panic) => std::panic::resume_unwind(panic),
-                Ok(()) => return Err(Interrupted), // not reached: who ends without a panic has said something
-            },
-        }
-    }
+    unless_cancelled(cancel, work).ok_or(Interrupted)
 }
 
 impl Progress for Terminal {
@@ -107,21 +90,8 @@ impl Progress for Terminal {
             bar.finish_and_clear();
         }
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn work_that_looks_at_no_flag_is_waited_for_until_somebody_interrupts() {
-        let cancel = Cancel::new();
-        assert_eq!(unless_interrupted(&cancel, || 7).ok(), Some(7));
-        let (end, ended) = bounded::<()>(0);
-        cancel.cancel();
-        assert!(unless_interrupted(&cancel, move || ended.recv().is_ok()).is_err(), "before the work has ended");
-        drop(end);
-        let panic = std::panic::catch_unwind(|| unless_interrupted(&Cancel::new(), || -> u8 { panic!("on purpose") }));
-        assert!(panic.is_err());
+    fn say(&self, line: &str) {
+        Terminal::say(self, line);
     }
 }

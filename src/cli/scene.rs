@@ -2,29 +2,21 @@
 
 use super::Interrupted;
 use super::progress::unless_interrupted;
-use super::render::sampling_of;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
-use crate::export::still::FrameAttributes;
 use crate::field::FieldSelector;
-use crate::node_table::{NodeTable, TransferTable};
+use crate::look::{DEFAULT_TF, Look};
 use crate::optics::OpticsKind;
-use crate::pipeline::{
-    Backend, FaceDetail, FrameRequest, FrameTime, Pipeline, RenderMode, SampleSet, Sampling, Series, TetDraw,
-    Upsampling,
-};
-use crate::project::{Animation, Project};
+use crate::pipeline::{Backend, FaceDetail, Pipeline, RenderMode, Sampling, Series, TetDraw};
+use crate::project::Project;
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
+use crate::scene::{Scene, SceneError};
 use crate::store::Store;
 use crate::task::Cancel;
-use crate::transfer::{
-    ColorMap, ColorPoint, FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferError, TransferFunction,
-    TransferSource,
-};
-use crate::ui::{DEFAULT_TF, Look, mapped_range};
+use crate::transfer::{FirstLook, Lengths, OpacityKind, RangePolicy, TransferError, TransferFunction};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
 use std::ffi::OsString;
@@ -191,41 +183,6 @@ pub(super) struct GpuReport {
     pub(super) problem: Option<String>,
 }
 
-/// A series, ready to be asked for frames.
-pub(super) struct Scene {
-    pub(super) pipeline: Pipeline,
-    /// What all its frames have in common.
-    pub(super) look: Look,
-    /// The transfer function as the user wrote it.
-    tf_text: String,
-    size: SizePx,
-    #[cfg(feature = "gpu")]
-    pub(super) gpu: ContextOptions,
-    /// Those of the last request.
-    colors: Option<Colors>,
-    /// Whether frames have planes of normals and numbers of surfaces.
-    pub(super) guides: bool,
-    /// The pixels that rays are cast for.
-    pub(super) samples: SampleSet,
-    /// The image that is rendered in place of each frame, if there is one.
-    pub(super) upsampling: Option<Upsampling>,
-    /// What a project says, in place of the look.
-    animation: Option<Animation>,
-    /// Ends what takes long.
-    cancel: Cancel,
-}
-
-/// Colours and extinctions of a request.
-struct Colors {
-    /// What they are for; `None` if the field has no finite value.
-    range: Option<MappedRange>,
-    table: Arc<NodeTable>,
-    /// What the table was made from.
-    formula: Option<Arc<TransferSource>>,
-    /// Whether they are those of ensembles, not of the look.
-    of_project: bool,
-}
-
 impl SceneArgs {
     /// What frames of a series look like, in images of this size.
     #[cfg(feature = "gui")]
@@ -315,193 +272,79 @@ impl SceneArgs {
     pub(super) fn gpu(&self) -> ContextOptions {
         ContextOptions { adapter: self.adapter.clone(), ..Default::default() }
     }
-}
 
-impl Scene {
-    /// The scene of the options, or with a project that of the project's timeline. What takes long, then and later, ends when
-    /// `cancel` is raised.
+    /// The scene of the options, or with a project that of the project's timeline, rendered on the GPU of the options. What takes long,
+    /// then and later, ends when `cancel` is raised.
     pub(super) fn open(
+        &self,
         store: &Store,
-        args: &SceneArgs,
         size: SizePx,
         project: Option<&Arc<Project>>,
         cancel: &Cancel,
-    ) -> anyhow::Result<Self> {
-        let mut pipeline = Pipeline::new(args.series(store)?);
-        let (tf, range, tf_text) = match args.first_look(pipeline.series(), cancel) {
+    ) -> anyhow::Result<Scene> {
+        let mut pipeline = Pipeline::new(self.series(store)?);
+        let (tf, range, tf_text) = match self.first_look(pipeline.series(), cancel) {
             Some(first) => (Ok(first.tf), Some(first.range), first.text),
             None => {
-                let text = args.tf.clone();
+                let text = self.tf.clone();
                 let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
-                (tf, None, args.tf.to_string_lossy().into_owned())
+                (tf, None, self.tf.to_string_lossy().into_owned())
             }
         };
-        let look = args.look_with(tf, range, pipeline.series(), size)?;
+        let look = self.look_with(tf, range, pipeline.series(), size)?;
         #[cfg(feature = "gpu")]
-        pipeline.choose_gpu(args.gpu());
-        if let Err(problem) = pipeline.check_backend(args.backend) {
+        pipeline.choose_gpu(self.gpu());
+        if let Err(problem) = pipeline.check_backend(self.backend) {
             bail!("{problem}; --backend cpu renders without one");
         }
-        let mut scene = Self {
-            pipeline,
-            look,
-            tf_text,
-            size,
-            #[cfg(feature = "gpu")]
-            gpu: args.gpu(),
-            colors: None,
-            guides: false,
-            samples: SampleSet::All,
-            upsampling: None,
-            animation: None,
-            cancel: cancel.clone(),
-        };
-        let Look { opacity_kind, lengths, .. } = scene.look;
-        scene.animation = project
-            .map(|project| Animation::new(project.clone(), scene.pipeline.series().clone(), opacity_kind, lengths));
+        let mut scene = Scene::new(pipeline, look, cancel);
+        (scene.tf_text, scene.size_px) = (tf_text, (size.0, size.1));
+        if let Some(project) = project {
+            scene.set_project(project.clone());
+        }
         surfaces::check(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.series())?;
         // What cannot work fails here, before anything is rendered.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
-                scene.request_at(0.into(), at)?;
+                scene.request_at(0.into(), at).map_err(of_scene)?;
             }
-            scene.request(0)?;
+            scene.request(0).map_err(of_scene)?;
             scene.look.camera.view(size.0, size.1)?;
         }
         Ok(scene)
     }
 
     /// Another pipeline of the same series, set up alike.
-    pub(super) fn new_pipeline(&self) -> Pipeline {
+    pub(super) fn new_pipeline(&self, series: &Arc<Series>) -> Pipeline {
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut))]
-        let mut pipeline = Pipeline::new(self.pipeline.series().clone());
+        let mut pipeline = Pipeline::new(series.clone());
         #[cfg(feature = "gpu")]
-        pipeline.choose_gpu(self.gpu.clone());
+        pipeline.choose_gpu(self.gpu());
         pipeline
-    }
-
-    /// The request for a step, or for a moment between two.
-    pub(super) fn request(&mut self, time: impl Into<FrameTime>) -> anyhow::Result<FrameRequest> {
-        let time = time.into();
-        self.request_at(time, time.time(self.pipeline.times()))
-    }
-
-    /// The request for a moment of the series at a time of the project's timeline.
-    pub(super) fn request_at(&mut self, moment: FrameTime, at: f64) -> anyhow::Result<FrameRequest> {
-        let cancel = &self.cancel;
-        let said = self.animation.as_mut().map(|animation| animation.at(moment, at, cancel));
-        if cancel.is_cancelled() {
-            return Err(Interrupted.into());
-        }
-        let said = said.transpose()?.unwrap_or_default();
-        let (table, formula) = match said.table {
-            Some(table) => (self.keep(table), said.formula),
-            None => {
-                let (table, formula) = self.table(moment)?;
-                (table.into(), formula)
-            }
-        };
-        let Look { camera, mode, faces, optics, backend, skip, .. } = self.look;
-        let camera = said.camera.unwrap_or(camera);
-        let draw = TetDraw::chosen(mode, FaceDetail { lod: said.lod.unwrap_or(faces.lod), ..faces });
-        let request = FrameRequest::new(moment, camera, table, (self.size.0, self.size.1));
-        let optics = said.optics.unwrap_or(optics);
-        let request = request.with_tets(|tets| {
-            (tets.draw, tets.optics, tets.formula) = (draw, optics, formula);
-            tets.show(&self.look.surfaces.at(said.surfaces));
-        });
-        let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
-        let (guides, samples, upsampling) = (self.guides && has_surfaces, self.samples.clone(), self.upsampling);
-        Ok(FrameRequest { backend, skip, guides, samples, upsampling, ..request })
-    }
-
-    /// A table of the timeline, over the range of the series: what a legend shows.
-    fn keep(&mut self, table: TransferTable) -> TransferTable {
-        let range = mapped_range(self.pipeline.series(), &RangePolicy::Series, 0.into()).ok();
-        let over_scalars = table.over_scalars().clone();
-        self.colors = Some(Colors { range, table: over_scalars, formula: None, of_project: true });
-        table
-    }
-
-    /// What ends that which takes long.
-    pub(super) fn cancel(&self) -> &Cancel {
-        &self.cancel
-    }
-
-    /// What is known of the GPU by now.
-    pub(super) fn gpu_report(&self) -> GpuReport {
-        #[cfg(feature = "gpu")]
-        return GpuReport {
-            adapter: self.pipeline.gpu().map(|gpu| gpu.adapter().to_string()),
-            problem: self.pipeline.gpu_problem().map(ToString::to_string),
-        };
-        #[cfg(not(feature = "gpu"))]
-        GpuReport::default()
-    }
-
-    /// What the colours of the last request mean.
-    pub(super) fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
-        let Colors { range, table, of_project, .. } = self.colors.as_ref()?;
-        let range = (*range)?;
-        let map = if *of_project { colors_of(table, &range)? } else { self.look.tf.color_map().clone() };
-        Some((map, range))
-    }
-
-    /// What gives the last request its colours, in words.
-    pub(super) fn transfer_function(&self) -> String {
-        let of_project = self.colors.as_ref().is_some_and(|colors| colors.of_project);
-        match self.animation.as_ref().filter(|_| of_project).map(|animation| animation.project().ensembles.len()) {
-            Some(1) => "an ensemble".to_owned(),
-            Some(count) => format!("{count} ensembles on a timeline"),
-            None => self.tf_text.clone(),
-        }
-    }
-
-    /// What the frame of the last `request` shows, as frame number `frame` of the run.
-    pub(super) fn attributes(&self, request: &FrameRequest, frame: usize) -> FrameAttributes {
-        let field = self.pipeline.field();
-        FrameAttributes {
-            time: request.time.time(self.pipeline.times()),
-            step: request.time.step(),
-            frame,
-            field: field.name.clone(),
-            units: field.units.clone(),
-            camera: request.camera.to_string(),
-            transfer_function: self.transfer_function(),
-            range: self.colors.as_ref().and_then(|colors| colors.range),
-            opacity_kind: self.look.opacity_kind,
-            unit_distance: self.look.lengths.unit_distance,
-            software: FrameAttributes::SOFTWARE.to_owned(),
-            extras: sampling_of(request),
-        }
-    }
-
-    /// The table for a moment; made anew only if the range has changed.
-    fn table(&mut self, time: FrameTime) -> anyhow::Result<(Arc<NodeTable>, Option<Arc<TransferSource>>)> {
-        let field = self.pipeline.field();
-        let range = mapped_range(self.pipeline.series(), &self.look.range, time)
-            .map_err(|e| anyhow::anyhow!("field {}: {e}", field.name))?;
-        if let Some(last) = &self.colors
-            && (last.range, last.of_project) == (Some(range), false)
-        {
-            return Ok((last.table.clone(), last.formula.clone()));
-        }
-        let formula = Some(Arc::new(self.look.source(&range)));
-        let look = self.look.clone();
-        let table = Arc::new(unless_interrupted(&self.cancel, move || look.table(&range))??);
-        self.colors =
-            Some(Colors { range: Some(range), table: table.clone(), formula: formula.clone(), of_project: false });
-        Ok((table, formula))
     }
 }
 
-/// The colours of a table over a linear range.
-fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
-    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
-    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
-    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
-    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
-    ColorMap::new("ensemble", points, None).ok()
+/// What ends a command where a scene has an error: the cause itself, which is told apart from others.
+pub(super) fn of_scene(error: SceneError) -> anyhow::Error {
+    match error {
+        SceneError::Project(error) => error.into(),
+        error if error.is_cancelled() => Interrupted.into(),
+        error => error.into(),
+    }
+}
+
+/// What is known of the GPU by now.
+pub(super) fn gpu_report(pipeline: &Pipeline) -> GpuReport {
+    #[cfg(feature = "gpu")]
+    return GpuReport {
+        adapter: pipeline.gpu().map(|gpu| gpu.adapter().to_string()),
+        problem: pipeline.gpu_problem().map(ToString::to_string),
+    };
+    #[cfg(not(feature = "gpu"))]
+    {
+        let _ = pipeline;
+        GpuReport::default()
+    }
 }
 
 #[cfg(test)]

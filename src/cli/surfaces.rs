@@ -1,5 +1,6 @@
 //! The options that say which surfaces are seen.
 
+use crate::look::mapped_range;
 use crate::mesh::Mesh;
 use crate::pipeline::{ColorsBeside, Series, Shown, SurfaceLook};
 use crate::project::Project;
@@ -10,7 +11,6 @@ use crate::render::surfaces::{
 use crate::short::Short;
 use crate::store::StoredField;
 use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource};
-use crate::ui::mapped_range;
 use anyhow::{Context, bail};
 use std::sync::Arc;
 

@@ -6,6 +6,7 @@ mod collection;
 mod folder;
 pub mod movie;
 mod numbered;
+pub mod run;
 pub mod sequence;
 pub mod still;
 mod stored;

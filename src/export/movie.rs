@@ -93,6 +93,13 @@ impl FrameRate {
     }
 }
 
+impl Default for FrameRate {
+    /// 25 a second.
+    fn default() -> Self {
+        Self { numerator: 25.0, denominator: 1 }
+    }
+}
+
 impl FromStr for FrameRate {
     type Err = String;
 

@@ -67,6 +67,7 @@ impl Progress for CancelAtFirst {
         self.0.cancel();
     }
     fn end(&self) {}
+    fn say(&self, _line: &str) {}
 }
 
 #[test]

@@ -189,7 +189,7 @@ pub struct SurfaceLook {
 
 /// What a timeline says of the surfaces of a look; `None`: nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SurfaceMoment {
+pub struct KeyedSurfaces {
     /// Isovalue of the last surface.
     pub isovalue: Option<f64>,
     /// Its opacity.
@@ -225,7 +225,7 @@ impl SurfaceLook {
 
     /// The surfaces as they are at a moment.
     #[must_use]
-    pub fn at(&self, moment: SurfaceMoment) -> Self {
+    pub fn at(&self, moment: KeyedSurfaces) -> Self {
         let mut look = self.clone();
         if let Some(surface) = look.isosurfaces.last_mut() {
             surface.value = moment.isovalue.unwrap_or(surface.value);

@@ -41,7 +41,7 @@ pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, Upsa
 pub use backend::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
-pub use layer::{ColorsBeside, Layer, RequestError, Shown, SurfaceLook, SurfaceMoment, TetLayer};
+pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
 pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;

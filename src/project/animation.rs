@@ -3,10 +3,9 @@
 use super::{Project, ProjectError};
 use crate::camera::Camera;
 use crate::histograms::{Histogram, Kind};
+use crate::look::{Colors, Keyed};
 use crate::moments::Distribution;
-use crate::node_table::TransferTable;
-use crate::optics::OpticsKind;
-use crate::pipeline::{FrameTime, Series, SurfaceMoment};
+use crate::pipeline::{FrameTime, KeyedSurfaces, Series};
 use crate::task::Cancel;
 use crate::timeline::{At, Keyframed};
 use crate::transfer::{
@@ -15,24 +14,7 @@ use crate::transfer::{
 };
 use std::sync::Arc;
 
-/// What a project shows at a moment; `None`: it does not say.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Moment {
-    /// Colours and extinctions over the scalar, or over other quantities, too, if a member keeps its axes.
-    pub table: Option<TransferTable>,
-    /// What the table was made from, unless members are of more than the scalar.
-    pub formula: Option<Arc<TransferSource>>,
-    /// Where from.
-    pub camera: Option<Camera>,
-    /// Level of detail.
-    pub lod: Option<f64>,
-    /// Where surfaces and cuts are.
-    pub surfaces: SurfaceMoment,
-    /// How segments are integrated.
-    pub optics: Option<OpticsKind>,
-}
-
-/// A project over a series. Tables are made anew only where something has changed.
+/// A project over a series. Colors are made anew only where something has changed.
 pub struct Animation {
     project: Arc<Project>,
     series: Arc<Series>,
@@ -40,14 +22,7 @@ pub struct Animation {
     lengths: Lengths,
     /// Of the series, once a member needs them.
     histograms: Option<Arc<[Histogram]>>,
-    last: Option<(Shown, Tables)>,
-}
-
-/// What a frame gets of ensembles.
-#[derive(Clone)]
-struct Tables {
-    table: TransferTable,
-    formula: Option<Arc<TransferSource>>,
+    last: Option<(Shown, Colors)>,
 }
 
 /// All that a table depends on.
@@ -90,7 +65,7 @@ impl Animation {
     ///
     /// # Errors
     /// If an ensemble cannot be evaluated over the field, or there is no view on the way between two cameras.
-    pub fn at(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Moment, ProjectError> {
+    pub fn at(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Keyed, ProjectError> {
         let timeline = &self.project.timeline;
         let camera = match timeline.cameras.at(at) {
             None => None,
@@ -108,18 +83,15 @@ impl Animation {
         };
         let lod = number(&timeline.lod);
         let [isovalue, opacity, cut] = [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].map(number);
-        let surfaces = SurfaceMoment { isovalue, opacity, cut };
+        let surfaces = KeyedSurfaces { isovalue, opacity, cut };
         let optics = timeline.optics.at(at).map(|optics| match optics {
             At::One(optics) | At::Between { a: optics, .. } => *optics,
         });
-        let (table, formula) = match self.tables(moment, at, cancel)? {
-            Some(Tables { table, formula }) => (Some(table), formula),
-            None => (None, None),
-        };
-        Ok(Moment { table, formula, camera, lod, surfaces, optics })
+        let colors = self.colors(moment, at, cancel)?;
+        Ok(Keyed { colors, camera, lod, surfaces, optics })
     }
 
-    fn tables(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Tables>, ProjectError> {
+    fn colors(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Colors>, ProjectError> {
         let field = self.series.field();
         let (of_series, of_step) = moment.scalar_ranges(field);
         let of_percentiles = |member: &Member| member.enabled && member.range.has_percentiles();
@@ -128,10 +100,10 @@ impl Animation {
             false => None,
         };
         let Some(shown) = self.shown(at, of_step, values.as_deref()) else { return Ok(None) };
-        if let Some((last, tables)) = &self.last
+        if let Some((last, colors)) = &self.last
             && *last == shown
         {
-            return Ok(Some(tables.clone()));
+            return Ok(Some(colors.clone()));
         }
         if self.histograms.is_none() && shown.ensembles().any(needs_histograms) {
             self.histograms = self.series.histograms(cancel)?;
@@ -141,12 +113,12 @@ impl Animation {
             scalar_cov: self.counts(&Kind::SCALAR_COV),
             ..Context::new(of_series, of_step, self.kind, self.lengths)
         };
-        let tables = self.blended(&shown, &context).map_err(|problem| {
+        let colors = self.blended(&shown, &context).map_err(|problem| {
             let names: Vec<&str> = shown.ensembles().map(|ensemble| ensemble.name.as_str()).collect();
             ProjectError::Ensemble { ensemble: names.join("' and '"), problem: Box::new(problem) }
         })?;
-        self.last = Some((shown, tables.clone()));
-        Ok(Some(tables))
+        self.last = Some((shown, colors.clone()));
+        Ok(Some(colors))
     }
 
     /// Counts of a kind, if they are known.
@@ -155,10 +127,10 @@ impl Animation {
         self.histograms.as_ref()?.get(at)?.two().map(|counts| counts as &dyn Counts2d)
     }
 
-    fn blended(&self, shown: &Shown, context: &Context) -> Result<Tables, TransferError> {
-        let colors = self.project.timeline.colors;
+    fn blended(&self, shown: &Shown, context: &Context) -> Result<Colors, TransferError> {
+        let mixed_by = self.project.timeline.colors;
         let mix = |curve: &dyn Fn(&Ensemble) -> Result<Curve, TransferError>| match &shown.toward {
-            Some((next, weight)) => Curve::mix(&curve(&shown.ensemble)?, &curve(next)?, *weight, colors),
+            Some((next, weight)) => Curve::mix(&curve(&shown.ensemble)?, &curve(next)?, *weight, mixed_by),
             None => curve(&shown.ensemble),
         };
         if !shown.ensembles().any(Ensemble::keeps_axes) {
@@ -166,7 +138,7 @@ impl Animation {
             let blended = BlendedEnsembles {
                 ensemble: shown.ensemble.clone(),
                 toward: shown.toward.clone(),
-                colors,
+                colors: mixed_by,
                 series: context.series,
                 step: context.step,
             };
@@ -174,11 +146,11 @@ impl Animation {
                 let content = TransferContent::Ensembles(Box::new(blended));
                 Arc::new(TransferSource { content, kind: self.kind, lengths: self.lengths })
             });
-            return Ok(Tables { table: Arc::new(table).into(), formula });
+            return Ok(Colors { table: Arc::new(table).into(), formula });
         }
         let ensembles: Vec<&Ensemble> = shown.ensembles().collect();
         let table = joint_table(&ensembles, context, |line| mix(&|ensemble| ensemble.curve_on(context, line)))?;
-        Ok(Tables { table: Arc::new(table).into(), formula: None })
+        Ok(Colors { table: Arc::new(table).into(), formula: None })
     }
 
     /// Which ensembles a moment shows; `None` if the project has none.

@@ -1,6 +1,7 @@
 //! What a project comes to at moments of a series.
 
 use super::*;
+use crate::node_table::TransferTable;
 use crate::pipeline::test_series::jet;
 use std::path::Path;
 
@@ -20,7 +21,7 @@ fn project(timeline: &str) -> Project {
 fn tables(timeline: &str, times: &[f64]) -> Vec<TransferTable> {
     let mut animation =
         Animation::new(Arc::new(project(timeline)), jet(), OpacityKind::Alpha, Lengths::of_unit_distance(0.5));
-    times.iter().map(|&at| animation.at(0.into(), at, &Cancel::new()).unwrap().table.unwrap()).collect()
+    times.iter().map(|&at| animation.at(0.into(), at, &Cancel::new()).unwrap().colors.unwrap().table).collect()
 }
 
 fn keys(names: [&str; 2]) -> String {

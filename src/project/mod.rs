@@ -11,7 +11,7 @@ mod settings;
 #[cfg(test)]
 mod tests;
 
-pub use animation::{Animation, Moment};
+pub use animation::Animation;
 pub use edit::{Edit, History, TrackEdit};
 pub use settings::{Data, LookSettings, MapTrack, Output, Timeline};
 

@@ -1,8 +1,8 @@
 //! What a user can do, as plain data.
 
-use super::EnsembleChoice;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
+use crate::look::EnsembleChoice;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, SurfaceLook};
 use crate::playback::Command;

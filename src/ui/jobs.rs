@@ -1,11 +1,11 @@
 //! What takes a while and touches files, on threads of its own.
 
-use super::look::Look;
 use super::session::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
 use crate::image::Planes;
+use crate::look::Look;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::store::Store;
 use crate::task::{Cancel, panic_message};

@@ -1,7 +1,8 @@
 //! The table of keys: what they do, and what the help says about them.
 
-use super::{Action, EnsembleChoice};
+use super::Action;
 use crate::camera::Axis;
+use crate::look::EnsembleChoice;
 use crate::playback::Command;
 
 /// A key, as far as it matters here.

@@ -17,7 +17,7 @@
 //!   histograms, coarse to fine, which rests while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that
 //!   is imported to the cache first); `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner;
 //!   those that read data catch their panics and say what went wrong in a message.
-//! - **A project** is an `Animation` on a thread of its own (`ui/moments.rs`, the one place where tables of a project are made for the
+//! - **A project** is an `Animation` on a thread of its own (`ui/project_worker.rs`, the one place where tables of a project are made for the
 //!   window). Whoever asks waits a millisecond; a moment that takes longer is not asked of the pipeline until it is known (`Player::tick`),
 //!   and comes first then, so that a clock that goes on does not pass over all of them. Moments of the last frames are kept.
 //! - **One core is the window's** while the user acts and for 250 ms after: renderers on the CPU ask `ThreadLimit` for a turn before each
@@ -51,8 +51,6 @@ mod insight;
 mod jobs;
 mod keeper;
 pub mod keys;
-mod look;
-mod moments;
 mod notice;
 pub mod opacity;
 pub mod opening;
@@ -61,6 +59,8 @@ pub mod picture;
 pub mod probe;
 #[cfg(test)]
 mod project_tests;
+mod project_worker;
+mod requests;
 mod session;
 #[cfg(test)]
 mod session_tests;
@@ -76,8 +76,7 @@ pub use action::Action;
 pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;
-pub use look::{DEFAULT_TF, Look, mapped_range};
-pub use moments::{EnsembleChoice, Followed};
+
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;
 pub use session::{DEFAULT_TARGET_FPS, IMAGE_SCALES, MotionError, Session, SessionOptions, Shown, TARGET_FPS};

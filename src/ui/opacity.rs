@@ -3,7 +3,7 @@
 //! All functions give points that make a transfer function: positions in 0..=1 that do not fall, at most two at one place,
 //! values of 0 or more.
 
-use super::Look;
+use crate::look::Look;
 use crate::transfer::{MappedRange, OpacityKind, OpacityPoint, OpacityValues, PositionKind};
 
 /// The points of a look as fractions of the range.

@@ -250,6 +250,8 @@ impl Progress for Shared {
     fn end(&self) {
         self.stage("writing statistics".to_owned(), STEPS_SHARE[1]);
     }
+
+    fn say(&self, _line: &str) {}
 }
 
 /// The work of the thread.
@@ -304,6 +306,10 @@ impl Progress for Named<'_> {
 
     fn end(&self) {
         self.shared.end();
+    }
+
+    fn say(&self, line: &str) {
+        self.shared.say(line);
     }
 }
 

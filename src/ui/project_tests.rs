@@ -6,12 +6,13 @@ use super::session_tests::{Desk, store};
 use super::worker::tests::wait_for;
 use super::*;
 use crate::ingest::{IngestOptions, ingest};
+use crate::look::{Colors, EnsembleChoice, Keyed};
 use crate::node_table::TransferTable;
 use crate::optics::OpticsKind;
 use crate::pipeline::test_series::{logged, without_values};
 use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series, TetDraw};
 use crate::playback::{Command, Mode};
-use crate::project::{Animation, Moment, Project};
+use crate::project::{Animation, Project};
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
@@ -74,7 +75,7 @@ fn open(series: &Arc<Series>, project: &Arc<Project>) -> Desk {
     desk
 }
 
-fn at(animation: &mut Animation, series: &Series, time: FrameTime) -> Moment {
+fn at(animation: &mut Animation, series: &Series, time: FrameTime) -> Keyed {
     animation.at(time, time.time(series.times()), &Cancel::new()).unwrap()
 }
 
@@ -86,7 +87,7 @@ fn animation(series: &Arc<Series>, project: &Arc<Project>) -> Animation {
 fn table_of(series: &Arc<Series>, project: &Project, name: &str) -> TransferTable {
     let mut project = project.clone();
     (project.timeline, project.look.ensemble) = (Default::default(), Some(name.to_owned()));
-    at(&mut animation(series, &Arc::new(project)), series, 0.into()).table.unwrap()
+    at(&mut animation(series, &Arc::new(project)), series, 0.into()).colors.unwrap().table
 }
 
 fn press(desk: &mut Desk, key: char) {
@@ -100,11 +101,13 @@ fn go_to(desk: &mut Desk, step: usize) {
     desk.settle();
 }
 
-fn said(request: &FrameRequest) -> Moment {
-    Moment {
+fn said(request: &FrameRequest) -> Keyed {
+    Keyed {
         surfaces: Default::default(),
-        table: Some(request.tets().unwrap().table.clone()),
-        formula: request.tets().unwrap().formula.clone(),
+        colors: Some(Colors {
+            table: request.tets().unwrap().table.clone(),
+            formula: request.tets().unwrap().formula.clone(),
+        }),
         camera: Some(request.camera),
         lod: Some(request.lod()),
         optics: Some(request.tets().unwrap().optics),
@@ -116,7 +119,7 @@ fn every_frame_of_a_keyed_timeline_is_what_the_animation_says() {
     let series = series();
     let project = keyed(&series);
     let (mut desk, mut animation) = (open(&series, &project), animation(&series, &project));
-    let mut seen: Vec<Moment> = Vec::new();
+    let mut seen: Vec<Keyed> = Vec::new();
     // Also played, and in any order.
     for step in [0, 2, 1, 3] {
         go_to(&mut desk, step);
@@ -124,7 +127,7 @@ fn every_frame_of_a_keyed_timeline_is_what_the_animation_says() {
         assert_eq!(seen.last(), Some(&at(&mut animation, &series, step.into())), "step {step}");
     }
     for (i, moment) in seen.iter().enumerate() {
-        let differs = |other: &Moment| other.table != moment.table && other.camera != moment.camera;
+        let differs = |other: &Keyed| other.colors != moment.colors && other.camera != moment.camera;
         assert!(seen[..i].iter().all(differs), "the test can fail");
     }
     desk.act(Action::Play(Command::SeekStep(0)));
@@ -189,7 +192,11 @@ fn a_key_swaps_the_ensembles_and_another_returns_to_the_timeline() {
     for (key, name) in [('2', "b"), ('3', "c"), ('1', "a")] {
         press(&mut desk, key);
         let table = table_of(&series, &project, name);
-        assert!(desk.shown().request.tets().unwrap().table == table && Some(table) != on_timeline.table, "{name}");
+        assert!(
+            desk.shown().request.tets().unwrap().table == table
+                && Some(&table) != on_timeline.colors.as_ref().map(|colors| &colors.table),
+            "{name}"
+        );
         assert_eq!(Some(desk.shown().request.camera), on_timeline.camera, "the camera stays on its path");
     }
     press(&mut desk, '9');
@@ -391,9 +398,9 @@ fn small_pictures_of_other_moments_have_the_table_and_the_camera_of_theirs() {
     let mut seen = Vec::new();
     for step in [3, 1, 2, 3] {
         let picture = wait_for("small picture", || desk.session.thumbnail(Some(step)));
-        let Moment { table, camera, optics, .. } = at(&mut animation, &series, step.into());
+        let Keyed { colors, camera, optics, .. } = at(&mut animation, &series, step.into());
         let size = (picture.size[0], picture.size[1]);
-        let request = FrameRequest::new(step, camera.unwrap(), table.unwrap(), size);
+        let request = FrameRequest::new(step, camera.unwrap(), colors.unwrap().table, size);
         let request = request.with_tets(|tets| (tets.draw, tets.optics) = (TetDraw::Raycast, optics.unwrap()));
         let request = FrameRequest { backend: Backend::Cpu, ..request };
         let frame = Pipeline::new(series.clone()).render(&request).unwrap().planes.color.clone();

@@ -8,12 +8,12 @@ mod tick;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
-use super::look::{Look, Requests};
-use super::mapped_range;
-use super::moments::{EnsembleChoice, Moments};
 use super::notice::{self, Notice, NoticeKind};
+use super::project_worker::ProjectWorker;
+use super::requests::Requests;
 use crate::camera::Camera;
-use crate::pipeline::{FrameRequest, Series, SharedFrame, SurfaceLook, SurfaceMoment};
+use crate::look::{EnsembleChoice, Look, mapped_range};
+use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
 use crate::playback::{Player, State};
 use crate::project::Project;
@@ -139,8 +139,8 @@ impl Session {
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
         let SessionOptions { target_fps, family, screenshot_folder, project, .. } = options;
         let requests = || -> io::Result<Requests> {
-            let moments = project.clone().map(|project| Moments::start(project, wake.clone()));
-            Ok(Requests::of(moments.transpose()?))
+            let worker = project.clone().map(|project| ProjectWorker::start(project, wake.clone()));
+            Ok(Requests::of(worker.transpose()?))
         };
         Ok(Self {
             player,
@@ -341,7 +341,7 @@ impl Session {
         let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
         let last = tets.and_then(|tets| tets.surfaces.last());
         let (isovalue, opacity) = (last.map(|surface| surface.value), last.map(|surface| surface.opacity));
-        let mut look = self.look.surfaces.at(SurfaceMoment { isovalue, opacity, cut: None });
+        let mut look = self.look.surfaces.at(KeyedSurfaces { isovalue, opacity, cut: None });
         let shown = tets.and_then(|tets| tets.cuts.get(..look.cuts.len()));
         look.cuts.copy_from_slice(shown.unwrap_or(&self.look.surfaces.cuts));
         look

@@ -3,6 +3,7 @@
 use super::*;
 use crate::camera::{Axis, Camera, Projection};
 use crate::ingest::{IngestOptions, ingest};
+use crate::look::Look;
 use crate::pipeline::test_series::{Log, logged};
 use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, SampleSet, Series};
 use crate::playback::quality::{Family, Quality};

@@ -4,10 +4,11 @@
 //! what can be read of it is kept. Nothing of this ever stops a window: what cannot be read or written is a notice. Of two
 //! windows that write, the last one wins, except that recent files and looks of both are kept.
 
-use super::{IMAGE_SCALES, Look};
+use super::IMAGE_SCALES;
 use crate::camera::Camera;
 use crate::error::{FileError, FileResult};
 use crate::files;
+use crate::look::Look;
 use crate::pipeline::PipelinedOptions;
 use crate::playback::quality::Family;
 use crate::transfer::{RangePolicy, TransferFunction};

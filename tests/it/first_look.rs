@@ -8,13 +8,13 @@ use tetreel::camera::Camera;
 use tetreel::field::FieldSelector;
 use tetreel::image::RgbaImage;
 use tetreel::import;
+use tetreel::look::{Look, mapped_range};
 use tetreel::node_table::NodeTable;
 use tetreel::pipeline::{Backend, FrameRequest, Pipeline, TetDraw};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
 use tetreel::transfer::{OpacityKind, TransferFunction};
-use tetreel::ui::{Look, mapped_range};
 
 /// Mean and standard deviation of the opacities of those pixels that the domain covers, and the picture.
 struct Picture {

@@ -15,6 +15,7 @@ use tetreel::camera::{Camera, Projection};
 use tetreel::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use tetreel::image::RgbaImage;
 use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::look::mapped_range;
 use tetreel::mesh::RawMesh;
 use tetreel::node_table::NodeTable;
 use tetreel::optics::OpticsKind;
@@ -24,7 +25,6 @@ use tetreel::render::{Frame, RenderJob};
 use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, build_node_table};
-use tetreel::ui::mapped_range;
 
 /// What a channel whose value is known may be off by: roundings of f32 sums below 0.1. Measured: 1.8e-8.
 const EXACT: f64 = 1e-7;

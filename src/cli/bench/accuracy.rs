@@ -1,7 +1,7 @@
 //! The accuracy suite on the command line: opens all series, finds which belong together, and measures them.
 
 use super::super::progress::Terminal;
-use super::super::scene::Scene;
+use super::super::scene::gpu_report;
 use super::super::{memory, source};
 use super::{Args, dataset_name};
 use crate::bench::accuracy::{
@@ -10,12 +10,13 @@ use crate::bench::accuracy::{
 use crate::bench::plot::{check_folder, write_plots};
 use crate::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
 use crate::codec::{raw, vq};
+use crate::look::{DEFAULT_TF, Look, mapped_range};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, RenderMode};
+use crate::scene::Scene;
 use crate::store::Store;
 use crate::task::Progress;
 use crate::transfer::TransferFunction;
-use crate::ui::{DEFAULT_TF, Look, mapped_range};
 use crate::visibility::Skip;
 use anyhow::{Context, bail};
 use std::ffi::OsStr;
@@ -72,7 +73,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<(Vec<Bench
             ));
         }
         runs.extend(measure(&mut all[at], judged, is_own, args, terminal)?);
-        adapter = all[at].scene.gpu_report().adapter.or(adapter);
+        adapter = gpu_report(&all[at].scene.pipeline).adapter.or(adapter);
     }
     Ok((runs, adapter))
 }
@@ -93,7 +94,7 @@ pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Termi
 fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened> {
     let store = source::open(path, terminal)?;
     memory::check(args.image.size, 1)?;
-    let mut scene = Scene::open(&store, &args.scene, args.image.size, None, &terminal.cancel)?;
+    let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
     let backends = match args.scene.backend {
         // One in software counts: it shows how wrong GPUs are, if not how fast.
         Backend::Auto if scene.pipeline.check_backend(Backend::Gpu).is_ok() => vec![Backend::Cpu, Backend::Gpu],

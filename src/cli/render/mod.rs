@@ -1,43 +1,35 @@
 //! `tetreel render`: frames of a series to image files or to a movie.
 
-mod job;
-mod plan;
-mod resume;
-mod sink;
+mod time;
 mod upsample;
 
 use super::progress::Terminal;
 use super::project::{self, Opened, Taker};
-use super::scene::{Scene, SceneArgs, SizeArgs};
+use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
 use super::trace::Trace;
-use super::{Outcome, memory, source};
+use super::{Interrupted, Outcome, memory, source};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
-use crate::export::sequence::FramePattern;
+use crate::export::run::{FrameRecord, Origin, Output, Run, RunError, Target};
 use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, ExrCompression, ExrEncoding};
 use crate::import;
-use crate::pipeline::{DrawnBy, Pipeline, RenderMode, SampleSet, TetDraw, Upsampling};
+use crate::pipeline::{DrawnBy, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::Project;
+use crate::scene::Scene;
 use crate::short::Short;
-use crate::stats::FrameStats;
 use crate::store::is_store;
-use crate::task::Progress;
 use crate::transfer::RangePolicy;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
-use job::Job;
-use plan::{Plan, TimeArgs};
-use resume::Fingerprints;
 use serde::Serialize;
-use sink::{Sink, Target};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
+use time::TimeArgs;
 use upsample::UpsampleArgs;
-pub(super) use upsample::sampling_of;
 
 /// Render steps of a series to image files or to a movie
 #[derive(Debug, clap::Args)]
@@ -256,36 +248,6 @@ fn is_within(path: &Path, other: &Path) -> bool {
     matches!((real(path), real(other)), (Some(path), Some(other)) if path.starts_with(&other))
 }
 
-/// How a frame came about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-enum Origin {
-    /// Rendered.
-    Rendered,
-    /// The same as the frame before it.
-    Repeated,
-    /// In its file already.
-    Kept,
-}
-
-/// One entry of `--stats`.
-#[derive(Serialize)]
-pub(super) struct FrameRecord {
-    frame: usize,
-    step: usize,
-    /// The step towards which the frame is interpolated, and its weight.
-    toward: Option<(usize, f64)>,
-    time: f64,
-    #[serde(serialize_with = "files::serialize_path")]
-    file: PathBuf,
-    origin: Origin,
-    /// Whether it shows nothing; of a file that was kept nobody knows.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    empty: Option<bool>,
-    /// Of rendered frames only.
-    stats: Option<FrameStats>,
-}
-
 /// Renders what the command says; `words` are those of the whole command line, which come before what a project says.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     if project::is_project(&args.store) {
@@ -301,7 +263,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
-    let plan = args.time.clone().within_series(store.times().len(), terminal).plan(store.times())?;
+    let plan = args.time.clone().within_series(store.times().len(), terminal).times().plan(store.times())?;
     if let Target::Images(pattern) = output
         && plan.frames.len() > 1
         && !pattern.is_numbered()
@@ -320,54 +282,31 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     }
     memory::check(args.image.size, plan.frames.len())?;
     let in_file = |error| project::in_file(error, args.project.as_deref());
-    let scene = Scene::open(&store, &args.scene, args.image.size, project, &terminal.cancel);
-    let mut scene = scene.map_err(in_file)?;
+    let mut scene = args.scene.open(&store, args.image.size, project, &terminal.cancel).map_err(in_file)?;
     (scene.samples, scene.upsampling) = (args.rays.clone(), args.upsampling(project.map(|project| &**project))?);
-    // An EXR has room for all planes.
-    scene.guides = matches!(output, Target::Images(_)) && StillFormat::of(&output.path(0)) == Some(StillFormat::Exr);
-    // A damaged step is found before the first frame is written: half a sequence would look like a whole one.
-    terminal.begin("check", plan.steps.len() as u64, "steps");
-    let checked = scene.pipeline.check_steps(&plan.steps, terminal, &terminal.cancel);
-    terminal.end();
-    let mut checksums = checked?;
-    // Fields whose colours surfaces have count as well.
-    for of in &scene.look.surfaces.beside {
-        let other = Pipeline::new(scene.pipeline.series().beside(&of.field.parse()?)?);
-        let others = other.check_steps(&plan.steps, terminal, &terminal.cancel)?;
-        checksums
-            .iter_mut()
-            .zip(others)
-            .for_each(|(sum, other)| *sum = crc32c::crc32c_append(*sum, &other.to_le_bytes()));
-    }
     terminal.detail(&format!("camera: {}", scene.look.camera));
     if project.is_none() {
         say_look(args, &scene, terminal)?;
     }
     let annotator = annotator(args, output, &scene);
-    let (sink, fingerprints) = match ffmpeg {
-        Some(ffmpeg) => {
+    let output = match (output, ffmpeg) {
+        (Target::Movie(path, _), Some(ffmpeg)) => {
             if args.background == Background::Transparent {
                 terminal.say("the movie is over black; --background COLOR gives it another colour");
             }
-            let options = movie_options(args, &scene)?;
-            (Sink::movie(&ffmpeg, &output.path(0), &options)?, None)
+            Output::Movie { path: path.clone(), ffmpeg, options: movie_options(args, &scene) }
         }
-        None => {
-            let options = args.still_options()?;
-            // Units are in the file, drawn or not.
-            let written_as = format!("{options:?} {annotator:?} {:?}", scene.pipeline.field().units);
-            let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &plan, &checksums, &written_as);
-            (Sink::images(options), Some(fingerprints))
-        }
+        (Target::Movie(path, _), None) => bail!("{}: no ffmpeg was looked for; please report this", path.display()),
+        (Target::Images(pattern), _) => Output::Images { pattern: pattern.clone(), options: args.still_options()? },
     };
-    let job = Job { plan: &plan, output, fingerprints, annotator, resume: args.resume };
-    let records = job.run(&mut scene, sink, terminal).map_err(in_file)?;
+    let run = Run { plan, output, annotator, resume: args.resume };
+    let records = run.render(&mut scene, terminal).map_err(of_run).map_err(in_file)?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
     }
     trace.map(Trace::end).transpose()?;
-    terminal.say(&summary(output, &records));
+    terminal.say(&summary(&run.output, &records));
     Ok(Outcome::Done)
 }
 
@@ -409,7 +348,7 @@ fn dataset_name(store: &Path) -> String {
 }
 
 /// What the movie says of itself.
-fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
+fn movie_options(args: &Args, scene: &Scene) -> MovieOptions {
     let project = args.project.as_deref();
     let name = dataset_name(&args.store);
     let field = scene.pipeline.field();
@@ -420,20 +359,20 @@ fn movie_options(args: &Args, scene: &Scene) -> anyhow::Result<MovieOptions> {
         Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, dataset_name(project)),
         None => format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
     };
-    Ok(MovieOptions {
+    MovieOptions {
         size_px: (size.0, size.1),
-        rate: args.time.rate()?,
+        rate: args.time.times().rate(),
         background: args.background,
         title: format!("{name}: {}{units}", field.name),
         comment,
-    })
+    }
 }
 
 /// Says where frames were rendered, aloud if not as one would think.
 fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     let rendered = || records.iter().filter_map(|record| record.stats.as_ref());
     let on_gpu = rendered().filter(|stats| stats.on_gpu).count();
-    let gpu = scene.gpu_report();
+    let gpu = gpu_report(&scene.pipeline);
     let on_cpu = rendered().count() - on_gpu;
     if let Some(adapter) = gpu.adapter.filter(|_| on_gpu > 0) {
         terminal.detail(&format!("{on_gpu} frames on {adapter}"));
@@ -459,7 +398,7 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
 }
 
 /// The last word of a run.
-fn summary(output: &Target, records: &[FrameRecord]) -> String {
+fn summary(output: &Output, records: &[FrameRecord]) -> String {
     let kept = records.iter().filter(|record| record.origin == Origin::Kept).count();
     let count = records.len();
     let first = output.path(0).display().to_string();
@@ -471,27 +410,25 @@ fn summary(output: &Target, records: &[FrameRecord]) -> String {
         empty => format!("; {empty} of them show nothing"),
     };
     let written = match (output, count - kept) {
-        (Target::Movie(..), written) => format!("wrote {first}, {written} frames"),
-        (Target::Images(_), 0) if count == 1 => format!("{first} was there already"),
-        (Target::Images(_), 1) if count == 1 => format!("wrote {first}"),
-        (Target::Images(_), 0) => format!("all {count} frames were there already, {all}"),
-        (Target::Images(_), written) if kept == 0 => format!("wrote {written} frames, {all}"),
-        (Target::Images(_), written) => format!("wrote {written} of {count} frames, {all}; {kept} were there already"),
+        (Output::Movie { .. }, written) => format!("wrote {first}, {written} frames"),
+        (Output::Images { .. }, 0) if count == 1 => format!("{first} was there already"),
+        (Output::Images { .. }, 1) if count == 1 => format!("wrote {first}"),
+        (Output::Images { .. }, 0) => format!("all {count} frames were there already, {all}"),
+        (Output::Images { .. }, written) if kept == 0 => format!("wrote {written} frames, {all}"),
+        (Output::Images { .. }, written) => {
+            format!("wrote {written} of {count} frames, {all}; {kept} were there already")
+        }
     };
     written + &empty
 }
 
-/// Renders each step to the next file of the pattern.
-pub(super) fn render_steps(
-    scene: &mut Scene,
-    steps: &[usize],
-    output: &FramePattern,
-    options: StillOptions,
-    terminal: &Terminal,
-) -> anyhow::Result<Vec<FrameRecord>> {
-    let (plan, output) = (Plan::of_steps(steps, scene.pipeline.times()), Target::Images(output.clone()));
-    let job = Job { plan: &plan, output: &output, fingerprints: None, annotator: None, resume: false };
-    job.run(scene, Sink::images(options), terminal)
+/// What ends a command where a run has an error: the cause itself, which is told apart from others.
+pub(super) fn of_run(error: RunError) -> anyhow::Error {
+    match error {
+        RunError::Scene(error) => of_scene(error),
+        error if error.is_cancelled() => Interrupted.into(),
+        error => error.into(),
+    }
 }
 
 /// Writes the statistics beside their place and moves them there.

@@ -1,11 +1,9 @@
 //! Options of images that are rendered at another size than they are written.
 
 use crate::image::upsample::MAX_KERNEL_PX;
-use crate::pipeline::{DepthEdges, FrameRequest, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
+use crate::pipeline::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 use crate::render::cpu::layers::MAX_LAYERS;
-use crate::short::Short;
 use anyhow::bail;
-use std::collections::BTreeMap;
 
 /// How frames come to their size.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -80,25 +78,4 @@ impl UpsampleArgs {
 fn set(edges: &mut DepthEdges, sigma_depth: Option<f64>, layers: Option<u64>) {
     edges.sigma_depth = sigma_depth.unwrap_or(edges.sigma_depth);
     edges.layers = layers.map_or(edges.layers, |layers| layers as usize);
-}
-
-/// Which rays a frame has, and how it came to its size, where these are not all and its own.
-pub(in crate::cli) fn sampling_of(request: &FrameRequest) -> BTreeMap<String, String> {
-    let mut says = BTreeMap::new();
-    let mut say = |key: &str, value: String| says.insert(key.to_owned(), value);
-    if let Some(contrast) = request.samples.contrast() {
-        say("contrast", contrast.to_string());
-    }
-    if let Some(Upsampling { scale, filter }) = request.upsampling {
-        say("image_scale", scale.to_string());
-        say("upsample", filter.kind().to_string());
-        if let UpsampleFilter::Joint { kernel_px, .. } = filter {
-            say("kernel", kernel_px.to_string());
-        }
-        if let Some(edges) = filter.edges() {
-            say("sigma_depth", Short(edges.sigma_depth).to_string());
-            say("layers", edges.layers.to_string());
-        }
-    }
-    says
 }

@@ -229,6 +229,7 @@ fn a_cancelled_export_leaves_nothing() {
             self.0.cancel();
         }
         fn end(&self) {}
+        fn say(&self, _: &str) {}
     }
     let temp = tempfile::tempdir().unwrap();
     let cancel = Cancel::new();

@@ -3,10 +3,11 @@
 use super::quality::SETTLE;
 use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
+use crate::look::{EnsembleChoice, Followed};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
 use crate::transfer::{PositionKind, TransferError, TransferFunction};
-use crate::ui::{Action, EnsembleChoice, Followed};
+use crate::ui::Action;
 use std::time::Duration;
 
 /// One notch of speed: two of them are twice as fast.

@@ -1,9 +1,9 @@
 //! What a session does whenever its time comes.
 
 use super::{Asked, Drawing, Session, Shown};
+use crate::look::Look;
 use crate::pipeline::{Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
 use crate::playback::quality::Quality;
-use crate::ui::Look;
 use crate::ui::jobs::{Done, Screenshot};
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;

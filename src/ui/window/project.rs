@@ -1,8 +1,9 @@
 //! What of a project is shown: its ensembles and the path of its camera.
 
+use crate::look::EnsembleChoice;
 use crate::project::Project;
 use crate::timeline::At;
-use crate::ui::{Action, EnsembleChoice, Session};
+use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::Ui;
 

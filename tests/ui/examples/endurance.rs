@@ -22,10 +22,10 @@ mod linux {
     use std::path::PathBuf;
     use std::sync::Arc;
     use std::time::Instant;
+    use tetreel::look::Look;
     use tetreel::pipeline::{Backend, PipelinedOptions, Series};
     use tetreel::task::Cancel;
     use tetreel::transfer::TransferFunction;
-    use tetreel::ui::Look;
     use tetreel::ui::settings::SettingsFile;
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::options;

@@ -25,10 +25,10 @@ mod linux {
     use std::sync::atomic::{AtomicU64, Ordering};
     use std::sync::{Arc, Mutex};
     use std::time::{Duration, Instant};
+    use tetreel::look::Look;
     use tetreel::pipeline::{Backend, FrameTime, PipelinedOptions, Series};
     use tetreel::task::Cancel;
     use tetreel::transfer::TransferFunction;
-    use tetreel::ui::Look;
     use tetreel::ui::settings::SettingsFile;
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::{Desk, options};

@@ -9,15 +9,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tetreel::ingest::{ImportCache, IngestOptions, ingest};
+use tetreel::look::Look;
 use tetreel::pipeline::{Backend, PipelinedOptions, Series};
 use tetreel::render::gpu::context;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{Lengths, TransferFunction};
+use tetreel::ui::Session;
 use tetreel::ui::opening::OpeningOptions;
 use tetreel::ui::settings::SettingsFile;
 use tetreel::ui::window::{PlayerWindow, Start, WindowOptions};
-use tetreel::ui::{Look, Session};
 
 /// Steps of its series.
 pub const STEPS: usize = 6;

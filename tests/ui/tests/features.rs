@@ -5,12 +5,13 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tetreel::look::Look;
 use tetreel::pipeline::Series;
 use tetreel::playback::Mode;
 use tetreel::transfer::TransferFunction;
 use tetreel::ui::settings::SettingsFile;
+use tetreel::ui::shortfall;
 use tetreel::ui::window::Start;
-use tetreel::ui::{Look, shortfall};
 use tetreel_ui_tests::desk::{Desk, STEPS, options, store};
 
 #[test]

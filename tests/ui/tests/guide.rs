@@ -6,11 +6,11 @@ use egui_kittest::SnapshotOptions;
 use egui_kittest::kittest::Queryable;
 use std::sync::Arc;
 use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::look::Look;
 use tetreel::pipeline::{Backend, Series};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::TransferFunction;
-use tetreel::ui::Look;
 use tetreel::ui::window::{Start, WindowOptions};
 use tetreel_ui_tests::desk::{Desk, options};
 

@@ -5,11 +5,11 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tetreel::ingest::{IngestOptions, ingest};
+use tetreel::look::Look;
 use tetreel::pipeline::{Backend, RenderMode, Series};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::TransferFunction;
-use tetreel::ui::Look;
 use tetreel::ui::window::{Start, WindowOptions};
 use tetreel_ui_tests::desk::{Desk, STEPS, options, store};
 

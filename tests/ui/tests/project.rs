@@ -4,10 +4,10 @@ use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::path::Path;
 use std::sync::Arc;
+use tetreel::look::EnsembleChoice;
 use tetreel::pipeline::{FrameRequest, Series};
 use tetreel::playback::{Loop, StepRange};
 use tetreel::project::Project;
-use tetreel::ui::EnsembleChoice;
 use tetreel::ui::window::{Dressed, Start, WindowOptions};
 use tetreel_ui_tests::desk::{Desk, options, store};
 

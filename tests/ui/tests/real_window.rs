@@ -21,11 +21,11 @@ mod linux {
     use std::sync::{Arc, Mutex};
     use std::time::{Duration, Instant};
     use tetreel::camera::Camera;
+    use tetreel::look::Look;
     use tetreel::pipeline::{Backend, Series, SharedFrame};
     use tetreel::render::Frame;
     use tetreel::stats::FrameStats;
     use tetreel::task::Cancel;
-    use tetreel::ui::Look;
     use tetreel::ui::window::{Dressed, PlayerWindow, Start, WindowOptions, run_watched};
     use tetreel_ui_tests::desk::{self, Desk, STEPS, options, store};
     use tetreel_ui_tests::is_required;

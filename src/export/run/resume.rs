@@ -1,12 +1,12 @@
-//! `--resume`: which frames are there already.
+//! Which frames of a run are there already.
 //!
 //! Every image has the fingerprint of what made it: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request
 //! without its [hints](FrameRequest::without_hints), what the file says of itself (time, field, units), the content of the mesh,
 //! of the steps shown and of what is looked at beside them, and how it is written. A file with the same fingerprint that can be
 //! read to its end is the frame that would be rendered.
 
+use super::RunError;
 use super::plan::{Plan, PlannedFrame};
-use crate::cli::Interrupted;
 use crate::export::still::{FrameAttributes, read_fingerprint};
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub(super) struct Fingerprints {
     common: Sha256,
     /// The last transfer function of more than the scalar, and its content.
-    grid: RefCell<Option<(Arc<JointTable>, u32)>>,
+    joint: RefCell<Option<(Arc<JointTable>, u32)>>,
     /// Steps, ascending, and the checksums of their scalars.
     steps: Vec<(usize, u32)>,
 }
@@ -40,7 +40,7 @@ impl Fingerprints {
         common.update(format!("{:?} {} {crcs:?} {counts:?} {written_as}", positions.origin, positions.scale));
         Self {
             common,
-            grid: RefCell::default(),
+            joint: RefCell::default(),
             steps: plan.steps.iter().copied().zip(checksums.iter().copied()).collect(),
         }
     }
@@ -53,17 +53,17 @@ impl Fingerprints {
         attributes: &FrameAttributes,
         series: &Series,
         cancel: &Cancel,
-    ) -> anyhow::Result<String> {
+    ) -> Result<String, RunError> {
         let mut hash = self.common.clone();
         // A table over more than the scalar would be megabytes of text.
         let short = request.clone().with_tets(|tets| tets.table = tets.table.over_scalars().clone().into());
         hash.update(short.without_hints().to_text()?);
         hash.update(serde_json::to_vec(attributes)?);
-        if let Some(grid) = request.tets().and_then(|tets| tets.table.joint()) {
-            hash.update(self.content(grid).to_le_bytes());
+        if let Some(joint) = request.tets().and_then(|tets| tets.table.joint()) {
+            hash.update(self.content(joint).to_le_bytes());
             // What its rows are of comes from all steps, also from those that are not shown.
-            if grid.rows().len() > 1 {
-                let cov = series.coefficients_of_variation(cancel)?.ok_or(Interrupted)?;
+            if joint.rows().len() > 1 {
+                let cov = series.coefficients_of_variation(cancel)?.ok_or(RunError::Cancelled)?;
                 hash.update(crc32c::crc32c(bytemuck::cast_slice(&cov)).to_le_bytes());
             }
         }
@@ -75,20 +75,20 @@ impl Fingerprints {
         Ok(format!("{VERSION}:{digits}"))
     }
 
-    fn content(&self, grid: &Arc<JointTable>) -> u32 {
-        let mut last = self.grid.borrow_mut();
+    fn content(&self, joint: &Arc<JointTable>) -> u32 {
+        let mut last = self.joint.borrow_mut();
         if let Some((of, content)) = &*last
-            && Arc::ptr_eq(of, grid)
+            && Arc::ptr_eq(of, joint)
         {
             return *content;
         }
-        let axes = [grid.scalars(), grid.rows(), grid.layers()];
+        let axes = [joint.scalars(), joint.rows(), joint.layers()];
         let counts = axes.map(|axis| axis.len() as u64);
         let axes = axes.iter().fold(crc32c::crc32c(bytemuck::bytes_of(&counts)), |crc, axis| {
             crc32c::crc32c_append(crc, bytemuck::cast_slice(axis))
         });
-        let content = crc32c::crc32c_append(axes, bytemuck::cast_slice(grid.values()));
-        *last = Some((grid.clone(), content));
+        let content = crc32c::crc32c_append(axes, bytemuck::cast_slice(joint.values()));
+        *last = Some((joint.clone(), content));
         content
     }
 }
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_over_all_steps_and_every_value_of_a_grid_count() {
+    fn what_is_seen_over_all_steps_and_every_value_of_a_joint_count() {
         let [(_one_dir, one), (_other_dir, other)] = [1, 2].map(series);
         let plan = Plan::of_steps(&[1], one.times());
         // The same mesh and the same scalars of the step that is shown, as far as checksums tell.
@@ -155,8 +155,8 @@ mod tests {
             values[2 * rows.len() - 1] = [0.5, 0.5, 0.5, last];
             Arc::new(JointTable::new(vec![0.0, 1.0], rows.to_vec(), vec![0.0], values).unwrap())
         };
-        let of = |grid: &Arc<JointTable>, series: &Series| {
-            let request = FrameRequest::new(1, camera, grid.clone(), (8, 8));
+        let of = |joint: &Arc<JointTable>, series: &Series| {
+            let request = FrameRequest::new(1, camera, joint.clone(), (8, 8));
             let attributes = FrameAttributes::default();
             fingerprints.of(&plan.frames[0], &request, &attributes, series, &Cancel::new()).unwrap()
         };

@@ -2,32 +2,25 @@
 
 use super::plan::{Plan, PlannedFrame};
 use super::resume::{self, Fingerprints, Found};
-use super::sink::{Sink, Target};
-use super::{FrameRecord, Origin};
-use crate::cli::progress::Terminal;
-use crate::cli::scene::Scene;
-use crate::export::annotate::{Annotator, ColorScale};
+use super::sink::Sink;
+use super::{FrameRecord, Origin, Run, RunError, attributes_of};
+use crate::export::annotate::ColorScale;
 use crate::export::still::{FrameAttributes, OutputFrame};
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, SharedFrame};
+use crate::pipeline::{FrameRequest, Pipeline, Pipelined, PipelinedOptions, SharedFrame};
 use crate::render::Frame;
+use crate::scene::Scene;
 use crate::stats::FrameStats;
-use crate::task::Progress;
+use crate::task::{Cancel, Progress};
 use crate::transfer::{ColorMap, MappedRange};
-use anyhow::{Context, ensure};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// What is to be rendered, and where to.
+/// A run, with what is written into its images.
 pub(super) struct Job<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) output: &'a Target,
-    /// Written into images.
+    pub(super) run: &'a Run,
+    /// Of images only.
     pub(super) fingerprints: Option<Fingerprints>,
-    /// Draws over all frames.
-    pub(super) annotator: Option<Annotator>,
-    /// Whether images that have the right fingerprint are kept.
-    pub(super) resume: bool,
 }
 
 impl Job<'_> {
@@ -36,15 +29,15 @@ impl Job<'_> {
         &self,
         scene: &mut Scene,
         mut sink: Sink,
-        terminal: &Terminal,
-    ) -> anyhow::Result<Vec<FrameRecord>> {
-        terminal.begin("render", self.plan.frames.len() as u64, "frames");
-        let rendered = self.render_all(scene, &mut sink, terminal);
-        let lost = rendered.as_ref().err().is_some_and(is_device_failure);
-        let written = sink.finish(rendered.is_ok() || lost, terminal);
-        terminal.end();
+        progress: &dyn Progress,
+    ) -> Result<Vec<FrameRecord>, RunError> {
+        progress.begin("render", self.run.plan.frames.len() as u64, "frames");
+        let rendered = self.render_all(scene, &mut sink, progress);
+        let lost = rendered.as_ref().err().is_some_and(RunError::is_device_failure);
+        let written = sink.finish(rendered.is_ok() || lost, scene.cancel());
+        progress.end();
         if lost && written.is_ok() {
-            terminal.say(&format!("the frames until then are in {}", self.output.path(0).display()));
+            progress.say(&format!("the frames until then are in {}", self.run.output.path(0).display()));
         }
         let records = rendered?;
         written?;
@@ -52,13 +45,18 @@ impl Job<'_> {
     }
 
     /// Renders on a pipeline of its own, which the scene has back afterwards.
-    fn render_all(&self, scene: &mut Scene, sink: &mut Sink, terminal: &Terminal) -> anyhow::Result<Vec<FrameRecord>> {
+    fn render_all(
+        &self,
+        scene: &mut Scene,
+        sink: &mut Sink,
+        progress: &dyn Progress,
+    ) -> Result<Vec<FrameRecord>, RunError> {
         let series = scene.pipeline.series().clone();
         let pipeline = std::mem::replace(&mut scene.pipeline, Pipeline::new(series));
         // No frame of a run is asked for twice but those that are repeated here.
         let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
         let pipelined = Pipelined::start(pipeline, &options, || ())?;
-        let rendered = self.render_on(&pipelined, scene, sink, terminal);
+        let rendered = self.render_on(&pipelined, scene, sink, progress);
         scene.pipeline = pipelined.stop();
         rendered
     }
@@ -68,9 +66,9 @@ impl Job<'_> {
         pipelined: &Pipelined,
         scene: &mut Scene,
         sink: &mut Sink,
-        terminal: &Terminal,
-    ) -> anyhow::Result<Vec<FrameRecord>> {
-        let frames = &self.plan.frames;
+        progress: &dyn Progress,
+    ) -> Result<Vec<FrameRecord>, RunError> {
+        let frames = &self.run.plan.frames;
         let mut records = Vec::with_capacity(frames.len());
         let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
         let (mut asked, mut refused, mut has_older) = (0, None, false);
@@ -79,13 +77,13 @@ impl Job<'_> {
         // A moment that is held while nothing moves is rendered once.
         let mut held: Option<SharedFrame> = None;
         while records.len() < frames.len() {
-            terminal.check_interrupted()?;
+            check(scene.cancel())?;
             while refused.is_none() && asked < frames.len() && on_their_way.len() < AHEAD {
                 match self.ask(asked, last.as_ref(), pipelined, scene) {
                     Ok((pending, request)) => {
                         if pending.replaces_older && !has_older {
                             let file = pending.file.display();
-                            terminal.say(&format!(
+                            progress.say(&format!(
                                 "{file} was rendered by an older tetreel: it is rendered anew, as are others like it"
                             ));
                             has_older = true;
@@ -97,28 +95,28 @@ impl Job<'_> {
                 }
                 asked += 1;
             }
-            pipelined.expect(&self.plan.steps_from(records.len(), EXPECTED));
+            pipelined.expect(&self.run.plan.steps_from(records.len(), EXPECTED));
             // What cannot be asked for fails in its turn: the frames before it are written.
             let Some(pending) = on_their_way.pop_front() else { break };
             let stats = match pending.origin {
                 Origin::Kept | Origin::Repeated => None,
                 Origin::Rendered => {
-                    let frame = wait_for(pipelined, terminal)?;
+                    let frame = wait_for(pipelined, scene.cancel())?;
                     Some(held.insert(frame).stats.clone())
                 }
             };
             let is_empty = |frame: &SharedFrame| frame.planes.color.pixels.iter().all(|p| *p == [0.0; 4]);
             let empty = held.as_ref().filter(|_| pending.origin != Origin::Kept).map(is_empty);
-            let record = pending.record(self.plan, empty, stats);
+            let record = pending.record(&self.run.plan, empty, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = output_of(frame, pending.attributes);
-                if let (Some(annotator), Some((map, range))) = (&self.annotator, pending.scale) {
+                if let (Some(annotator), Some((map, range))) = (&self.run.annotator, pending.scale) {
                     annotator.draw(&mut output.planes.color, record.time, &ColorScale { map: &map, range });
                 }
-                sink.send(output, &pending.file, terminal)?;
+                sink.send(output, &pending.file, scene.cancel())?;
             }
             records.push(record);
-            terminal.advance(1);
+            progress.advance(1);
         }
         refused.map_or(Ok(records), Err)
     }
@@ -130,17 +128,17 @@ impl Job<'_> {
         last: Option<&(Origin, FrameRequest)>,
         pipelined: &Pipelined,
         scene: &mut Scene,
-    ) -> anyhow::Result<(Pending, FrameRequest)> {
-        let planned = &self.plan.frames[index];
+    ) -> Result<(Pending, FrameRequest), RunError> {
+        let planned = &self.run.plan.frames[index];
         let request = request_for(scene, planned)?;
-        let file = self.output.path(index);
-        let mut attributes = scene.attributes(&request, index);
+        let file = self.run.output.path(index);
+        let mut attributes = attributes_of(scene, &request, index);
         let scale = scene.color_scale();
         let series = scene.pipeline.series();
         let fingerprint = |f: &Fingerprints| f.of(planned, &request, &attributes, series, scene.cancel());
         let fingerprint = self.fingerprints.as_ref().map(fingerprint).transpose()?;
         let found = match &fingerprint {
-            Some(fingerprint) if self.resume => resume::find(&file, fingerprint),
+            Some(fingerprint) if self.run.resume => resume::find(&file, fingerprint),
             _ => Found::Other,
         };
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
@@ -152,7 +150,7 @@ impl Job<'_> {
         };
         if origin == Origin::Rendered {
             // Few are on their way: there is room for this one.
-            pipelined.push(request.clone()).context("more frames were asked for than the pipeline takes")?;
+            pipelined.push(request.clone()).ok_or(RunError::Full)?;
         }
         let replaces_older = found == Found::Older;
         Ok((Pending { index, attributes, scale, file, origin, replaces_older }, request))
@@ -194,24 +192,25 @@ impl Pending {
 }
 
 /// The next frame, unless somebody interrupts.
-fn wait_for(pipelined: &Pipelined, terminal: &Terminal) -> anyhow::Result<SharedFrame> {
+fn wait_for(pipelined: &Pipelined, cancel: &Cancel) -> Result<SharedFrame, RunError> {
     loop {
-        terminal.check_interrupted()?;
+        check(cancel)?;
         if let Some(delivery) = pipelined.wait(Duration::from_millis(50)) {
             return Ok(delivery.frame?);
         }
-        ensure!(pipelined.is_alive(), "the pipeline has stopped without a reason; please report this");
+        if !pipelined.is_alive() {
+            return Err(RunError::Stopped);
+        }
     }
 }
 
-/// Whether a GPU gave up on the way: nothing is wrong with the frames before.
-fn is_device_failure(error: &anyhow::Error) -> bool {
-    use crate::render::RenderError::{DeviceLost, Gpu};
-    matches!(error.downcast_ref(), Some(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
+/// Fails once somebody has cancelled.
+fn check(cancel: &Cancel) -> Result<(), RunError> {
+    if cancel.is_cancelled() { Err(RunError::Cancelled) } else { Ok(()) }
 }
 
 /// The request of a frame: its moment, and the camera turned as far as it is by then.
-fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> anyhow::Result<FrameRequest> {
+fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest, RunError> {
     let mut request = scene.request_at(planned.time, planned.at)?;
     if planned.azimuth_deg != 0.0 {
         request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;

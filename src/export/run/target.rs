@@ -1,18 +1,16 @@
-//! Where frames go: numbered images, one image, or a movie.
+//! Where the frames of a run go: numbered images, one image, or a movie.
 
-use super::super::Interrupted;
-use super::super::progress::Terminal;
 use crate::error::{FileError, FileResult};
-use crate::export::movie::{Ffmpeg, MovieError, MovieFormat, MovieOptions, MovieWriter};
-use crate::export::sequence::{FramePattern, FrameWriter};
-use crate::export::still::{OutputFrame, StillFormat, StillOptions};
+use crate::export::movie::MovieFormat;
+use crate::export::sequence::FramePattern;
+use crate::export::still::StillFormat;
 use crate::files;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// What `--output` names.
+/// Where frames go.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Target {
+pub enum Target {
     /// Images, numbered or one.
     Images(FramePattern),
     /// A movie.
@@ -20,8 +18,11 @@ pub(super) enum Target {
 }
 
 impl Target {
-    /// Reads the word behind `--output`.
-    pub(super) fn parse(word: OsString) -> FileResult<Self> {
+    /// Reads the name of a file or a pattern of names.
+    ///
+    /// # Errors
+    /// If it is neither an image nor a movie by its ending, or a pattern that has no meaning.
+    pub fn parse(word: OsString) -> FileResult<Self> {
         let path = Path::new(&word);
         let is_movie = MovieFormat::of(path);
         if is_movie.is_none() && StillFormat::of(path).is_none() {
@@ -41,7 +42,7 @@ impl Target {
     }
 
     /// The file of a frame.
-    pub(super) fn path(&self, frame: usize) -> PathBuf {
+    pub fn path(&self, frame: usize) -> PathBuf {
         match self {
             Self::Images(pattern) => pattern.path(frame),
             Self::Movie(path, _) => path.clone(),
@@ -49,7 +50,10 @@ impl Target {
     }
 
     /// Whether frames can go there, as far as that can be known before they exist.
-    pub(super) fn check_place(&self) -> FileResult<()> {
+    ///
+    /// # Errors
+    /// If they cannot.
+    pub fn check_place(&self) -> FileResult<()> {
         let path = self.path(0);
         if path.is_dir() {
             return Err(FileError::invalid(&path, "", "is a folder").remedy("choose another name"));
@@ -79,49 +83,4 @@ fn no_number(path: &Path) -> FileError {
 /// The current folder has an empty name as an ancestor.
 fn or_here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
-}
-
-/// Takes frames in order.
-pub(super) enum Sink {
-    /// Images.
-    Images(FrameWriter),
-    /// A movie.
-    Movie(Box<MovieWriter>),
-}
-
-impl Sink {
-    /// Images.
-    pub(super) fn images(options: StillOptions) -> Self {
-        Self::Images(FrameWriter::new(options))
-    }
-
-    /// A movie at `place`.
-    pub(super) fn movie(ffmpeg: &Ffmpeg, place: &Path, options: &MovieOptions) -> FileResult<Self> {
-        Ok(Self::Movie(Box::new(MovieWriter::start(ffmpeg, place, options)?)))
-    }
-
-    /// Hands over a frame; waits if writing is behind.
-    pub(super) fn send(&mut self, frame: OutputFrame, file: &Path, terminal: &Terminal) -> anyhow::Result<()> {
-        match self {
-            Self::Images(writer) => Ok(writer.send(frame, file.to_owned())?),
-            Self::Movie(writer) => writer.send(frame.planes.color, &terminal.cancel).map_err(interrupted),
-        }
-    }
-
-    /// Waits until all is written. After a failure images already rendered are written nevertheless, half a movie only if
-    /// `keep` is set.
-    pub(super) fn finish(self, keep: bool, terminal: &Terminal) -> anyhow::Result<()> {
-        match self {
-            Self::Images(mut writer) => Ok(writer.finish().map(|_| ())?),
-            Self::Movie(writer) if keep => writer.finish(&terminal.cancel).map(|_| ()).map_err(interrupted),
-            Self::Movie(_) => Ok(()),
-        }
-    }
-}
-
-fn interrupted(error: MovieError) -> anyhow::Error {
-    match error {
-        MovieError::Cancelled => Interrupted.into(),
-        MovieError::File(error) => error.into(),
-    }
 }

@@ -1,9 +1,9 @@
 //! What a project shows at each moment, worked out beside the thread of the window.
 
-use super::look::Look;
 use super::worker::{BLOCK_BYTES, Worker};
+use crate::look::{EnsembleChoice, Keyed, Look};
 use crate::pipeline::{FrameTime, Series};
-use crate::project::{Animation, Moment, Project};
+use crate::project::{Animation, Project};
 use crate::task::Cancel;
 use crate::transfer::{Lengths, OpacityKind};
 use std::collections::VecDeque;
@@ -11,46 +11,13 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Which ensembles of a project are shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EnsembleChoice {
-    /// The ensembles of the timeline, or the one that the look names.
-    #[default]
-    Project,
-    /// This one, counted from 0, at all times.
-    One(usize),
-    /// None: the user's own colours and opacities.
-    Own,
-}
-
-/// What is shown as a project has it; of the rest, the user's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Followed {
-    /// Which of its ensembles.
-    pub ensembles: EnsembleChoice,
-    /// The path of its camera.
-    pub camera: bool,
-    /// Its levels of detail.
-    pub lod: bool,
-    /// The isovalues and cuts of its timeline.
-    pub surfaces: bool,
-    /// Its changes of how segments are integrated.
-    pub optics: bool,
-}
-
-impl Default for Followed {
-    fn default() -> Self {
-        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, optics: true }
-    }
-}
-
 /// So long the window waits for what is shown: a table of a few members takes less, and whoever waits has it in the same pass. Any
 /// longer and it would be felt: a frame at 60 a second has 16 ms. Measured, medians between two ensembles of unlike members (a build
 /// for tests, four times as many busy threads as cores): 0.7 ms with one and two members, 1.2 ms with ten, 12 ms with ten on
 /// histograms.
 const PATIENCE: Duration = Duration::from_millis(1);
 
-/// Moments that are kept: those of the frames on their way, on the screen, and of a picture that is saved.
+/// ProjectWorker that are kept: those of the frames on their way, on the screen, and of a picture that is saved.
 const KEPT: usize = 8;
 
 /// What is animated. The thread keeps what it knows of the field as long as the series is the same.
@@ -113,7 +80,7 @@ impl Job {
 }
 
 /// What is shown at a moment, or why that cannot be had.
-type Made = Result<Moment, String>;
+type Made = Result<Keyed, String>;
 
 /// What was made and not taken yet, and whether somebody waits for it.
 #[derive(Default)]
@@ -136,7 +103,7 @@ impl Shared {
 }
 
 /// Says what a project shows at moments of a series.
-pub(super) struct Moments {
+pub(super) struct ProjectWorker {
     project: Arc<Project>,
     worker: Worker<Job>,
     shared: Arc<Shared>,
@@ -146,7 +113,7 @@ pub(super) struct Moments {
     wanted: Option<FrameTime>,
 }
 
-impl Moments {
+impl ProjectWorker {
     /// Starts the thread, which ends with its owner. `wake` is called when a moment is known that was not at once.
     ///
     /// # Errors
@@ -177,7 +144,7 @@ impl Moments {
                 put(job, made, cancel);
             }
         };
-        let worker = Worker::start("moments", begin, move |job, cancel, text| failed(job, Err(text), cancel))?;
+        let worker = Worker::start("project", begin, move |job, cancel, text| failed(job, Err(text), cancel))?;
         let (subject, kept, wanted) = Default::default();
         Ok(Self { project, worker, shared, subject, kept, wanted })
     }

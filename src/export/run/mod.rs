@@ -1,0 +1,250 @@
+//! [`Run`]: frames of a scene to image files or to a movie, as the command line, a dialog or a server asks for them.
+
+mod frames;
+mod plan;
+mod resume;
+mod sink;
+mod target;
+
+pub use plan::{Plan, PlanError, PlannedFrame, Times};
+pub use target::Target;
+
+use super::annotate::Annotator;
+use super::movie::{Ffmpeg, MovieError, MovieOptions};
+use super::sequence::FramePattern;
+use super::still::{FrameAttributes, StillFormat, StillOptions};
+use crate::camera::CameraError;
+use crate::error::FileError;
+use crate::files;
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RequestError, UpsampleFilter, Upsampling};
+use crate::render::RenderError;
+use crate::scene::{Scene, SceneError};
+use crate::short::Short;
+use crate::stats::FrameStats;
+use crate::task::Progress;
+use frames::Job;
+use resume::Fingerprints;
+use serde::Serialize;
+use sink::Sink;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+/// Which frames are rendered, and where they go.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The frames.
+    pub plan: Plan,
+    /// Their files.
+    pub output: Output,
+    /// Draws over all frames.
+    pub annotator: Option<Annotator>,
+    /// Whether images that the same request has made are kept.
+    pub resume: bool,
+}
+
+/// How frames become files.
+#[derive(Clone, Debug)]
+pub enum Output {
+    /// Images, numbered or one.
+    Images {
+        /// Their names.
+        pattern: FramePattern,
+        /// How they are written.
+        options: StillOptions,
+    },
+    /// A movie.
+    Movie {
+        /// Its name.
+        path: PathBuf,
+        /// Writes it.
+        ffmpeg: Ffmpeg,
+        /// How.
+        options: MovieOptions,
+    },
+}
+
+impl Output {
+    /// The file of a frame.
+    pub fn path(&self, frame: usize) -> PathBuf {
+        match self {
+            Self::Images { pattern, .. } => pattern.path(frame),
+            Self::Movie { path, .. } => path.clone(),
+        }
+    }
+}
+
+/// How a frame came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Origin {
+    /// It was rendered.
+    Rendered,
+    /// It is the same as the frame before it.
+    Repeated,
+    /// It was in its file already.
+    Kept,
+}
+
+/// What became of a frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameRecord {
+    /// Its number, from 0.
+    pub frame: usize,
+    /// The step that it shows.
+    pub step: usize,
+    /// The step towards which it is interpolated, and the weight of that.
+    pub toward: Option<(usize, f64)>,
+    /// Time of the series, in its unit.
+    pub time: f64,
+    /// Where it is.
+    #[serde(serialize_with = "files::serialize_path")]
+    pub file: PathBuf,
+    /// How it came about.
+    pub origin: Origin,
+    /// Whether it shows nothing; `None` of a file that was kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub empty: Option<bool>,
+    /// Counts and times, of rendered frames only.
+    pub stats: Option<FrameStats>,
+}
+
+/// Why a run ended early. Frames before are written; of a movie only those before the loss of a GPU are.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A request could not be made.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A frame could not be rendered.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// A file could not be written, or a step not be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The camera cannot turn.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// A request has no text, from which its fingerprint is made.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// What a frame says of itself has no text.
+    #[error(transparent)]
+    Attributes(#[from] serde_json::Error),
+    /// Threads could not be started.
+    #[error(transparent)]
+    Threads(#[from] io::Error),
+    /// The pipeline takes fewer frames than are asked for at a time.
+    #[error("more frames were asked for than the pipeline takes; please report this")]
+    Full,
+    /// The pipeline has ended by itself.
+    #[error("the pipeline has stopped without a reason; please report this")]
+    Stopped,
+    /// Somebody asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<MovieError> for RunError {
+    fn from(error: MovieError) -> Self {
+        match error {
+            MovieError::File(error) => Self::File(error),
+            MovieError::Cancelled => Self::Cancelled,
+        }
+    }
+}
+
+impl RunError {
+    /// Whether nothing is wrong but that somebody asked to stop.
+    pub fn is_cancelled(&self) -> bool {
+        match self {
+            Self::Cancelled | Self::Pipeline(PipelineError::Cancelled) => true,
+            Self::Scene(error) => error.is_cancelled(),
+            _ => false,
+        }
+    }
+
+    /// Whether a GPU gave up on the way: nothing is wrong with the frames before.
+    fn is_device_failure(&self) -> bool {
+        use RenderError::{DeviceLost, Gpu};
+        matches!(self, Self::Pipeline(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
+    }
+}
+
+impl Run {
+    /// Renders all frames; what was begun is finished or undone, whatever happens. The scene's own cancel ends it.
+    ///
+    /// # Errors
+    /// If a step is damaged, which is found before the first frame is written; else that of the first frame that fails.
+    pub fn render(&self, scene: &mut Scene, progress: &dyn Progress) -> Result<Vec<FrameRecord>, RunError> {
+        progress.begin("check", self.plan.steps.len() as u64, "steps");
+        let checked = self.check_steps(scene, progress);
+        progress.end();
+        let checksums = checked?;
+        let (sink, fingerprints) = match &self.output {
+            Output::Movie { path, ffmpeg, options } => (Sink::movie(ffmpeg, path, options)?, None),
+            Output::Images { pattern, options } => {
+                // An EXR has room for all planes.
+                scene.guides = StillFormat::of(&pattern.path(0)) == Some(StillFormat::Exr);
+                // Units are in the file, drawn or not.
+                let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
+                let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
+                (Sink::images(*options), Some(fingerprints))
+            }
+        };
+        Job { run: self, fingerprints }.run(scene, sink, progress)
+    }
+
+    /// Reads all steps: half a sequence would look like a whole one. The checksum of each.
+    fn check_steps(&self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<u32>, RunError> {
+        let mut checksums = scene.pipeline.check_steps(&self.plan.steps, progress, scene.cancel())?;
+        // Fields whose colours surfaces have count as well.
+        for of in &scene.look.surfaces.beside {
+            let Ok(field) = of.field.parse();
+            let other = Pipeline::new(scene.pipeline.series().beside(&field)?);
+            let others = other.check_steps(&self.plan.steps, progress, scene.cancel())?;
+            let pairs = checksums.iter_mut().zip(others);
+            pairs.for_each(|(sum, other)| *sum = crc32c::crc32c_append(*sum, &other.to_le_bytes()));
+        }
+        Ok(checksums)
+    }
+}
+
+/// What the frame of the last request of a scene shows, as frame number `frame` of the run.
+fn attributes_of(scene: &Scene, request: &FrameRequest, frame: usize) -> FrameAttributes {
+    let field = scene.pipeline.field();
+    FrameAttributes {
+        time: request.time.time(scene.pipeline.times()),
+        step: request.time.step(),
+        frame,
+        field: field.name.clone(),
+        units: field.units.clone(),
+        camera: request.camera.to_string(),
+        transfer_function: scene.transfer_function(),
+        range: scene.range(),
+        opacity_kind: scene.look.opacity_kind,
+        unit_distance: scene.look.lengths.unit_distance,
+        software: FrameAttributes::SOFTWARE.to_owned(),
+        extras: sampling_of(request),
+    }
+}
+
+/// Which rays a frame has, and how it came to its size, where these are not all and its own.
+fn sampling_of(request: &FrameRequest) -> BTreeMap<String, String> {
+    let mut says = BTreeMap::new();
+    let mut say = |key: &str, value: String| says.insert(key.to_owned(), value);
+    if let Some(contrast) = request.samples.contrast() {
+        say("contrast", contrast.to_string());
+    }
+    if let Some(Upsampling { scale, filter }) = request.upsampling {
+        say("image_scale", scale.to_string());
+        say("upsample", filter.kind().to_string());
+        if let UpsampleFilter::Joint { kernel_px, .. } = filter {
+            say("kernel", kernel_px.to_string());
+        }
+        if let Some(edges) = filter.edges() {
+            say("sigma_depth", Short(edges.sigma_depth).to_string());
+            say("layers", edges.layers.to_string());
+        }
+    }
+    says
+}

@@ -1,0 +1,270 @@
+//! Which moments a run shows, and from where.
+
+use crate::export::movie::FrameRate;
+use crate::field::TimeAxis;
+use crate::ingest::{StepRange, StepRangeError};
+use crate::pipeline::FrameTime;
+use crate::short::Short;
+use std::fmt;
+
+/// Which moments of a series a run shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Times {
+    /// Of these steps.
+    pub steps: StepRange,
+    /// From one time to another, both included: the steps there, or with a duration that part of the series.
+    pub range: Option<(f64, f64)>,
+    /// Frames per second; 25 if none is chosen.
+    pub rate: Option<FrameRate>,
+    /// Seconds over which the time range is spread evenly, the first frame and the last at its ends; `None`: a frame for each step.
+    pub duration_s: Option<f64>,
+    /// With a duration: scalars between two steps are interpolated linearly; otherwise the last step is held.
+    pub interpolate: bool,
+    /// Degrees by which the camera turns around the focal point and the up axis while the frames pass.
+    pub turntable_deg: Option<f64>,
+}
+
+/// Times that make no frames.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// Steps that the series does not have.
+    #[error(transparent)]
+    Steps(#[from] StepRangeError),
+    /// No step lies in the time range `range`; the selected ones go from `extent.0` to `extent.1`.
+    #[error("no step lies in time {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
+    NoStep {
+        /// What was asked for.
+        range: (f64, f64),
+        /// First and last time of the selected steps.
+        extent: (f64, f64),
+    },
+    /// No time of the selected steps lies in the time range.
+    #[error("the series has no time in {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
+    NoTime {
+        /// What was asked for.
+        range: (f64, f64),
+        /// First and last time of the selected steps.
+        extent: (f64, f64),
+    },
+    /// Fewer than one frame, or more than [`FRAMES_MAX`].
+    #[error("{} s at {rate} frames per second are {problem} --duration", Short(.duration_s))]
+    Frames {
+        /// Seconds.
+        duration_s: f64,
+        /// Frames per second.
+        rate: FrameRate,
+        /// What is wrong.
+        problem: String,
+    },
+    /// One frame cannot turn.
+    #[error("one frame cannot turn; give --turntable more of them with --duration or --steps")]
+    OneFrame,
+}
+
+/// A time range as it is written.
+struct Interval((f64, f64));
+
+impl fmt::Display for Interval {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}..{}", Short(self.0.0), Short(self.0.1))
+    }
+}
+
+/// A time range in words.
+struct FromTo((f64, f64));
+
+impl fmt::Display for FromTo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "from {} to {}", Short(self.0.0), Short(self.0.1))
+    }
+}
+
+/// One frame to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannedFrame {
+    /// What it shows.
+    pub time: FrameTime,
+    /// Where it is on a project's timeline: with `--duration` the time that it stands for, though a step is held.
+    pub at: f64,
+    /// How far the camera has turned, degrees.
+    pub azimuth_deg: f64,
+}
+
+/// The frames of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// In their order.
+    pub frames: Vec<PlannedFrame>,
+    /// The steps that they show, ascending.
+    pub steps: Vec<usize>,
+}
+
+/// More output frames than this are a mistake: eleven hours at 25 a second.
+const FRAMES_MAX: usize = 1_000_000;
+
+impl Plan {
+    /// One frame for each of these steps.
+    pub fn of_steps(steps: &[usize], times: &TimeAxis) -> Self {
+        let frame = |&step: &usize| {
+            let time = FrameTime::from(step);
+            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0 }
+        };
+        Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
+    }
+
+    /// The steps that `count` frames from frame `first` on show, in their order.
+    pub fn steps_from(&self, first: usize, count: usize) -> Vec<usize> {
+        let moments = self.frames.iter().skip(first).take(count).map(|frame| frame.time);
+        moments.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]).flatten().collect()
+    }
+}
+
+impl Times {
+    /// Frames per second.
+    pub fn rate(&self) -> FrameRate {
+        self.rate.unwrap_or_default()
+    }
+
+    /// Frames that a duration asks for; `None` without one.
+    ///
+    /// # Errors
+    /// If there are none, or too many.
+    pub fn frame_count(&self) -> Result<Option<usize>, PlanError> {
+        let Some(duration_s) = self.duration_s else { return Ok(None) };
+        let rate = self.rate();
+        let frames = (rate.per_second() * duration_s).round();
+        let refused = |problem: String| Err(PlanError::Frames { duration_s, rate, problem });
+        if frames.is_nan() || frames < 1.0 {
+            return refused("no frame; give a longer".to_owned());
+        }
+        if frames > FRAMES_MAX as f64 {
+            return refused(format!("more than {FRAMES_MAX} frames; give a shorter"));
+        }
+        Ok(Some(frames as usize))
+    }
+
+    /// The frames to render of a series with these times.
+    ///
+    /// # Errors
+    /// If there are none.
+    pub fn plan(&self, times: &TimeAxis) -> Result<Plan, PlanError> {
+        let selected = self.steps.select(times.len())?;
+        let mut plan = match self.frame_count()? {
+            None => Plan::of_steps(&self.steps_within(&selected, times)?, times),
+            Some(count) => self.spread(&selected, times, count)?,
+        };
+        if let Some(degrees) = self.turntable_deg {
+            let count = plan.frames.len();
+            if count < 2 {
+                return Err(PlanError::OneFrame);
+            }
+            for (n, frame) in plan.frames.iter_mut().enumerate() {
+                frame.azimuth_deg = degrees * (n as f64 / count as f64);
+            }
+        }
+        Ok(plan)
+    }
+
+    /// The selected steps that lie in the time range.
+    fn steps_within(&self, selected: &[usize], times: &TimeAxis) -> Result<Vec<usize>, PlanError> {
+        let Some((from, to)) = self.range else { return Ok(selected.to_vec()) };
+        let within: Vec<usize> = selected.iter().copied().filter(|&s| (from..=to).contains(&times.values[s])).collect();
+        if within.is_empty() {
+            return Err(PlanError::NoStep { range: (from, to), extent: extent(selected, times) });
+        }
+        Ok(within)
+    }
+
+    /// `count` frames over the part of the time range that the selected steps cover.
+    fn spread(&self, selected: &[usize], times: &TimeAxis, count: usize) -> Result<Plan, PlanError> {
+        let (from, to) = self.range.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        let covered = extent(selected, times);
+        let (begin, end) = (from.max(covered.0), to.min(covered.1));
+        if begin.is_nan() || end.is_nan() || begin > end {
+            return Err(PlanError::NoTime { range: (from, to), extent: covered });
+        }
+        let mut frames = Vec::with_capacity(count);
+        for n in 0..count {
+            let share = if count > 1 { n as f64 / (count - 1) as f64 } else { 0.0 };
+            // Exact at both ends, and without a difference that could overflow.
+            let at = begin * (1.0 - share) + end * share;
+            if let Some(time) = FrameTime::at(times, selected, at, self.interpolate) {
+                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0 });
+            }
+        }
+        let shown = frames.iter().flat_map(|f| [Some(f.time.step()), f.time.toward().map(|(next, _)| next)]);
+        let mut steps: Vec<usize> = shown.flatten().collect();
+        steps.sort_unstable();
+        steps.dedup();
+        Ok(Plan { frames, steps })
+    }
+}
+
+/// From when to when these steps go.
+fn extent(selected: &[usize], times: &TimeAxis) -> (f64, f64) {
+    let time_of = |step: Option<&usize>| step.map_or(f64::NAN, |&s| times.values[s]);
+    (time_of(selected.first()), time_of(selected.last()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times() -> TimeAxis {
+        TimeAxis { values: vec![0.0, 0.1, 0.3, 0.7, 1.5] }
+    }
+
+    fn steps_of(plan: &Plan) -> Vec<usize> {
+        plan.frames.iter().map(|f| f.time.step()).collect()
+    }
+
+    #[test]
+    fn without_a_duration_each_step_is_a_frame() {
+        let args = Times { steps: "1..4:3".parse().unwrap(), ..Default::default() };
+        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 4], &times()));
+        let args = Times { range: Some((0.1, 0.7)), ..Default::default() };
+        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 2, 3], &times()));
+    }
+
+    #[test]
+    fn a_duration_is_spread_over_the_time_range_ends_included() {
+        let args = Times { duration_s: Some(0.64), ..Default::default() };
+        let plan = args.plan(&times()).unwrap();
+        // A frame every 0.1: steps are held until the next one.
+        assert_eq!(steps_of(&plan), [0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 4]);
+        assert_eq!(plan.steps, [0, 1, 2, 3, 4]);
+        let args = Times { duration_s: Some(0.2), interpolate: true, range: Some((0.4, 0.6)), ..args };
+        let plan = args.plan(&times()).unwrap();
+        assert_eq!((plan.frames.len(), &plan.steps[..]), (5, &[2, 3][..]), "no step lies in the range itself");
+        let shown: Vec<f64> = plan.frames.iter().map(|f| f.time.time(&times())).collect();
+        for (time, expected) in shown.iter().zip([0.4, 0.45, 0.5, 0.55, 0.6]) {
+            // A few roundings of numbers below 1, 1.1e-16 each. Measured: one.
+            assert!((time - expected).abs() < 1e-15, "{shown:?}");
+        }
+    }
+
+    #[test]
+    fn a_turntable_divides_its_angle_by_the_frames_and_never_comes_round_to_the_first() {
+        let one_step = Times { steps: "2".parse().unwrap(), turntable_deg: Some(360.0), ..Default::default() };
+        assert!(one_step.plan(&times()).unwrap_err().to_string().contains("--duration"));
+        let args = Times { duration_s: Some(4.0), ..one_step };
+        let plan = args.plan(&times()).unwrap();
+        assert_eq!(plan.frames.len(), 100);
+        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0 });
+        assert_eq!((plan.frames[0].azimuth_deg, plan.frames[99].azimuth_deg), (0.0, 356.4));
+        let args = Times { turntable_deg: Some(-50.0), ..Default::default() };
+        let angles: Vec<f64> = args.plan(&times()).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();
+        assert_eq!(angles, [-0.0, -10.0, -20.0, -30.0, -40.0]);
+    }
+
+    #[test]
+    fn what_makes_no_frame_is_refused() {
+        for (duration, fps) in [(0.01, None), (1e9, None), (1.0, Some("0.2"))] {
+            let rate = fps.map(|text: &str| text.parse().unwrap());
+            let refused = Times { duration_s: Some(duration), rate, ..Default::default() }.frame_count().unwrap_err();
+            assert!(refused.to_string().contains("--duration"), "{refused}");
+        }
+        let elsewhere = Times { range: Some((2.0, 3.0)), duration_s: Some(1.0), ..Default::default() };
+        assert!(elsewhere.plan(&times()).unwrap_err().to_string().contains("0 to 1.5"));
+    }
+}

@@ -1,0 +1,307 @@
+//! [`Scene`]: a field of a store, what its frames look like, and what a project says of them over time.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut scene = tetreel::scene::Scene::open("jet.zarr")?;
+//! let frame = scene.render(7)?;
+//! tetreel::image::write_png("step7.png".as_ref(), &frame.planes.color, None, Default::default())?;
+//! # Ok(())
+//! # }
+//! ```
+
+use crate::camera::CameraError;
+use crate::error::FileError;
+use crate::look::{Colors, Look, mapped_range};
+use crate::node_table::NodeTable;
+use crate::pipeline::{FrameRequest, FrameTime, Pipeline, PipelineError, SampleSet, Upsampling};
+use crate::project::{Animation, Project, ProjectError};
+use crate::render::Frame;
+use crate::store::Store;
+use crate::task::Cancel;
+use crate::transfer::{ColorMap, ColorPoint, FirstLook, MappedRange, RangePolicy, TransferError};
+use crossbeam::channel::{RecvTimeoutError, bounded};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A series, ready to be asked for frames.
+pub struct Scene {
+    /// Renders them.
+    pub pipeline: Pipeline,
+    /// What they have in common.
+    pub look: Look,
+    /// The transfer function of the look in words, as files say it.
+    pub tf_text: String,
+    /// Width and height.
+    pub size_px: (usize, usize),
+    /// Whether they have planes of normals and numbers of surfaces.
+    pub guides: bool,
+    /// The pixels that rays are cast for.
+    pub samples: SampleSet,
+    /// The image that is rendered in place of each frame, if there is one.
+    pub upsampling: Option<Upsampling>,
+    /// What a project says, in place of the look.
+    animation: Option<Animation>,
+    /// Colours of the last request.
+    last: Option<LastColors>,
+    cancel: Cancel,
+}
+
+/// Colours of a request.
+struct LastColors {
+    /// The scalars that they cover; `None` if the field has no finite value.
+    range: Option<MappedRange>,
+    colors: Colors,
+    /// Whether they are those of ensembles, not of the look.
+    of_project: bool,
+}
+
+/// Why a scene has no request or no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The store cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The mesh has no extent that a camera can frame.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The look has no colours at the moment.
+    #[error("field {field}: {problem}")]
+    Colors {
+        /// Name of the field.
+        field: String,
+        /// What is wrong.
+        problem: TransferError,
+    },
+    /// The look has no table over a range.
+    #[error(transparent)]
+    Table(#[from] TransferError),
+    /// The project has nothing to show at the moment.
+    #[error(transparent)]
+    Project(#[from] ProjectError),
+    /// The frame could not be rendered.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// Somebody asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl SceneError {
+    /// Whether nothing is wrong but that somebody asked to stop.
+    pub fn is_cancelled(&self) -> bool {
+        matches!(self, Self::Cancelled | Self::Pipeline(PipelineError::Cancelled))
+    }
+}
+
+impl Scene {
+    /// Width and height of those who do not choose them.
+    pub const SIZE_PX: (usize, usize) = (1280, 720);
+
+    /// A series with a look; `cancel` ends what takes long.
+    pub fn new(pipeline: Pipeline, look: Look, cancel: &Cancel) -> Self {
+        Self {
+            pipeline,
+            tf_text: look.tf.color_map().name().to_owned(),
+            look,
+            size_px: Self::SIZE_PX,
+            guides: false,
+            samples: SampleSet::All,
+            upsampling: None,
+            animation: None,
+            last: None,
+            cancel: cancel.clone(),
+        }
+    }
+
+    /// The first field of a store, framed, with colours and opacities that suit its values ([`Series::first_look`](crate::pipeline::Series::first_look)).
+    ///
+    /// # Errors
+    /// If there is no store, or its mesh has no extent.
+    pub fn open(store: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let (pipeline, cancel) = (Pipeline::open(&Store::open(store)?, None)?, Cancel::new());
+        let FirstLook { tf, range, text } = pipeline.series().first_look(None, &cancel);
+        let look = Look { range, ..Look::default_for(pipeline.series(), tf)? };
+        Ok(Self { tf_text: text, ..Self::new(pipeline, look, &cancel) })
+    }
+
+    /// Shows what a project says from now on; of the rest, the look.
+    pub fn set_project(&mut self, project: Arc<Project>) {
+        let Look { opacity_kind, lengths, .. } = self.look;
+        self.animation = Some(Animation::new(project, self.pipeline.series().clone(), opacity_kind, lengths));
+    }
+
+    /// The project, if there is one.
+    pub fn project(&self) -> Option<&Arc<Project>> {
+        self.animation.as_ref().map(Animation::project)
+    }
+
+    /// What ends that which takes long.
+    pub fn cancel(&self) -> &Cancel {
+        &self.cancel
+    }
+
+    /// Renders a step, or a moment between two.
+    ///
+    /// # Errors
+    /// As [`Self::request`] and [`Pipeline::render`].
+    pub fn render(&mut self, time: impl Into<FrameTime>) -> Result<&Frame, SceneError> {
+        let request = self.request(time)?;
+        Ok(self.pipeline.render_unless(&request, &self.cancel)?)
+    }
+
+    /// The request for a step, or for a moment between two.
+    ///
+    /// # Errors
+    /// If the look or the project has nothing to show there, or somebody cancels.
+    pub fn request(&mut self, time: impl Into<FrameTime>) -> Result<FrameRequest, SceneError> {
+        let time = time.into();
+        self.request_at(time, time.time(self.pipeline.times()))
+    }
+
+    /// The request for a moment of the series at a time `at` of the project's timeline, in the unit of the series.
+    ///
+    /// # Errors
+    /// As [`Self::request`].
+    pub fn request_at(&mut self, time: FrameTime, at: f64) -> Result<FrameRequest, SceneError> {
+        let keyed = self.animation.as_mut().map(|animation| animation.at(time, at, &self.cancel));
+        if self.cancel.is_cancelled() {
+            return Err(SceneError::Cancelled);
+        }
+        let keyed = keyed.transpose()?.unwrap_or_default();
+        match &keyed.colors {
+            Some(colors) => {
+                // What a legend shows.
+                let range = mapped_range(self.pipeline.series(), &RangePolicy::Series, 0.into()).ok();
+                self.last = Some(LastColors { range, colors: colors.clone(), of_project: true });
+            }
+            None => self.find_colors(time)?,
+        }
+        let own = || self.last.as_ref().map(|last| last.colors.clone()).ok_or(SceneError::Cancelled);
+        let request = self.look.request(time, self.size_px, &keyed, own)?;
+        let has_surfaces = request.tets().is_some_and(|tets| !tets.surfaces.is_empty() || !tets.cuts.is_empty());
+        Ok(FrameRequest {
+            guides: self.guides && has_surfaces,
+            samples: self.samples.clone(),
+            upsampling: self.upsampling,
+            ..request
+        })
+    }
+
+    /// Makes the look's own colours of a moment, unless those of the last request cover the same range.
+    fn find_colors(&mut self, time: FrameTime) -> Result<(), SceneError> {
+        let field = &self.pipeline.field().name;
+        let failed = |problem| SceneError::Colors { field: field.clone(), problem };
+        let range = mapped_range(self.pipeline.series(), &self.look.range, time).map_err(failed)?;
+        if self.last.as_ref().is_some_and(|last| (last.range, last.of_project) == (Some(range), false)) {
+            return Ok(());
+        }
+        let look = self.look.clone();
+        let colors = unless_cancelled(&self.cancel, move || look.colors(&range)).ok_or(SceneError::Cancelled)?;
+        self.last = Some(LastColors { range: Some(range), colors: colors?, of_project: false });
+        Ok(())
+    }
+
+    /// Whether the colours of the last request are those of a project's ensembles.
+    pub fn shows_ensembles(&self) -> bool {
+        self.last.as_ref().is_some_and(|last| last.of_project)
+    }
+
+    /// What gives the last request its colours, in words.
+    pub fn transfer_function(&self) -> String {
+        match self.project().filter(|_| self.shows_ensembles()).map(|project| project.ensembles.len()) {
+            Some(1) => "an ensemble".to_owned(),
+            Some(count) => format!("{count} ensembles on a timeline"),
+            None => self.tf_text.clone(),
+        }
+    }
+
+    /// The scalars that the colours of the last request cover; `None` if the field has no finite value.
+    pub fn range(&self) -> Option<MappedRange> {
+        self.last.as_ref().and_then(|last| last.range)
+    }
+
+    /// What the colours of the last request mean.
+    pub fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
+        let LastColors { range, colors, of_project } = self.last.as_ref()?;
+        let range = (*range)?;
+        let of_look = || Some(self.look.tf.color_map().clone());
+        let map = if *of_project { colors_of(colors.table.over_scalars(), &range) } else { of_look() };
+        Some((map?, range))
+    }
+}
+
+/// The colours of a table over a linear range.
+fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
+    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
+    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
+    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
+    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
+    ColorMap::new("ensemble", points, None).ok()
+}
+
+/// How often a wait looks for a cancel.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Does something on a thread of its own that looks at no flag and writes nothing; `None`: `cancel` was raised before it ended. A panic
+/// goes on here.
+pub fn unless_cancelled<T: Send + 'static>(cancel: &Cancel, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let (say, heard) = bounded(1);
+    // Nobody listens any more after a cancel.
+    let thread = std::thread::spawn(move || _ = say.send(work()));
+    loop {
+        match heard.recv_timeout(TICK) {
+            Ok(done) => return Some(done),
+            Err(RecvTimeoutError::Timeout) if cancel.is_cancelled() => return None,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => match thread.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => return None, // not reached: who ends without a panic has said something
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::Silent;
+
+    #[test]
+    fn work_that_looks_at_no_flag_is_waited_for_until_somebody_cancels() {
+        let cancel = Cancel::new();
+        assert_eq!(unless_cancelled(&cancel, || 7), Some(7));
+        let (end, ended) = bounded::<()>(0);
+        cancel.cancel();
+        assert_eq!(unless_cancelled(&cancel, move || ended.recv().is_ok()), None, "before the work has ended");
+        drop(end);
+        let panic = std::panic::catch_unwind(|| unless_cancelled(&Cancel::new(), || -> u8 { panic!("on purpose") }));
+        assert!(panic.is_err());
+    }
+
+    #[test]
+    fn a_store_is_opened_and_rendered_by_two_calls_as_by_hand() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("jet.zarr");
+        let series = generate(&SynthSpec { cells: 2000, steps: 2, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+        ingest(&series, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let mut scene = Scene::open(&path).unwrap();
+        scene.size_px = (32, 24);
+        let frame = scene.render(1).unwrap().planes.color.clone();
+        assert!(frame.pixels.iter().any(|pixel| pixel[3] > 0.1));
+        assert!(scene.color_scale().is_some() && !scene.shows_ensembles());
+
+        let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
+        let look = Look::first_for(pipeline.series(), &Cancel::new()).unwrap();
+        let range = mapped_range(pipeline.series(), &look.range, 1.into()).unwrap();
+        let table = Arc::new(look.table(&range).unwrap());
+        let request = FrameRequest::new(1, look.camera, table, (32, 24));
+        assert_eq!(pipeline.render(&request).unwrap().planes.color, frame);
+
+        assert!(matches!(Scene::open(dir.path().join("other.zarr")), Err(SceneError::File(_))));
+        scene.cancel().cancel();
+        assert!(scene.render(0).unwrap_err().is_cancelled());
+    }
+}
