@@ -71,7 +71,7 @@ pub enum SceneError {
         /// Name of the field.
         field: String,
         /// What is wrong.
-        problem: TransferError,
+        problem: Box<TransferError>,
     },
     /// The look has no table over a range.
     #[error(transparent)]
@@ -191,7 +191,7 @@ impl Scene {
     /// Makes the look's own colours of a moment, unless those of the last request cover the same range.
     fn find_colors(&mut self, time: FrameTime) -> Result<(), SceneError> {
         let field = &self.pipeline.field().name;
-        let failed = |problem| SceneError::Colors { field: field.clone(), problem };
+        let failed = |problem| SceneError::Colors { field: field.clone(), problem: Box::new(problem) };
         let range = mapped_range(self.pipeline.series(), &self.look.range, time).map_err(failed)?;
         if self.last.as_ref().is_some_and(|last| (last.range, last.of_project) == (Some(range), false)) {
             return Ok(());

@@ -19,8 +19,10 @@ pub use equal_time::{BUDGETS, Curves, EqualTime, EqualTimeTable, Family, Setting
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
 pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
 pub use scenes::{AccuracyScene, TRANSFER_FUNCTIONS, VIEWS, View, scenes};
+pub(in crate::bench) use summary::is_judged_by;
 pub use summary::{AccuracyTable, PathSummary, front_of, path_label, summaries};
-pub(in crate::bench) use summary::{is_judged_by, series_of, transfer_functions_of};
+#[cfg(feature = "cli")]
+pub(in crate::bench) use summary::{series_of, transfer_functions_of};
 
 use super::frames::describe;
 use super::report::{BenchRun, RunError};

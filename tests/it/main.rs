@@ -1,6 +1,7 @@
 //! The one integration binary: tests that cross modules, read sample files or run the command.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
+#[cfg(feature = "cli")]
 mod accuracy;
 #[cfg(feature = "cli")]
 mod cli;

@@ -425,7 +425,7 @@ fn summary(output: &Output, records: &[FrameRecord]) -> String {
 /// What ends a command where a run has an error: the cause itself, which is told apart from others.
 pub(super) fn of_run(error: RunError) -> anyhow::Error {
     match error {
-        RunError::Scene(error) => of_scene(error),
+        RunError::Scene(error) => of_scene(*error),
         error if error.is_cancelled() => Interrupted.into(),
         error => error.into(),
     }

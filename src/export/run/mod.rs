@@ -114,7 +114,7 @@ pub struct FrameRecord {
 pub enum RunError {
     /// A request could not be made.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(Box<SceneError>),
     /// A frame could not be rendered.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
@@ -142,6 +142,12 @@ pub enum RunError {
     /// Somebody asked to stop.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl From<SceneError> for RunError {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(Box::new(error))
+    }
 }
 
 impl From<MovieError> for RunError {
