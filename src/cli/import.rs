@@ -8,6 +8,7 @@ use crate::codec::vq::{MAX_ENTRIES, VqOptions};
 use crate::error::FileResult;
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
+use crate::import::Format;
 use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
 use crate::mesh::{Mesh, RepairReport};
 use serde::Serialize;
@@ -19,9 +20,9 @@ use std::time::Duration;
 const FOLLOW_MIN: f64 = 0.01;
 const FOLLOW_MAX: f64 = 86_400.0;
 
-/// Import a series (.pvd, .vtu, .xdmf) into a store
 #[derive(Debug, clap::Args)]
 #[command(
+    about = format!("Import a series ({}) into a store", Format::extensions()),
     after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag --units T=K\n  \
 tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024\n  \
 tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"

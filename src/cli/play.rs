@@ -5,6 +5,7 @@ use super::project::{self, Taker};
 use super::scene::{SceneArgs, SizePx};
 use super::{Outcome, surfaces};
 use crate::export::still::Background;
+use crate::import::Format;
 use crate::ingest::Origin;
 use crate::look::{DEFAULT_TF, Look};
 use crate::pipeline::{PipelinedOptions, Series};
@@ -33,9 +34,9 @@ Example:
 In the window, H shows all keys: Space plays and pauses, Left and Right step, a drag turns, the wheel zooms, a click follows a
 point over time, S saves the picture.")]
 pub(super) struct Args {
-    /// A store, a source (.pvd, .vtu, .xdmf) to import to the cache first (several .vtu files are one series), or a project
-    /// (docs/projects.md); none: ask for one
     #[arg(value_name = "NAME.zarr|PROJECT.toml")]
+    #[arg(help = format!("A store, a source ({}) to import to the cache first (several .vtu files are one series), or a project \
+        (docs/projects.md); none: ask for one", Format::extensions()))]
     paths: Vec<PathBuf>,
     /// Take up steps that are added to the store while it plays (by import --append)
     #[arg(long)]

@@ -6,6 +6,7 @@ use super::{Interrupted, Outcome, print_result, source};
 use crate::export::vtu::{self, VtuError, VtuOptions};
 use crate::field::{Association, FieldSelector, SeriesSource};
 use crate::import;
+use crate::import::Format;
 use crate::ingest::IngestOptions;
 use crate::synth::{FadedSeries, SeriesName, SynthSpec, generate};
 use anyhow::Context;
@@ -27,8 +28,8 @@ pub(super) struct Args {
     /// About how many tets
     #[arg(long, default_value_t = 100_000, value_name = "N")]
     cells: u64,
-    /// decay only: fade the scalars of this mesh (.vtu, .pvd, .xdmf) instead of generated ones
     #[arg(long, value_name = "MESH", conflicts_with_all = ["cells", "seed"])]
+    #[arg(help = format!("decay only: fade the scalars of this mesh ({}) instead of generated ones", Format::extensions()))]
     from: Option<PathBuf>,
     /// Split every cell of the mesh into eight, so many times
     #[arg(long, default_value_t = 0, value_name = "N", requires = "from")]

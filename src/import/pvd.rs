@@ -1,19 +1,41 @@
 //! Reader of `.pvd` files: ParaView's list of the files of a series, each with its time.
 
+use super::format::Format;
+use super::series::Series;
+use super::vtu::VtuStep;
 use super::xml::{Attributes, same_length_utf8};
 use crate::error::{FileError, FileResult};
+use crate::field::{SeriesSource, TimeAxis};
 use crate::files;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::path::{Path, PathBuf};
 
+/// ParaView's lists of `.vtu` files, each with its time.
+pub(super) const FORMAT: Format = Format {
+    name: "ParaView collections",
+    extensions: &["pvd"],
+    joins: false,
+    open,
+    files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| step.parts).collect()),
+};
+
+/// Opens the one collection of `paths`.
+fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
+    let [path] = paths else { return Err(FileError::invalid("", "", "a collection is opened alone")) };
+    let (steps, notes) = read(path)?;
+    let times = TimeAxis { values: steps.iter().map(|step| step.time).collect() };
+    let files = steps.into_iter().map(|step| step.parts).collect();
+    Ok(Box::new(Series::<VtuStep>::new(path.display().to_string(), times, files, notes)?))
+}
+
 /// One time of a collection.
 #[derive(Debug, PartialEq)]
-pub(super) struct Step {
+struct Step {
     /// Time as the file has it.
-    pub(super) time: f64,
+    time: f64,
     /// The files that make up the mesh and its fields at this time.
-    pub(super) parts: Vec<PathBuf>,
+    parts: Vec<PathBuf>,
 }
 
 /// A `DataSet` element.
@@ -37,7 +59,7 @@ impl Entry {
 /// # Errors
 /// If the file cannot be read or is no collection, if two entries are the same part of the same time, or if a file
 /// that it names is missing or of another kind.
-pub(super) fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
+fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
     let bytes = files::read(path)?;
     let mut entries = parse(path, &bytes)?;
     let all = entries.len();

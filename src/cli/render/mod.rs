@@ -15,6 +15,7 @@ use crate::export::still::{Background, FrameAttributes, StillFormat, StillOption
 use crate::files;
 use crate::image::{ExrColor, ExrCompression, ExrEncoding};
 use crate::import;
+use crate::import::Format;
 use crate::pipeline::{DrawnBy, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::Project;
 use crate::scene::Scene;
@@ -41,8 +42,8 @@ Example:
 
 Movies need ffmpeg on the path, or named in TETREEL_FFMPEG.")]
 pub(super) struct Args {
-    /// A store, a source (.pvd, .vtu, .xdmf) to import to the cache first, or a project (docs/projects.md)
     #[arg(value_name = "NAME.zarr|PROJECT.toml")]
+    #[arg(help = format!("A store, a source ({}) to import to the cache first, or a project (docs/projects.md)", Format::extensions()))]
     store: PathBuf,
     /// Image files (.png, .exr; %04d counts the frames from 0) or a movie (.mp4, .mov, .mkv: H.264; .webm: VP9); of a project, the
     /// one that it names if none is given

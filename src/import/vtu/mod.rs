@@ -4,8 +4,10 @@ mod cells;
 mod compression;
 mod encoded;
 mod header;
+mod open;
 mod step;
 
+pub(super) use open::FORMAT;
 pub(super) use step::VtuStep;
 
 use super::numbers::{self, Number, Values};
@@ -202,7 +204,7 @@ fn without_blanks(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
 ///
 /// # Errors
 /// If the file cannot be read, or is no unstructured grid.
-pub(super) fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
+fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
     const FIRST_READ: u64 = 1 << 16;
     let mut file = files::open(path)?;
     let mut bytes = Vec::new();

@@ -10,6 +10,7 @@ mod items;
 mod step;
 mod tree;
 
+use super::format::Format;
 use super::joined::Joined;
 use super::series::Series;
 use crate::error::{FileError, FileResult};
@@ -21,6 +22,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use step::XdmfStep;
 use tree::{DEPTH_MAX, Document, Id};
+
+/// XDMF files, each of which has the series of all its collections; several have fields of their own on the same mesh.
+pub(super) const FORMAT: Format =
+    Format { name: "XDMF with HDF5", extensions: &["xdmf", "xmf"], joins: true, open: open_all, files };
+
+fn open_all(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
+    let named = paths.first().map_or(Path::new(""), |first| first);
+    Joined::of(named, paths.iter().map(|path| open(path)).collect::<FileResult<_>>()?)
+}
 
 /// The steps of one temporal collection, or of all grids outside of such.
 struct Collection {
@@ -35,7 +45,7 @@ struct Collection {
 /// # Errors
 /// If the file cannot be read, is damaged, has no grid, or one of a kind that is not read; if files that it names are
 /// missing.
-pub(super) fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
+fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     let (collections, notes) = read(path)?;
     for (file, place) in files_of(&collections) {
         crate::files::check_kind(&file)?;
@@ -58,7 +68,7 @@ pub(super) fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
 ///
 /// # Errors
 /// If it is damaged.
-pub(super) fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
+fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     Ok(files_of(&read(path)?.0).into_keys().collect())
 }
 

@@ -1,6 +1,7 @@
 //! What is shown when nothing is played, and while something is opened.
 
 use super::widgets::icon;
+use crate::import::Format;
 use crate::ui::opening::OpeningProgress;
 use crate::ui::settings::RecentFile;
 use eframe::egui;
@@ -27,7 +28,8 @@ impl PathBox {
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<PathBuf> {
         let mut is_entered = false;
         ui.horizontal(|ui| {
-            let edit = egui::TextEdit::singleline(&mut self.text).hint_text("path of a .zarr, .pvd, .vtu or .xdmf");
+            let edit = egui::TextEdit::singleline(&mut self.text)
+                .hint_text(format!("path of a .zarr, {}", Format::extensions()));
             let response = ui.add(edit.desired_width(320.0));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Path to open"));
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
@@ -63,7 +65,7 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
         ui.add_space(0.25 * ui.available_height());
         ui.heading("tetreel");
         ui.add_space(8.0);
-        ui.label("Drop a store (.zarr) or files of a simulation (.pvd, .vtu, .xdmf) here,");
+        ui.label(format!("Drop a store (.zarr) or files of a simulation ({}) here,", Format::extensions()));
         ui.label("or name one:");
         ui.add_space(8.0);
         ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::left_to_right(Align::Center), |ui| {

@@ -1,0 +1,75 @@
+//! The formats that are read.
+
+use super::{pvd, vtu, xdmf};
+use crate::error::FileResult;
+use crate::field::SeriesSource;
+use std::path::{Path, PathBuf};
+
+/// Files of simulations that are read alike: a folder here, and a line of [`FORMATS`].
+pub struct Format {
+    /// What they are, in the plural, for messages.
+    pub name: &'static str,
+    /// By which extensions of their names they are recognised, in lower case; the usual one first.
+    pub extensions: &'static [&'static str],
+    /// Whether several files, in natural order of their names, are one series.
+    pub joins: bool,
+    /// Opens one file, or several if they join.
+    ///
+    /// # Errors
+    /// If a file is damaged, or has what is not read.
+    pub open: fn(&[PathBuf]) -> FileResult<Box<dyn SeriesSource>>,
+    /// The files beside one that are read with it.
+    ///
+    /// # Errors
+    /// If the file is damaged or names missing ones.
+    pub files: fn(&Path) -> FileResult<Vec<PathBuf>>,
+}
+
+/// All that [`open`](super::open) reads. Help, messages and the player name what is in this list.
+pub const FORMATS: &[Format] = &[pvd::FORMAT, vtu::FORMAT, xdmf::FORMAT];
+
+impl Format {
+    /// The format of a file, by the extension of its name.
+    pub fn of(path: &Path) -> Option<&'static Self> {
+        let extension = extension(path);
+        FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+    }
+
+    /// The usual extensions of all formats, as in ".pvd, .vtu, .xdmf".
+    pub fn extensions() -> String {
+        let usual = FORMATS.iter().filter_map(|format| format.extensions.first());
+        usual.map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The same with what they are, as in ".pvd (ParaView collections) and .vtu (unstructured grids of VTK)".
+    pub fn list() -> String {
+        let of = |format: &Self| format!(".{} ({})", format.extensions.first().unwrap_or(&""), format.name);
+        let all: Vec<String> = FORMATS.iter().map(of).collect();
+        match &all[..] {
+            [.., _, last] => format!("{} and {last}", all[..all.len() - 1].join(", ")),
+            one => one.concat(),
+        }
+    }
+}
+
+/// The extension of a name in lower case; empty if there is none.
+pub(super) fn extension(path: &Path) -> String {
+    path.extension().map_or(String::new(), |e| e.to_string_lossy().to_ascii_lowercase())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_have_extensions_of_their_own_and_are_listed() {
+        let all: Vec<&str> = FORMATS.iter().flat_map(|format| format.extensions).copied().collect();
+        for (i, extension) in all.iter().enumerate() {
+            assert!(!all[..i].contains(extension) && !extension.is_empty(), "{extension}");
+            assert_eq!(*extension, extension.to_ascii_lowercase());
+            assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
+        }
+        assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
+        assert_eq!(Format::extensions(), ".pvd, .vtu, .xdmf");
+    }
+}
