@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if names.is_empty() {
         let path = scratch.path().join("jet.zarr");
         let jet = generate(&SynthSpec { cells: 1_000_000, steps: 8, ..SynthSpec::new(SeriesName::Jet) })?;
-        let codec = CodecChoice::Vq(VqOptions { entries: 64, ..VqOptions::default() });
+        let codec = CodecChoice::new(VqOptions { entries: 64, ..VqOptions::default() });
         ingest(&jet, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new())?;
         names.push(path.display().to_string());
     }

@@ -107,7 +107,7 @@ impl Job<'_> {
             add()
         } else {
             let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
-            let codec = self.codec.unwrap_or_default();
+            let codec = self.codec.clone().unwrap_or_default();
             let options = IngestOptions { fields, units, steps, codec, overwrite: false };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
@@ -124,7 +124,7 @@ impl Job<'_> {
 
     fn append_options(&self, steps: StepRange) -> AppendOptions {
         let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
-        AppendOptions { fields, units, steps, codec: self.codec }
+        AppendOptions { fields, units, steps, codec: self.codec.clone() }
     }
 
     fn print(&self, done: &Done) -> anyhow::Result<()> {

@@ -3,14 +3,16 @@
 use super::append::Job;
 use super::progress::Terminal;
 use super::{Outcome, print_result, source, steps};
-use crate::codec::raw;
-use crate::codec::vq::{MAX_ENTRIES, VqOptions};
+use crate::codec::vq::MAX_ENTRIES;
+use crate::codec::{CODECS, codec_of};
 use crate::error::FileResult;
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import;
 use crate::import::Format;
 use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
 use crate::mesh::{Mesh, RepairReport};
+use anyhow::bail;
+use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
@@ -45,8 +47,7 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
-    /// How values are stored: raw as they are, vq compressed with loss [default: raw, or that of the store with --append]
-    #[arg(long, value_parser = ["raw", "vq"])]
+    #[arg(long, value_parser = PossibleValuesParser::new(CODECS.iter().map(|codec| codec.name())), help = codec_help())]
     codec: Option<String>,
     /// Entries of each codebook of vq: more are larger and closer to the truth [default: 256]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=MAX_ENTRIES as i64))]
@@ -84,7 +85,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
             fields: &args.fields,
             units: &args.units,
             steps: args.steps,
-            codec: args.codec.as_ref().map(|_| codec),
+            codec: args.codec.as_ref().map(|_| codec.clone()),
             json: args.json,
         };
         return match (args.follow, args.dry_run && output.symlink_metadata().is_ok()) {
@@ -126,21 +127,28 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| format!("'{text}' is no number of seconds from {FOLLOW_MIN} to {FOLLOW_MAX}"))
 }
 
-/// The codec that the options name; raw if they name none.
+/// How values can be stored.
+fn codec_help() -> String {
+    let all: Vec<String> = CODECS.iter().map(|codec| format!("{}, {}", codec.name(), codec.about())).collect();
+    let first = CODECS.first().map_or("", |codec| codec.name());
+    format!("How values are stored: {} [default: {first}, or that of the store with --append]", all.join("; "))
+}
+
+/// The codec that the options name; the first if they name none.
 fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
-    if args.codec.as_deref().unwrap_or(raw::NAME) == raw::NAME {
-        let unused = args.entries.is_some() || args.search.is_some() || args.relative;
-        anyhow::ensure!(!unused, "--entries, --search and --relative are of --codec vq: say so, or leave them out");
-        return Ok(CodecChoice::Raw);
+    let entries = args.entries.map(|entries| entries.to_string());
+    let relative = args.relative.then_some("true");
+    let given = [("entries", entries.as_deref()), ("search", args.search.as_deref()), ("relative", relative)];
+    let given: Vec<(&str, &str)> = given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect();
+    let Some(codec) = args.codec.as_deref().map_or(CODECS.first().copied(), codec_of) else {
+        bail!("--codec is none of those that there are");
+    };
+    if let Some((option, _)) = given.iter().find(|(option, _)| !codec.options().contains(option)) {
+        let others = CODECS.iter().filter(|other| other.options().contains(option));
+        let others: Vec<String> = others.map(|other| format!("--codec {}", other.name())).collect();
+        bail!("--{option} is of {}: say so, or leave it out", others.join(" and "));
     }
-    let mut options = VqOptions { own_scales: args.relative, ..VqOptions::default() };
-    if let Some(entries) = args.entries {
-        options.entries = entries as usize;
-    }
-    if let Some(search) = &args.search {
-        options.search = search.parse().map_err(anyhow::Error::msg)?;
-    }
-    Ok(CodecChoice::Vq(options))
+    codec.choose(&given).map_err(anyhow::Error::msg)
 }
 
 /// What `--dry-run` says.

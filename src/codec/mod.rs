@@ -6,6 +6,8 @@
 //! Zarr arrays, described by [`ArraySpec`]: little-endian elements and then their CRC-32C, which is what the stock codecs
 //! `bytes` and `crc32c` write. What decoders keep in memory lies in a [`BlockCache`], which several of them may share.
 //!
+//! A further codec is a folder here and a line of [`CODECS`].
+//!
 //! | layer | where |
 //! |---|---|
 //! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
@@ -19,6 +21,7 @@ mod chunk;
 mod magnitude;
 mod quality;
 pub mod raw;
+mod registry;
 mod stop;
 #[cfg(test)]
 mod test_objects;
@@ -31,6 +34,7 @@ pub use chunk::{
 };
 pub use magnitude::{magnitude, magnitude_unless};
 pub use quality::{ErrorTally, OverSigma, Quality};
+pub use registry::{CODECS, Codec, CodecChoice, Coding, Encoding, StoredValues, codec_of};
 pub use stop::Stop;
 
 use crate::error::FileResult;

@@ -3,13 +3,15 @@
 use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedBlock};
 use super::stop::{go_on, unless_cancelled};
 use super::{
-    ArraySpec, ChunkSink, Chunking, DecodeStats, Decoder, ElementType, Encoded, Encoder, ReadRange, Stop, Wanted,
-    chunk_key, parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
+    ArraySpec, ChunkSink, Chunking, Codec, CodecChoice, Coding, DecodeStats, Decoder, ElementType, Encoded, Encoder,
+    Encoding, ErrorTally, ReadRange, Stop, StoredValues, Wanted, chunk_key, parse_chunk_key, read_chunk_unless,
+    read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use rayon::prelude::*;
+use std::fmt;
 use std::sync::Arc;
 
 /// Values that one task copies: below that, threads cost more than they bring.
@@ -17,6 +19,97 @@ const TASK: usize = 32_768;
 
 /// Name of the codec and of its array.
 pub const NAME: &str = "raw";
+
+/// The values as they are.
+#[derive(Clone, Copy, Debug)]
+pub struct Raw;
+
+impl Codec for Raw {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn about(&self) -> &'static str {
+        "the values as they are"
+    }
+
+    fn options(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    fn block_steps(&self) -> usize {
+        1
+    }
+
+    fn is_exact(&self) -> bool {
+        true
+    }
+
+    fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String> {
+        match options.first() {
+            None => Ok(CodecChoice::new(Self)),
+            Some((name, _)) => Err(format!("codec {NAME} has no option '{name}'")),
+        }
+    }
+
+    fn coding(&self, _parameters: &serde_json::Value) -> Result<Arc<dyn Coding>, String> {
+        Ok(Arc::new(Self))
+    }
+}
+
+impl fmt::Display for Raw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(NAME)
+    }
+}
+
+impl Encoding for Raw {
+    fn codec(&self) -> &'static dyn Codec {
+        &Self
+    }
+
+    fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
+        Box::new(RawEncoder::new(vertices))
+    }
+
+    fn entries(&self) -> Option<u64> {
+        None
+    }
+
+    fn paper_bytes(&self, _vertices: u64, _steps: u64) -> Option<u64> {
+        None
+    }
+}
+
+impl Coding for Raw {
+    fn codec(&self) -> &'static dyn Codec {
+        &Self
+    }
+
+    fn choice(&self) -> Option<CodecChoice> {
+        Some(CodecChoice::new(Self))
+    }
+
+    fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
+        vec![array(steps, vertices)]
+    }
+
+    fn decoder(&self, values: &StoredValues<'_>, cache: Option<Arc<BlockCache>>) -> Box<dyn Decoder> {
+        let decoder = RawDecoder::new(values.source.clone(), values.group_key, values.steps, values.vertices);
+        Box::new(match cache {
+            Some(cache) => decoder.with_cache(cache),
+            None => decoder,
+        })
+    }
+
+    fn unsettled_chunks(&self, _values: &StoredValues<'_>) -> Vec<String> {
+        Vec::new()
+    }
+
+    fn resume(&self, values: &StoredValues<'_>, _errors: ErrorTally) -> FileResult<Box<dyn Encoder>> {
+        Ok(Box::new(RawEncoder::resume(values.vertices, values.steps as u64)))
+    }
+}
 
 /// The array `raw` [steps, vertices] of f32.
 pub fn array(steps: u64, vertices: u64) -> ArraySpec {

@@ -180,7 +180,7 @@ pub fn plan_append(source: &dyn SeriesSource, out: &Path, options: &AppendOption
 impl Work {
     fn of(source: &dyn SeriesSource, out: &Path, options: &AppendOptions) -> FileResult<Self> {
         let store = Store::open(out)?;
-        check_codec(&store, options.codec)?;
+        check_codec(&store, options.codec.as_ref())?;
         let fields = fields_of(source, &store, options)?;
         let (times, known) = (&source.times().values, &store.times().values);
         let selected = select_steps(source, options.steps)?;
@@ -230,18 +230,12 @@ fn find_again(source: &dyn SeriesSource, store: &Store, first: usize) -> FileRes
 }
 
 /// Fails if another codec than the store's is asked for.
-fn check_codec(store: &Store, asked: Option<CodecChoice>) -> FileResult<()> {
+fn check_codec(store: &Store, asked: Option<&CodecChoice>) -> FileResult<()> {
     let Some(asked) = asked else { return Ok(()) };
     for field in store.fields().iter().filter(|field| field.magnitude_of.is_empty()) {
-        let kept = match field.vq_parameters() {
-            None => CodecChoice::Raw,
-            // Of an older version: that nothing can be added is said when it is tried.
-            Some(parameters) => CodecChoice::Vq(match parameters.options() {
-                Some(options) => options,
-                None => continue,
-            }),
-        };
-        if kept != asked {
+        // Of an older version: that nothing can be added is said when it is tried.
+        let Some(kept) = field.coding().and_then(|coding| coding.choice()) else { continue };
+        if kept != *asked {
             let problem = format!("is coded as {kept}, not as {asked}: a store keeps its codec");
             let remedy = "leave --codec and its options out, or name those that it has";
             return Err(FileError::invalid(store.path(), format!("field '{}'", field.name), problem).remedy(remedy));

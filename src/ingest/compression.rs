@@ -1,7 +1,6 @@
 //! What compressing a field has brought, in the columns of the dissertation's Table 6.1.
 
-use crate::codec::Quality;
-use crate::codec::vq::paper_bytes;
+use crate::codec::{Encoding, Quality};
 use serde::Serialize;
 use std::fmt;
 
@@ -34,13 +33,19 @@ pub struct CompressionReport {
 }
 
 impl CompressionReport {
-    pub(super) fn new(entries: usize, [vertices, tets, steps]: [u64; 3], bytes: u64, quality: Quality) -> Self {
+    /// `None` without a codebook.
+    pub(super) fn new(
+        encoding: &dyn Encoding,
+        [vertices, tets, steps]: [u64; 3],
+        bytes: u64,
+        quality: Quality,
+    ) -> Option<Self> {
+        let (entries, paper_bytes) = (encoding.entries()?, encoding.paper_bytes(vertices, steps)?);
         let raw_bytes = vertices * steps * size_of::<f32>() as u64;
-        let paper_bytes = paper_bytes(vertices, steps, entries as u64);
         let ratio = |bytes: u64| raw_bytes as f64 / bytes.max(1) as f64;
-        Self {
-            codec: crate::codec::vq::NAME.to_owned(),
-            entries: entries as u64,
+        Some(Self {
+            codec: encoding.codec().name().to_owned(),
+            entries,
             vertices,
             tets,
             steps,
@@ -50,7 +55,7 @@ impl CompressionReport {
             paper_ratio: ratio(paper_bytes),
             ratio: ratio(bytes),
             quality,
-        }
+        })
     }
 }
 

@@ -17,15 +17,13 @@ mod report;
 mod same_mesh;
 mod stream;
 
+pub use crate::codec::CodecChoice;
 pub use append::{AppendOptions, AppendPlan, AppendReport, AppendedField, append, plan_append};
 pub use cached::{CacheError, CacheEvent, ImportCache, Origin};
 pub use compression::CompressionReport;
-pub use options::{CodecChoice, FieldUnits, IngestOptions, StepRange, StepRangeError};
+pub use options::{FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
-use crate::codec::Encoder;
-use crate::codec::raw::RawEncoder;
-use crate::codec::vq::VqEncoder;
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
 use crate::mesh::Mesh;
@@ -72,7 +70,7 @@ pub fn ingest(
     let mesh_seconds = start.elapsed().as_secs_f64();
 
     let vertices = order.vertex_source().len();
-    let targets = fields.iter().map(|f| targets(f, vertices, options.codec, &mut writer)).collect();
+    let targets = fields.iter().map(|f| targets(f, vertices, &options.codec, &mut writer)).collect();
     let mut pass = Pass::new(source, order, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     progress.begin("import", steps.len() as u64, "steps");
@@ -92,7 +90,7 @@ pub fn ingest(
     let mut seconds = pass.seconds;
     let values = pass.values_read;
     let counts = [vertices, cells, steps.len()].map(|n| n as u64);
-    let fields = reports(pass.targets, counts, options.codec)?;
+    let fields = reports(pass.targets, counts, &options.codec)?;
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;
     seconds.mesh = mesh_seconds;
@@ -151,7 +149,7 @@ fn select_steps(source: &dyn SeriesSource, range: StepRange) -> FileResult<Vec<u
 }
 
 /// Begins the fields of the store that a field of the source becomes.
-fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
+fn targets(field: &PlannedField, vertices: usize, codec: &CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
     let association = field.info.association;
     let mut targets: Vec<Target> = Vec::new();
     for Output { name, virtual_, units, .. } in &field.outputs {
@@ -160,11 +158,7 @@ fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &m
             let components: Vec<&FieldWriter> = targets.iter().map(|t| &t.writer).collect();
             writer.begin_magnitude(description, &components)
         } else {
-            let encoder: Box<dyn Encoder> = match codec {
-                CodecChoice::Raw => Box::new(RawEncoder::new(vertices)),
-                CodecChoice::Vq(options) => Box::new(VqEncoder::new(vertices, options)),
-            };
-            writer.begin_field(description, encoder)
+            writer.begin_field(description, codec.encoding().encoder(vertices))
         };
         targets.push(Target { writer, moments: Moments::new(vertices), association, first_step: 0 });
     }
@@ -172,17 +166,13 @@ fn targets(field: &PlannedField, vertices: usize, codec: CodecChoice, writer: &m
 }
 
 /// Finishes the fields. `counts` are vertices, cells and steps.
-fn reports(targets: Vec<Vec<Target>>, counts: [u64; 3], codec: CodecChoice) -> FileResult<Vec<FieldReport>> {
+fn reports(targets: Vec<Vec<Target>>, counts: [u64; 3], codec: &CodecChoice) -> FileResult<Vec<FieldReport>> {
     let report = |target: Target| {
         let series = target.moments.series();
         let name = target.writer.name().to_owned();
         let written = target.writer.finish(&target.moments)?;
-        let compression = match (codec, written.quality) {
-            (CodecChoice::Vq(options), Some(quality)) => {
-                Some(CompressionReport::new(options.entries, counts, written.value_bytes, quality))
-            }
-            _ => None,
-        };
+        let compressed = |quality| CompressionReport::new(codec.encoding(), counts, written.value_bytes, quality);
+        let compression = written.quality.and_then(compressed);
         Ok(FieldReport {
             name,
             association: target.association,

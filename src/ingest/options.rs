@@ -1,6 +1,6 @@
 //! What to import.
 
-use crate::codec::vq::VqOptions;
+use crate::codec::CodecChoice;
 use crate::field::FieldSelector;
 use std::fmt;
 use std::str::FromStr;
@@ -101,28 +101,6 @@ impl StepRange {
             return Err(StepRangeError::Reversed(*self));
         }
         Ok((self.first..=last).step_by(self.stride).collect())
-    }
-}
-
-/// The codec of the fields.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CodecChoice {
-    /// The values as they are.
-    #[default]
-    Raw,
-    /// Vector quantisation along time, lossy. See [`crate::codec::vq`].
-    Vq(VqOptions),
-}
-
-impl fmt::Display for CodecChoice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Raw => f.write_str("raw"),
-            Self::Vq(VqOptions { entries, search, own_scales }) => {
-                let relative = if *own_scales { ", relative" } else { "" };
-                write!(f, "vq with {entries} entries, {} search{relative}", search.as_str())
-            }
-        }
     }
 }
 

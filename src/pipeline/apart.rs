@@ -43,6 +43,14 @@ impl StepSource for Apart {
         self.source(step).vq_block(step)
     }
 
+    fn expect(&self, upcoming: &[usize]) {
+        self.own.expect(upcoming);
+    }
+
+    fn prefetch(&self, cancel: &Cancel) -> FileResult<bool> {
+        self.own.prefetch(cancel)
+    }
+
     fn is_resident(&self, step: usize) -> bool {
         self.player.is_resident(step) || self.own.is_resident(step)
     }
@@ -111,7 +119,7 @@ mod tests {
     }
 
     fn vq() -> CodecChoice {
-        CodecChoice::Vq(VqOptions { entries: 16, ..VqOptions::default() })
+        CodecChoice::new(VqOptions { entries: 16, ..VqOptions::default() })
     }
 
     fn decoded(series: &Series, step: usize) -> Vec<f32> {

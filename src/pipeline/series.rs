@@ -18,7 +18,8 @@ use crate::task::Cancel;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Where steps come from. [`FieldReader`], or in tests one that fails.
+/// Where steps come from: [`FieldReader`], or in tests one that fails. Every method is required, so that none is forgotten where one
+/// source stands before another.
 pub(super) trait StepSource: Send + Sync {
     /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised. Only those vertices need to be there that are
     /// wanted, if that is said.
@@ -34,37 +35,25 @@ pub(super) trait StepSource: Send + Sync {
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
 
     /// Steps that will be shown, in their order.
-    fn expect(&self, _upcoming: &[usize]) {}
+    fn expect(&self, upcoming: &[usize]);
 
     /// Loads the first of what the expected steps need and is not in memory; whether there was anything to load.
-    fn prefetch(&self, _cancel: &Cancel) -> FileResult<bool> {
-        Ok(false)
-    }
+    fn prefetch(&self, cancel: &Cancel) -> FileResult<bool>;
 
     /// Whether a step can be decoded without reading anything.
-    fn is_resident(&self, _step: usize) -> bool {
-        false
-    }
+    fn is_resident(&self, step: usize) -> bool;
 
     /// The coefficients of variation that were stored, if they are of these steps.
-    fn vertex_importance(&self) -> Option<Vec<f32>> {
-        None
-    }
+    fn vertex_importance(&self) -> Option<Vec<f32>>;
 
     /// Mean and variance of every vertex, if they were stored.
-    fn vertex_statistics(&self) -> Option<VertexStatistics> {
-        None
-    }
+    fn vertex_statistics(&self) -> Option<VertexStatistics>;
 
     /// Histograms of the whole series, one for each of [`Kind::ALL`]; `None` if there are none, or `cancel` was raised.
-    fn histograms(&self, _mesh: &Mesh, _cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        Ok(None)
-    }
+    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>>;
 
     /// So many intervals that were chosen at import.
-    fn intervals(&self, _count: usize) -> Option<Vec<Interval>> {
-        None
-    }
+    fn intervals(&self, count: usize) -> Option<Vec<Interval>>;
 
     /// Another source of the same steps, with its blocks in `blocks`.
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource>;

@@ -7,7 +7,9 @@ use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
 use crate::ingest::{IngestOptions, ingest};
+use crate::lod::Interval;
 use crate::mesh::Mesh;
+use crate::moments::VertexStatistics;
 use crate::store::{Store, StoredField};
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
@@ -101,6 +103,28 @@ impl StepSource for Fake {
 
     fn vq_block(&self, _step: usize) -> FileResult<Option<Arc<VqBlock>>> {
         Ok(None)
+    }
+
+    fn expect(&self, _upcoming: &[usize]) {}
+
+    fn prefetch(&self, _cancel: &Cancel) -> FileResult<bool> {
+        Ok(false)
+    }
+
+    fn is_resident(&self, _step: usize) -> bool {
+        false
+    }
+
+    fn vertex_importance(&self) -> Option<Vec<f32>> {
+        None
+    }
+
+    fn vertex_statistics(&self) -> Option<VertexStatistics> {
+        None
+    }
+
+    fn intervals(&self, _count: usize) -> Option<Vec<Interval>> {
+        None
     }
 
     fn histograms(&self, _mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {

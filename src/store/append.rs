@@ -1,21 +1,20 @@
 //! Adding steps to a store: a new store beside it that shares the files that stay as they are, then in its place at once.
 
 use super::array::StoredArray;
-use super::field::{Coding, StoredField};
-use super::folder::FolderSink;
+use super::field::StoredField;
+use super::folder::{Folder, FolderSink};
 use super::histograms::HISTOGRAMS;
 use super::importance::LOD;
 use super::layout::{self, FIELDS, TIME};
 use super::staging::Staging;
 use super::writer::{CHECKSUM_PER_STEP, Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
 use super::{FieldDescription, Store};
-use crate::codec::raw::RawEncoder;
-use crate::codec::vq::{self, VqEncoder, VqOptions, VqParameters};
-use crate::codec::{Chunking, ElementType, ErrorTally};
+use crate::codec::{Chunking, ElementType, ErrorTally, ReadRange, StoredValues};
 use crate::error::{FileError, FileResult};
 use crate::field::FieldSelector;
 use crate::moments::Moments;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A field of a store that goes on.
 pub struct ResumedField {
@@ -29,23 +28,18 @@ pub struct ResumedField {
 }
 
 impl StoredField {
-    /// Parameters of the codec `vq`; `None` if the values are coded otherwise.
-    pub fn vq_parameters(&self) -> Option<&VqParameters> {
-        match &self.coding {
-            Coding::Vq(parameters) => Some(parameters),
-            Coding::Raw | Coding::Magnitude => None,
-        }
-    }
-
     /// Of so many steps, those that stay as they are coded when others are added.
     pub fn settled_steps(&self, steps: usize) -> usize {
-        if self.vq_parameters().is_some() { steps / vq::STEPS * vq::STEPS } else { steps }
+        let block = self.coding().map_or(1, |coding| coding.codec().block_steps());
+        steps / block * block
     }
 
     /// Keys of the chunks that are replaced when steps are added.
-    pub(super) fn unsettled_chunks(&self, source: &super::Folder, steps: usize) -> Vec<String> {
-        let group = format!("{FIELDS}/{}", self.folder);
-        self.vq_parameters().map(|p| p.unsettled_chunks(source, &group, steps as u64)).unwrap_or_default()
+    pub(super) fn unsettled_chunks(&self, source: &Arc<Folder>, steps: usize, vertices: usize) -> Vec<String> {
+        let group_key = &format!("{FIELDS}/{}", self.folder);
+        let source: &Arc<dyn ReadRange> = &(source.clone() as Arc<dyn ReadRange>);
+        let values = StoredValues { source, group_key, steps, vertices };
+        self.coding().map(|coding| coding.unsettled_chunks(&values)).unwrap_or_default()
     }
 }
 
@@ -119,14 +113,20 @@ fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
     })?;
     let moments = Moments::resume(&statistics, &field.range_per_step, field.nonfinite)
         .ok_or_else(|| FileError::invalid(path.join("moments"), "", "holds no statistics of so many steps"))?;
-    let content = match &field.coding {
-        Coding::Raw => Content::Encoded(Box::new(RawEncoder::resume(reader.vertex_count(), steps as u64))),
-        Coding::Magnitude => Content::MagnitudeOf(field.component_folders.clone()),
-        Coding::Vq(parameters) => {
-            let options = options_of(parameters, &path)?;
-            let tally = errors_so_far(store, &group, steps / vq::STEPS * vq::STEPS, reader.vertex_count())?;
-            let encoder = VqEncoder::resume(&*store.source, &group, parameters, options, steps as u64, tally)?;
-            Content::Encoded(Box::new(encoder))
+    let content = match field.coding() {
+        None => Content::MagnitudeOf(field.component_folders.clone()),
+        Some(coding) => {
+            if coding.choice().is_none() {
+                return Err(too_old(path.join("zarr.json"), "does not say how it was coded"));
+            }
+            let vertices = reader.vertex_count();
+            let errors = match coding.codec().is_exact() {
+                true => ErrorTally::new(vertices),
+                false => errors_so_far(store, &group, field.settled_steps(steps), vertices)?,
+            };
+            let source: &Arc<dyn ReadRange> = &(store.source.clone() as Arc<dyn ReadRange>);
+            let values = StoredValues { source, group_key: &group, steps, vertices };
+            Content::Encoded(coding.resume(&values, errors)?)
         }
     };
     Ok(Resumed { content, moments, first_step: field.settled_steps(steps) })
@@ -135,10 +135,6 @@ fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
 fn too_old(path: impl AsRef<Path>, what: &str) -> FileError {
     let problem = format!("{what}: the store is of an older version, and with codec vq nothing can be added to it");
     FileError::unsupported(path, "", problem).remedy("import the series again")
-}
-
-fn options_of(parameters: &VqParameters, path: &Path) -> FileResult<VqOptions> {
-    parameters.options().ok_or_else(|| too_old(path.join("zarr.json"), "does not say how it was coded"))
 }
 
 /// The errors of the complete blocks, which are `steps` steps.

@@ -7,10 +7,11 @@ use super::layout::{self, FIELDS, FieldAttributes};
 use super::mesh::is_current;
 use super::writer::{CHECKSUM_PER_STEP, moments_array};
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
-use crate::codec::raw::{self, RawDecoder};
-use crate::codec::vq::{self, VqBlock, VqDecoder, VqParameters};
-use crate::codec::{ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, Wanted};
-use crate::codec::{chunk_key, magnitude_unless, read_rows};
+use crate::codec::vq::VqBlock;
+use crate::codec::{
+    self, ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, StoredValues, Wanted, chunk_key,
+    magnitude_unless, read_rows,
+};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use crate::moments::{StepSummary, VertexStatistics};
@@ -58,36 +59,39 @@ pub struct StoredField {
     pub(super) coding: Coding,
 }
 
-/// How the values of a field are coded.
-#[derive(Clone, Debug, PartialEq)]
+/// Where the values of a field come from.
+#[derive(Clone, Debug)]
 pub(super) enum Coding {
-    Raw,
-    Vq(VqParameters),
-    /// From other fields.
+    /// A codec has written them.
+    Coded(Arc<dyn codec::Coding>),
+    /// Other fields.
     Magnitude,
+}
+
+impl PartialEq for Coding {
+    /// Compares which of the two they are: parameters stand in the field.
+    fn eq(&self, other: &Self) -> bool {
+        matches!((self, other), (Self::Coded(_), Self::Coded(_)) | (Self::Magnitude, Self::Magnitude))
+    }
 }
 
 impl Coding {
     /// What the attributes say.
     fn of(attributes: &FieldAttributes, path: &Path) -> FileResult<Self> {
-        match attributes.codec.as_str() {
-            raw::NAME => Ok(Self::Raw),
-            vq::NAME => {
-                let parameters = VqParameters::read(&attributes.codec_parameters);
-                parameters.map(Self::Vq).map_err(|problem| FileError::invalid(path, "attributes", problem))
-            }
-            MAGNITUDE_CODEC if !attributes.magnitude_of.is_empty() => Ok(Self::Magnitude),
-            codec => {
-                let error = FileError::unsupported(path, "codec", format!("'{codec}' is not known"));
-                Err(error.remedy("a newer version of tetreel may read it"))
-            }
+        if attributes.codec == MAGNITUDE_CODEC && !attributes.magnitude_of.is_empty() {
+            return Ok(Self::Magnitude);
         }
+        let Some(codec) = codec::codec_of(&attributes.codec) else {
+            let error = FileError::unsupported(path, "codec", format!("'{}' is not known", attributes.codec));
+            return Err(error.remedy("a newer version of tetreel may read it"));
+        };
+        let coding = codec.coding(&attributes.codec_parameters);
+        coding.map(Self::Coded).map_err(|problem| FileError::invalid(path, "attributes", problem))
     }
 
     fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
         match self {
-            Self::Raw => vec![raw::array(steps, vertices)],
-            Self::Vq(parameters) => parameters.arrays(steps, vertices),
+            Self::Coded(coding) => coding.arrays(steps, vertices),
             Self::Magnitude => Vec::new(),
         }
     }
@@ -144,26 +148,20 @@ impl StoredField {
         arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
     }
 
-    /// A decoder of the field's own values, with its blocks in `cache` if there is one.
-    fn decoder(&self, series: &Series<'_>) -> Box<dyn Decoder> {
-        let group = format!("{FIELDS}/{}", self.folder);
-        let (source, cache) = (series.source.clone(), series.cache.clone());
+    /// How its own values are coded; `None` of one that is computed from others.
+    pub fn coding(&self) -> Option<&dyn codec::Coding> {
         match &self.coding {
-            Coding::Vq(parameters) => {
-                let decoder = VqDecoder::new(source, &group, parameters.clone(), series.steps, series.vertices);
-                Box::new(match cache {
-                    Some(cache) => decoder.with_cache(cache),
-                    None => decoder,
-                })
-            }
-            Coding::Raw | Coding::Magnitude => {
-                let decoder = RawDecoder::new(source, &group, series.steps, series.vertices);
-                Box::new(match cache {
-                    Some(cache) => decoder.with_cache(cache),
-                    None => decoder,
-                })
-            }
+            Coding::Coded(coding) => Some(&**coding),
+            Coding::Magnitude => None,
         }
+    }
+
+    /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` if it has none of its own.
+    fn decoder(&self, series: &Series<'_>) -> Option<Box<dyn Decoder>> {
+        let group_key = &format!("{FIELDS}/{}", self.folder);
+        let source: &Arc<dyn ReadRange> = &(series.source.clone() as Arc<dyn ReadRange>);
+        let values = StoredValues { source, group_key, steps: series.steps, vertices: series.vertices };
+        self.coding().map(|coding| coding.decoder(&values, series.cache.clone()))
     }
 }
 
@@ -225,11 +223,12 @@ impl FieldReader {
 
     /// `components` are the fields whose norm this one is.
     pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
-        let values = if components.is_empty() {
-            Values::Stored(info.decoder(series))
-        } else {
-            let components = components.iter().map(|field| field.decoder(series)).collect();
-            Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
+        let values = match info.decoder(series).filter(|_| components.is_empty()) {
+            Some(decoder) => Values::Stored(decoder),
+            None => {
+                let components = components.iter().filter_map(|field| field.decoder(series)).collect();
+                Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
+            }
         };
         Self {
             info,

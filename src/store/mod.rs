@@ -167,8 +167,9 @@ impl Store {
     /// What a reader of fields reads from. A last short block is replaced when steps are added: its files are held.
     fn source_of(&self, info: &StoredField, components: &[&StoredField]) -> FileResult<Arc<Folder>> {
         let fields = components.iter().copied().chain([info]);
-        let keys: Vec<String> =
-            fields.flat_map(|field| field.unsettled_chunks(&self.source, self.times.len())).collect();
+        let keys: Vec<String> = fields
+            .flat_map(|field| field.unsettled_chunks(&self.source, self.times.len(), self.mesh.vertices as usize))
+            .collect();
         if keys.is_empty() {
             return Ok(self.source.clone());
         }

@@ -149,7 +149,7 @@ impl OpenedSeries {
             return other("another mesh");
         }
         let identity = |f: &StoredField| {
-            let codec = (f.codec.clone(), f.vq_parameters().and_then(|parameters| parameters.options()));
+            let codec = (f.codec.clone(), f.coding().and_then(|coding| coding.choice()));
             (f.name.clone(), f.folder.clone(), codec, f.association)
         };
         if !self.fields.iter().map(identity).eq(new.fields.iter().map(identity)) {

@@ -88,12 +88,12 @@ impl Following {
 }
 
 fn vq() -> CodecChoice {
-    CodecChoice::Vq(crate::codec::vq::VqOptions { entries: 16, ..Default::default() })
+    CodecChoice::new(crate::codec::vq::VqOptions { entries: 16, ..Default::default() })
 }
 
 #[test]
 fn every_append_arrives_with_the_mesh_and_the_field_that_were_open() {
-    for codec in [CodecChoice::Raw, vq()] {
+    for codec in [CodecChoice::default(), vq()] {
         let growing = Growing::new(codec);
         let open = growing.open(0);
         let following = Following::of(&open);
@@ -127,7 +127,7 @@ fn steps_that_come_all_the_time_arrive_in_order_up_to_the_last() {
 
 #[test]
 fn another_field_is_followed_as_soon_as_it_is_told() {
-    let growing = Growing::new(CodecChoice::Raw);
+    let growing = Growing::new(CodecChoice::default());
     let (open, other) = (growing.open(0), growing.open(1).1);
     assert_ne!(open.1.field().name, other.field().name);
     let following = Following::of(&open);
@@ -147,7 +147,7 @@ fn another_field_is_followed_as_soon_as_it_is_told() {
 
 #[test]
 fn while_nothing_changes_nobody_is_woken() {
-    let growing = Growing::new(CodecChoice::Raw);
+    let growing = Growing::new(CodecChoice::default());
     let following = Following::of(&growing.open(0));
     assert_eq!(following.woken.recv_timeout(QUIET), Err(NotWoken::Timeout));
     assert!(following.follower.take().is_none());
@@ -155,7 +155,7 @@ fn while_nothing_changes_nobody_is_woken() {
 
 #[test]
 fn an_error_is_told_once_and_what_comes_after_it_is_taken_up() {
-    let growing = Growing::new(CodecChoice::Raw);
+    let growing = Growing::new(CodecChoice::default());
     let following = Following::of(&growing.open(0));
     let aside = growing.dir.path().join("aside");
     std::fs::rename(growing.path(), &aside).unwrap();
@@ -175,7 +175,7 @@ fn an_error_is_told_once_and_what_comes_after_it_is_taken_up() {
 
 #[test]
 fn a_change_that_leaves_no_sign_is_found_later() {
-    let growing = Growing::new(CodecChoice::Raw);
+    let growing = Growing::new(CodecChoice::default());
     let mut watch = Watch::new(growing.open(0).0);
     growing.grow_to(5);
     watch.seen = signs(&growing.path());
@@ -186,7 +186,7 @@ fn a_change_that_leaves_no_sign_is_found_later() {
 
 #[test]
 fn a_follower_that_is_dropped_ends() {
-    let growing = Growing::new(CodecChoice::Raw);
+    let growing = Growing::new(CodecChoice::default());
     let shared = Arc::downgrade(&Following::of(&growing.open(0)).follower.shared);
     while shared.strong_count() > 0 {
         std::thread::yield_now();

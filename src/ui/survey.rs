@@ -6,7 +6,6 @@
 //! looked at, evenly over the series.
 
 use super::worker::{BLOCK_BYTES, Slot, Worker};
-use crate::codec::vq;
 use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
 use crate::pipeline::Series;
 use crate::task::Cancel;
@@ -164,7 +163,8 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut
     let mut known = Surveyed::begin(series);
     let mut values = vec![0.0; series.vertices()];
     let mut shown: Option<Instant> = None;
-    for step in order(series.times().len()) {
+    let block = series.field().coding().map_or(1, |coding| coding.codec().block_steps());
+    for step in order(series.times().len(), block) {
         gate.pass();
         match apart.decode_step(step, &mut values, cancel) {
             Ok(true) => {
@@ -194,12 +194,12 @@ fn bit_reversed(count: usize) -> impl Iterator<Item = usize> {
     (0..count.next_power_of_two()).map(reversed).filter(move |&i| i < count)
 }
 
-/// The steps to look at of a series of `steps`, in order.
-fn order(steps: usize) -> Vec<usize> {
+/// The steps to look at of a series of `steps` that are coded `block` at a time, in order.
+fn order(steps: usize, block: usize) -> Vec<usize> {
     let spread: Vec<usize> = bit_reversed(steps).take(MOST_STEPS).collect();
     let (coarse, fine) = spread.split_at(COARSE.min(spread.len()));
-    let mut of_block = vec![Vec::new(); steps.div_ceil(vq::STEPS)];
-    fine.iter().for_each(|&step| of_block[step / vq::STEPS].push(step));
+    let mut of_block = vec![Vec::new(); steps.div_ceil(block)];
+    fine.iter().for_each(|&step| of_block[step / block].push(step));
     of_block.iter_mut().for_each(|steps| steps.sort_unstable());
     coarse.iter().copied().chain(bit_reversed(of_block.len()).flat_map(|b| of_block[b].clone())).collect()
 }
@@ -223,25 +223,25 @@ mod tests {
     #[test]
     fn every_step_is_looked_at_once_and_of_very_many_an_even_choice() {
         for steps in [1, 2, 3, 31, 32, 33, 64, 65, 500, 1000, 1024] {
-            let all: BTreeSet<usize> = order(steps).into_iter().collect();
-            assert_eq!((order(steps).len(), all.len(), all.last()), (steps, steps, Some(&(steps - 1))));
+            let all: BTreeSet<usize> = order(steps, 64).into_iter().collect();
+            assert_eq!((order(steps, 64).len(), all.len(), all.last()), (steps, steps, Some(&(steps - 1))));
         }
         for steps in [1025, 5000, 100_000] {
-            let all: BTreeSet<usize> = order(steps).into_iter().collect();
-            assert_eq!((order(steps).len(), all.len()), (MOST_STEPS, MOST_STEPS));
+            let all: BTreeSet<usize> = order(steps, 64).into_iter().collect();
+            assert_eq!((order(steps, 64).len(), all.len()), (MOST_STEPS, MOST_STEPS));
             let all: Vec<usize> = all.into_iter().chain([steps]).collect();
             let widest = all.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
             // Bit reversal halves intervals: the widest is below twice the mean of a power of two, and that below twice this.
             assert!(all[0] == 0 && widest <= 4 * steps.div_ceil(MOST_STEPS), "{steps}: {widest}");
         }
-        assert!(order(0).is_empty());
+        assert!(order(0, 64).is_empty());
     }
 
     #[test]
     fn the_first_steps_are_spread_and_the_others_take_each_block_once() {
         assert_eq!(bit_reversed(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
         assert_eq!(bit_reversed(5).collect::<Vec<_>>(), [0, 4, 2, 1, 3]);
-        let order = order(1000);
+        let order = order(1000, 64);
         let mut coarse: Vec<usize> = order[..COARSE].to_vec();
         coarse.sort_unstable();
         assert!(coarse.windows(2).all(|pair| pair[1] - pair[0] <= 64), "{coarse:?}");

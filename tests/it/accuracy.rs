@@ -25,7 +25,7 @@ fn jet(dir: &Path) -> (Pipeline, Pipeline, Judged) {
     // So few entries that the loss can be seen.
     let packed = dir.join("vq.zarr");
     let options =
-        IngestOptions { codec: CodecChoice::Vq(VqOptions { entries: 4, ..Default::default() }), ..Default::default() };
+        IngestOptions { codec: CodecChoice::new(VqOptions { entries: 4, ..Default::default() }), ..Default::default() };
     ingest(&series, &packed, &options, &Silent, &Cancel::new()).unwrap();
     let vq = Pipeline::open(&Store::open(&packed).unwrap(), None).unwrap();
     let judged = judged("jet", &mut raw);

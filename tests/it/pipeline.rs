@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tetreel::camera::Camera;
 use tetreel::codec::BlockCache;
+use tetreel::codec::vq::VqOptions;
 use tetreel::ingest::{AppendOptions, CodecChoice, IngestOptions, append, ingest};
 use tetreel::pipeline::{
     Backend, FaceDetail, FrameRequest, Pipeline, Pipelined, PipelinedOptions, SampleSet, Series, TetDraw,
@@ -145,7 +146,7 @@ fn blocks_are_read_ahead_as_far_as_the_budget_goes_and_frames_do_not_depend_on_i
 #[test]
 fn a_player_shows_the_steps_that_a_running_simulation_adds() {
     let series = |steps| generate(&SynthSpec { cells: 600, steps, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
-    for codec in [CodecChoice::Raw, CodecChoice::Vq(Default::default())] {
+    for codec in [CodecChoice::default(), CodecChoice::new(VqOptions::default())] {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("jet.zarr");
         // The simulation has come to step 3, then to step 7.

@@ -257,7 +257,7 @@ fn the_fading_series_of_the_dissertation_are_rebuilt_from_their_meshes() {
 /// One field of a series, compressed with so many entries.
 fn compressed(series: &dyn SeriesSource, field: &str, entries: usize) -> FieldReport {
     let out = tempfile::tempdir().unwrap();
-    let codec = CodecChoice::Vq(VqOptions { entries, ..Default::default() });
+    let codec = CodecChoice::new(VqOptions { entries, ..Default::default() });
     let options = IngestOptions { fields: vec![field.parse().unwrap()], codec, ..Default::default() };
     let report = ingest(series, &out.path().join("vq.zarr"), &options, &Silent, &Cancel::new()).unwrap();
     report.fields.into_iter().next().unwrap()

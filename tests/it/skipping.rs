@@ -243,7 +243,7 @@ fn journey(pipeline: &Pipeline) -> Vec<FrameRequest> {
 fn every_switch_leaves_the_frames_of_a_journey_as_they_are() {
     for (name, codec) in [
         (SeriesName::Jet, CodecChoice::default()),
-        (SeriesName::Tornado, CodecChoice::Vq(VqOptions { entries: 64, ..VqOptions::default() })),
+        (SeriesName::Tornado, CodecChoice::new(VqOptions { entries: 64, ..VqOptions::default() })),
     ] {
         let (_out, store) = stored(name, 40_000, codec);
         let open = || Pipeline::open(&store, None).unwrap();
@@ -324,7 +324,7 @@ fn no_switch_changes_which_rays_contrast_asks_for() {
 #[test]
 fn every_counter_fires_and_none_without_its_switch() {
     let (_out, store) =
-        stored(SeriesName::Jet, 200_000, CodecChoice::Vq(VqOptions { entries: 64, ..VqOptions::default() }));
+        stored(SeriesName::Jet, 200_000, CodecChoice::new(VqOptions { entries: 64, ..VqOptions::default() }));
     let counts = |skip: Skip, draw: TetDraw| {
         let mut pipeline = Pipeline::open(&store, None).unwrap();
         let requests = journey(&pipeline);

@@ -33,6 +33,7 @@
 
 mod block;
 mod codebook;
+mod codec;
 mod decoder;
 mod encode;
 mod encoder;
@@ -53,6 +54,7 @@ mod tiles;
 
 use crate::words::words;
 pub use block::{Indices, SpecialRun, VqBlock};
+pub use codec::Vq;
 pub use decoder::VqDecoder;
 pub use encoder::VqEncoder;
 pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};

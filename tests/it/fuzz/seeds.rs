@@ -117,9 +117,9 @@ fn stores(to: &Path) {
     };
     let vq = VqOptions { entries: 4, search: Search::Exact, own_scales: false };
     for (name, source, codec) in [
-        ("raw", cube(2, 1), CodecChoice::Raw),
-        ("vector", cube(1, 2), CodecChoice::Raw),
-        ("vq", cube(66, 1), CodecChoice::Vq(vq)),
+        ("raw", cube(2, 1), CodecChoice::default()),
+        ("vector", cube(1, 2), CodecChoice::default()),
+        ("vq", cube(66, 1), CodecChoice::new(vq)),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.zarr");

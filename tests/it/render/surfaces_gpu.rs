@@ -256,7 +256,7 @@ fn steps_of_a_jet_decoded_on_the_gpu_have_the_surfaces_of_the_cpu() {
     let series = generate(&SynthSpec { cells: 4000, steps: 66, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("jet.zarr");
-    let codec = CodecChoice::Vq(VqOptions { entries: 256, ..Default::default() });
+    let codec = CodecChoice::new(VqOptions { entries: 256, ..Default::default() });
     ingest(&series, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
     let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
     let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();

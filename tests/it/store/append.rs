@@ -37,7 +37,7 @@ pub fn value(name: &str, component: usize, step: usize, i: usize) -> f32 {
 }
 
 pub fn vq(entries: usize, own_scales: bool) -> Option<CodecChoice> {
-    Some(CodecChoice::Vq(VqOptions { entries, search: Search::Fast, own_scales }))
+    Some(CodecChoice::new(VqOptions { entries, search: Search::Fast, own_scales }))
 }
 
 pub fn import_all(source: &Formulas, out: &Path, codec: Option<CodecChoice>) -> Store {
@@ -52,9 +52,10 @@ pub fn add(source: &Formulas, out: &Path, options: &AppendOptions) -> Result<App
 
 /// A store that grew from step to step, from a source that lists all its steps again each time.
 fn grown(ends: &[usize], out: &Path, codec: Option<CodecChoice>) -> Store {
-    import_all(&part(0..ends[0]), out, codec);
+    import_all(&part(0..ends[0]), out, codec.clone());
     for pair in ends.windows(2) {
-        let report = add(&part(0..pair[1]), out, &AppendOptions { codec, ..Default::default() }).unwrap();
+        let report =
+            add(&part(0..pair[1]), out, &AppendOptions { codec: codec.clone(), ..Default::default() }).unwrap();
         assert_eq!((report.plan.steps_before, report.plan.steps_added), (pair[0], pair[1] - pair[0]));
     }
     Store::open(out).unwrap()
@@ -164,7 +165,7 @@ fn a_vq_store_that_grew_is_the_one_of_one_import() {
     {
         let dir = tempfile::tempdir().unwrap();
         let codec = vq(16, relative);
-        let whole = import_all(&part(0..ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec);
+        let whole = import_all(&part(0..ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec.clone());
         let grown = grown(ends, &dir.path().join("grown.zarr"), codec);
         assert_same(&grown, &whole, ends.len() - 1, ends[0]);
     }
@@ -194,7 +195,7 @@ fn exponents_and_special_values_that_come_late_or_fill_chunks_go_on_as_in_one_im
     for (source, ends) in sources {
         let dir = tempfile::tempdir().unwrap();
         let (out, codec) = (dir.path().join("s.zarr"), vq(4, false));
-        let whole = import_all(&source(ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec);
+        let whole = import_all(&source(ends[ends.len() - 1]), &dir.path().join("whole.zarr"), codec.clone());
         import_all(&source(ends[0]), &out, codec);
         for &end in &ends[1..] {
             add(&source(end), &out, &AppendOptions::default()).unwrap();
@@ -224,7 +225,7 @@ fn a_source_with_only_the_new_steps_will_do_unless_a_block_of_vq_is_short() {
     let dir = tempfile::tempdir().unwrap();
     for (codec, end) in [(None, 5), (vq(16, false), 64)] {
         let out = dir.path().join(format!("{end}.zarr"));
-        import_all(&part(0..end), &out, codec);
+        import_all(&part(0..end), &out, codec.clone());
         let report = add(&part(end..end + 3), &out, &AppendOptions::default()).unwrap();
         assert_eq!((report.plan.steps_added, report.plan.steps_coded_again), (3, 0));
         let whole = import_all(&part(0..end + 3), &dir.path().join("whole.zarr"), codec);

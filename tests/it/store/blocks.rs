@@ -24,7 +24,7 @@ fn source() -> Formulas {
 
 /// A store of each codec with a scalar and a vector.
 fn stores(dir: &Path) -> [PathBuf; 2] {
-    let vq = CodecChoice::Vq(VqOptions { entries: 16, ..VqOptions::default() });
+    let vq = CodecChoice::new(VqOptions { entries: 16, ..VqOptions::default() });
     [("raw.zarr", IngestOptions::default().codec), ("vq.zarr", vq)].map(|(name, codec)| {
         let fields = ["T", "velocity"].map(|field| field.parse().unwrap()).to_vec();
         import(&source(), &dir.join(name), &IngestOptions { fields, codec, ..Default::default() }).unwrap();

@@ -16,7 +16,7 @@ fn readers_that_were_open_go_on_with_the_steps_that_they_had() {
     for codec in [None, vq(16, false)] {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("s.zarr");
-        let old = import_all(&part(0..70), &out, codec);
+        let old = import_all(&part(0..70), &out, codec.clone());
         let names: Vec<String> = old.fields().iter().map(|f| f.name.clone()).collect();
         let expected: Vec<Vec<u32>> = names.iter().flat_map(|n| [3, 68].map(|s| decode(&reader(&old, n), s))).collect();
         // Opened, but nothing read yet.

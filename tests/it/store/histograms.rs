@@ -48,7 +48,7 @@ pub fn count_all(store: &Store) {
 fn a_store_keeps_the_histograms_of_every_field_and_codec_for_which_somebody_has_asked() {
     for codec in [None, vq(16, false)] {
         let dir = tempfile::tempdir().unwrap();
-        let store = import_all(&part(0..70), &dir.path().join("s.zarr"), codec);
+        let store = import_all(&part(0..70), &dir.path().join("s.zarr"), codec.clone());
         assert!(store.fields().iter().all(|field| stored(store.path(), &field.name).is_none()), "nobody has asked");
         let store = counted(&part(0..70), &dir.path().join("t.zarr"), codec);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing is left beside");
@@ -140,7 +140,7 @@ fn a_store_that_grew_has_the_histograms_of_one_import() {
     for codec in [None, vq(16, false)] {
         let dir = tempfile::tempdir().unwrap();
         let [grown, whole] = ["grown.zarr", "whole.zarr"].map(|name| dir.path().join(name));
-        counted(&part(0..3), &grown, codec);
+        counted(&part(0..3), &grown, codec.clone());
         let before = stored(&grown, "T").unwrap();
         for end in [5, 67, 70] {
             add(&part(0..end), &grown, &Default::default()).unwrap();
@@ -213,7 +213,7 @@ fn what_vq_gives_back_beyond_the_range_of_the_source_is_in_the_bins_at_its_ends(
     let mut source = sample(64);
     source.fields = vec![field("T", 1, Association::Point)];
     source.value = Box::new(|name, component, step, i| distinct(name, component, step % 7, i));
-    let codec = CodecChoice::Vq(VqOptions { entries: 2, ..VqOptions::default() });
+    let codec = CodecChoice::new(VqOptions { entries: 2, ..VqOptions::default() });
     let store = import_all(&source, &dir.path().join("s.zarr"), Some(codec));
     let found = histograms(&store, "T");
     let counted = found[0].one().unwrap();

@@ -126,7 +126,7 @@ fn python_decodes_the_steps_of_vq() {
             (3, 9) => f32::INFINITY,
             _ => smooth(name, component, step, i) + (i as f32 * 0.1 * step as f32).cos(),
         });
-        let codec = CodecChoice::Vq(VqOptions { entries, own_scales, ..VqOptions::default() });
+        let codec = CodecChoice::new(VqOptions { entries, own_scales, ..VqOptions::default() });
         let report =
             import(&source, &dir.path().join("s.zarr"), &IngestOptions { codec, ..IngestOptions::default() }).unwrap();
         assert!(report.fields.iter().any(|f| f.nonfinite > 0));

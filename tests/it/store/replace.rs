@@ -165,7 +165,7 @@ fn a_reader_of_a_store_that_is_replaced_gives_what_it_opened_or_an_error() {
     for (codec, other_codec) in [(None, None), (vq(16, false), vq(16, false)), (vq(16, false), vq(16, true))] {
         let dir = tempfile::tempdir().unwrap();
         let [out, kept] = ["s.zarr", "kept.zarr"].map(|name| dir.path().join(name));
-        let [store, kept] = [&out, &kept].map(|path| import_all(&part(0..STEPS), path, codec));
+        let [store, kept] = [&out, &kept].map(|path| import_all(&part(0..STEPS), path, codec.clone()));
         let names: Vec<String> = store.fields().iter().map(|f| f.name.clone()).collect();
         let readers: Vec<_> = names.iter().map(|name| reader(&store, name)).collect();
         for (open, name) in readers.iter().zip(&names) {

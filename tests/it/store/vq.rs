@@ -9,7 +9,7 @@ use tetreel::store::Store;
 const STEPS: usize = 70;
 
 fn options(entries: usize) -> IngestOptions {
-    IngestOptions { codec: CodecChoice::Vq(VqOptions { entries, ..VqOptions::default() }), ..IngestOptions::default() }
+    IngestOptions { codec: CodecChoice::new(VqOptions { entries, ..VqOptions::default() }), ..IngestOptions::default() }
 }
 
 /// The sample, moving, with a hole.

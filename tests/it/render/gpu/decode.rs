@@ -53,7 +53,7 @@ fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
     let mut renderer = GpuRaycast::new(context);
     for (entries, own_scales) in [(256, false), (300, true), (2, true), (1024, false)] {
         let path = temp.path().join(format!("{entries}.zarr"));
-        let codec = CodecChoice::Vq(VqOptions { entries, own_scales, ..Default::default() });
+        let codec = CodecChoice::new(VqOptions { entries, own_scales, ..Default::default() });
         ingest(&odd, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
         let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
         let table =
@@ -101,7 +101,7 @@ fn a_block_beyond_a_binding_is_sent_decoded() {
     let Some(context) = context() else { return };
     let temp = tempfile::tempdir().unwrap();
     let series = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
-    let codec = CodecChoice::Vq(VqOptions { entries: 1024, ..Default::default() });
+    let codec = CodecChoice::new(VqOptions { entries: 1024, ..Default::default() });
     let path = temp.path().join("jet.zarr");
     ingest(&series, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
     let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();

@@ -1,0 +1,127 @@
+//! What codec `vq` says of itself.
+
+use super::layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
+use super::{STEPS, VqDecoder, VqEncoder, VqOptions};
+use crate::codec::{
+    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, StoredValues,
+};
+use crate::error::{FileError, FileResult};
+use serde_json::Value;
+use std::fmt;
+use std::sync::Arc;
+
+/// Vector quantisation along time.
+#[derive(Clone, Copy, Debug)]
+pub struct Vq;
+
+impl Codec for Vq {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn about(&self) -> &'static str {
+        "vector quantisation along time, lossy (docs/compression.md)"
+    }
+
+    fn options(&self) -> &'static [&'static str] {
+        &["entries", "search", "relative"]
+    }
+
+    fn block_steps(&self) -> usize {
+        STEPS
+    }
+
+    fn is_exact(&self) -> bool {
+        false
+    }
+
+    fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String> {
+        let mut chosen = VqOptions::default();
+        for (name, value) in options {
+            match *name {
+                "entries" => {
+                    let entries = value.parse().ok().filter(|entries| (2..=MAX_ENTRIES).contains(entries));
+                    chosen.entries =
+                        entries.ok_or_else(|| format!("'{value}' is no number of entries; give 2 to {MAX_ENTRIES}"))?;
+                }
+                "search" => chosen.search = value.parse()?,
+                "relative" => {
+                    let parsed = value.parse();
+                    chosen.own_scales = parsed.map_err(|_| format!("relative is true or false, not '{value}'"))?;
+                }
+                _ => return Err(format!("codec {NAME} has no option '{name}'")),
+            }
+        }
+        Ok(chosen.into())
+    }
+
+    fn coding(&self, parameters: &Value) -> Result<Arc<dyn Coding>, String> {
+        Ok(Arc::new(VqParameters::read(parameters)?))
+    }
+}
+
+impl fmt::Display for VqOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let relative = if self.own_scales { ", relative" } else { "" };
+        write!(f, "{NAME} with {} entries, {} search{relative}", self.entries, self.search.as_str())
+    }
+}
+
+impl From<VqOptions> for CodecChoice {
+    fn from(options: VqOptions) -> Self {
+        Self::new(options)
+    }
+}
+
+impl Encoding for VqOptions {
+    fn codec(&self) -> &'static dyn Codec {
+        &Vq
+    }
+
+    fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
+        Box::new(VqEncoder::new(vertices, *self))
+    }
+
+    fn entries(&self) -> Option<u64> {
+        Some(self.entries as u64)
+    }
+
+    fn paper_bytes(&self, vertices: u64, steps: u64) -> Option<u64> {
+        Some(paper_bytes(vertices, steps, self.entries as u64))
+    }
+}
+
+impl Coding for VqParameters {
+    fn codec(&self) -> &'static dyn Codec {
+        &Vq
+    }
+
+    fn choice(&self) -> Option<CodecChoice> {
+        self.options().map(CodecChoice::from)
+    }
+
+    fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
+        Self::arrays(self, steps, vertices)
+    }
+
+    fn decoder(&self, values: &StoredValues<'_>, cache: Option<Arc<BlockCache>>) -> Box<dyn Decoder> {
+        let StoredValues { source, group_key, steps, vertices } = *values;
+        let decoder = VqDecoder::new(source.clone(), group_key, self.clone(), steps, vertices);
+        Box::new(match cache {
+            Some(cache) => decoder.with_cache(cache),
+            None => decoder,
+        })
+    }
+
+    fn unsettled_chunks(&self, values: &StoredValues<'_>) -> Vec<String> {
+        Self::unsettled_chunks(self, &**values.source, values.group_key, values.steps as u64)
+    }
+
+    fn resume(&self, values: &StoredValues<'_>, errors: ErrorTally) -> FileResult<Box<dyn Encoder>> {
+        let StoredValues { source, group_key, steps, .. } = *values;
+        let options = self.options().ok_or_else(|| {
+            FileError::unsupported(source.path(group_key), "codec_parameters", "do not say how the field was coded")
+        })?;
+        Ok(Box::new(VqEncoder::resume(&**source, group_key, self, options, steps as u64, errors)?))
+    }
+}
