@@ -114,7 +114,8 @@ impl Scene {
         }
     }
 
-    /// The first field of a store, framed, with colours and opacities that suit its values ([`Series::first_look`](crate::pipeline::Series::first_look)).
+    /// The first field of a store, framed, with colours and opacities that suit its values
+    /// ([`Series::first_look`](crate::pipeline::Series::first_look)).
     ///
     /// # Errors
     /// If there is no store, or its mesh has no extent.
@@ -164,7 +165,11 @@ impl Scene {
     /// # Errors
     /// As [`Self::request`].
     pub fn request_at(&mut self, time: FrameTime, at: f64) -> Result<FrameRequest, SceneError> {
-        let keyed = self.animation.as_mut().map(|animation| animation.at(time, at, &self.cancel));
+        let Look { opacity_kind, lengths, .. } = self.look;
+        let keyed = self.animation.as_mut().map(|animation| {
+            animation.set_opacities(opacity_kind, lengths);
+            animation.at(time, at, &self.cancel)
+        });
         if self.cancel.is_cancelled() {
             return Err(SceneError::Cancelled);
         }
@@ -188,12 +193,13 @@ impl Scene {
         })
     }
 
-    /// Makes the look's own colours of a moment, unless those of the last request cover the same range.
+    /// Makes the look's own colours of a moment, unless those of the last request are made from the same.
     fn find_colors(&mut self, time: FrameTime) -> Result<(), SceneError> {
         let field = &self.pipeline.field().name;
         let failed = |problem| SceneError::Colors { field: field.clone(), problem: Box::new(problem) };
         let range = mapped_range(self.pipeline.series(), &self.look.range, time).map_err(failed)?;
-        if self.last.as_ref().is_some_and(|last| (last.range, last.of_project) == (Some(range), false)) {
+        let source = self.look.source(&range);
+        if self.last.as_ref().is_some_and(|last| !last.of_project && last.colors.formula.as_deref() == Some(&source)) {
             return Ok(());
         }
         let look = self.look.clone();
@@ -268,6 +274,7 @@ mod tests {
     use crate::ingest::{IngestOptions, ingest};
     use crate::synth::{SeriesName, SynthSpec, generate};
     use crate::task::Silent;
+    use crate::transfer::TransferFunction;
 
     #[test]
     fn work_that_looks_at_no_flag_is_waited_for_until_somebody_cancels() {
@@ -299,6 +306,17 @@ mod tests {
         let table = Arc::new(look.table(&range).unwrap());
         let request = FrameRequest::new(1, look.camera, table, (32, 24));
         assert_eq!(pipeline.render(&request).unwrap().planes.color, frame);
+
+        // The look is the user's: what it is made into follows it.
+        scene.look.tf = TransferFunction::parse("gray@0:0.5,1:0.5").unwrap();
+        let colored = scene.render(1).unwrap().planes.color.clone();
+        assert_ne!(colored, frame);
+        scene.look.lengths.unit_distance *= 10.0;
+        let thinner = scene.render(1).unwrap().planes.color.clone();
+        assert_ne!(thinner, colored);
+        let again = Scene::new(Pipeline::new(scene.pipeline.series().clone()), scene.look.clone(), &Cancel::new());
+        let mut again = Scene { size_px: (32, 24), ..again };
+        assert_eq!(again.render(1).unwrap().planes.color, thinner);
 
         assert!(matches!(Scene::open(dir.path().join("other.zarr")), Err(SceneError::File(_))));
         scene.cancel().cancel();

@@ -98,7 +98,7 @@ impl Display for CodecChoice {
 /// Where the values of a field are.
 pub struct StoredValues<'a> {
     /// The store.
-    pub source: &'a Arc<dyn ReadRange>,
+    pub source: Arc<dyn ReadRange>,
     /// The group of the field in it.
     pub group_key: &'a str,
     /// Number of steps.

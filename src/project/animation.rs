@@ -14,7 +14,7 @@ use crate::transfer::{
 };
 use std::sync::Arc;
 
-/// A project over a series. Colors are made anew only where something has changed.
+/// A project over a series. Colours are made anew only where something has changed.
 pub struct Animation {
     project: Arc<Project>,
     series: Arc<Series>,
@@ -51,6 +51,13 @@ impl Animation {
     /// The project.
     pub fn project(&self) -> &Arc<Project> {
         &self.project
+    }
+
+    /// Another meaning of opacities, or other lengths, from now on.
+    pub fn set_opacities(&mut self, kind: OpacityKind, lengths: Lengths) {
+        if (self.kind, self.lengths) != (kind, lengths) {
+            (self.kind, self.lengths, self.last) = (kind, lengths, None);
+        }
     }
 
     /// Another project over the same field: what is known of the field stays.

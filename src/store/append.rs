@@ -9,7 +9,7 @@ use super::layout::{self, FIELDS, TIME};
 use super::staging::Staging;
 use super::writer::{CHECKSUM_PER_STEP, Content, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldWriter, StoreWriter};
 use super::{FieldDescription, Store};
-use crate::codec::{Chunking, ElementType, ErrorTally, ReadRange, StoredValues};
+use crate::codec::{Chunking, ElementType, ErrorTally, StoredValues};
 use crate::error::{FileError, FileResult};
 use crate::field::FieldSelector;
 use crate::moments::Moments;
@@ -37,8 +37,7 @@ impl StoredField {
     /// Keys of the chunks that are replaced when steps are added.
     pub(super) fn unsettled_chunks(&self, source: &Arc<Folder>, steps: usize, vertices: usize) -> Vec<String> {
         let group_key = &format!("{FIELDS}/{}", self.folder);
-        let source: &Arc<dyn ReadRange> = &(source.clone() as Arc<dyn ReadRange>);
-        let values = StoredValues { source, group_key, steps, vertices };
+        let values = StoredValues { source: source.clone(), group_key, steps, vertices };
         self.coding().map(|coding| coding.unsettled_chunks(&values)).unwrap_or_default()
     }
 }
@@ -124,8 +123,7 @@ fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
                 true => ErrorTally::new(vertices),
                 false => errors_so_far(store, &group, field.settled_steps(steps), vertices)?,
             };
-            let source: &Arc<dyn ReadRange> = &(store.source.clone() as Arc<dyn ReadRange>);
-            let values = StoredValues { source, group_key: &group, steps, vertices };
+            let values = StoredValues { source: store.source.clone(), group_key: &group, steps, vertices };
             Content::Encoded(coding.resume(&values, errors)?)
         }
     };

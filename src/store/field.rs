@@ -159,8 +159,8 @@ impl StoredField {
     /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` if it has none of its own.
     fn decoder(&self, series: &Series<'_>) -> Option<Box<dyn Decoder>> {
         let group_key = &format!("{FIELDS}/{}", self.folder);
-        let source: &Arc<dyn ReadRange> = &(series.source.clone() as Arc<dyn ReadRange>);
-        let values = StoredValues { source, group_key, steps: series.steps, vertices: series.vertices };
+        let (source, steps, vertices) = (series.source.clone(), series.steps, series.vertices);
+        let values = StoredValues { source, group_key, steps, vertices };
         self.coding().map(|coding| coding.decoder(&values, series.cache.clone()))
     }
 }
@@ -223,7 +223,7 @@ impl FieldReader {
 
     /// `components` are the fields whose norm this one is.
     pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
-        let values = match info.decoder(series).filter(|_| components.is_empty()) {
+        let values = match info.decoder(series) {
             Some(decoder) => Values::Stored(decoder),
             None => {
                 let components = components.iter().filter_map(|field| field.decoder(series)).collect();

@@ -37,7 +37,9 @@ pub(super) fn check_fields(root: &Path, key: &str, node: &str, fields: &Addition
     match fields.iter().find(|(_, field)| field.must_understand()) {
         None => Ok(()),
         Some((name, _)) => {
-            Err(FileError::unsupported(path(root, key), node, format!("has a field {name}, which this does not know")))
+            let problem = format!("has a field '{name}' that must be understood, and is not known");
+            let remedy = "a newer version of tetreel may read it";
+            Err(FileError::unsupported(path(root, key), node, problem).remedy(remedy))
         }
     }
 }

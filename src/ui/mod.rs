@@ -76,7 +76,6 @@ pub use action::Action;
 pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;
-
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;
 pub use session::{DEFAULT_TARGET_FPS, IMAGE_SCALES, MotionError, Session, SessionOptions, Shown, TARGET_FPS};

@@ -105,8 +105,8 @@ impl Coding for VqParameters {
     }
 
     fn decoder(&self, values: &StoredValues<'_>, cache: Option<Arc<BlockCache>>) -> Box<dyn Decoder> {
-        let StoredValues { source, group_key, steps, vertices } = *values;
-        let decoder = VqDecoder::new(source.clone(), group_key, self.clone(), steps, vertices);
+        let StoredValues { source, group_key, steps, vertices } = values;
+        let decoder = VqDecoder::new(source.clone(), group_key, self.clone(), *steps, *vertices);
         Box::new(match cache {
             Some(cache) => decoder.with_cache(cache),
             None => decoder,
@@ -114,14 +114,14 @@ impl Coding for VqParameters {
     }
 
     fn unsettled_chunks(&self, values: &StoredValues<'_>) -> Vec<String> {
-        Self::unsettled_chunks(self, &**values.source, values.group_key, values.steps as u64)
+        Self::unsettled_chunks(self, &*values.source, values.group_key, values.steps as u64)
     }
 
     fn resume(&self, values: &StoredValues<'_>, errors: ErrorTally) -> FileResult<Box<dyn Encoder>> {
-        let StoredValues { source, group_key, steps, .. } = *values;
+        let StoredValues { source, group_key, steps, .. } = values;
         let options = self.options().ok_or_else(|| {
             FileError::unsupported(source.path(group_key), "codec_parameters", "do not say how the field was coded")
         })?;
-        Ok(Box::new(VqEncoder::resume(&**source, group_key, self, options, steps as u64, errors)?))
+        Ok(Box::new(VqEncoder::resume(&**source, group_key, self, options, *steps as u64, errors)?))
     }
 }

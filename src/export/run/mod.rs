@@ -182,7 +182,8 @@ impl Run {
     /// # Errors
     /// If a step is damaged, which is found before the first frame is written; else that of the first frame that fails.
     pub fn render(&self, scene: &mut Scene, progress: &dyn Progress) -> Result<Vec<FrameRecord>, RunError> {
-        progress.begin("check", self.plan.steps.len() as u64, "steps");
+        let fields = 1 + scene.look.surfaces.beside.len();
+        progress.begin("check", (fields * self.plan.steps.len()) as u64, "steps");
         let checked = self.check_steps(scene, progress);
         progress.end();
         let checksums = checked?;
