@@ -259,7 +259,7 @@ fn advance_all(first: u32, count: u32) {
 fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
     ray_counts = Rays(false, false, false, 0u);
     origin = vec2(0.0);
-    light_clear(ray_of_pixel(pixel));
+    light_transparent(ray_of_pixel(pixel));
     let fragments = fragments_of(tile, local);
     let first = fragments.x;
     let count = fragments.y;

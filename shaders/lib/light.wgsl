@@ -25,10 +25,10 @@ struct Light {
 var<private> light: Light;
 
 // Before the ray has met anything.
-fn light_clear(ray: Ray) {
+fn light_transparent(ray: Ray) {
     light = Light(ray.length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
     medium_ray(ray);
-    optics_clear();
+    optics_transparent();
 }
 
 // What shines through becomes less by what has been gathered; what rounding leaves out of a difference goes into the next one.

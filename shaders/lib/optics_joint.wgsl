@@ -49,7 +49,7 @@ var<private> layer_share: f32;
 var<private> values: vec2<f32>;
 
 // Before the ray has met anything.
-fn optics_clear() {
+fn optics_transparent() {
     optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
@@ -181,7 +181,7 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
     }
     let more = select(vec2(near.y, far.y), vec2(near.x, far.x), is_below);
     let less = select(vec2(near.x, far.x), vec2(near.y, far.y), is_below);
-    // No weight is negative: what is clear at all corners is clear in between.
+    // No weight is negative: what is transparent at all corners is transparent in between.
     let middle = max(more - less, vec2(0.0));
     let at_near = lower * (1.0 - more.x) + beside * middle.x + upper * less.x;
     let at_far = lower * (1.0 - more.y) + beside * middle.y + upper * less.y;

@@ -37,7 +37,7 @@ struct Sum {
 }
 
 // Before the ray has met anything.
-fn optics_clear() {
+fn optics_transparent() {
     optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 

@@ -38,7 +38,7 @@ struct Optics {
 var<private> optics: Optics;
 
 // Before the ray has met anything.
-fn optics_clear() {
+fn optics_transparent() {
     optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 

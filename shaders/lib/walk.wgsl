@@ -243,7 +243,7 @@ fn step_cell() -> bool {
 fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     path = Walk();
     path.ray = ray_of_pixel(pixel);
-    light_clear(path.ray);
+    light_transparent(path.ray);
     var starts: Starts;
     let entries = find_starts(path.ray, tile, local, real(-NOWHERE), 0u, &starts);
     var going = entries > 0u;

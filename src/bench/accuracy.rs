@@ -181,8 +181,8 @@ fn render_with<'a>(
 impl AccuracyPath {
     /// The request for a scene on this path.
     fn request(&self, scene: &FrameRequest) -> FrameRequest {
-        // Which cells are clear is known for the product's own table only.
-        let knows_clear = self.own_table().is_none();
+        // Which cells are transparent is known for the product's own table only.
+        let knows_transparent = self.own_table().is_none();
         let with_path = |tets: &mut TetLayer| {
             (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces()), self.optics);
             tets.formula.take_if(|_| self.mode == RenderMode::Reference);
@@ -191,7 +191,7 @@ impl AccuracyPath {
             backend: self.backend,
             samples: self.contrast.map_or(SampleSet::All, |contrast| SampleSet::Adaptive { contrast }),
             upsampling: self.upsampling,
-            skip: Skip { clear_cells: knows_clear, clear_chunks: knows_clear, ..ALONE },
+            skip: Skip { transparent_cells: knows_transparent, transparent_chunks: knows_transparent, ..ALONE },
             ..scene.clone().with_tets(with_path)
         }
     }

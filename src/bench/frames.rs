@@ -134,7 +134,7 @@ pub(super) fn describe(
         lod: request.lod(),
         optics: optics.to_string(),
         codec: pipeline.field().codec.clone(),
-        skip: request.skip.clear_cells && drawn_by != DrawnBy::Reference,
+        skip: request.skip.transparent_cells && drawn_by != DrawnBy::Reference,
         k: k_buffer.map(|buffer| buffer.k),
         exact_order: k_buffer.map(|buffer| buffer.exact_order),
         table_size: (optics == OpticsKind::Table3d).then_some(Table3dResolution::default().scalars),

@@ -65,7 +65,7 @@ pub(super) struct SceneArgs {
     pub(super) optics: OpticsKind,
     #[command(flatten)]
     pub(super) surfaces: SurfaceArgs,
-    /// What is left out where the image does not need it: all, none, all,-NAME,... or NAME,... of clear-cells, clear-chunks,
+    /// What is left out where the image does not need it: all, none, all,-NAME,... or NAME,... of transparent-cells, transparent-chunks,
     /// opaque, outside, unchanged and costly-first (docs/skipping.md); the image is the same
     #[arg(long, value_name = "WHAT", default_value = "all", allow_hyphen_values = true)]
     pub(super) skip: Skip,

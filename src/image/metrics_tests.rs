@@ -102,10 +102,10 @@ fn max_and_rmse_are_of_raw_accumulators_over_four_channels() {
 
 #[test]
 fn the_background_decides_what_ssim_and_flip_see_of_transparent_pixels() {
-    let (black, clear) = (image(16, 16, |_, _| [0.0; 3]), RgbaImage::new(16, 16));
-    let over_black = compare(&black, &clear, [0.0; 3]).unwrap();
+    let (black, transparent) = (image(16, 16, |_, _| [0.0; 3]), RgbaImage::new(16, 16));
+    let over_black = compare(&black, &transparent, [0.0; 3]).unwrap();
     assert_eq!((over_black.max, over_black.flip), (1.0, 0.0));
-    let over_white = compare(&black, &clear, [1.0; 3]).unwrap();
+    let over_white = compare(&black, &transparent, [1.0; 3]).unwrap();
     assert!(over_white.flip > 0.9 && over_white.ssim < 0.1);
 }
 

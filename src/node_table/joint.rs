@@ -4,8 +4,9 @@ use super::{Node, NodeTable};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A transfer function of three quantities: the scalar; one that vertices have and that is linear in a cell, as the scalar is
-/// (*rows*); and one that a cell has, the same in all of it (*layers*).
+/// A transfer function of three quantities, with an axis for each: the scalar; a value at vertices, which is linear in a cell as the
+/// scalar is (`vertex_axis`, whose places are the table's *rows*); and a value of a cell, constant in it (`cell_axis`, whose places are
+/// the table's *layers*).
 ///
 /// There is a value for each scalar node, row and layer. Between two layers values are linear. In the plane of scalar and
 /// rows each rectangle between neighbouring nodes and rows is cut into two triangles by the diagonal from its (lower scalar,
@@ -20,8 +21,10 @@ use std::sync::Arc;
 #[serde(try_from = "Parts")]
 pub struct JointTable {
     scalars: Vec<f64>,
-    rows: Vec<f64>,
-    layers: Vec<f64>,
+    #[serde(rename = "rows")]
+    vertex_axis: Vec<f64>,
+    #[serde(rename = "layers")]
+    cell_axis: Vec<f64>,
     values: Vec<[f32; 4]>,
     /// What follows from all of these.
     #[serde(skip)]
@@ -33,16 +36,18 @@ pub struct JointTable {
 #[serde(deny_unknown_fields)]
 struct Parts {
     scalars: Vec<f64>,
-    rows: Vec<f64>,
-    layers: Vec<f64>,
+    #[serde(rename = "rows")]
+    vertex_axis: Vec<f64>,
+    #[serde(rename = "layers")]
+    cell_axis: Vec<f64>,
     values: Vec<[f32; 4]>,
 }
 
 impl TryFrom<Parts> for JointTable {
     type Error = JointTableError;
 
-    fn try_from(Parts { scalars, rows, layers, values }: Parts) -> Result<Self, JointTableError> {
-        Self::new(scalars, rows, layers, values)
+    fn try_from(Parts { scalars, vertex_axis, cell_axis, values }: Parts) -> Result<Self, JointTableError> {
+        Self::new(scalars, vertex_axis, cell_axis, values)
     }
 }
 
@@ -51,26 +56,26 @@ impl TryFrom<Parts> for JointTable {
 pub enum JointAxis {
     /// The scalar.
     Scalar,
-    /// The quantity of vertices.
-    Row,
-    /// The quantity of cells.
-    Layer,
+    /// The value at vertices.
+    Vertex,
+    /// The value of a cell.
+    Cell,
 }
 
 /// Why axes and values do not make a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JointTableError {
     /// Each axis has at least one place.
-    #[error("a transfer function over a grid has no place on its {0:?} axis")]
+    #[error("a joint transfer function has no place on its {0:?} axis")]
     Empty(JointAxis),
-    /// Places are sorted; two at one place make a step, on the axis of rows none are.
+    /// Places are sorted; two at one place make a step, not on the vertex axis.
     #[error("place {1} of the {0:?} axis is not behind the one before it, or the third at one place")]
     NotSorted(JointAxis, usize),
     /// Places are finite, and so is the distance of any two.
     #[error("the {0:?} axis is not finite")]
     NotFinite(JointAxis),
     /// One value for each scalar, row and layer.
-    #[error("{given} values for a grid of {expected}")]
+    #[error("{given} values for a joint table of {expected}")]
     ValueCount {
         /// Values given.
         given: usize,
@@ -94,20 +99,20 @@ fn place_on(axis: &[f64], at: f64) -> ([usize; 2], f64) {
 
 impl JointTable {
     /// A table of `values` (red, green, blue: display-referred, not premultiplied, 0..=1; extinction per world unit of length),
-    /// the one of scalar i, row j and layer k at `(k * rows.len() + j) * scalars.len() + i`.
+    /// the one of scalar i, row j and layer k at `(k * vertex_axis.len() + j) * scalars.len() + i`.
     ///
     /// # Errors
     /// If an axis is empty, not sorted or not finite, or values are too few, too many, not finite or out of range.
     pub fn new(
         scalars: Vec<f64>,
-        rows: Vec<f64>,
-        layers: Vec<f64>,
+        vertex_axis: Vec<f64>,
+        cell_axis: Vec<f64>,
         values: Vec<[f32; 4]>,
     ) -> Result<Self, JointTableError> {
         check_axis(JointAxis::Scalar, &scalars, 2)?;
-        check_axis(JointAxis::Row, &rows, 1)?;
-        check_axis(JointAxis::Layer, &layers, 2)?;
-        let expected = scalars.len().saturating_mul(rows.len()).saturating_mul(layers.len());
+        check_axis(JointAxis::Vertex, &vertex_axis, 1)?;
+        check_axis(JointAxis::Cell, &cell_axis, 2)?;
+        let expected = scalars.len().saturating_mul(vertex_axis.len()).saturating_mul(cell_axis.len());
         if values.len() != expected {
             return Err(JointTableError::ValueCount { given: values.len(), expected });
         }
@@ -118,7 +123,7 @@ impl JointTable {
             Some(bad) => Err(JointTableError::BadValue(bad)),
             None => {
                 let projection = Arc::new(projection(&scalars, &values));
-                Ok(Self { scalars, rows, layers, values, projection })
+                Ok(Self { scalars, vertex_axis, cell_axis, values, projection })
             }
         }
     }
@@ -128,14 +133,14 @@ impl JointTable {
         &self.scalars
     }
 
-    /// The rows, in the unit of the quantity of vertices, sorted.
-    pub fn rows(&self) -> &[f64] {
-        &self.rows
+    /// The places of the vertex axis, one a row, in the unit of the value at vertices, sorted.
+    pub fn vertex_axis(&self) -> &[f64] {
+        &self.vertex_axis
     }
 
-    /// The layers, in the unit of the quantity of cells, sorted, two at a step.
-    pub fn layers(&self) -> &[f64] {
-        &self.layers
+    /// The places of the cell axis, one a layer, in the unit of the value of cells, sorted, two at a step.
+    pub fn cell_axis(&self) -> &[f64] {
+        &self.cell_axis
     }
 
     /// All values, in the order of [`Self::new`].
@@ -145,19 +150,19 @@ impl JointTable {
 
     /// Red, green, blue and extinction at a scalar node, a row and a layer, given by their numbers.
     pub fn value(&self, scalar: usize, row: usize, layer: usize) -> [f32; 4] {
-        self.values[(layer * self.rows.len() + row) * self.scalars.len() + scalar]
+        self.values[(layer * self.vertex_axis.len() + row) * self.scalars.len() + scalar]
     }
 
-    /// The layers below and above a cell's quantity, and its share of the way from one to the other; below the first one for NaN.
+    /// The layers below and above a cell's value, and its share of the way from one to the other; below the first one for NaN.
     pub fn layer_at(&self, cell_value: f64) -> ([usize; 2], f64) {
-        place_on(&self.layers, cell_value)
+        place_on(&self.cell_axis, cell_value)
     }
 
-    /// Colour and extinction at a scalar, a quantity of vertices and one of cells; NaN lies below all.
+    /// Colour and extinction at a scalar, a value at vertices and a value of a cell; NaN lies below all.
     pub fn eval(&self, scalar: f64, vertex_value: f64, cell_value: f64) -> Node {
         let ([left, right], x) = place_on(&self.scalars, scalar);
-        let ([lower, upper], y) = place_on(&self.rows, vertex_value);
-        let ([below, above], z) = place_on(&self.layers, cell_value);
+        let ([lower, upper], y) = place_on(&self.vertex_axis, vertex_value);
+        let ([below, above], z) = place_on(&self.cell_axis, cell_value);
         // The two corners on the diagonal, and the third of the triangle.
         let corners = if x >= y {
             [(left, lower, 1.0 - x), (right, lower, x - y), (right, upper, y)]

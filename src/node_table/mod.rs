@@ -90,7 +90,7 @@ impl NodeTable {
     }
 
     /// A table that shows nothing.
-    pub fn clear() -> Self {
+    pub fn transparent() -> Self {
         Self { nodes: vec![Node { scalar: 0.0, rgb: [0.0; 3], tau: 0.0 }] }
     }
 
@@ -109,7 +109,7 @@ impl NodeTable {
     }
 
     /// Whether extinction is non-zero somewhere in the closed range `[lo, hi]`. Exact: nodes are compared, nothing is
-    /// interpolated, so that a spike of any width counts, and the foot of a ramp however close to its clear end.
+    /// interpolated, so that a spike of any width counts, and the foot of a ramp however close to its transparent end.
     pub fn is_visible_in(&self, lo: f64, hi: f64) -> bool {
         let below = self.nodes.partition_point(|n| n.scalar < lo);
         let until = self.nodes.partition_point(|n| n.scalar <= hi);
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Tables with steps, flat pieces, clear pieces and ramps, over ranges near and far.
+    /// Tables with steps, flat pieces, transparent pieces and ramps, over ranges near and far.
     pub(super) fn tables() -> impl Strategy<Value = NodeTable> {
         let value = prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64];
         // A gap of 0 makes a step.

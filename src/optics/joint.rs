@@ -1,9 +1,9 @@
-//! The exact integrator for a [`JointTable`]: a segment is split where it crosses a line of the grid (a scalar node, a row, the
+//! The exact integrator for a [`JointTable`]: a segment is split where it crosses a line of the table (a scalar node, a row, the
 //! diagonal of a rectangle), and each piece is integrated by [`piece_weights`].
 //!
 //! Places on a segment are shares of it, 0 at its near and 1 at its far end. Which rectangle a piece lies in is counted from line
 //! to line, not looked up: on a line itself that would be a matter of rounding. A piece that ends on a line has there exactly the
-//! values of the line, so that what is clear on one side shows nothing.
+//! values of the line, so that what is transparent on one side shows nothing.
 
 use super::{Accumulator, ScalarMap, piece_weights};
 use crate::node_table::JointTable;
@@ -67,7 +67,7 @@ impl<'a> JointSegment<'a> {
     fn each_piece(&self, from: f64, to: f64, mut take: impl FnMut(Piece)) {
         // Where there is no triangle all is as below the diagonal: (1, 0) is its corner.
         let mut x = Way::new(self.table.scalars(), self.scalars, from, 1.0);
-        let mut y = Way::new(self.table.rows(), self.vertex_values, from, 0.0);
+        let mut y = Way::new(self.table.vertex_axis(), self.vertex_values, from, 0.0);
         let mut start = from;
         loop {
             let (x_crosses, y_crosses) = (x.crosses_at(), y.crosses_at());
@@ -134,7 +134,7 @@ impl<'a> JointSegment<'a> {
 #[inline]
 fn in_triangle([lower, beside, upper]: [Vec4; 3], [x, y]: [f64; 2], is_below: bool) -> Vec4 {
     let (more, less) = if is_below { (x, y) } else { (y, x) };
-    // No weight is negative: what is clear at all corners is clear in between.
+    // No weight is negative: what is transparent at all corners is transparent in between.
     let [of_lower, of_beside, of_upper] = [1.0 - more, more - less, less].map(|weight| weight.max(0.0) as f32);
     lower * of_lower + beside * of_beside + upper * of_upper
 }
@@ -152,7 +152,7 @@ pub struct PackedJoint {
 
 /// Vectors of a packed table at most.
 pub fn packed_len(table: &JointTable) -> usize {
-    let (scalars, rows, layers) = (table.scalars().len(), table.rows().len(), table.layers().len());
+    let (scalars, rows, layers) = (table.scalars().len(), table.vertex_axis().len(), table.cell_axis().len());
     scalars + 1 + rows + 1 + scalars * rows * layers
 }
 
@@ -161,7 +161,7 @@ pub fn packed(table: &JointTable, scalars: ScalarMap, rows: ScalarMap, world_per
     let mut words = Vec::with_capacity(packed_len(table));
     words.extend(intervals(table.scalars(), scalars));
     let scalar_intervals = words.len() as u32;
-    words.extend(intervals(table.rows(), rows));
+    words.extend(intervals(table.vertex_axis(), rows));
     let row_intervals = words.len() as u32 - scalar_intervals;
     // The largest extinction that stays finite when it is averaged.
     let tau = |tau: f32| (f64::from(tau) * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;

@@ -16,14 +16,14 @@ fn table(scalars: &[f64], rows: &[f64], layers: &[f64], value: impl Fn(usize, us
     JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
 }
 
-/// Another value at each place, a part of them clear.
+/// Another value at each place, a part of them transparent.
 fn mixed(i: usize, j: usize, k: usize) -> [f32; 4] {
     let of = |m: usize| ((i * 7 + j * 13 + k * 29 + 3) * m % 17) as f32 / 17.0;
     [of(2), of(3), of(5), 3.0 * (of(7) - 0.3).max(0.0)]
 }
 
 fn through(segment: &JointSegment, length: f64) -> ([f32; 4], u64) {
-    let mut out = Accumulator::CLEAR;
+    let mut out = Accumulator::TRANSPARENT;
     let pieces = segment.composite(0.0, 1.0, length, &mut out);
     (out.pixel(), pieces)
 }
@@ -50,7 +50,7 @@ fn worst(a: [f32; 4], b: [f64; 4]) -> f64 {
 const AXIS: [f64; 4] = [-0.6, -0.1, 0.3, 0.9];
 const LAYERS: [f64; 4] = [-0.5, 0.1, 0.1, 0.7];
 
-/// What 20,000 slices may be off by. Between lines of the grid the midpoint rule is exact for optical depths. Extinctions of up to 2.1
+/// What 20,000 slices may be off by. Between lines of the table the midpoint rule is exact for optical depths. Extinctions of up to 2.1
 /// change within 0.4, 26 along a segment of 2.4 in both directions; of a kink, at which the slope changes by twice that, 4 long, a
 /// slice leaves 52 / 20,000^2 / 8 x 4 = 6.5e-8, and there are a dozen at most. Pieces are rounded by 6e-8 each. Measured: 1.6e-7 of 3,000
 /// segments.
@@ -73,7 +73,7 @@ proptest! {
     fn parts_of_a_segment_add_up_to_it(ends in prop::array::uniform4(-1.2..1.2_f64), cut in 0.05..0.95_f64) {
         let table = table(&AXIS, &AXIS, &LAYERS, mixed);
         let segment = JointSegment::new(&table, [ends[0], ends[1]], [ends[2], ends[3]], 0.4);
-        let mut parts = Accumulator::CLEAR;
+        let mut parts = Accumulator::TRANSPARENT;
         segment.composite(0.0, cut, 2.0 * cut, &mut parts);
         segment.composite(cut, 1.0, 2.0 * (1.0 - cut), &mut parts);
         let whole = through(&segment, 2.0).0;
@@ -84,19 +84,19 @@ proptest! {
     #[test]
     fn one_row_and_one_layer_are_a_table_of_the_scalar(s0 in -1.2..1.2_f64, s1 in -1.2..1.2_f64, value in -2.0..2.0_f64) {
         let scalars = [-0.6, -0.1, 0.3, 0.3, 0.9];
-        let grid = table(&scalars, &[0.5], &[7.0], mixed);
+        let joint = table(&scalars, &[0.5], &[7.0], mixed);
         let node = |i: usize| {
             let [r, g, b, tau] = mixed(i, 0, 0).map(f64::from);
             Node { scalar: scalars[i], rgb: [r, g, b], tau }
         };
         let exact = ExactTable::new(&NodeTable::new((0..5).map(node).collect()).unwrap(), 1.0);
-        let mut expected = Accumulator::CLEAR;
+        let mut expected = Accumulator::TRANSPARENT;
         exact.segment(&mut exact.enter(s0), s0, s1, 1.7, &mut expected);
-        let segment = JointSegment::new(&grid, [s0, s1], [value, -value], f64::NAN);
+        let segment = JointSegment::new(&joint, [s0, s1], [value, -value], f64::NAN);
         // The same pieces, rounded in another order.
         prop_assert!(worst(through(&segment, 1.7).0, expected.pixel().map(f64::from)) < 1e-6);
         let share = segment.first_visible(0.0, 1.0).unwrap_or(1.0);
-        prop_assert!((share - exact.clear_share(s0, s1)).abs() < 1e-12, "{share}");
+        prop_assert!((share - exact.transparent_share(s0, s1)).abs() < 1e-12, "{share}");
     }
 }
 

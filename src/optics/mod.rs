@@ -78,10 +78,10 @@ pub trait Integrator: Sync {
 
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
     /// That of the transfer function itself, however segments are integrated.
-    fn clear_share(&self, s0: f64, s1: f64) -> f64;
+    fn transparent_share(&self, s0: f64, s1: f64) -> f64;
 
     /// Whether no scalar has extinction.
-    fn is_clear(&self) -> bool;
+    fn is_transparent(&self) -> bool;
 
     /// The table of the exact integrator, if that is what it is.
     #[inline(always)]
@@ -109,12 +109,13 @@ pub const OPAQUE_TRANSMITTANCE: f32 = 1.0 / 131_072.0;
 
 impl Accumulator {
     /// The light of a ray that has met nothing: transmittance 1.
-    pub const CLEAR: Self = Self { rgba: Vec4::ZERO, transmittance: 1.0, carried: 0.0, visible_from: f64::INFINITY };
+    pub const TRANSPARENT: Self =
+        Self { rgba: Vec4::ZERO, transmittance: 1.0, carried: 0.0, visible_from: f64::INFINITY };
 
     /// Light of which this is known: red, green, blue and opacity, what shines through, and what rounding has left out of that.
     #[inline(always)]
     pub(crate) fn of_parts(rgba: [f32; 4], transmittance: f32, carried: f32) -> Self {
-        Self { rgba: Vec4::from_array(rgba), transmittance, carried, ..Self::CLEAR }
+        Self { rgba: Vec4::from_array(rgba), transmittance, carried, ..Self::TRANSPARENT }
     }
 
     /// As [`Self::of_parts`] takes it.
@@ -182,7 +183,7 @@ mod tests {
 
     /// How far opacity and transmittance are off at most after any number of equal pieces of depth `a`, composited by `add`.
     fn worst(a: f32, pieces: u32, add: impl Fn(&mut Accumulator)) -> [f64; 2] {
-        let mut light = Accumulator::CLEAR;
+        let mut light = Accumulator::TRANSPARENT;
         let mut worst = [0.0f64; 2];
         for n in 1..=pieces {
             // As a renderer ends a ray; what is behind is below the bound.
@@ -225,7 +226,7 @@ mod tests {
         let weights = piece_weights(1e-7, 1e-7);
         let mut naive_worst = 0.0f64;
         for opacity in [0.0f32, 0.01, 0.1, 0.3, 0.45, 0.6, 0.9] {
-            let mut light = Accumulator::CLEAR;
+            let mut light = Accumulator::TRANSPARENT;
             light.add_premultiplied(Vec4::ONE * opacity, opacity);
             let mut naive = light.transmittance;
             for _ in 0..10_000 {
@@ -245,7 +246,7 @@ mod tests {
     fn an_opaque_piece_lets_nothing_through() {
         for a in [17.0, 18.0, 30.0, 1e7, 1e30] {
             for b in [17.0, 18.0, 30.0, 1e7, 1e30] {
-                let mut light = Accumulator::CLEAR;
+                let mut light = Accumulator::TRANSPARENT;
                 light.add(piece_weights(0.3, 0.1), Vec4::ONE, Vec4::ONE);
                 light.add(piece_weights(a, b), Vec4::ONE, Vec4::ONE);
                 // But exp(-17) = 4e-8 of it, a bit (6e-8) that the weights' sum is rounded by, and what was carried, half a bit.

@@ -206,7 +206,7 @@ impl PartialTable {
     #[inline(always)]
     fn within(&self, interval: usize, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
         let of = self.exact.interval(interval);
-        if of.clear {
+        if of.transparent {
             return 0;
         }
         let [near, far] = [s0, s1].map(|s| depth_of(self.tau_at(interval, s), length));
@@ -315,12 +315,12 @@ impl Integrator for PartialTable {
         }
     }
 
-    fn clear_share(&self, s0: f64, s1: f64) -> f64 {
-        self.exact.clear_share(s0, s1)
+    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
+        self.exact.transparent_share(s0, s1)
     }
 
-    fn is_clear(&self) -> bool {
-        self.exact.is_clear()
+    fn is_transparent(&self) -> bool {
+        self.exact.is_transparent()
     }
 }
 

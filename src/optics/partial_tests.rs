@@ -10,7 +10,7 @@ fn nodes(of: &[(f64, [f64; 3], f64)]) -> NodeTable {
 
 /// The pixel of one segment, and the pieces that it was.
 fn pixel<I: Integrator>(table: &I, s0: f64, s1: f64, length: f64) -> [f32; 4] {
-    let mut light = Accumulator::CLEAR;
+    let mut light = Accumulator::TRANSPARENT;
     table.segment(&mut table.enter(s0), s0, s1, length, &mut light);
     light.pixel()
 }
@@ -31,7 +31,7 @@ fn random(seed: u64, index: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Up to 40 nodes from 0 to 1, with steps, clear pieces, and extinctions over four decades.
+/// Up to 40 nodes from 0 to 1, with steps, transparent pieces, and extinctions over four decades.
 fn random_table(seed: u64) -> NodeTable {
     let count = 2 + (random(seed, 0) * 38.0) as u64;
     let mut scalars: Vec<f64> = (1..count).map(|i| random(seed, i)).chain([0.0, 1.0]).collect();
@@ -296,15 +296,15 @@ fn without_extinction_on_the_way_there_is_nothing_to_be_seen() {
         (1.0, [0.5; 3], 0.0),
     ]);
     let table = PartialTable::new(&table, 1.0);
-    let mut light = Accumulator::CLEAR;
+    let mut light = Accumulator::TRANSPARENT;
     for (s0, s1) in [(-1.0, 0.5), (0.5, -1.0), (0.1, 0.4), (0.9, 3.0), (2.0, 0.9), (0.0, 0.0), (0.5, 0.5), (0.9, 0.9)] {
         assert_eq!(table.segment(&mut table.enter(s0), s0, s1, 5.0, &mut light), 0, "{s0} {s1}");
-        assert_eq!((light, table.clear_share(s0, s1)), (Accumulator::CLEAR, 1.0));
+        assert_eq!((light, table.transparent_share(s0, s1)), (Accumulator::TRANSPARENT, 1.0));
     }
     assert_eq!(table.segment(&mut table.enter(0.4), 0.4, 0.6, 1.0, &mut light), 1);
-    assert!(!Integrator::is_clear(&table) && table.clear_share(0.4, 0.6) > 0.49);
-    let clear = PartialTable::new(&nodes(&[(0.0, [1.0; 3], 0.0)]), 1.0);
-    assert!(Integrator::is_clear(&clear));
+    assert!(!Integrator::is_transparent(&table) && table.transparent_share(0.4, 0.6) > 0.49);
+    let transparent = PartialTable::new(&nodes(&[(0.0, [1.0; 3], 0.0)]), 1.0);
+    assert!(Integrator::is_transparent(&transparent));
 }
 
 #[test]
@@ -314,7 +314,7 @@ fn the_place_of_the_segment_before_changes_nothing() {
     for index in 0..40 {
         let ((s0, s1, length), _) = random_segment(&random_table(7), 7, index);
         for mut place in 0..table.interval_count() {
-            let mut light = Accumulator::CLEAR;
+            let mut light = Accumulator::TRANSPARENT;
             table.segment(&mut place, s0, s1, length, &mut light);
             assert_eq!(light.pixel(), pixel(&table, s0, s1, length));
         }
@@ -355,7 +355,7 @@ proptest! {
         let ((s0, s1, length), _) = random_segment(&table, seed, index);
         let partial = PartialTable::new(&table, 1.0);
         let middle = s0 + share * (s1 - s0);
-        let mut light = Accumulator::CLEAR;
+        let mut light = Accumulator::TRANSPARENT;
         let mut place = partial.enter(s0);
         partial.segment(&mut place, s0, middle, share * length, &mut light);
         partial.segment(&mut place, middle, s1, (1.0 - share) * length, &mut light);

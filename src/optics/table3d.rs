@@ -22,7 +22,7 @@
 //!
 //! **What it cannot do.** A segment that is short in scalars (a fine mesh) sees the diagonal s0 = s1, where the table is the
 //! transfer function sampled at its resolution: tents and steps narrower than two samples are smeared over them, and light
-//! leaks into scalars that are clear. A constant segment exactly at a step sees the mean of both sides, at the ends of the
+//! leaks into scalars that are transparent. A constant segment exactly at a step sees the mean of both sides, at the ends of the
 //! range the inner side. `docs/performance.md` has the errors. [`super::exact`] has none of these.
 
 use super::exact::ExactTable;
@@ -320,12 +320,12 @@ impl Integrator for Table3d {
         self.segment_in_parts(s0, s1, length, out)
     }
 
-    fn clear_share(&self, s0: f64, s1: f64) -> f64 {
-        self.exact.clear_share(s0, s1)
+    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
+        self.exact.transparent_share(s0, s1)
     }
 
-    fn is_clear(&self) -> bool {
-        self.exact.is_clear()
+    fn is_transparent(&self) -> bool {
+        self.exact.is_transparent()
     }
 }
 

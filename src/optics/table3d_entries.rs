@@ -126,7 +126,7 @@ fn of_length(pieces: &[Piece], short: Vec4, length: f64) -> Vec4 {
     if mean * length < DEPTH_MIN {
         return short;
     }
-    let mut light = Accumulator::CLEAR;
+    let mut light = Accumulator::TRANSPARENT;
     let color = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, 1.0);
     for Piece { share, near, far } in pieces {
         let depth = |n: &Node| (n.tau * share * length).min(TAU_MAX) as f32;

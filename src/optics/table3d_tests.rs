@@ -15,7 +15,7 @@ fn build(table: &NodeTable, length_max: f64) -> Table3d {
 
 /// The pixel of one segment.
 fn pixel<I: Integrator>(table: &I, s0: f64, s1: f64, length: f64) -> [f32; 4] {
-    let mut light = Accumulator::CLEAR;
+    let mut light = Accumulator::TRANSPARENT;
     table.segment(&mut table.enter(s0), s0, s1, length, &mut light);
     light.pixel()
 }
@@ -131,13 +131,13 @@ fn short_segments_keep_relative_accuracy() {
 #[test]
 fn without_extinction_there_is_nothing_to_be_seen() {
     let table = build(&nodes(&[(0.0, [1.0; 3], 0.0), (1.0, [0.5; 3], 0.0)]), 1.0);
-    assert!(table.is_clear());
-    let mut light = Accumulator::CLEAR;
+    assert!(table.is_transparent());
+    let mut light = Accumulator::TRANSPARENT;
     for (s0, s1) in [(0.2, 0.8), (-3.0, 5.0), (0.0, 0.0), (1.0, 1.0)] {
         assert_eq!(table.segment(&mut (), s0, s1, 0.5, &mut light), 0);
-        assert_eq!(table.clear_share(s0, s1), 1.0);
+        assert_eq!(table.transparent_share(s0, s1), 1.0);
     }
-    assert_eq!(light, Accumulator::CLEAR);
+    assert_eq!(light, Accumulator::TRANSPARENT);
 }
 
 #[test]
@@ -254,10 +254,10 @@ fn visibility_is_that_of_the_transfer_function() {
     let (table, exact) = (build(&tent, 1.0), ExactTable::new(&tent, 1.0));
     assert!(pixel(&table, 0.09, 0.098, 0.1)[3] > 0.0 && pixel(&exact, 0.09, 0.098, 0.1)[3] == 0.0);
     for (s0, s1) in [(0.09, 0.098), (0.0, 0.2), (0.5, 0.0), (0.115, 0.3)] {
-        assert_eq!(table.clear_share(s0, s1), ExactTable::clear_share(&exact, s0, s1));
+        assert_eq!(table.transparent_share(s0, s1), ExactTable::transparent_share(&exact, s0, s1));
     }
     // The trait's exact integrator is the exact integrator.
-    let mut light = Accumulator::CLEAR;
+    let mut light = Accumulator::TRANSPARENT;
     ExactRay::enter(&exact, 0.0).segment(&exact, 0.0, 0.2, 0.3, &mut light);
     assert_eq!(light.pixel(), pixel(&exact, 0.0, 0.2, 0.3));
 }

@@ -129,7 +129,7 @@ fn an_error_of_a_millionth_in_a_weight_would_be_seen() {
     }
 }
 
-/// Nodes of random colours, some 1e-6 apart or at one place, plateaus that are opaque or clear, and ramps.
+/// Nodes of random colours, some 1e-6 apart or at one place, plateaus that are opaque or transparent, and ramps.
 fn hard_table() -> impl Strategy<Value = NodeTable> {
     let gap = prop_oneof![Just(0.0), Just(1e-6), 1e-3..0.3f64];
     let tau = prop_oneof![Just(0.0), Just(1e12), (-3.0..6.0f64).prop_map(|e| 10f64.powf(e))];
@@ -162,7 +162,7 @@ proptest! {
         let exact = ExactTable::new(&table, 1.0);
         let s1 = s0 + rise;
         let truth = quadrature(&table, s0, s1, length, 0.5);
-        let mut light = Accumulator::CLEAR;
+        let mut light = Accumulator::TRANSPARENT;
         let pieces = ExactRay::enter(&exact, s0).segment(&exact, s0, s1, length, &mut light);
         // Each piece has weights that are off by 4e-7 of what shines through in front of it, and its ends' depths are rounded three times
         // (2e-7 of a depth x changes what shines through, x exp(-x) < 0.37 of it): 5e-7 a piece, and at most a dozen.

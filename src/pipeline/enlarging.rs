@@ -20,8 +20,8 @@ pub(super) struct Enlarge {
     /// The job at full size, and at the size that is rendered: of cells that are the same whatever is skipped.
     full: RenderJob,
     small_view: View,
-    /// Whether the image is clear, as one of no cells is.
-    is_clear: bool,
+    /// Whether the image is transparent, as one of no cells is.
+    is_transparent: bool,
 }
 
 impl Enlarge {
@@ -35,8 +35,8 @@ impl Enlarge {
         let enlarging = upsampling.enlarging((view.width_px, view.height_px));
         let active = job.domain.as_ref().unwrap_or(&job.active).clone();
         let full = RenderJob { active, view, placed: None, faces: None, fragments: None, ..job.clone() };
-        let is_clear = job.active.count() == 0 && job.fragments.is_none();
-        Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_clear }
+        let is_transparent = job.active.count() == 0 && job.fragments.is_none();
+        Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_transparent }
     }
 
     /// What the GPU needs to know to enlarge the image.
@@ -65,7 +65,7 @@ impl Enlarge {
     fn color(&self, color: &RgbaImage, stats: &mut FrameStats) -> Option<RgbaImage> {
         let enlarging = &self.enlarging;
         match self.filter {
-            _ if self.is_clear => Some(upsample::nearest(color, enlarging)),
+            _ if self.is_transparent => Some(upsample::nearest(color, enlarging)),
             UpsampleFilter::Nearest => Some(upsample::nearest(color, enlarging)),
             UpsampleFilter::Bilinear => Some(upsample::bilinear(color, enlarging)),
             UpsampleFilter::Joint { kernel_px, edges } => {

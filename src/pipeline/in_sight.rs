@@ -3,7 +3,7 @@
 use super::series::Series;
 use super::{PipelineError, TetLayer};
 use crate::task::Cancel;
-use crate::visibility::{ActiveCells, Activity, ClearIntervals, CutCells, CutPlanes, Label, PartCells};
+use crate::visibility::{ActiveCells, Activity, CutCells, CutPlanes, Label, PartCells, TransparentIntervals};
 use std::sync::Arc;
 
 /// Finds the cells in sight from request to request.
@@ -22,7 +22,7 @@ pub(super) struct InSight<'a> {
     /// The labels of chunks whose scalars are not there; empty if all are.
     pub(super) known: &'a [Option<Label>],
     /// Where nothing is to be seen of the volume.
-    pub(super) clear: &'a Arc<ClearIntervals>,
+    pub(super) transparent: &'a Arc<TransparentIntervals>,
     pub(super) planes: &'a CutPlanes,
     /// Whether cells stay that clips cut away.
     pub(super) keep_away: bool,
@@ -36,14 +36,14 @@ impl CellsInSight {
     pub(super) fn find(
         &mut self,
         series: &Series,
-        InSight { layer, scalars, known, clear, planes, keep_away }: InSight<'_>,
+        InSight { layer, scalars, known, transparent, planes, keep_away }: InSight<'_>,
         forget: bool,
         cancel: &Cancel,
     ) -> Result<(Activity, u64), PipelineError> {
         if forget {
             (self.part_cells, self.cut_cells) = Default::default();
         }
-        let found = self.cells.update(&series.mesh, series.clusters(), scalars, (clear, known), forget, cancel);
+        let found = self.cells.update(&series.mesh, series.clusters(), scalars, (transparent, known), forget, cancel);
         let mut found = found.ok_or(PipelineError::Cancelled)?;
         if !layer.parts.is_empty() {
             found = self.part_cells.restrict(&series.mesh, &layer.parts, found);

@@ -17,7 +17,7 @@ fn request() -> FrameRequest {
     FrameRequest { backend: Backend::Cpu, ..request }
 }
 
-fn is_clear(frame: &Frame) -> bool {
+fn is_transparent(frame: &Frame) -> bool {
     frame.planes.color.pixels.len() == 24 * 17
         && frame.planes.color.pixels.iter().all(|pixel| *pixel == [0.0; 4])
         && frame.planes.depth.pixels.iter().all(|depth| *depth == f32::INFINITY)
@@ -35,10 +35,10 @@ fn a_frame_without_a_volume_is_clear_and_nothing_is_decoded_for_it() {
             assert!(!whole.same_view(&without) && !whole.same_view(&empty));
             for blank in [without, empty] {
                 let decoded = log.decoded();
-                assert!(is_clear(pipeline.render(&blank).unwrap()), "{draw:?}");
+                assert!(is_transparent(pipeline.render(&blank).unwrap()), "{draw:?}");
                 assert_eq!(log.decoded(), decoded, "{draw:?}");
             }
-            assert!(!is_clear(pipeline.render(&whole).unwrap()), "the test can fail");
+            assert!(!is_transparent(pipeline.render(&whole).unwrap()), "the test can fail");
         }
     }
     assert!(!log.decoded().is_empty());
@@ -60,13 +60,13 @@ fn a_layer_of_another_field_and_a_second_one_of_cells_are_refused_by_name() {
     assert!(said.contains("layers 0 and 1") && said.contains("tets"), "{said}");
     assert!(log.decoded().is_empty());
     let own = request().with_tets(|tets| tets.field = Some(name));
-    assert!(!is_clear(pipeline.render(&own).unwrap()));
+    assert!(!is_transparent(pipeline.render(&own).unwrap()));
     // With a thread for each stage the error comes out in its turn, and the stages go on.
     let pipelined = Pipelined::start(Pipeline::new(series), &PipelinedOptions::default(), || ()).unwrap();
     for request in [other, own] {
         pipelined.push(request).unwrap();
     }
-    let next = || pipelined.wait(Duration::from_secs(600)).unwrap().frame.map(|frame| is_clear(&frame));
+    let next = || pipelined.wait(Duration::from_secs(600)).unwrap().frame.map(|frame| is_transparent(&frame));
     assert!(matches!(next(), Err(PipelineError::Request(RequestError::OtherField { .. }))));
     assert!(matches!(next(), Ok(false)));
 }
@@ -74,7 +74,7 @@ fn a_layer_of_another_field_and_a_second_one_of_cells_are_refused_by_name() {
 #[test]
 fn volume_and_surfaces_take_turns_and_the_first_surface_is_made_where_it_is_asked_for() {
     let mut look = SurfaceLook::default();
-    let mut layer = TetLayer::new(Arc::new(NodeTable::clear()));
+    let mut layer = TetLayer::new(Arc::new(NodeTable::transparent()));
     let mut seen = Vec::new();
     for _ in 0..4 {
         layer.show(&look);

@@ -7,7 +7,6 @@
 
 mod apart;
 mod backend;
-mod clear;
 mod distribution;
 mod draw;
 mod enlarging;
@@ -34,6 +33,7 @@ mod steps;
 pub(crate) mod test_series;
 mod text;
 mod time;
+mod transparent;
 #[cfg(feature = "gpu")]
 mod window_gpu;
 

@@ -1,12 +1,12 @@
 //! The first two stages of a frame: decode what it shows, order what is to be drawn.
 
-use super::clear::Clear;
 use super::enlarging::Enlarge;
 use super::in_sight::{CellsInSight, InSight};
 use super::quantities::Gradients;
 use super::residual::AddDetails;
 use super::series::Series;
 use super::steps::StepCache;
+use super::transparent::TransparentCache;
 use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
@@ -26,7 +26,7 @@ use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::transfer::TransferSource;
 use crate::visibility::{
-    Activity, CellSet, ClearIntervals, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label, Skip,
+    Activity, CellSet, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label, Skip, TransparentIntervals,
 };
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -38,8 +38,8 @@ pub(super) struct Decoded {
     by: DrawnBy,
     scalars: Arc<Vec<f32>>,
     compressed: Option<CompressedStep>,
-    /// Where the table is clear.
-    clear: Arc<ClearIntervals>,
+    /// Where the table is transparent.
+    transparent: Arc<TransparentIntervals>,
     /// The colours of surfaces and sections.
     colors: SurfaceColors,
     /// Other fields at the same moment.
@@ -53,7 +53,7 @@ pub(super) struct Decoded {
 #[derive(Debug, Default)]
 pub(super) struct Decode {
     steps: StepCache,
-    clear: Clear,
+    transparent: TransparentCache,
     colors: Option<SurfaceColors>,
     /// Steps of other fields.
     beside: Vec<(String, StepCache)>,
@@ -80,7 +80,7 @@ impl Decode {
         let started = Instant::now();
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
-            (self.steps, self.clear, self.colors, self.beside, self.blank) = Default::default();
+            (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
@@ -89,12 +89,12 @@ impl Decode {
         };
         let colors = SurfaceColors::of(&mut self.colors, layer)?;
         let layer = in_sight(layer);
-        let clear = self.clear.of(&layer, by, request.skip);
+        let transparent = self.transparent.of(&layer, by, request.skip);
         // Smooth normals and sections take part of cells in which nothing is to be seen.
         let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
         let is_beside_cells = has_sections || !layer.domain.is_empty();
-        let are_all_needed = !request.skip.clear_chunks || has_smooth_surfaces(&layer) || is_beside_cells;
-        let needed = if !are_all_needed { series.needed_chunks(request.time, &clear) } else { None };
+        let are_all_needed = !request.skip.transparent_chunks || has_smooth_surfaces(&layer) || is_beside_cells;
+        let needed = if !are_all_needed { series.needed_chunks(request.time, &transparent) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
         let scalars = scalars.ok_or(PipelineError::Cancelled)?;
@@ -109,7 +109,7 @@ impl Decode {
         };
         let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer, by, scalars, compressed, clear, colors, beside, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, known, stats })
     }
 
     /// The other fields of a layer at a moment.
@@ -142,8 +142,8 @@ impl Decode {
 fn in_sight(layer: &TetLayer) -> TetLayer {
     let mut layer = layer.clone();
     if !layer.volume {
-        static CLEAR: LazyLock<Arc<NodeTable>> = LazyLock::new(|| Arc::new(NodeTable::clear()));
-        (layer.table, layer.formula) = (CLEAR.clone().into(), None);
+        static TRANSPARENT: LazyLock<Arc<NodeTable>> = LazyLock::new(|| Arc::new(NodeTable::transparent()));
+        (layer.table, layer.formula) = (TRANSPARENT.clone().into(), None);
     }
     layer
 }
@@ -152,7 +152,7 @@ fn has_smooth_surfaces(layer: &TetLayer) -> bool {
     (!layer.surfaces.is_empty() || layer.shading.volume) && layer.shading.normals == Normals::Vertex
 }
 
-/// The colours of a transfer function, also where it is clear: its table has none there.
+/// The colours of a transfer function, also where it is transparent: its table has none there.
 #[derive(Clone, Debug)]
 struct SurfaceColors {
     table: Arc<NodeTable>,
@@ -182,7 +182,7 @@ impl SurfaceColors {
 struct Blank {
     scalars: Arc<Vec<f32>>,
     table: Arc<NodeTable>,
-    clear: Arc<ClearIntervals>,
+    transparent: Arc<TransparentIntervals>,
 }
 
 impl Blank {
@@ -190,8 +190,12 @@ impl Blank {
     fn of(last: &mut Option<Self>, vertices: usize) -> &Self {
         let fitting = last.take().filter(|blank| blank.scalars.len() == vertices);
         last.insert(fitting.unwrap_or_else(|| {
-            let table = Arc::new(NodeTable::clear());
-            Self { scalars: Arc::new(vec![0.0; vertices]), clear: Arc::new(ClearIntervals::of(&table)), table }
+            let table = Arc::new(NodeTable::transparent());
+            Self {
+                scalars: Arc::new(vec![0.0; vertices]),
+                transparent: Arc::new(TransparentIntervals::of(&table)),
+                table,
+            }
         }))
     }
 
@@ -202,7 +206,7 @@ impl Blank {
             by: if by == DrawnBy::Reference { by } else { DrawnBy::Raycast },
             scalars: self.scalars.clone(),
             compressed: None,
-            clear: self.clear.clone(),
+            transparent: self.transparent.clone(),
             colors: SurfaceColors { table: self.table.clone(), source: None },
             beside: Vec::new(),
             known: Vec::new(),
@@ -280,7 +284,7 @@ pub(super) struct Order {
     in_sight: CellsInSight,
     /// For contrast-adaptive sampling, which is to be the same whatever is skipped.
     domain_in_sight: CellsInSight,
-    clear: Clear,
+    transparent: TransparentCache,
     /// For modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
@@ -332,16 +336,16 @@ impl Order {
             return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
         }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
-        let Decoded { layer, scalars, known, clear, .. } = &decoded;
+        let Decoded { layer, scalars, known, transparent, .. } = &decoded;
         let forget = !request.skip.unchanged;
         // The judge looks at everything.
         let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
-        let in_sight = InSight { layer, scalars, known, clear, planes: &planes, keep_away };
+        let in_sight = InSight { layer, scalars, known, transparent, planes: &planes, keep_away };
         let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
-        let goes_through_more = !request.skip.clear_cells || keep_away && !planes.clips.is_empty();
+        let goes_through_more = !request.skip.transparent_cells || keep_away && !planes.clips.is_empty();
         let domain = if (is_adaptive || has_edges) && goes_through_more {
-            let clear = &self.clear.of(layer, decoded.by, Skip { clear_cells: true, ..request.skip });
-            let in_sight = InSight { clear, keep_away: false, ..in_sight };
+            let transparent = &self.transparent.of(layer, decoded.by, Skip { transparent_cells: true, ..request.skip });
+            let in_sight = InSight { transparent, keep_away: false, ..in_sight };
             Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.0.active)
         } else {
             None

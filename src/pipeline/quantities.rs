@@ -83,13 +83,13 @@ impl Series {
         gradients: &mut Gradients,
         cancel: &Cancel,
     ) -> FileResult<Option<JointScene>> {
-        let vertex_values = if table.rows().len() > 1 {
+        let vertex_values = if table.vertex_axis().len() > 1 {
             let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
             Some(cov)
         } else {
             None
         };
-        let cell_values = (table.layers().len() > 1).then(|| gradients.of(&self.mesh, scalars));
+        let cell_values = (table.cell_axis().len() > 1).then(|| gradients.of(&self.mesh, scalars));
         Ok(Some(JointScene { table: table.clone(), vertex_values, cell_values }))
     }
 }

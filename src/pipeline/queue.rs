@@ -242,7 +242,7 @@ mod tests {
     fn wait_ends(end: impl FnOnce(&Queue, &Ticket, &FrameRequest)) -> bool {
         let (series, queue) = (jet(), Queue::default());
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
-        let request = FrameRequest::new(0, camera, Arc::new(NodeTable::clear()), (8, 8));
+        let request = FrameRequest::new(0, camera, Arc::new(NodeTable::transparent()), (8, 8));
         for _ in 0..PREPARATIONS {
             queue.push(series.clone(), request.clone(), Before::Keep).unwrap();
         }
@@ -277,7 +277,7 @@ mod tests {
     fn a_frame_with_previews_gives_way_to_a_newer_one_while_it_is_rendered_and_another_does_not() {
         let series = jet();
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
-        let plain = FrameRequest::new(0, camera, Arc::new(NodeTable::clear()), (8, 8));
+        let plain = FrameRequest::new(0, camera, Arc::new(NodeTable::transparent()), (8, 8));
         let previewed = FrameRequest { previews: vec![Contrast::default()], ..plain.clone() };
         for (request, gives_way) in [(plain.clone(), false), (previewed, true)] {
             let queue = Queue::default();

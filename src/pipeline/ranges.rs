@@ -5,7 +5,7 @@
 
 use super::series::Series;
 use super::time::FrameTime;
-use crate::visibility::{ClearIntervals, Clusters, Label};
+use crate::visibility::{Clusters, Label, TransparentIntervals};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -83,8 +83,8 @@ impl Series {
         }
     }
 
-    /// Which chunks of a moment are needed where the table is not clear; `None` if all of them are, or nothing is known.
-    pub(super) fn needed_chunks(&self, time: FrameTime, clear: &ClearIntervals) -> Option<Needed> {
+    /// Which chunks of a moment are needed where the table is not transparent; `None` if all of them are, or nothing is known.
+    pub(super) fn needed_chunks(&self, time: FrameTime, transparent: &TransparentIntervals) -> Option<Needed> {
         let ranges = self.ranges_of(time.step())?;
         // What is mixed lies between what it is mixed from.
         let others = match time.toward() {
@@ -93,7 +93,7 @@ impl Series {
         };
         let hull = |(&[a, b], &[c, d]): (&[f32; 2], &[f32; 2])| {
             let is_known = ![a, b, c, d].iter().any(|end| end.is_nan());
-            clear.label_of_range(a.min(c), b.max(d)).filter(|_| is_known)
+            transparent.label_of_range(a.min(c), b.max(d)).filter(|_| is_known)
         };
         let mut labels: Vec<Option<Label>> = ranges.iter().zip(&*others).map(hull).collect();
         let chunks = self.clusters().needed_scalars(&labels);

@@ -153,7 +153,7 @@ fn upsampling() -> impl Strategy<Value = Upsampling> {
 
 fn request() -> impl Strategy<Value = FrameRequest> {
     let backend = prop::sample::select(vec![Backend::Auto, Backend::Cpu, Backend::Gpu]);
-    let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "clear-cells,outside"]);
+    let skip = prop::sample::select(vec!["all", "none", "all,-opaque", "transparent-cells,outside"]);
     let layers = prop::collection::vec(layer(), 0..3);
     let lattice = |stride| SampleSet::Lattice { stride_px: NonZeroUsize::new(stride).unwrap() };
     let adaptive = |contrast: f32| SampleSet::Adaptive { contrast: contrast.try_into().unwrap() };

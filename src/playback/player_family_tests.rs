@@ -25,7 +25,7 @@ impl Stage {
     fn open() -> Self {
         let series = jet();
         let bounds = series.mesh().positions.world_bounds();
-        // The middle of the mesh fills the view: a pixel without a ray is clear, and no other one.
+        // The middle of the mesh fills the view: a pixel without a ray is transparent, and no other one.
         let projection = Projection::Perspective { view_angle: 4.0 };
         let camera = Camera { projection, ..Camera::default_for(bounds).unwrap() };
         let [lo, hi] = series.field().range.unwrap().map(f64::from);

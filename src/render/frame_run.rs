@@ -12,7 +12,7 @@ pub trait LayerRenderer: Send {
     type Job: Send;
 
     /// Prepares a job whose parts belong together; `None` if no pixel is left to be drawn. Makes the planes (or the texture) as
-    /// large as the image, all pixels clear, and adds to the statistics what it counts.
+    /// large as the image, all pixels transparent, and adds to the statistics what it counts.
     ///
     /// # Errors
     /// If the job lacks what this renderer needs, or is beyond the device.

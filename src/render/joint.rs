@@ -45,14 +45,14 @@ impl JointScene {
         check(&self.cell_values, "cells", mesh.topology.tets.len())
     }
 
-    /// The quantity of a vertex, finite: an infinite one is as large as numbers are.
+    /// Value at a vertex; infinities clamp to +-f32::MAX, NaN to the lowest row.
     pub(super) fn vertex_value(&self, vertex: u32) -> f64 {
-        let lowest = self.table.rows()[0];
+        let lowest = self.table.vertex_axis()[0];
         let value = self.vertex_values.as_ref().map_or(f32::NAN, |values| values[vertex as usize]);
         if value.is_nan() { lowest } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
     }
 
-    /// The quantity of a cell; NaN lies in the lowest layer.
+    /// Value of a cell; NaN lies in the lowest layer.
     pub(super) fn cell_value(&self, cell: u32) -> f64 {
         self.cell_values.as_ref().map_or(f64::NAN, |values| f64::from(values[cell as usize]))
     }

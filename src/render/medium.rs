@@ -213,6 +213,6 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
 #[cold]
 #[inline(never)]
 pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64, f64)) -> f64 {
-    let share = table.clear_share(from.1, to.1);
+    let share = table.transparent_share(from.1, to.1);
     if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
 }

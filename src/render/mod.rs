@@ -374,7 +374,7 @@ impl RenderJob {
     pub(crate) fn of_guides(&self) -> Option<Self> {
         let surfaces = Some(self.surfaces.clone()?.into_guides());
         let (formula, joint, prepared, fragments, compressed) = Default::default();
-        let (table, optics, for_window) = (Arc::new(NodeTable::clear()), OpticsKind::Exact, false);
+        let (table, optics, for_window) = (Arc::new(NodeTable::transparent()), OpticsKind::Exact, false);
         let stats = FrameStats::default();
         let (contrast, previews) = Default::default();
         let of_guides = Self { surfaces, formula, joint, prepared, fragments, compressed, ..self.clone() };

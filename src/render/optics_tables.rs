@@ -33,11 +33,11 @@ impl OpticsTable {
     }
 
     /// Whether no scalar has extinction.
-    pub fn is_clear(&self) -> bool {
+    pub fn is_transparent(&self) -> bool {
         match self {
-            Self::Exact(table) => table.is_clear(),
-            Self::Table3d(table) => table.is_clear(),
-            Self::Partial(table) => Integrator::is_clear(&**table),
+            Self::Exact(table) => table.is_transparent(),
+            Self::Table3d(table) => table.is_transparent(),
+            Self::Partial(table) => Integrator::is_transparent(&**table),
         }
     }
 }

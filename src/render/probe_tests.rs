@@ -123,7 +123,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
             empty += usize::from(probe.is_none());
         }
     }
-    // A ten-thousandth less extinction shows wherever the ray is neither clear nor opaque.
+    // A ten-thousandth less extinction shows wherever the ray is neither transparent nor opaque.
     assert!(seen > 5000 && empty > 1000 && caught > seen / 4, "{seen} seen, {empty} empty, {caught} caught");
 }
 
@@ -250,8 +250,8 @@ fn cells_with_a_hole_are_not_there() {
 
 #[test]
 fn where_nothing_is_to_be_seen_nothing_is_found() {
-    let clear = along_x(2, |x| x as f32, &[(5.0, 0.0), (6.0, 1.0)], PARALLEL);
-    assert_eq!(probe(&clear, &[], MIDDLE), Ok(None), "no extinction");
+    let transparent = along_x(2, |x| x as f32, &[(5.0, 0.0), (6.0, 1.0)], PARALLEL);
+    assert_eq!(probe(&transparent, &[], MIDDLE), Ok(None), "no extinction");
     let job = along_x(2, |x| x as f32, &[(0.0, 1.0)], PARALLEL);
     assert!(probe(&job, &[], MIDDLE).unwrap().is_some());
     assert_eq!(probe(&job, &[], (0.5, 0.5)), Ok(None), "beside the mesh");

@@ -100,7 +100,7 @@ pub(super) fn mix_sides(a: &Side, b: &Side, f: f64, weighting: ColorWeighting) -
 }
 
 impl Side {
-    /// What there is to be blended: weighted colours are none where it is clear.
+    /// What there is to be blended: weighted colours are none where it is transparent.
     pub(super) fn alone(self, weighting: ColorWeighting) -> Side {
         if weighting == ColorWeighting::Opacity && self.value == 0.0 { Side { rgb: [0.0; 3], ..self } } else { self }
     }

@@ -37,7 +37,7 @@ impl Curve {
     }
 
     /// Whether nothing is seen of it at any scalar.
-    pub(super) fn is_clear(&self) -> bool {
+    pub(super) fn is_transparent(&self) -> bool {
         self.points.iter().all(|p| p.left.value == 0.0 && p.right.value == 0.0)
     }
 
@@ -69,13 +69,13 @@ impl Curve {
     /// ends. With [`ColorWeighting::Opacity`] that holds for colours times opacity, and the result is divided by its
     /// opacity, within 7.9e-8 of the quotient.
     ///
-    /// A curve that is clear everywhere goes with either kind of values.
+    /// A curve that is transparent everywhere goes with either kind of values.
     ///
     /// # Errors
     /// If one has opacities and the other optical depths, or both together are too wide or have too many points.
     pub fn mix(a: &Curve, b: &Curve, f: f64, weighting: ColorWeighting) -> Result<Curve, TransferError> {
-        let kind = if a.is_clear() { b.kind } else { a.kind };
-        if kind != b.kind && !b.is_clear() {
+        let kind = if a.is_transparent() { b.kind } else { a.kind };
+        if kind != b.kind && !b.is_transparent() {
             return Err(TransferError::MixedKinds);
         }
         if f.is_nan() || f <= 0.0 || a == b {
@@ -99,7 +99,7 @@ impl Curve {
     }
 
     /// As a line of a table over several axes: within [`JOINT_TOLERANCE`](super::tolerance::JOINT_TOLERANCE).
-    pub(super) fn line_of_grid(&self, lengths: &Lengths) -> Result<NodeTable, TransferError> {
+    pub(super) fn line_of_joint_table(&self, lengths: &Lengths) -> Result<NodeTable, TransferError> {
         lengths.check()?;
         node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_joint())
     }

@@ -74,8 +74,8 @@ fn opacities_and_depths_are_not_mixed_unless_one_of_them_shows_nothing() {
         for pair in [[&curve("gray"), &depths], [&depths, &curve("gray")]] {
             assert!(matches!(mix(pair[0], pair[1]), Err(TransferError::MixedKinds)));
         }
-        for clear in [Curve::new(Vec::new(), OpacityKind::Alpha), curve("gray@0:0")] {
-            let (going, coming) = (mix(&depths, &clear).unwrap(), mix(&clear, &depths).unwrap());
+        for transparent in [Curve::new(Vec::new(), OpacityKind::Alpha), curve("gray@0:0")] {
+            let (going, coming) = (mix(&depths, &transparent).unwrap(), mix(&transparent, &depths).unwrap());
             assert_eq!([going.kind(), coming.kind()], [OpacityKind::Extinction; 2]);
             assert_eq!((going.eval(0.0).1, coming.eval(0.0).1), (30.0, 10.0));
         }

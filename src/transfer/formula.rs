@@ -143,8 +143,8 @@ impl TransferSource {
         let mut kind = from.kind();
         if let Some((next, _)) = &toward {
             knots.extend(next.knots());
-            // One that is clear everywhere goes with either kind.
-            if kind != next.kind() && blended.ensemble.curve(&context)?.is_clear() {
+            // One that is transparent everywhere goes with either kind.
+            if kind != next.kind() && blended.ensemble.curve(&context)?.is_transparent() {
                 kind = next.kind();
             }
         }
@@ -158,7 +158,7 @@ impl Formula<'_> {
         &self.knots
     }
 
-    /// Its colours alone, also where it is clear: a table without extinction. Between two knots it is halved until colours in the middle
+    /// Its colours alone, also where it is transparent: a table without extinction. Between two knots it is halved until colours in the middle
     /// and at the quarters are within half a tolerance; what is shown of a table leaves out colours that nobody sees.
     ///
     /// # Errors

@@ -240,7 +240,7 @@ fn points_of(sides: &[(f64, [Side; 2])]) -> Vec<ProfilePoint> {
 ///   |c0 a1 - 2 p1 + c1 a0| / (sqrt(a0) + sqrt(a1))^2,
 ///
 /// which also holds for a0 = a1. Where a0 is zero p0 is, too; the colour is linear then, and its limit is c0 = 2 p1 / a1.
-/// Where both are, the piece is clear and black, whatever rounding has left of its colours.
+/// Where both are, the piece is transparent and black, whatever rounding has left of its colours.
 ///
 /// # Errors
 /// If there are more than [`MOST_POINTS`].
@@ -256,8 +256,8 @@ fn divide(piece: &Piece, sides: &mut Vec<(f64, [Side; 2])>) -> Result<(), Transf
     };
     let middle = 0.5 * piece.from + 0.5 * piece.to;
     let splits = middle.is_finite() && piece.from < middle && middle < piece.to;
-    let is_clear = a0 == 0.0 && a1 == 0.0;
-    if is_clear || (0..VALUE).all(fits) || !splits {
+    let is_transparent = a0 == 0.0 && a1 == 0.0;
+    if is_transparent || (0..VALUE).all(fits) || !splits {
         sides.push((piece.from, [Side { rgb: c0, value: a0 }, Side { rgb: c1, value: a1 }]));
         return Ok(());
     }
@@ -265,7 +265,7 @@ fn divide(piece: &Piece, sides: &mut Vec<(f64, [Side; 2])>) -> Result<(), Transf
     divide(&piece.part(middle, piece.to), sides)
 }
 
-/// The colours at both ends of a weighted piece; black where it is clear throughout.
+/// The colours at both ends of a weighted piece; black where it is transparent throughout.
 fn divided(piece: &Piece) -> [[f64; 3]; 2] {
     let [a0, _, a1] = piece.channels[VALUE];
     let end = |p: f64, middle: f64, a: f64, other: f64| {

@@ -106,9 +106,10 @@ fn curves_that_touch_in_the_middle_are_told_apart() {
 
 #[test]
 fn what_is_clear_is_black_and_has_no_more_points_whatever_its_colours() {
-    let clear = Piece { from: 0.0, to: 1.0, channels: [[1e-17, 0.0, 3e-17], [0.0, 0.1, 0.0], [0.0; 3], [0.0; 3]] };
+    let transparent =
+        Piece { from: 0.0, to: 1.0, channels: [[1e-17, 0.0, 3e-17], [0.0, 0.1, 0.0], [0.0; 3], [0.0; 3]] };
     let mut sides = Vec::new();
-    divide(&clear, &mut sides).unwrap();
+    divide(&transparent, &mut sides).unwrap();
     assert_eq!(sides, [(0.0, [Side { rgb: [0.0; 3], value: 0.0 }; 2])]);
 }
 
@@ -126,7 +127,7 @@ fn a_quotient_without_refinement_is_farther_off() {
     // Red at opacity 1 goes to blue at opacity 0.01: the closed form of the chord's error is that which is measured.
     let (a, b) = (Side { rgb: [1.0, 0.0, 0.0], value: 1.0 }, Side { rgb: [0.0, 0.0, 1.0], value: 0.01 });
     let weighted = piece(0.0, 1.0, &a, &b, ColorWeighting::Opacity);
-    // Red and blue of constant colour, weights a and b linear: what two clear ramps add up to.
+    // Red and blue of constant colour, weights a and b linear: what two transparent ramps add up to.
     let red = weighted.with(|c| match c {
         0 => [1.0, 0.5, 0.0],
         2 => [0.0, 0.005, 0.01],

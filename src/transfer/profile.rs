@@ -41,7 +41,7 @@ pub(super) struct Precision {
     /// Largest errors.
     pub tolerance: Tolerance,
     /// Whether colours also count where nothing is seen: where they are blended with others.
-    pub where_clear: bool,
+    pub where_transparent: bool,
 }
 
 /// The axis of a transfer function: a mapped range, whose positions a range map moves.
@@ -210,8 +210,8 @@ struct Refinement<'a> {
 impl Refinement<'_> {
     /// Appends the points that are needed between two knots.
     fn append(&self, (a, a_side): (Knot, Side), (b, b_side): (Knot, Side), points: &mut Vec<ProfilePoint>) {
-        let Precision { kind, tolerance, where_clear } = *self.precision;
-        if a_side.value == 0.0 && b_side.value == 0.0 && !where_clear {
+        let Precision { kind, tolerance, where_transparent } = *self.precision;
+        if a_side.value == 0.0 && b_side.value == 0.0 && !where_transparent {
             return;
         }
         let middle = self.axis.knot(0.5 * (a.position + b.position));
@@ -222,7 +222,7 @@ impl Refinement<'_> {
             OpacityKind::Alpha => -(-most).ln_1p(),
             OpacityKind::Extinction => most,
         };
-        let of_color = if where_clear { tolerance.everywhere() } else { tolerance }.of_color(depth);
+        let of_color = if where_transparent { tolerance.everywhere() } else { tolerance }.of_color(depth);
         let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= of_color);
         let value_ok = bow * (most - least) <= tolerance.of_value(kind, least, most);
         if (colour_ok && value_ok) || !splits {

@@ -95,7 +95,7 @@ pub fn build_node_table(
     let kind = if tf.values() == OpacityValues::Extinction { OpacityKind::Extinction } else { kind };
     let map = RangeMap::default();
     let tolerance = Tolerance::of_paths(lengths);
-    let precision = Precision { kind, tolerance: tolerance.part(CURVE_PART), where_clear: false };
+    let precision = Precision { kind, tolerance: tolerance.part(CURVE_PART), where_transparent: false };
     let curve = profile(tf, &Axis::new(range, &map), &precision, lengths.unit_distance)?;
     node_table(&curve, kind, lengths.unit_distance, &tolerance)
 }
@@ -143,15 +143,15 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind, tolerance: &Tolerance) ->
     for pair in kept.windows(2) {
         let piece = &curve[pair[0]..=pair[1]];
         if piece[0].right.value == 0.0 && piece[piece.len() - 1].left.value == 0.0 {
-            clear_piece(piece).into_iter().for_each(&mut add);
+            transparent_piece(piece).into_iter().for_each(&mut add);
         } else {
             Piece::new(piece, kind, *tolerance).simplify().into_iter().for_each(&mut add);
         }
     }
     add(outside(last.scalar, last.right));
     // Where nothing is seen, one vertex says so.
-    let is_clear = |v: &Vertex| v.depth == 0.0;
-    let seen = |v: &Vertex| !is_clear(v);
+    let is_transparent = |v: &Vertex| v.depth == 0.0;
+    let seen = |v: &Vertex| !is_transparent(v);
     let end = vertices.iter().rposition(seen).map_or(1, |i| i + 2).min(vertices.len());
     let start = vertices.iter().position(seen).map_or(0, |i| i.saturating_sub(1));
     vertices[start..end].to_vec()
@@ -199,8 +199,8 @@ fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
         return true;
     }
     let (before, here, after) = (&curve[i - 1], &curve[i], &curve[i + 1]);
-    let is_clear = |a: &Side, b: &Side| a.value == 0.0 && b.value == 0.0;
-    if is_clear(&before.right, &here.left) && is_clear(&here.right, &after.left) {
+    let is_transparent = |a: &Side, b: &Side| a.value == 0.0 && b.value == 0.0;
+    if is_transparent(&before.right, &here.left) && is_transparent(&here.right, &after.left) {
         return false; // Colours do not matter there.
     }
     let trend = |a: &Side, b: &Side| b.value.partial_cmp(&a.value).unwrap_or(Ordering::Equal);
@@ -213,7 +213,7 @@ fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
 }
 
 /// The vertices of a piece without opacity: its ends, in the colours of the pieces next to it, so that they are no steps.
-fn clear_piece(piece: &[ProfilePoint]) -> [Vertex; 2] {
+fn transparent_piece(piece: &[ProfilePoint]) -> [Vertex; 2] {
     let (a, b) = (piece[0], piece[piece.len() - 1]);
     let start = Vertex { scalar: a.scalar, rgb: a.left.rgb, depth: 0.0 };
     [start, Vertex { scalar: b.scalar, rgb: b.right.rgb, depth: 0.0 }]

@@ -127,8 +127,8 @@ impl Tolerance {
             OpacityKind::Extinction => self.depth.max(self.share * least),
             // The depth -ln(1 - a) rises by 1 / (1 - a) times what a does; where it is 24 ln 2 a table ends.
             OpacityKind::Alpha => {
-                let clear = (1.0 - most).max(1.0 / f64::from(1 << 24));
-                clear * self.depth.max(self.share * -(-least).ln_1p())
+                let transparent = (1.0 - most).max(1.0 / f64::from(1 << 24));
+                transparent * self.depth.max(self.share * -(-least).ln_1p())
             }
         }
     }

@@ -172,8 +172,8 @@ impl Finder {
         let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
         let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
         // The scalars are needed here, wherever the frame was rendered.
-        // And so is every cell: what is under the mouse may be clear.
-        let skip = Skip { clear_cells: false, clear_chunks: false, ..asked.request.skip };
+        // And so is every cell: what is under the mouse may be transparent.
+        let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
         let request = asked.request.clone().with_draw(TetDraw::Raycast);
         let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
         let job = pipeline.prepare_unless(&request, cancel)?;

@@ -79,7 +79,7 @@ impl Requests {
             Ok(made) => made,
             Err(error) => {
                 self.problem = Some(format!("field {}: {error}", series.field().name));
-                let none = || Ok(Colors { table: Arc::new(NodeTable::clear()).into(), formula: None });
+                let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
                 let Ok::<_, Infallible>(request) = look.request(time, size, &Keyed::default(), none);
                 (request, look.faces.lod)
             }

@@ -350,7 +350,7 @@ impl Session {
     /// The colour that the transfer function on the screen has at a scalar.
     pub fn color_at(&self, scalar: f64) -> [f64; 3] {
         let Some(tets) = self.shown.as_ref().and_then(|shown| shown.request.tets()) else { return [1.0; 3] };
-        // A table has no colours where it is clear.
+        // A table has no colours where it is transparent.
         let formula = tets.formula.as_ref().and_then(|source| source.formula().ok());
         formula.map_or_else(|| tets.table.over_scalars().eval(scalar).rgb, |formula| formula.eval(scalar).0)
     }

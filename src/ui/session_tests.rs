@@ -268,7 +268,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
     assert_eq!(desk.session.target_fps(), Some(*TARGET_FPS.end()));
 }
 
-/// A frame that is on the GPU of the window has no pixels here, which is not to say that they are clear.
+/// A frame that is on the GPU of the window has no pixels here, which is not to say that they are transparent.
 #[test]
 fn nothing_is_said_of_the_error_of_pictures_that_are_elsewhere() {
     let mut desk = Desk::open();

@@ -1,7 +1,7 @@
 //! The cells that can be seen, from step to step and from table to table.
 //!
 //! ```text
-//! scalars, table -> labels of vertices (where the table is clear)   each cluster: one label, or several? changed since last?
+//! scalars, table -> labels of vertices (where the table is transparent)   each cluster: one label, or several? changed since last?
 //! labels -> cells                                                   each cluster: nothing changed: as before
 //!                                                                                 one label: none, or all, of its cells
 //!                                                                                 else cell by cell
@@ -10,8 +10,8 @@
 //! So a step in which little moves, or a table of which only a part was edited, costs little, and a cluster in the empty part of
 //! the mesh costs a look at a few labels.
 
-use super::clear::{ClearIntervals, HOLE, Label, VISIBLE};
 use super::moved::{Differences, WordRanges};
+use super::transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 use super::{CellSet, Clusters, Pool};
 use crate::mesh::{Mesh, Topology};
 use crate::slowdown::{Slow, waste};
@@ -60,7 +60,7 @@ pub struct ActiveCells {
 struct Last {
     /// Scalars are told by their place: while there is a weak reference to it, no others get it.
     scalars: Weak<Vec<f32>>,
-    clear: Arc<ClearIntervals>,
+    transparent: Arc<TransparentIntervals>,
     activity: Activity,
 }
 
@@ -70,9 +70,9 @@ impl ActiveCells {
         Self::default()
     }
 
-    /// The cells that can be seen where the table is not `clear`; `None` if `cancel` was raised. `scalars`: one per vertex.
-    /// `clusters`: those of the mesh. With the clear intervals, `known`: the label of each cluster of vertices whose scalars are not to be looked
-    /// at, as [`ClearIntervals::label_of_range`] gives it; empty for none. Each of these has a scalar of its cluster's range.
+    /// The cells that can be seen where the table is not `transparent`; `None` if `cancel` was raised. `scalars`: one per vertex.
+    /// `clusters`: those of the mesh. With the transparent intervals, `known`: the label of each cluster of vertices whose scalars are not to be looked
+    /// at, as [`TransparentIntervals::label_of_range`] gives it; empty for none. Each of these has a scalar of its cluster's range.
     ///
     /// With `forget`, nothing that is known from before is used.
     ///
@@ -83,7 +83,7 @@ impl ActiveCells {
         mesh: &Arc<Mesh>,
         clusters: &Arc<Clusters>,
         scalars: &Arc<Vec<f32>>,
-        (clear, known): (&Arc<ClearIntervals>, &[Option<Label>]),
+        (transparent, known): (&Arc<TransparentIntervals>, &[Option<Label>]),
         forget: bool,
         cancel: &Cancel,
     ) -> Option<Activity> {
@@ -97,22 +97,25 @@ impl ActiveCells {
         }
         let of_these = self.last.as_ref().filter(|last| last.scalars.as_ptr() == Arc::as_ptr(scalars));
         if let Some(last) = of_these
-            && (Arc::ptr_eq(&last.clear, clear) || last.clear == *clear)
+            && (Arc::ptr_eq(&last.transparent, transparent) || last.transparent == *transparent)
         {
             return Some(Activity { classified: 0, ..last.activity.clone() });
         }
-        let differences = of_these.and_then(|last| Differences::between(&last.clear, clear));
-        self.label(scalars, clear, known);
+        let differences = of_these.and_then(|last| Differences::between(&last.transparent, transparent));
+        self.label(scalars, transparent, known);
         let activity = self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel);
         waste(Slow::ActiveCells, mesh.topology.tets.len());
         // Labels have moved on: what was found for those before no longer goes with them.
-        self.last =
-            activity.clone().map(|activity| Last { scalars: Arc::downgrade(scalars), clear: clear.clone(), activity });
+        self.last = activity.clone().map(|activity| Last {
+            scalars: Arc::downgrade(scalars),
+            transparent: transparent.clone(),
+            activity,
+        });
         activity
     }
 
     /// Labels the vertices, and compares them with those before.
-    fn label(&mut self, scalars: &[f32], clear: &ClearIntervals, known: &[Option<Label>]) {
+    fn label(&mut self, scalars: &[f32], transparent: &TransparentIntervals, known: &[Option<Label>]) {
         std::mem::swap(&mut self.labels, &mut self.before);
         self.labels.resize(scalars.len(), VISIBLE);
         let is_new = self.last.is_none() || self.before.len() != scalars.len();
@@ -125,7 +128,7 @@ impl ActiveCells {
         let states = chunks.enumerate().map(|(at, ((labels, before), scalars))| {
             match known.get(at).copied().flatten() {
                 Some(label) => labels.fill(label),
-                None => clear.label_all(scalars, labels),
+                None => transparent.label_all(scalars, labels),
             }
             let first = labels.first().copied().unwrap_or(VISIBLE);
             let is_one = labels.iter().all(|&label| label == first);
@@ -135,7 +138,7 @@ impl ActiveCells {
         states.collect_into_vec(&mut self.states);
     }
 
-    /// The cells of the present labels. `moved`: the scalars, if they are those of before, and what of the clear intervals is not.
+    /// The cells of the present labels. `moved`: the scalars, if they are those of before, and what of the transparent intervals is not.
     fn find(
         &mut self,
         topology: &Topology,
@@ -162,9 +165,9 @@ impl ActiveCells {
         };
         let last = before.map(|before| &before.active);
         let active = if has_holes {
-            scene.find(pool, last, all, |labels| !is_clear(labels) && !labels.contains(&HOLE))
+            scene.find(pool, last, all, |labels| !is_transparent(labels) && !labels.contains(&HOLE))
         } else {
-            scene.find(pool, last, all, |labels| !is_clear(labels))
+            scene.find(pool, last, all, |labels| !is_transparent(labels))
         };
         let active = if active == finite { finite.clone() } else { active };
         (!cancel.is_cancelled()).then(|| Activity { finite, active, classified: classified.into_inner() })
@@ -173,7 +176,7 @@ impl ActiveCells {
 
 /// Whether a cell with vertices of these labels shows nothing.
 #[inline(always)]
-fn is_clear(labels: [Label; 4]) -> bool {
+fn is_transparent(labels: [Label; 4]) -> bool {
     // Four bytes at once.
     labels[0] != VISIBLE && u32::from_ne_bytes(labels) == u32::from(labels[0]) * 0x0101_0101
 }

@@ -57,8 +57,8 @@ fn clusters(mesh: &Mesh) -> Arc<Clusters> {
 }
 
 fn update(cells: &mut ActiveCells, mesh: &Arc<Mesh>, scalars: &Arc<Vec<f32>>, table: &NodeTable) -> Activity {
-    let clear = Arc::new(ClearIntervals::of(table));
-    cells.update(mesh, &clusters(mesh), scalars, (&clear, &[]), false, &Cancel::new()).unwrap()
+    let transparent = Arc::new(TransparentIntervals::of(table));
+    cells.update(mesh, &clusters(mesh), scalars, (&transparent, &[]), false, &Cancel::new()).unwrap()
 }
 
 proptest! {
@@ -98,9 +98,9 @@ proptest! {
 }
 
 /// Cell by cell from labels.
-fn by_label(mesh: &Mesh, scalars: &[f32], clear: &ClearIntervals) -> CellSet {
+fn by_label(mesh: &Mesh, scalars: &[f32], transparent: &TransparentIntervals) -> CellSet {
     CellSet::of(mesh.topology.tets.len(), |cell| {
-        let labels = mesh.topology.tets[cell].map(|v| clear.label(scalars[v as usize]));
+        let labels = mesh.topology.tets[cell].map(|v| transparent.label(scalars[v as usize]));
         !labels.contains(&HOLE) && (labels[0] == VISIBLE || labels.iter().any(|&label| label != labels[0]))
     })
 }
@@ -128,14 +128,14 @@ proptest! {
             let mut table = random_table(random);
             for _ in 0..6 {
                 if random.below(4) == 0 {
-                    table = if random.below(2) == 0 { random_table(random) } else { NodeTable::clear() };
+                    table = if random.below(2) == 0 { random_table(random) } else { NodeTable::transparent() };
                 }
                 let isovalues: Vec<f64> = (0..random.below(4)).map(|_| {
                     if random.below(2) == 0 { f64::from(places[random.below(7)]) } else { random.signed() }
                 }).collect();
-                let clear = Arc::new(ClearIntervals::of(&table).cut_at(&isovalues));
-                let found = cells.update(&mesh, &clusters, &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
-                prop_assert!(*found.active == by_label(&mesh, &scalars, &clear));
+                let transparent = Arc::new(TransparentIntervals::of(&table).cut_at(&isovalues));
+                let found = cells.update(&mesh, &clusters, &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
+                prop_assert!(*found.active == by_label(&mesh, &scalars, &transparent));
                 prop_assert!(*found.finite == naive(&mesh, &scalars, None));
             }
         }
@@ -146,12 +146,12 @@ proptest! {
 fn an_isovalue_that_moves_costs_the_cells_near_it() {
     let mesh = large_mesh();
     let (scalars, clusters) = (slope(&mesh), clusters(&mesh));
-    let nowhere = ClearIntervals::of(&NodeTable::clear());
+    let nowhere = TransparentIntervals::of(&NodeTable::transparent());
     let mut cells = ActiveCells::new();
     let mut update = |isovalue: f64| {
-        let clear = Arc::new(nowhere.cut_at(&[isovalue]));
-        let found = cells.update(&mesh, &clusters, &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
-        assert_eq!(*found.active, by_label(&mesh, &scalars, &clear));
+        let transparent = Arc::new(nowhere.cut_at(&[isovalue]));
+        let found = cells.update(&mesh, &clusters, &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
+        assert_eq!(*found.active, by_label(&mesh, &scalars, &transparent));
         found.classified
     };
     let first = update(0.3);
@@ -180,8 +180,8 @@ fn only_clusters_in_which_something_changed_are_looked_at_again() {
     }
     // Nothing is taken from before if that is asked for.
     let scalars = wave(&mesh, 24.0);
-    let clear = Arc::new(ClearIntervals::of(&tent));
-    let fresh = cells.update(&mesh, &clusters(&mesh), &scalars, (&clear, &[]), true, &Cancel::new()).unwrap();
+    let transparent = Arc::new(TransparentIntervals::of(&tent));
+    let fresh = cells.update(&mesh, &clusters(&mesh), &scalars, (&transparent, &[]), true, &Cancel::new()).unwrap();
     assert!(fresh.classified > 0);
     assert_eq!(*fresh.active, naive(&mesh, &scalars, Some(&tent)));
 }
@@ -194,7 +194,7 @@ fn scalars_in_the_same_place_with_the_same_table_are_not_looked_at() {
     let first = update(&mut cells, &mesh, &scalars, &tent);
     let again = update(&mut cells, &mesh, &scalars, &tent);
     assert!(Arc::ptr_eq(&first.active, &again.active) && again.classified == 0);
-    // A table of other colours is clear where this one is.
+    // A table of other colours is transparent where this one is.
     let nodes = tent.nodes().iter().map(|n| Node { rgb: [0.1; 3], tau: 2.0 * n.tau, ..*n }).collect();
     let recoloured = update(&mut cells, &mesh, &scalars, &NodeTable::new(nodes).unwrap());
     assert!(Arc::ptr_eq(&first.active, &recoloured.active) && recoloured.classified == 0);
@@ -216,14 +216,14 @@ fn a_table_without_clear_scalars_leaves_the_finite_cells_as_they_are() {
 #[test]
 fn chunks_whose_label_is_known_are_not_looked_at() {
     let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
-    let (clear, whole) = (Arc::new(ClearIntervals::of(&tent)), wave(&mesh, 8.0));
+    let (transparent, whole) = (Arc::new(TransparentIntervals::of(&tent)), wave(&mesh, 8.0));
     let range = |s: &[f32]| s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
     let labels: Vec<_> =
-        whole.chunks(Clusters::VERTICES).map(range).map(|(lo, hi)| clear.label_of_range(lo, hi)).collect();
+        whole.chunks(Clusters::VERTICES).map(range).map(|(lo, hi)| transparent.label_of_range(lo, hi)).collect();
     let mut cells = ActiveCells::new();
     let needed = clusters(&mesh).needed_scalars(&labels);
     let left_out = needed.iter().filter(|&&needed| !needed).count();
-    // Cells on both sides of every chunk that is left out are clear as well.
+    // Cells on both sides of every chunk that is left out are transparent as well.
     assert!(left_out > 0 && left_out < needed.len(), "{needed:?} of {labels:?}");
     // What is not needed holds anything.
     let mut partial = (*whole).clone();
@@ -233,8 +233,9 @@ fn chunks_whose_label_is_known_are_not_looked_at() {
         }
     }
     let known: Vec<_> = labels.iter().zip(&needed).map(|(&label, &needed)| label.filter(|_| !needed)).collect();
-    let found =
-        cells.update(&mesh, &clusters(&mesh), &Arc::new(partial), (&clear, &known), false, &Cancel::new()).unwrap();
+    let found = cells
+        .update(&mesh, &clusters(&mesh), &Arc::new(partial), (&transparent, &known), false, &Cancel::new())
+        .unwrap();
     assert_eq!(*found.active, naive(&mesh, &whole, Some(&tent)));
 }
 
@@ -244,9 +245,9 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
     let (whole, clusters) = (slope(&mesh), clusters(&mesh));
     let range = |s: &[f32]| s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
     let ranges: Vec<_> = whole.chunks(Clusters::VERTICES).map(range).collect();
-    let nowhere = ClearIntervals::of(&NodeTable::clear());
-    let known = |clear: &ClearIntervals| -> Vec<Option<Label>> {
-        let labels: Vec<_> = ranges.iter().map(|&(lo, hi)| clear.label_of_range(lo, hi)).collect();
+    let nowhere = TransparentIntervals::of(&NodeTable::transparent());
+    let known = |transparent: &TransparentIntervals| -> Vec<Option<Label>> {
+        let labels: Vec<_> = ranges.iter().map(|&(lo, hi)| transparent.label_of_range(lo, hi)).collect();
         let needed = clusters.needed_scalars(&labels);
         labels.into_iter().zip(needed).map(|(label, needed)| label.filter(|_| !needed)).collect()
     };
@@ -255,15 +256,17 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
     // What one of them needs is there.
     let mut partial = (*whole).clone();
     for (at, chunk) in partial.chunks_mut(Clusters::VERTICES).enumerate() {
-        if all.iter().all(|clear| known(clear)[at].is_some()) {
+        if all.iter().all(|transparent| known(transparent)[at].is_some()) {
             chunk.fill(ranges[at].0);
         }
     }
     assert!(partial != *whole);
     let (partial, mut cells) = (Arc::new(partial), ActiveCells::new());
-    for clear in &all {
-        let found = cells.update(&mesh, &clusters, &partial, (clear, &known(clear)), false, &Cancel::new()).unwrap();
-        assert_eq!(*found.active, by_label(&mesh, &whole, clear));
+    for transparent in &all {
+        let found = cells
+            .update(&mesh, &clusters, &partial, (transparent, &known(transparent)), false, &Cancel::new())
+            .unwrap();
+        assert_eq!(*found.active, by_label(&mesh, &whole, transparent));
         assert!(found.active.count() > 0);
     }
 }
@@ -272,10 +275,10 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
 fn a_cancelled_update_leaves_nothing_behind() {
     let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
     let mut cells = ActiveCells::new();
-    let (clear, cancel) = (Arc::new(ClearIntervals::of(&tent)), Cancel::new());
+    let (transparent, cancel) = (Arc::new(TransparentIntervals::of(&tent)), Cancel::new());
     cancel.cancel();
-    assert!(cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0), (&clear, &[]), false, &cancel).is_none());
+    assert!(cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0), (&transparent, &[]), false, &cancel).is_none());
     let scalars = wave(&mesh, 8.0);
-    let found = cells.update(&mesh, &clusters(&mesh), &scalars, (&clear, &[]), false, &Cancel::new()).unwrap();
+    let found = cells.update(&mesh, &clusters(&mesh), &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
     assert_eq!(*found.active, naive(&mesh, &scalars, Some(&tent)));
 }

@@ -135,9 +135,9 @@ mod tests {
         let planes = CutPlanes { sections: vec![section], clips: vec![clip] };
         assert!(planes.leave_something_of(&mesh));
         let none = Arc::new(CellSet::none(mesh.topology.tets.len()));
-        let clear = Activity { active: none, ..all(&mesh) };
+        let transparent = Activity { active: none, ..all(&mesh) };
         let mut cut = CutCells::default();
-        let (found, left_out) = cut.update(&mesh, &planes, false, clear.clone());
+        let (found, left_out) = cut.update(&mesh, &planes, false, transparent.clone());
         assert_eq!(left_out, 0, "nothing was active");
         let distances = |cell: u32, plane: &Plane| {
             mesh.positions.corners(mesh.topology.tets[cell as usize]).map(|p| plane.distance(p.as_dvec3()))
@@ -149,7 +149,7 @@ mod tests {
             assert_eq!(found.active.contains(cell), crosses && !beyond, "cell {cell}");
         }
         assert!(found.active.count() > 10);
-        let (again, _) = cut.update(&mesh, &planes, false, clear);
+        let (again, _) = cut.update(&mesh, &planes, false, transparent);
         assert!(Arc::ptr_eq(&again.active, &found.active), "known from before");
         let (found, left_out) = cut.update(&mesh, &planes, false, all(&mesh));
         assert_eq!(left_out as usize + found.active.count(), mesh.topology.tets.len());

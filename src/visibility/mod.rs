@@ -2,7 +2,6 @@
 
 mod active;
 mod cell_set;
-mod clear;
 mod clusters;
 mod cut_cells;
 mod depth_order;
@@ -17,10 +16,10 @@ mod parts;
 mod pool;
 mod radix;
 mod skip;
+mod transparent;
 
 pub use active::{ActiveCells, Activity};
 pub use cell_set::CellSet;
-pub use clear::{ClearIntervals, HOLE, Label, VISIBLE};
 pub use clusters::Clusters;
 pub use cut_cells::{CutCells, CutPlanes};
 pub use depth_order::DepthOrder;
@@ -31,6 +30,7 @@ pub use part_cells::PartCells;
 pub use pool::Pool;
 pub use radix::ascending_bits;
 pub use skip::Skip;
+pub use transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 
 use crate::mesh::Topology;
 

@@ -1,9 +1,9 @@
-//! What a change of the clear intervals changes while the scalars stay: an isovalue that is moved, a table that is edited.
+//! What a change of the transparent intervals changes while the scalars stay: an isovalue that is moved, a table that is edited.
 //!
 //! A cell shows something or not by the intervals between its least scalar and its greatest. Where the intervals of before and now are the
 //! same between the least and the greatest scalar of the 64 cells in a word of a set, the word is the same.
 
-use super::{ClearIntervals, VISIBLE};
+use super::{TransparentIntervals, VISIBLE};
 use crate::mesh::Topology;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
@@ -18,8 +18,8 @@ pub(super) struct Differences(Vec<[f32; 2]>);
 
 impl Differences {
     /// Those between two lists; `None` if there are too many to be of use.
-    pub(super) fn between(before: &ClearIntervals, now: &ClearIntervals) -> Option<Self> {
-        let [a, b] = [before, now].map(ClearIntervals::steps);
+    pub(super) fn between(before: &TransparentIntervals, now: &TransparentIntervals) -> Option<Self> {
+        let [a, b] = [before, now].map(TransparentIntervals::steps);
         let has = |steps: &[f32], step: f32| steps.binary_search_by(|other| other.total_cmp(&step)).is_ok();
         let mut steps = [a.clone(), b.clone()].concat();
         steps.sort_unstable_by(f32::total_cmp);
@@ -29,7 +29,7 @@ impl Differences {
         // Between two steps both lists have one label each.
         let begins = std::iter::once(f32::MIN).chain(steps.iter().copied());
         let ends = steps.iter().map(|step| step.next_down()).chain(std::iter::once(f32::MAX));
-        let is_shown = |clear: &ClearIntervals, scalar| clear.label(scalar) == VISIBLE;
+        let is_shown = |transparent: &TransparentIntervals, scalar| transparent.label(scalar) == VISIBLE;
         let differ = |&(begin, end): &(f32, f32)| begin <= end && is_shown(before, begin) != is_shown(now, begin);
         found.extend(std::iter::zip(begins, ends).filter(differ).map(|(begin, end)| [end, begin]));
         (found.len() <= DIFFERENCES_MAX).then_some(Self(found))

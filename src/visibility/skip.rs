@@ -9,9 +9,9 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Skip {
     /// Cells in which the transfer function shows nothing at this step.
-    pub clear_cells: bool,
+    pub transparent_cells: bool,
     /// Decoding chunks of vertices of which no cell can be seen.
-    pub clear_chunks: bool,
+    pub transparent_chunks: bool,
     /// What lies behind an opaque pixel.
     pub opaque: bool,
     /// What lies outside of the view.
@@ -35,8 +35,8 @@ type Switch = (&'static str, fn(&mut Skip) -> &mut bool);
 impl Skip {
     /// All switches on.
     pub const ALL: Self = Self {
-        clear_cells: true,
-        clear_chunks: true,
+        transparent_cells: true,
+        transparent_chunks: true,
         opaque: true,
         outside: true,
         unchanged: true,
@@ -44,8 +44,8 @@ impl Skip {
     };
     /// All switches off: everything is done, every time.
     pub const NONE: Self = Self {
-        clear_cells: false,
-        clear_chunks: false,
+        transparent_cells: false,
+        transparent_chunks: false,
         opaque: false,
         outside: false,
         unchanged: false,
@@ -54,8 +54,8 @@ impl Skip {
 
     /// The switches by the names that [`FromStr`] reads.
     pub const SWITCHES: [Switch; 6] = [
-        ("clear-cells", |skip| &mut skip.clear_cells),
-        ("clear-chunks", |skip| &mut skip.clear_chunks),
+        ("transparent-cells", |skip| &mut skip.transparent_cells),
+        ("transparent-chunks", |skip| &mut skip.transparent_chunks),
         ("opaque", |skip| &mut skip.opaque),
         ("outside", |skip| &mut skip.outside),
         ("unchanged", |skip| &mut skip.unchanged),
@@ -75,7 +75,8 @@ impl FromStr for Skip {
                 ("all", 0) => skip = Self::ALL,
                 ("none", 0) => {}
                 _ => {
-                    let name = word.strip_prefix('-').unwrap_or(word);
+                    // Requests of older versions say `clear-cells` and `clear-chunks`.
+                    let name = word.strip_prefix('-').unwrap_or(word).replace("clear-", "transparent-");
                     let Some((_, switch)) = Self::SWITCHES.iter().find(|(known, _)| *known == name) else {
                         let names: Vec<&str> = Self::SWITCHES.iter().map(|(name, _)| *name).collect();
                         return Err(format!(
@@ -126,9 +127,10 @@ mod tests {
         let parsed: Skip = "all, -opaque,-outside".parse().unwrap();
         assert_eq!(parsed, Skip { opaque: false, outside: false, ..Skip::ALL });
         assert_eq!("none,opaque".parse(), Ok(Skip { opaque: true, ..Skip::NONE }));
+        assert_eq!("all,-clear-chunks".parse(), Ok(Skip { transparent_chunks: false, ..Skip::ALL }), "an older word");
         for (text, named) in [("", "''"), ("every", "'every'"), ("opaque,all", "'all'"), ("all,-x", "'-x'")] {
             let error = text.parse::<Skip>().unwrap_err();
-            assert!(error.contains(named) && error.contains("clear-cells"), "{text}: {error}");
+            assert!(error.contains(named) && error.contains("transparent-cells"), "{text}: {error}");
         }
     }
 }

@@ -71,7 +71,7 @@ const SOME_FACES: f64 = 0.1;
 
 /// The CPU against the judge, the GPU, where there is one, against the CPU. Returns the largest opacity.
 pub fn assert_frame_agrees(name: &str, job: &RenderJob) -> f32 {
-    // The judge looks at clear cells as well.
+    // The judge looks at transparent cells as well.
     let whole = RenderJob { active: job.finite.clone().unwrap_or_else(|| job.active.clone()), ..job.clone() };
     let (fast, judge) = (raycast(job), reference(&whole));
     assert_within(&format!("{name}: CPU against reference"), &fast, &judge);

@@ -163,7 +163,7 @@ fn surfaces_are_drawn_alike_with_and_without_skipping() {
                         }
                         // Cells without a surface show nothing where there is no volume.
                         let fewer = on.stats.cells_active < off.stats.cells_active / 2;
-                        assert!(fewer || volume || !skip.clear_cells, "{said}: {} cells", on.stats.cells_active);
+                        assert!(fewer || volume || !skip.transparent_cells, "{said}: {} cells", on.stats.cells_active);
                     }
                 }
                 assert!(leaving_out_a_visible_cell_is_noticed(&mut pipeline, &request));
@@ -394,7 +394,7 @@ fn count_faces(topology: &Topology, cells: &CellSet) -> (usize, usize) {
     (surface.count(), inner.count())
 }
 
-/// With as many faces drawn, an image whose clear cells are left out is no further from the whole one than with them.
+/// With as many faces drawn, an image whose transparent cells are left out is no further from the whole one than with them.
 // Long: errors are sums over series, transfer functions, steps and levels.
 #[test]
 fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
@@ -407,7 +407,7 @@ fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
             for (step, camera) in (0..pipeline.times().len()).zip(cameras(pipeline.mesh().positions.world_bounds())) {
                 let request = FrameRequest::new(step, camera, table.clone(), (64, 60));
                 // With all scalars there, since all cells are drawn as well.
-                let skip = Skip { clear_chunks: false, ..Skip::ALL };
+                let skip = Skip { transparent_chunks: false, ..Skip::ALL };
                 let job = pipeline.prepare(&with(&request, TetDraw::ALL_FACES, skip)).unwrap();
                 let Some(finite) = job.finite.clone() else { continue };
                 let topology = &job.mesh.topology;

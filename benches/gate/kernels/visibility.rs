@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 use tetreel::lod::{Ranking, Selector};
 use tetreel::task::Cancel;
-use tetreel::visibility::{ActiveCells, CellSet, ClearIntervals, Clusters, DepthOrder};
+use tetreel::visibility::{ActiveCells, CellSet, Clusters, DepthOrder, TransparentIntervals};
 
 /// All faces in new directions.
 pub fn radix_sort(_: &Path) -> Result<Work, Box<dyn Error>> {
@@ -30,12 +30,12 @@ pub fn radix_sort(_: &Path) -> Result<Work, Box<dyn Error>> {
 /// Other steps: labels of vertices, cells of those that have changed.
 pub fn active_cells(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[2, 5, 8])?;
-    let clear = Arc::new(ClearIntervals::of(&*jet.table(TENTS)?));
+    let transparent = Arc::new(TransparentIntervals::of(&*jet.table(TENTS)?));
     let clusters = Arc::new(Clusters::new(&jet.mesh));
     let mut cells = ActiveCells::new();
     Ok(Box::new(move || {
         for scalars in jet.scalars.iter().cycle().take(30) {
-            let found = cells.update(&jet.mesh, &clusters, scalars, (&clear, &[]), false, &Cancel::new());
+            let found = cells.update(&jet.mesh, &clusters, scalars, (&transparent, &[]), false, &Cancel::new());
             black_box(found.ok_or("cancelled")?);
         }
         Ok(())

@@ -133,7 +133,7 @@ fn errors_of<I: Integrator>(integrator: &I, case: &Case, length: f64, segments: 
     let mut errors = Errors::default();
     for _ in 0..segments {
         let (s0, s1) = (case.segment)(&mut random);
-        let mut light = Accumulator::CLEAR;
+        let mut light = Accumulator::TRANSPARENT;
         integrator.segment(&mut integrator.enter(s0), s0, s1, length, &mut light);
         errors.add(quadrature(&case.table, s0, s1, length, PANEL_DEPTH), light.pixel());
     }

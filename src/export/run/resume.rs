@@ -62,7 +62,7 @@ impl Fingerprints {
         if let Some(joint) = request.tets().and_then(|tets| tets.table.joint()) {
             hash.update(self.content(joint).to_le_bytes());
             // What its rows are of comes from all steps, also from those that are not shown.
-            if joint.rows().len() > 1 {
+            if joint.vertex_axis().len() > 1 {
                 let cov = series.coefficients_of_variation(cancel)?.ok_or(RunError::Cancelled)?;
                 hash.update(crc32c::crc32c(bytemuck::cast_slice(&cov)).to_le_bytes());
             }
@@ -82,7 +82,7 @@ impl Fingerprints {
         {
             return *content;
         }
-        let axes = [joint.scalars(), joint.rows(), joint.layers()];
+        let axes = [joint.scalars(), joint.vertex_axis(), joint.cell_axis()];
         let counts = axes.map(|axis| axis.len() as u64);
         let axes = axes.iter().fold(crc32c::crc32c(bytemuck::bytes_of(&counts)), |crc, axis| {
             crc32c::crc32c_append(crc, bytemuck::cast_slice(axis))

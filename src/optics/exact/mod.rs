@@ -45,7 +45,7 @@ pub(crate) struct Interval {
     /// Value at `hi` less that at `lo`.
     rise: Optical,
     /// Extinction is zero throughout.
-    pub(super) clear: bool,
+    pub(super) transparent: bool,
 }
 
 impl Interval {
@@ -56,7 +56,7 @@ impl Interval {
         let (at_lo, rise) = (Optical(optical(a)), Optical(optical(b) - optical(a)));
         let per_width = if lo.is_finite() && hi.is_finite() { 1.0 / (hi - lo) } else { 0.0 };
         let origin = if per_width == 0.0 { 0.0 } else { lo };
-        Self { lo, hi, per_width, origin, at_lo, rise, clear: a.tau == 0.0 && b.tau == 0.0 }
+        Self { lo, hi, per_width, origin, at_lo, rise, transparent: a.tau == 0.0 && b.tau == 0.0 }
     }
 
     #[inline]
@@ -109,7 +109,7 @@ impl ExactTable {
     }
 
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
-    pub fn clear_share(&self, s0: f64, s1: f64) -> f64 {
+    pub fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
         // As the walk along the segment: at a node the side that it goes to holds.
         if s1 == s0 {
             let interval = &self.intervals[self.interval_at(s0)];
@@ -118,11 +118,11 @@ impl ExactTable {
         let share = |s: f64| ((s - s0) / (s1 - s0)).clamp(0.0, 1.0);
         if s1 > s0 {
             let first = self.intervals.partition_point(|i| i.hi <= s0);
-            let visible = self.intervals[first..].iter().take_while(|i| i.lo < s1).find(|i| !i.clear);
+            let visible = self.intervals[first..].iter().take_while(|i| i.lo < s1).find(|i| !i.transparent);
             visible.map_or(1.0, |i| share(i.lo.max(s0)))
         } else {
             let end = self.intervals.partition_point(|i| i.lo < s0);
-            let visible = self.intervals[..end].iter().rev().take_while(|i| i.hi > s1).find(|i| !i.clear);
+            let visible = self.intervals[..end].iter().rev().take_while(|i| i.hi > s1).find(|i| !i.transparent);
             visible.map_or(1.0, |i| share(i.hi.min(s0)))
         }
     }
@@ -176,8 +176,8 @@ impl ExactTable {
     }
 
     /// Whether no scalar has extinction.
-    pub fn is_clear(&self) -> bool {
-        self.intervals.iter().all(|i| i.clear)
+    pub fn is_transparent(&self) -> bool {
+        self.intervals.iter().all(|i| i.transparent)
     }
 }
 
@@ -185,8 +185,8 @@ impl ExactTable {
 #[derive(Clone, Copy, Debug)]
 pub struct ExactRay {
     interval: usize,
-    /// Whether that is clear. An `Option` of the place needs no more room as long as it has a `bool`.
-    clear: bool,
+    /// Whether that is transparent. An `Option` of the place needs no more room as long as it has a `bool`.
+    transparent: bool,
     here: Optical,
 }
 
@@ -200,8 +200,8 @@ impl ExactRay {
 
     #[inline]
     fn in_interval(intervals: &[Interval], interval: usize, scalar: f64) -> Self {
-        let &Interval { clear, .. } = &intervals[interval];
-        Self { interval, clear, here: intervals[interval].at(scalar) }
+        let &Interval { transparent, .. } = &intervals[interval];
+        Self { interval, transparent, here: intervals[interval].at(scalar) }
     }
 
     /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
@@ -232,7 +232,7 @@ impl ExactRay {
     fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) -> bool {
         let near = self.here;
         self.here = interval.at(to);
-        if !self.clear {
+        if !self.transparent {
             let (far, length) = (self.here, length as f32);
             // Rounding may leave a tiny negative extinction where a ramp reaches zero.
             let [near_depth, far_depth] = [near, far].map(|end| (end.tau() * length).max(0.0));
@@ -413,12 +413,12 @@ impl Integrator for ExactTable {
         pieces.count
     }
 
-    fn clear_share(&self, s0: f64, s1: f64) -> f64 {
-        self.clear_share(s0, s1)
+    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
+        self.transparent_share(s0, s1)
     }
 
-    fn is_clear(&self) -> bool {
-        self.is_clear()
+    fn is_transparent(&self) -> bool {
+        self.is_transparent()
     }
 
     #[inline(always)]
@@ -431,7 +431,7 @@ impl Integrator for ExactTable {
 mod tests {
     use super::*;
 
-    /// Nodes at each tenth, some with a step, one interval clear.
+    /// Nodes at each tenth, some with a step, one interval transparent.
     fn table() -> ExactTable {
         let mut nodes = Vec::new();
         for i in 0..1000 {
@@ -462,11 +462,11 @@ mod tests {
         for (tau, of_all, expected) in [(1e12, 100, 1), (20.0, 100, 1), (5.0, 100, 100), (0.01, 100, 100)] {
             let table = ExactTable::new(&NodeTable::new((0..=100).map(|i| node(i, tau)).collect()).unwrap(), 1.0);
             for (from, to) in [(0.0, 100.0), (100.0, 0.0)] {
-                let (mut whole, mut in_parts) = (Accumulator::CLEAR, Accumulator::CLEAR);
+                let (mut whole, mut in_parts) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
                 let mut ray = ExactRay::enter(&table, from);
                 assert_eq!(ray.segment(&table, from, to, 100.0, &mut whole), expected, "{tau}");
                 // It is where it would have come to: a segment behind has the light of a ray that begins there.
-                let (mut behind, mut new) = (Accumulator::CLEAR, Accumulator::CLEAR);
+                let (mut behind, mut new) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
                 let back = 0.3 * from + 0.7 * to;
                 ray.segment(&table, to, back, 0.1, &mut behind);
                 ExactRay::enter(&table, to).segment(&table, to, back, 0.1, &mut new);
@@ -491,7 +491,7 @@ mod tests {
         let table = table();
         for step in [0.01, 0.3, 9.0] {
             let along = along(step);
-            let (mut one, mut all) = (Accumulator::CLEAR, Accumulator::CLEAR);
+            let (mut one, mut all) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
             let (mut place, mut place_all) = (ExactRay::enter(&table, 4.0), ExactRay::enter(&table, 4.0));
             let mut s0 = 4.0;
             for (i, some) in along.chunks(17).enumerate() {
@@ -506,7 +506,7 @@ mod tests {
                 assert!(pieces > ROOM as u64, "{pieces} pieces: never more than there is room for");
             }
             // And a last bit more of one length would be seen.
-            let mut other = Accumulator::CLEAR;
+            let mut other = Accumulator::TRANSPARENT;
             let longer = along.iter().map(|&(s, length)| (s, length * 1.000_001));
             table.segments(&mut ExactRay::enter(&table, 4.0), 4.0, longer, &mut other);
             assert_ne!(one, other);

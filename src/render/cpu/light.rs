@@ -1,7 +1,7 @@
 //! What a ray has gathered on its way, segment by segment.
 //!
-//! An image does not depend on which clear cells are left out: nothing here changes where a segment shows nothing, and the
-//! place in the table is the same whether the ray has come to it through clear cells or begins there.
+//! An image does not depend on which transparent cells are left out: nothing here changes where a segment shows nothing, and the
+//! place in the table is the same whether the ray has come to it through transparent cells or begins there.
 
 use super::super::layers::Ahead;
 use super::super::medium::{Medium, Segment};
@@ -28,7 +28,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
     /// A ray that sees nothing nearer than this.
     #[inline(always)]
     pub(super) fn new(near_distance: f64, ahead: A) -> Self {
-        let (light, ray) = (Accumulator::CLEAR, R::default());
+        let (light, ray) = (Accumulator::TRANSPARENT, R::default());
         Self { light, ray, ahead, front: near_distance, composited: false, segments: 0, out_of_order: 0 }
     }
 

@@ -29,7 +29,7 @@ struct TileJob {
 }
 
 impl TileJob {
-    /// Begins a job with a clear frame.
+    /// Begins a job with a transparent frame.
     fn new(job: RenderJob, tables: &mut OpticsTables, frame: &mut Frame) -> Self {
         let view = job.local_view();
         frame.clear(view.plane_px());
@@ -37,15 +37,15 @@ impl TileJob {
         Self { job, view, table }
     }
 
-    fn is_clear(&self) -> bool {
-        is_clear(&self.job, &self.table)
+    fn is_transparent(&self) -> bool {
+        is_transparent(&self.job, &self.table)
     }
 }
 
 /// Whether nothing is to be seen of a job with this transfer function, or nobody waits for it.
-fn is_clear(job: &RenderJob, table: &OpticsTable) -> bool {
-    let cells_are_clear = table.is_clear() && job.surfaces.is_none() || job.active.count() == 0;
-    cells_are_clear && job.fragments.is_none() || job.cancel.is_cancelled()
+fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
+    let cells_are_transparent = table.is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
+    cells_are_transparent && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 
 /// A renderer of tiles, compiled for each medium, and for frames with and without other layers.

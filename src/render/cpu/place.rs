@@ -1,7 +1,7 @@
 //! Cells and faces in their view: what can be worked out of a job before its renderer is free.
 
 use super::havs::{FacePlacer, FacesInView};
-use super::is_clear;
+use super::is_transparent;
 use super::raycast::{CellPlacer, CellsInView};
 use crate::camera::View;
 use crate::mesh::Mesh;
@@ -61,7 +61,7 @@ impl Placer {
     /// Places the cells of a job, or its faces if it has some, unless nothing is to be seen or the job is at fault. `table` is its
     /// transfer function.
     pub fn place(&mut self, job: &mut RenderJob, table: &OpticsTable) {
-        if is_clear(job, table) || job.check().is_err() {
+        if is_transparent(job, table) || job.check().is_err() {
             return;
         }
         let view = job.local_view();
@@ -169,10 +169,10 @@ mod tests {
     #[test]
     fn nothing_is_placed_of_what_cannot_be_drawn_or_seen() {
         for job in jobs() {
-            let clear = Arc::new(NodeTable::clear());
+            let transparent = Arc::new(NodeTable::transparent());
             let cancelled = job.clone();
             let faults = [
-                RenderJob { table: clear, ..job.clone() },
+                RenderJob { table: transparent, ..job.clone() },
                 RenderJob { scalars: Arc::new(vec![0.0]), ..job.clone() },
                 RenderJob { active: Arc::new(CellSet::none(job.active.universe())), ..job.clone() },
                 RenderJob { faces: Some(Arc::new(DrawnFaces { faces: vec![u32::MAX], is_complete: false })), ..job },

@@ -62,7 +62,7 @@ pub(super) struct TilePixel {
 }
 
 impl TilePixel {
-    pub(super) const CLEAR: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
+    pub(super) const TRANSPARENT: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
 }
 
 /// A tile in its place in the order of the work.
@@ -138,7 +138,7 @@ impl<S: Default + Send> Tiles<S> {
         if grid.tile_count() > 0 {
             self.order.begin(grid, costly_first);
         }
-        self.pixels.resize(grid.tile_count() * TILE_PX * TILE_PX, TilePixel::CLEAR);
+        self.pixels.resize(grid.tile_count() * TILE_PX * TILE_PX, TilePixel::TRANSPARENT);
         self.scratch.resize_with(rayon::current_num_threads(), Mutex::default);
         self.next = 0;
     }

@@ -60,7 +60,7 @@ impl JointBuffers {
         map: ScalarMap,
         [buffer, parameters]: [&mut GrowingBuffer; 2],
     ) -> Result<(bool, u64), RenderError> {
-        let cells = scene.cell_values.as_ref().filter(|_| scene.table.layers().len() > 1);
+        let cells = scene.cell_values.as_ref().filter(|_| scene.table.cell_axis().len() > 1);
         let count = cells.map_or(0, |cells| cells.len());
         let first = count.div_ceil(CELLS_PER_VECTOR);
         let wanted =
@@ -86,7 +86,7 @@ impl JointBuffers {
                 row_count: packed.row_intervals,
                 values: first + scalars + packed.row_intervals,
                 columns: scene.table.scalars().len() as u32,
-                layer_values: (scene.table.scalars().len() * scene.table.rows().len()) as u32,
+                layer_values: (scene.table.scalars().len() * scene.table.vertex_axis().len()) as u32,
                 cells: 0,
                 cell_count: count as u32,
             };
@@ -108,8 +108,9 @@ impl JointBuffers {
             self.cells = None;
             return Ok(0);
         };
-        let is_there =
-            |sent: &CellsSent| Weak::as_ptr(&sent.of) == Arc::as_ptr(cells) && sent.table.layers() == table.layers();
+        let is_there = |sent: &CellsSent| {
+            Weak::as_ptr(&sent.of) == Arc::as_ptr(cells) && sent.table.cell_axis() == table.cell_axis()
+        };
         if self.cells.as_ref().is_some_and(is_there) {
             return Ok(0);
         }
@@ -132,7 +133,7 @@ impl JointBuffers {
 
 /// The map that the quantity of vertices is seen through.
 fn rows_map(table: &JointTable) -> ScalarMap {
-    let rows = table.rows();
+    let rows = table.vertex_axis();
     ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
 }
 
@@ -149,7 +150,7 @@ impl VertexValues {
     /// Whether these are a job's.
     pub(super) fn is_of(&self, scene: &JointScene) -> bool {
         let sent = self.of.as_ref().map(Weak::as_ptr);
-        let key = (rows_map(&scene.table), scene.table.rows()[0]);
+        let key = (rows_map(&scene.table), scene.table.vertex_axis()[0]);
         sent == scene.vertex_values.as_ref().map(Arc::as_ptr) && (self.map, self.lowest) == key
     }
 
@@ -159,7 +160,7 @@ impl VertexValues {
         // They must stay finite: as scalars, see `view_transform.wgsl`.
         let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;
         let values = (0..vertices).into_par_iter().map(seen).collect();
-        let lowest = scene.table.rows()[0];
+        let lowest = scene.table.vertex_axis()[0];
         (Self { of: scene.vertex_values.as_ref().map(Arc::downgrade), map, lowest }, values)
     }
 }

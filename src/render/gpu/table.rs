@@ -43,13 +43,13 @@ impl Table {
     }
 
     /// Whether no scalar can be seen with the job's table.
-    pub(super) fn is_clear(&mut self, job: &RenderJob) -> bool {
-        self.tables.get(job).is_clear()
+    pub(super) fn is_transparent(&mut self, job: &RenderJob) -> bool {
+        self.tables.get(job).is_transparent()
     }
 
     /// Whether nothing can be seen in any cell.
     pub(super) fn shows_nothing(&mut self, job: &RenderJob) -> bool {
-        job.surfaces.is_none() && self.is_clear(job)
+        job.surfaces.is_none() && self.is_transparent(job)
     }
 
     /// Brings the table of the job's optics to the GPU, seen through the map of its scalars; completes the parameters. Returns whether a

@@ -17,14 +17,14 @@ pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, 
     };
     let mut cuts = vec![0.0, 1.0];
     cuts.extend(meets(table.scalars(), scalars[0], scalars[1]));
-    cuts.extend(meets(table.rows(), values[0], values[1]));
+    cuts.extend(meets(table.vertex_axis(), values[0], values[1]));
     cuts.sort_by(f64::total_cmp);
     let mut diagonals = Vec::new();
     for pair in cuts.windows(2) {
         // In one rectangle, that of the middle.
         let middle = 0.5 * (pair[0] + pair[1]);
         let (Some([left, right]), Some([lower, upper])) =
-            (around(table.scalars(), scalar(middle)), around(table.rows(), value(middle)))
+            (around(table.scalars(), scalar(middle)), around(table.vertex_axis(), value(middle)))
         else {
             continue;
         };

@@ -281,7 +281,7 @@ fn weights(corners: [DVec3; 4], point: DVec3) -> [f64; 4] {
 /// each.
 pub(in crate::render) enum VolumeMedium<'a> {
     /// Nothing is to be seen of it.
-    Clear,
+    Transparent,
     /// Integrated exactly.
     Exact(ScalarMedium<'a, ExactTable>),
     /// Looked up in a pre-integrated table.
@@ -304,7 +304,7 @@ pub(in crate::render) enum VolumeRay {
 impl<'a> VolumeMedium<'a> {
     pub(in crate::render) fn new(table: &'a OpticsTable) -> Self {
         match table {
-            _ if table.is_clear() => Self::Clear,
+            _ if table.is_transparent() => Self::Transparent,
             OpticsTable::Exact(table) => Self::Exact(ScalarMedium(&**table)),
             OpticsTable::Table3d(table) => Self::Table3d(ScalarMedium(&**table)),
             OpticsTable::Partial(table) => Self::Partial(ScalarMedium(&**table)),
@@ -328,7 +328,7 @@ impl Medium for VolumeMedium<'_> {
             }};
         }
         match self {
-            Self::Clear => 0,
+            Self::Transparent => 0,
             Self::Exact(medium) => pass!(medium, Exact),
             Self::Table3d(medium) => pass!(medium, Table3d),
             Self::Partial(medium) => pass!(medium, Partial),

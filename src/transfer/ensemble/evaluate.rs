@@ -175,16 +175,16 @@ impl<'a> Resolved<'a> {
 impl Evaluator<'_> {
     /// Colour (display-referred, not premultiplied) and opacity (or optical depth of a unit distance) at a place: members are
     /// blended there, however many dimensions they have together. The judge of everything that is made of an ensemble. A scalar
-    /// that is NaN is clear; a gradient or coefficient of variation counts as 0 then.
+    /// that is NaN is transparent; a gradient or coefficient of variation counts as 0 then.
     pub fn eval(&self, sample: &Sample) -> ([f64; 3], f64) {
         let side = self.eval_side(sample);
         (side.rgb, side.value)
     }
 
     fn eval_side(&self, sample: &Sample) -> Side {
-        let clear = Side { rgb: [0.0; 3], value: 0.0 };
+        let transparent = Side { rgb: [0.0; 3], value: 0.0 };
         if sample.scalar.is_nan() {
-            return clear;
+            return transparent;
         }
         let known = |position: f64| if position.is_nan() { 0.0 } else { position };
         let sample = &Sample { scalar: sample.scalar, gradient: known(sample.gradient), cov: known(sample.cov) };
@@ -197,7 +197,7 @@ impl Evaluator<'_> {
                 Some(before) => resolved.member.blend.sides(&before, &weighed, self.colors, self.kind),
             });
         }
-        result.unwrap_or(clear)
+        result.unwrap_or(transparent)
     }
 
     /// The scalars at which members that are functions of the scalar may have a step or a kink.
@@ -247,7 +247,7 @@ impl Ensemble {
     fn blended(&self, context: &Context, line: Option<&Line>) -> Result<Curve, TransferError> {
         let Evaluator { members, colors, kind } = self.evaluator(context)?;
         let tolerance = self.member_tolerance(members.len(), &context.lengths);
-        let precision = Precision { kind, tolerance, where_clear: colors == ColorWeighting::Plain };
+        let precision = Precision { kind, tolerance, where_transparent: colors == ColorWeighting::Plain };
         let curves = members.iter().map(|m| Ok(Curve::new(m.curve(context, line, &precision)?, kind)));
         let curves: Vec<Curve> = curves.collect::<Result<_, TransferError>>()?;
         check_span(&curves)?;

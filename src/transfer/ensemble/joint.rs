@@ -17,7 +17,7 @@ const MOST_VALUES: usize = 1 << 20;
 const LEAST_SCALARS: usize = 16;
 
 impl Ensemble {
-    /// Whether a member keeps axes beside the scalar: then [`Self::curve`] does not say all of it, [`Self::grid`] does.
+    /// Whether a member keeps axes beside the scalar: then [`Self::curve`] does not say all of it, [`Self::joint_table`] does.
     pub fn keeps_axes(&self) -> bool {
         self.members.iter().any(|member| member.keeps(Second::Gradient) || member.keeps(Second::Cov))
     }
@@ -27,7 +27,7 @@ impl Ensemble {
     ///
     /// # Errors
     /// As [`Self::curve`].
-    pub fn grid(&self, context: &Context) -> Result<JointTable, TransferError> {
+    pub fn joint_table(&self, context: &Context) -> Result<JointTable, TransferError> {
         joint_table(&[self], context, |line| self.curve_on(context, line))
     }
 }
@@ -50,7 +50,7 @@ pub fn joint_table(
     }
     let lines: Vec<Line> =
         gradients.iter().flat_map(|&gradient| covs.iter().map(move |&cov| Line { gradient, cov })).collect();
-    let table = |line: &Line| curve_on(line)?.line_of_grid(&context.lengths);
+    let table = |line: &Line| curve_on(line)?.line_of_joint_table(&context.lengths);
     let tables: Vec<NodeTable> = lines.par_iter().map(table).collect::<Result<_, _>>()?;
     let scalars = Columns::of(&tables, MOST_VALUES / tables.len());
     let values = tables.iter().flat_map(|table| scalars.0.iter().flat_map(|column| column.values(table))).collect();
@@ -58,7 +58,7 @@ pub fn joint_table(
     Ok(JointTable::new(axis, rows, layers, values)?)
 }
 
-/// One scalar of a grid, or both sides of a step.
+/// One scalar of a joint table, or both sides of a step.
 struct Column {
     scalar: f64,
     /// Where the values of its left and its right side are read.
@@ -66,7 +66,7 @@ struct Column {
     is_step: bool,
 }
 
-/// The scalars of a grid.
+/// The scalars of a joint table.
 struct Columns(Vec<Column>);
 
 /// A node of a table.

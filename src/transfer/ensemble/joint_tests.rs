@@ -121,7 +121,7 @@ proptest! {
         let line = TransferFunction::parse(format!("viridis@0:0,{tf}:0.5,1:0.1")).unwrap();
         let plain = Member { blend: Blend::Add, ..Member::new("line", Function::TransferFunction(line)) };
         let all = ensemble(vec![scalar, gradient, plain, cov]);
-        let table = all.grid(&context()).unwrap();
+        let table = all.joint_table(&context()).unwrap();
         let edges = edges_of(&all);
         let [max, _, color] = errors(&table, &all, is_far(&edges));
         prop_assert!(max <= JOINT_TOLERANCE + 1e-6 && color <= JOINT_TOLERANCE + 1e-6, "{max:e}, {color:e}");
@@ -148,7 +148,7 @@ fn what_changes_gradually_is_followed_in_sixty_four_steps() {
         [(boundary, [0.2, 3e-4]), (flat, [0.61, 4e-3]), (along, [JOINT_TOLERANCE + 2e-4, 6e-5])]
     {
         let one = ensemble(vec![member]);
-        let table = one.grid(&context()).unwrap();
+        let table = one.joint_table(&context()).unwrap();
         let edges = edges_of(&one);
         let [most, middle, _] = errors(&table, &one, is_far(&edges));
         eprintln!("{:?}: opacity off by {most:.1e}, on average {middle:.1e}", one.members[0].space);
@@ -172,10 +172,10 @@ fn an_ensemble_that_keeps_no_axis_is_a_table_over_the_scalar() {
     let one = ensemble(vec![reduced]);
     assert!(!one.keeps_axes());
     let (table, curve) = (
-        one.grid(&context()).unwrap(),
-        one.curve(&context()).unwrap().line_of_grid(&Lengths::of_unit_distance(1.0)).unwrap(),
+        one.joint_table(&context()).unwrap(),
+        one.curve(&context()).unwrap().line_of_joint_table(&Lengths::of_unit_distance(1.0)).unwrap(),
     );
-    assert_eq!((table.rows().len(), table.layers().len()), (1, 1));
+    assert_eq!((table.vertex_axis().len(), table.cell_axis().len()), (1, 1));
     assert_eq!(table.scalars(), curve.nodes().iter().map(|n| n.scalar).collect::<Vec<_>>());
     for (i, node) in curve.nodes().iter().enumerate() {
         let [r, g, b] = node.rgb.map(|c| c as f32);
@@ -214,13 +214,13 @@ fn axes_without_extent_or_histogram() {
     let one = ensemble(vec![kept(Space::ScalarCov, vec![rectangle([0.0, 1.0], [0.0, 0.5], [0.3; 2])])]);
     // All values are alike, at position 0.
     let flat = Context { scalar_cov: Some(&Unit(0.0)), ..context() };
-    let table = one.grid(&flat).unwrap();
-    assert_eq!(table.rows(), [0.0]);
+    let table = one.joint_table(&flat).unwrap();
+    assert_eq!(table.vertex_axis(), [0.0]);
     assert!((table.eval(0.5, 7.0, 0.0).tau + 0.7_f64.ln()).abs() < 1e-3);
     let without = Context { scalar_cov: None, ..context() };
-    assert!(one.grid(&without).unwrap_err().to_string().contains("'kept': has no histogram"));
-    let none = ensemble(vec![]).grid(&context()).unwrap();
-    assert_eq!((none.rows().len(), none.eval(0.3, 0.0, 0.0).tau), (1, 0.0));
+    assert!(one.joint_table(&without).unwrap_err().to_string().contains("'kept': has no histogram"));
+    let none = ensemble(vec![]).joint_table(&context()).unwrap();
+    assert_eq!((none.vertex_axis().len(), none.eval(0.3, 0.0, 0.0).tau), (1, 0.0));
 }
 
 #[test]
@@ -246,12 +246,12 @@ fn too_many_scalars_become_steps_near_to_where_they_were() {
 #[test]
 fn nothing_that_is_seen_is_lost_where_scalars_become_one() {
     let node = |scalar: f64, tau: f64| Node { scalar, rgb: [tau / 8.0; 3], tau };
-    let clear: Vec<Node> = (0..=300).map(|i| node(f64::from(i), 0.0)).collect();
+    let transparent: Vec<Node> = (0..=300).map(|i| node(f64::from(i), 0.0)).collect();
     for at in 1..300 {
         let points = [(0, 0.0), (at - 1, 0.0), (at, 7.0), (at + 1, 0.0), (300, 0.0)];
         let mut shell = points.map(|(scalar, tau)| node(f64::from(scalar), tau)).to_vec();
         shell.dedup_by(|next, kept| next.scalar == kept.scalar);
-        let tables = [clear.clone(), shell].map(|nodes| NodeTable::new(nodes).unwrap());
+        let tables = [transparent.clone(), shell].map(|nodes| NodeTable::new(nodes).unwrap());
         let columns = Columns::of(&tables, 20);
         let [none, seen] = tables.each_ref().map(|table| {
             let nodes = columns.0.iter().flat_map(|column| std::iter::zip(column.scalars(), column.values(table)));
@@ -282,8 +282,13 @@ fn shell_among_lines() -> Ensemble {
 #[test]
 fn a_narrow_shell_is_seen_in_a_table_of_many_lines() {
     let all = shell_among_lines();
-    let table = all.grid(&context()).unwrap();
-    eprintln!("{} scalars, {} rows, {} layers", table.scalars().len(), table.rows().len(), table.layers().len());
+    let table = all.joint_table(&context()).unwrap();
+    eprintln!(
+        "{} scalars, {} rows, {} layers",
+        table.scalars().len(),
+        table.vertex_axis().len(),
+        table.cell_axis().len()
+    );
     assert!(table.values().len() <= MOST_VALUES);
     assert!(table.projection().is_visible_in(0.5001, 0.5039));
     // Where no other member is.
@@ -297,6 +302,6 @@ fn tables_of_too_many_lines_are_an_error_that_says_what_to_do() {
     let widgets = |y: fn(usize) -> [f64; 2]| (0..400).map(|i| rectangle([0.0, 1.0], y(i), [0.1; 2])).collect();
     let extents = |i: usize| [i as f64 / 500.0, (i as f64 + 0.5) / 500.0];
     let both = ensemble(vec![kept(Space::ScalarGradient, widgets(extents)), kept(Space::ScalarCov, widgets(extents))]);
-    let text = both.grid(&context()).unwrap_err().to_string();
+    let text = both.joint_table(&context()).unwrap_err().to_string();
     assert!(text.contains("1599 places of the coefficient") && text.contains("reduce members"), "{text}");
 }

@@ -50,7 +50,7 @@ fn rows(ensemble: &Ensemble) -> Vec<f64> {
 /// Checks a table against the values at the sample, at places that are not within a ramp of an edge.
 fn check(ensemble: &Ensemble, edges: &[f64], tolerance: f64) -> f64 {
     let context = context(&Unit);
-    let (table, judge) = (ensemble.grid(&context).unwrap(), ensemble.evaluator(&context).unwrap());
+    let (table, judge) = (ensemble.joint_table(&context).unwrap(), ensemble.evaluator(&context).unwrap());
     let far = |cov: &f64| edges.iter().all(|edge| (cov - edge).abs() > 2.0 * GAP);
     let mut most = 0.0_f64;
     for cov in (0..=5000).map(|i| f64::from(i) / 5000.0).filter(far) {
@@ -77,7 +77,7 @@ fn edges_next_to_each_other_or_to_a_place_are_not_lost() {
         let one = kept(Space::ScalarCov, Function::Widgets(widgets));
         check(&one, &edges, JOINT_TOLERANCE);
         let context = context(&Unit);
-        assert_eq!(one.grid(&context).unwrap().eval(0.3, 0.0, 0.0).tau, 0.0, "{one:?}");
+        assert_eq!(one.joint_table(&context).unwrap().eval(0.3, 0.0, 0.0).tau, 0.0, "{one:?}");
     }
 }
 
@@ -120,8 +120,8 @@ fn a_series_of_one_step_has_one_row() {
     let counts = Histogram2d::over(linear, Bins::new(Some([0.0, 0.0]), AxisScale::Octaves, 64));
     let context = context(&counts);
     let one = kept(Space::ScalarCov, Function::Widgets(vec![rectangle([0.0, 0.5]), rectangle([0.7, 0.8])]));
-    let table = one.grid(&context).unwrap();
-    assert_eq!(table.rows(), [0.0]);
+    let table = one.joint_table(&context).unwrap();
+    assert_eq!(table.vertex_axis(), [0.0]);
     assert!((table.eval(0.5, 0.0, 0.0).tau - 2.0_f64.ln()).abs() < 1e-3);
-    assert_eq!(over_cov("inferno@0:0.1,1:0.4").grid(&context).unwrap().rows(), [0.0]);
+    assert_eq!(over_cov("inferno@0:0.1,1:0.4").joint_table(&context).unwrap().vertex_axis(), [0.0]);
 }

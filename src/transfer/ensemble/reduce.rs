@@ -40,7 +40,7 @@ pub enum Reduction {
     Intensity,
     /// Opacity only: what is rare keeps its colour.
     Opacity,
-    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::grid`](super::Ensemble::grid)). In
+    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::joint_table`](super::Ensemble::joint_table)). In
     /// [`Ensemble::curve`](super::Ensemble::curve), which has no other axes, as `intensity`.
     Keep,
 }

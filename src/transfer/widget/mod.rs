@@ -2,7 +2,7 @@
 //!
 //! Plain values in axis positions 0..=1: x to the right, y upwards. A shape has its left and lower edges, but not its right
 //! and upper ones, unless these are the end of the axis: positions outside of 0..=1 count as its ends. So shapes side by
-//! side neither overlap nor leave a gap. Outside of its shape a widget is clear and black.
+//! side neither overlap nor leave a gap. Outside of its shape a widget is transparent and black.
 
 mod polyline;
 mod rectangle;
@@ -49,7 +49,7 @@ pub enum Part {
 pub(super) const GAP: f64 = 1.0 / 1_048_576.0;
 
 /// Nothing: what a widget gives outside of its shape.
-const CLEAR: Side = Side { rgb: [0.0; 3], value: 0.0 };
+const TRANSPARENT: Side = Side { rgb: [0.0; 3], value: 0.0 };
 
 impl Widget {
     /// Colour and opacity at a place, on two axes.
@@ -69,9 +69,9 @@ impl Widget {
         match self {
             Self::Rectangle(r) if y.is_none_or(|y| covers(r.y, y)) => r.side(x),
             Self::Polyline(p) => p.side(x),
-            Self::Triangle(t) => y.map_or(CLEAR, |y| t.side(x, y, false)),
-            Self::TriangleWithFallOff(t) => y.map_or(CLEAR, |y| t.side(x, y, true)),
-            Self::Rectangle(_) => CLEAR,
+            Self::Triangle(t) => y.map_or(TRANSPARENT, |y| t.side(x, y, false)),
+            Self::TriangleWithFallOff(t) => y.map_or(TRANSPARENT, |y| t.side(x, y, true)),
+            Self::Rectangle(_) => TRANSPARENT,
         }
     }
 
@@ -208,7 +208,7 @@ impl Widget {
 /// where they are equal. So the opacity is never above one that was drawn; to add shapes up, put them into two members.
 pub(super) fn topmost(widgets: &[Widget], x: f64, y: Option<f64>) -> Side {
     let over = |below: Side, side: Side| if side.value >= below.value { side } else { below };
-    widgets.iter().map(|w| w.side(x, y)).fold(CLEAR, over)
+    widgets.iter().map(|w| w.side(x, y)).fold(TRANSPARENT, over)
 }
 
 /// The curve of several widgets over the positions of the first axis, at a position of the second if there is one, exactly;

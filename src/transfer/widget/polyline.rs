@@ -1,6 +1,6 @@
 //! Points with colour and opacity.
 
-use super::{CLEAR, GAP, is_color};
+use super::{GAP, TRANSPARENT, is_color};
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct PolylinePoint {
     pub opacity: f64,
 }
 
-/// Colour and opacity linear between points; clear before the first and behind the last, unless these are the ends of the
+/// Colour and opacity linear between points; transparent before the first and behind the last, unless these are the ends of the
 /// axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -48,7 +48,7 @@ impl Polyline {
         match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
             (Some(a), Some(b)) => Side::mix(&a.side(), &b.side(), (x - a.position) / (b.position - a.position)),
             (Some(last), None) if last.position == 1.0 && x == 1.0 => last.side(),
-            _ => CLEAR,
+            _ => TRANSPARENT,
         }
     }
 
@@ -56,10 +56,10 @@ impl Polyline {
         let point = |p: &PolylinePoint| ProfilePoint { scalar: p.position, left: p.side(), right: p.side() };
         let mut points: Vec<ProfilePoint> = self.points.iter().map(point).collect();
         if let Some(first) = points.first_mut() {
-            first.left = CLEAR;
+            first.left = TRANSPARENT;
         }
         if let Some(last) = points.last_mut() {
-            last.right = CLEAR;
+            last.right = TRANSPARENT;
         }
         points
     }

@@ -368,7 +368,7 @@ fn texts(to: &Path) {
                 "frame_%04d.png",
                 "16",
                 "linear",
-                "clear,hidden",
+                "transparent,hidden",
                 "jet",
                 "extinction",
                 "fast",

@@ -37,7 +37,7 @@ pub fn table_of(
     JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
 }
 
-/// A table with other values at every place, a third of them clear.
+/// A table with other values at every place, a third of them transparent.
 pub fn noisy(scalars: &[f64], rows: &[f64], layers: &[f64], seed: u64) -> JointTable {
     let value = |i: u64| {
         let of = |k: u64| (0.5 + 0.5 * noise(seed, 4 * i + k)) as f32;
@@ -224,7 +224,7 @@ fn slabs_have_the_opacity_of_their_closed_forms() {
 fn a_quantity_of_cells_is_the_same_in_all_of_a_cell() {
     let base = scene(5, PERSPECTIVE);
     let cells = cell_values(&base);
-    // Cells above 0 as the ramp, others clear: the image of these cells alone.
+    // Cells above 0 as the ramp, others transparent: the image of these cells alone.
     let values = |s: f64, _: f64, layer: f64| [0.2, 0.6, 0.9, if layer < 0.5 { 0.0 } else { (1.5 + s) as f32 }];
     let is_seen = |value: f32| if value > 0.0 { 1.0 } else { 0.0 };
     let table = table_of(&[-1.5, 1.5], &[0.0], &[0.0, 1.0], values);
@@ -254,7 +254,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
         let (scalar, vertex, cell) = (scalar as f32, vertex as f32, cell as f32);
         // f32 numbers, so that the field lies exactly on the places of the axes.
         let narrow = |axis: &[f64]| axis.iter().map(|&x| f64::from(x as f32)).collect::<Vec<_>>();
-        let (s, r, l) = (narrow(table.scalars()), narrow(table.rows()), narrow(table.layers()));
+        let (s, r, l) = (narrow(table.scalars()), narrow(table.vertex_axis()), narrow(table.cell_axis()));
         let table = noisy(&s, &r, &l, 5);
         let expected = table.eval(f64::from(scalar), f64::from(vertex), f64::from(cell));
         let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
@@ -315,16 +315,16 @@ fn tables_of_one_node_and_narrow_and_opaque_ones_are_drawn() {
 #[test]
 fn what_is_left_out_changes_no_bit() {
     for (name, job) in jobs(6, PERSPECTIVE) {
-        // Clear below 0.
+        // Transparent below 0.
         let scene = job.joint.clone().unwrap();
         let table = &scene.table;
         let scalars = table.scalars().to_vec();
         let columns = scalars.len();
-        let places = (0..table.layers().len()).flat_map(|l| (0..table.rows().len()).map(move |r| (l, r)));
+        let places = (0..table.cell_axis().len()).flat_map(|l| (0..table.vertex_axis().len()).map(move |r| (l, r)));
         let value =
             |i: usize, r: usize, l: usize| if table.scalars()[i] < 0.0 { [0.0; 4] } else { table.value(i, r, l) };
         let values = places.flat_map(|(l, r)| (0..columns).map(move |i| value(i, r, l))).collect();
-        let cut = JointTable::new(scalars, table.rows().to_vec(), table.layers().to_vec(), values).unwrap();
+        let cut = JointTable::new(scalars, table.vertex_axis().to_vec(), table.cell_axis().to_vec(), values).unwrap();
         let [vertex, cell] = [&scene.vertex_values, &scene.cell_values].map(|v| v.as_ref().map(|v| (**v).clone()));
         let all = RenderJob { skip: Skip::NONE, ..with_joint_table(&job, cut, vertex, cell) };
         let mut visible = CellSet::none(all.active.universe());
@@ -406,10 +406,10 @@ fn axes_and_values_at_fault_are_named() {
         |s: &[f64], r: &[f64], l: &[f64], v: Vec<[f32; 4]>| JointTable::new(s.to_vec(), r.to_vec(), l.to_vec(), v);
     let ok = vec![[0.5f32; 4]; 2];
     assert_eq!(new(&[], &[0.0], &[0.0], vec![]), Err(JointTableError::Empty(JointAxis::Scalar)));
-    assert_eq!(new(&[0.0], &[0.0, 0.0], &[0.0], ok.clone()), Err(JointTableError::NotSorted(JointAxis::Row, 1)));
+    assert_eq!(new(&[0.0], &[0.0, 0.0], &[0.0], ok.clone()), Err(JointTableError::NotSorted(JointAxis::Vertex, 1)));
     assert_eq!(new(&[1.0, 0.0], &[0.0], &[0.0], ok.clone()), Err(JointTableError::NotSorted(JointAxis::Scalar, 1)));
     assert!(new(&[0.0, 0.0], &[0.0], &[0.0], ok.clone()).is_ok() && new(&[0.0], &[0.0], &[1.0; 2], ok.clone()).is_ok());
-    assert_eq!(new(&[0.0], &[0.0], &[1.0; 3], vec![[0.5; 4]; 3]), Err(JointTableError::NotSorted(JointAxis::Layer, 2)));
+    assert_eq!(new(&[0.0], &[0.0], &[1.0; 3], vec![[0.5; 4]; 3]), Err(JointTableError::NotSorted(JointAxis::Cell, 2)));
     assert_eq!(new(&[f64::NAN], &[0.0], &[0.0], ok.clone()), Err(JointTableError::NotFinite(JointAxis::Scalar)));
     assert_eq!(new(&[-1e308, 1e308], &[0.0], &[0.0], ok), Err(JointTableError::NotFinite(JointAxis::Scalar)));
     let count = JointTableError::ValueCount { given: 1, expected: 2 };

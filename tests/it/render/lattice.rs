@@ -77,7 +77,7 @@ fn cpu(name: &str, job: &RenderJob) -> Planes {
 const CPU: [&str; 5] = ["raycast", "portable", "faces", "some faces", "reference"];
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 35.0 };
 
-/// Scenes with the eye outside, in the mesh and far behind its near plane; opaque, clear in places, by formula, joint; sizes that are
+/// Scenes with the eye outside, in the mesh and far behind its near plane; opaque, transparent in places, by formula, joint; sizes that are
 /// no multiple of a tile.
 pub fn scenes() -> Vec<(&'static str, RenderJob)> {
     let outside = DVec3::new(3.0, 2.0, 2.5);

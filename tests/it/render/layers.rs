@@ -194,7 +194,7 @@ fn quads_lie_before_in_between_and_behind_cells_and_where_there_are_none() {
             }
         }
         // Nothing in the cells is to be seen.
-        check("clear cells", 4.0, projection, 0.0, [0.0, 0.0], &quads_at(&everywhere));
+        check("transparent cells", 4.0, projection, 0.0, [0.0, 0.0], &quads_at(&everywhere));
     }
     // The cells are small in the middle of the image, quads cover tiles that no cell meets.
     let [_, cells] = check("far", 4.0, Projection::Parallel { scale: 8.0 }, 0.0, [0.7, 1.3], &quads_at(&everywhere));

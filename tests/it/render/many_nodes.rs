@@ -1,12 +1,12 @@
 //! Tables of many nodes: segments that cross many of them, where lanes take the pieces from node to node side by side.
 
-use super::clear_cells::{bits, counts};
+use super::transparent_cells::{bits, counts};
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
 use proptest::prelude::*;
 use tetreel::visibility::Skip;
 
-/// A table of many nodes over the range of [`wave`]: extinctions of any magnitude, clear and opaque plateaus, steps, and nodes a millionth
+/// A table of many nodes over the range of [`wave`]: extinctions of any magnitude, transparent and opaque plateaus, steps, and nodes a millionth
 /// apart.
 fn random_table(seed: u64, count: u64, strongest: f64) -> NodeTable {
     let random = |i: u64| 0.5 + 0.5 * noise(seed, i);

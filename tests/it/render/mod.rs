@@ -1,7 +1,6 @@
 //! Renderers against closed forms and against the reference.
 
 mod adaptive;
-mod clear_cells;
 mod cuts;
 mod depth;
 mod formula;
@@ -22,6 +21,7 @@ mod surfaces;
 #[cfg(feature = "gpu")]
 mod surfaces_gpu;
 mod table3d;
+mod transparent_cells;
 mod upsampling;
 
 use glam::DVec3;

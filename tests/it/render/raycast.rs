@@ -251,11 +251,11 @@ fn renderers_on_the_cpu_wait_for_their_turn_and_draw_the_same() {
 fn an_empty_view_and_a_transparent_table_cost_no_steps() {
     let mesh = Arc::new(build(grid(4, 0.16, 1, |_| true)));
     let look_away = Camera { focal_point: DVec3::new(9.0, 9.0, 9.0), ..camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE) };
-    let clear = table(&[(0.0, [1.0; 3], 0.0)]);
+    let transparent = table(&[(0.0, [1.0; 3], 0.0)]);
     let mut renderer = Raycast::new();
     for job in [
         job(&mesh, sample(&mesh, wave), &look_away, (16, 16), dense()),
-        job(&mesh, sample(&mesh, wave), &camera(DVec3::X * 5.0, PERSPECTIVE), (16, 16), clear),
+        job(&mesh, sample(&mesh, wave), &camera(DVec3::X * 5.0, PERSPECTIVE), (16, 16), transparent),
     ] {
         assert!(reference(&job).pixels.iter().flatten().all(|&v| v == 0.0));
         let frame = renderer.render(job).unwrap();
@@ -311,9 +311,9 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
             job(mesh, sample(mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (40 - i, 33), dense());
         let mut some = CellSet::all(mesh.topology.tets.len());
         (0..some.universe() as u32).step_by(3).for_each(|cell| some.set(cell, false));
-        let clear = Arc::new(table(&[(0.0, [1.0; 3], 0.0)]));
+        let transparent = Arc::new(table(&[(0.0, [1.0; 3], 0.0)]));
         jobs.push(RenderJob { active: Arc::new(some), ..base.clone() });
-        jobs.push(RenderJob { table: clear, ..base.clone() });
+        jobs.push(RenderJob { table: transparent, ..base.clone() });
         jobs.push(base);
     }
     let colors: Vec<RgbaImage> = jobs.iter().map(raycast).collect();

@@ -35,7 +35,7 @@ pub(super) fn with_surfaces(job: &RenderJob, surfaces: &[Isosurface], shading: S
 
 /// The same without a volume.
 pub(super) fn alone(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
-    RenderJob { table: Arc::new(NodeTable::clear()), ..with_surfaces(job, surfaces, shading) }
+    RenderJob { table: Arc::new(NodeTable::transparent()), ..with_surfaces(job, surfaces, shading) }
 }
 
 pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
@@ -250,7 +250,7 @@ fn all_optics_and_joint_tables_have_surfaces() {
 fn slanted(size: (usize, usize), projection: Projection) -> RenderJob {
     let mesh = Arc::new(build(grid(4, 0.15, 5, |_| true)));
     let scalars = sample(&mesh, |p| p.x + 0.5 * p.y);
-    job(&mesh, scalars, &camera(DVec3::new(5.0, 0.0, 0.0), projection), size, NodeTable::clear())
+    job(&mesh, scalars, &camera(DVec3::new(5.0, 0.0, 0.0), projection), size, NodeTable::transparent())
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn isovalues_at_scalars_of_vertices_are_met_once_and_constant_cells_never() {
         scalars,
         &camera(DVec3::new(-5.0, 0.0, 0.0), Projection::Parallel { scale: 0.7 }),
         (20, 20),
-        NodeTable::clear(),
+        NodeTable::transparent(),
     );
     // At the greatest scalar, which is met where the mesh ends, rounding decides for the judge.
     let opacity_of = |value: f64| {
@@ -381,7 +381,7 @@ fn a_sphere_is_approached_with_the_order_of_linear_interpolation() {
         let mesh = Arc::new(build(grid(n, 0.15, 4, |_| true)));
         let scalars = sample(&mesh, |p| p.length());
         let camera = camera(DVec3::new(2.0, 1.5, 3.0), Projection::Parallel { scale: 0.75 });
-        let base = job(&mesh, scalars, &camera, (64, 64), NodeTable::clear());
+        let base = job(&mesh, scalars, &camera, (64, 64), NodeTable::transparent());
         let found = planes("raycast", &alone(&base, &[surface(0.7, [1.0; 3], 1.0)], shading(normals)));
         let view = &base.view;
         let distance = view.eye.length();

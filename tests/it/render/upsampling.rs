@@ -16,7 +16,7 @@ use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
 use tetreel::visibility::Skip;
 
-/// A jet of some cells, some of which are clear, and a request for it on the CPU.
+/// A jet of some cells, some of which are transparent, and a request for it on the CPU.
 pub(super) fn jet(size_px: (usize, usize), tf: &str) -> (tempfile::TempDir, Pipeline, FrameRequest) {
     let source = generate(&SynthSpec { cells: 4000, steps: 2, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
     let dir = tempfile::tempdir().unwrap();

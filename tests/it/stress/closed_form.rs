@@ -226,7 +226,7 @@ fn two_layers_composite_front_to_back() {
 
 #[test]
 fn a_step_in_the_table_is_sharp() {
-    // Clear to x = 0.5: the slab from there to 1 has an optical depth of 1.
+    // Transparent to x = 0.5: the slab from there to 1 has an optical depth of 1.
     let nodes = table(&[(0.5, [1.0; 3], 0.0), (0.5, [1.0; 3], 2.0)]);
     let expected = |view: &View, (px, py): (f64, f64)| [-(-view.length_per_depth(px, py)).exp_m1(); 4];
     for direction in [DVec3::X, DVec3::NEG_X] {

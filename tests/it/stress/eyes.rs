@@ -66,8 +66,8 @@ fn eyes_on_the_boundary_see_what_is_before_them_and_nothing_behind() {
     let case = Case::new("eye on the boundary", &mesh, sample(&mesh, wave), opaque);
     let even = Case { cameras: vec![on_face], size: (64, 48), ..case };
     let image = crate::render::reference(&even.jobs()[0]);
-    let clear = image.pixels.iter().filter(|p| p[3] == 0.0).count();
-    assert!(clear > 0 && clear < 64 * 48, "{clear} clear pixels");
+    let transparent = image.pixels.iter().filter(|p| p[3] == 0.0).count();
+    assert!(transparent > 0 && transparent < 64 * 48, "{transparent} transparent pixels");
     // Level, and of an odd height: the middle row lies in the boundary.
     let level = looking(DVec3::new(0.25, 0.31, 1.0), DVec3::new(2.0, 0.7, 1.0), 100.0);
     let ambiguous = Some("the eye looks along the boundary that it lies in");

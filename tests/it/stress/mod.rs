@@ -101,7 +101,7 @@ pub struct Case {
     pub size: (usize, usize),
     /// Why some rays have no one answer.
     pub ambiguous: Option<&'static str>,
-    /// What counts as 1: errors are divided by it. For images that are everywhere nearly clear.
+    /// What counts as 1: errors are divided by it. For images that are everywhere nearly transparent.
     pub unit: f64,
     pub bound: Bound,
     pub bound_on_gpu: Bound,

@@ -25,8 +25,8 @@ fn opacities_next_to_1_agree() {
     let (high, higher) = (tau(1e-7), tau(1e-300));
     run([
         case("alpha 1 - 1e-7", table(&[(-1.5, [0.2, 0.2, 1.0], high), (1.5, [1.0, 0.2, 0.1], high)])),
-        case("clear to 1 - 1e-7", table(&[(-1.5, [0.2, 0.2, 1.0], 0.0), (1.5, [1.0, 0.2, 0.1], high)])),
-        case("clear to 1 - 1e-300", table(&[(-1.5, [0.2, 0.2, 1.0], 0.0), (1.5, [1.0, 0.2, 0.1], higher)])),
+        case("transparent to 1 - 1e-7", table(&[(-1.5, [0.2, 0.2, 1.0], 0.0), (1.5, [1.0, 0.2, 0.1], high)])),
+        case("transparent to 1 - 1e-300", table(&[(-1.5, [0.2, 0.2, 1.0], 0.0), (1.5, [1.0, 0.2, 0.1], higher)])),
         // As good as a surface, on and off.
         case(
             "opaque bands",

@@ -127,7 +127,7 @@ impl LayerRenderer for FaceTiles {
         let TileJob { job, view, .. } = &tiles;
         frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
         let mut in_view = Arc::default();
-        if tiles.is_clear() {
+        if tiles.is_transparent() {
             checked_faces(job)?;
         } else {
             in_view = match job.placed.as_ref().and_then(|placed| placed.faces(job, &drawn)) {

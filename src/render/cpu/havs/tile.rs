@@ -50,7 +50,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
 
     /// Whether rays of a tile meet nothing.
     #[inline(never)]
-    fn is_clear_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
+    fn is_transparent_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
         self.eye_cells.is_empty() && !self.bins.has_faces(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
     }
 
@@ -133,8 +133,8 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
     fn call(self) -> FrameStats {
         let Self { lanes, scene, tile, scratch, pixels } = self;
         let rect = scene.bins.grid.rect(tile);
-        if scene.is_clear_in(tile, rect) {
-            pixels.fill(TilePixel::CLEAR);
+        if scene.is_transparent_in(tile, rect) {
+            pixels.fill(TilePixel::TRANSPARENT);
             return FrameStats::default();
         }
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };

@@ -28,7 +28,7 @@ fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
         if perspective { Projection::Perspective { view_angle: 50.0 } } else { Projection::Parallel { scale: 3.5 } };
     let camera = Camera { position, focal_point: middle, view_up: DVec3::Z, projection, near: 0.0 };
     let vertices = mesh.positions.local.len();
-    let mut job = testing::job(&mesh, vec![0.5; vertices], &camera, (53, 37), Arc::new(NodeTable::clear()));
+    let mut job = testing::job(&mesh, vec![0.5; vertices], &camera, (53, 37), Arc::new(NodeTable::transparent()));
     let out: Vec<bool> = (0..job.active.universe()).map(|_| random.below(12) == 0).collect();
     let all = job.active.clone();
     job.active = Arc::new(CellSet::of(all.universe(), |cell| all.contains(cell as u32) && !out[cell]));

@@ -60,7 +60,7 @@ impl Scene {
         testing::job(&mesh, scalars, &camera, self.size_px, Arc::new(Self::table(&mut random, diameter)))
     }
 
-    /// Clear, thin and opaque stretches and steps.
+    /// Transparent, thin and opaque stretches and steps.
     fn table(random: &mut Random, diameter: f64) -> NodeTable {
         let mut scalars: Vec<f64> = (0..2 + random.below(5)).map(|_| random.signed()).collect();
         scalars.sort_by(f64::total_cmp);

@@ -29,7 +29,7 @@
 //! What is in the cells is left to a [`Medium`]. Vectors of rays know media of the scalar alone; through others, and in tiles with fragments
 //! of other layers, rays are walked one by one.
 //!
-//! **What a ray sees does not depend on which clear cells are left out**, to the last bit: scalars of a hit stay within those of
+//! **What a ray sees does not depend on which transparent cells are left out**, to the last bit: scalars of a hit stay within those of
 //! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
 //! ([`light`](super::light)).
 
@@ -139,14 +139,14 @@ impl LayerRenderer for CellWalk {
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<WalkJob>, RenderError> {
         let tiles = TileJob::new(job, &mut self.tables, frame);
         let TileJob { job, view, .. } = &tiles;
-        let in_view = if tiles.is_clear() {
+        let in_view = if tiles.is_transparent() {
             CellsInView::nothing(&job.active)
         } else {
             let placed = job.placed.as_ref().and_then(|placed| placed.cells(job));
             placed.unwrap_or_else(|| self.placer.place(job, view, &mut frame.stats))
         };
         frame.stats.add_counts(in_view.counts());
-        // What is clear has no bins.
+        // What is transparent has no bins.
         let contrasts = job.contrasts();
         let is_adaptive = !contrasts.is_empty() && in_view.lists.bins.grid.tile_count() > 0;
         let mut domain = None;

@@ -45,7 +45,7 @@ fn newest_corner<M>(
     if !scalar.is_finite() {
         return None;
     }
-    // It may be a vertex of clear cells only: nobody has brought it into view coordinates.
+    // It may be a vertex of transparent cells only: nobody has brought it into view coordinates.
     let sheared = ray.shear(&ViewVertex::of(scene.view, positions.local[far as usize], scalar));
     let is_positive = |i: usize| usize::from(signed_edge(&sheared, &corners[i], far, ids[i]).1) << i;
     let k = REPLACED[is_positive(0) | is_positive(1) | is_positive(2)];

@@ -1,9 +1,9 @@
-//! Whether leaving clear cells out pays.
+//! Whether leaving transparent cells out pays.
 //!
-//! A ray that goes around clear cells leaves the active ones and enters them again, and each entry costs more than a step. Of a
+//! A ray that goes around transparent cells leaves the active ones and enters them again, and each entry costs more than a step. Of a
 //! mesh seen from anywhere, let a be the mean area that a face has in the image. A cell is a closed surface of four faces: on
 //! average its image is covered twice by theirs, so that 2 a rays step through it. An entry face is entered from one of
-//! its two sides: by a / 2 rays on average over directions. So `c` clear cells behind `e` entry faces save 2 a c steps and
+//! its two sides: by a / 2 rays on average over directions. So `c` transparent cells behind `e` entry faces save 2 a c steps and
 //! cost a e / 2 entries.
 
 use super::entries::count_beside;
@@ -31,17 +31,17 @@ impl CellChoice {
             return job.active.clone();
         };
         if self.active.as_ptr() != Arc::as_ptr(&job.active) || !job.skip.unchanged {
-            let clear = finite.count().saturating_sub(job.active.count());
-            self.is_worth_it = is_worth_it(clear, || count_beside(&job.mesh.topology, &job.active, finite));
+            let transparent = finite.count().saturating_sub(job.active.count());
+            self.is_worth_it = is_worth_it(transparent, || count_beside(&job.mesh.topology, &job.active, finite));
             self.active = Arc::downgrade(&job.active);
         }
         if self.is_worth_it { job.active.clone() } else { finite.clone() }
     }
 }
 
-/// Whether to go around so many clear cells, which are behind so many entry faces.
-fn is_worth_it(clear_cells: usize, entry_faces: impl FnOnce() -> usize) -> bool {
-    clear_cells > 0 && 2.0 * clear_cells as f64 > STEPS_PER_ENTRY * 0.5 * entry_faces() as f64
+/// Whether to go around so many transparent cells, which are behind so many entry faces.
+fn is_worth_it(transparent_cells: usize, entry_faces: impl FnOnce() -> usize) -> bool {
+    transparent_cells > 0 && 2.0 * transparent_cells as f64 > STEPS_PER_ENTRY * 0.5 * entry_faces() as f64
 }
 
 #[cfg(test)]

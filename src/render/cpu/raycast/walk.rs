@@ -55,7 +55,7 @@ pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     scratch: &mut TileScratch,
     pixels: &mut [TilePixel],
 ) -> (FrameStats, TileBits) {
-    pixels.fill(TilePixel::CLEAR);
+    pixels.fill(TilePixel::TRANSPARENT);
     let mut met = [0; TILE_PX];
     let mut meet = |starts: &[PixelStart]| {
         for &(place, _) in starts {

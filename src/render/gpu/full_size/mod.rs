@@ -131,7 +131,7 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         let image = self.layer.begin(small, frame)?;
         frame.stats.upsampled_on_gpu = true;
         if image.is_none() {
-            // All pixels are clear, and here.
+            // All pixels are transparent, and here.
             frame.clear(full.view.plane_px());
         }
         let sizing = || Some(Box::new(Sizing { full, work: None, as_it_is: as_it_is(job), stats }));

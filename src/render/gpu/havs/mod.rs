@@ -330,7 +330,7 @@ impl LayerRenderer for FaceLists {
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
         if self.scene.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
-            // All pixels are clear, and here.
+            // All pixels are transparent, and here.
             frame.clear(view.plane_px());
             return Ok(None);
         }

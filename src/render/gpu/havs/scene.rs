@@ -64,7 +64,7 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_clear`]
+    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_transparent`]
     /// has been asked.
     pub(super) fn update(
         &mut self,
@@ -121,7 +121,7 @@ impl Scene {
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
         self.bytes_sent += sent;
         let map = scalar_map(job, prescale, self.scalars.largest());
-        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_clear(job));
+        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_transparent(job));
         let sent = [
             self.vertices.upload_values(context, job)?,
             self.table.update(context, job, map, params)?,

@@ -157,7 +157,7 @@ impl CellWalk {
         if sampling.is_none() {
             frame.stats.rays_by_level[LAST] = job.view.ray_count();
         }
-        // Whether a ray meets a cell decides about others: clear ones are not among the cells, whatever is skipped.
+        // Whether a ray meets a cell decides about others: transparent ones are not among the cells, whatever is skipped.
         let domain = job.domain.clone().filter(|_| sampling.is_some());
         let job = RenderJob { active: domain.unwrap_or_else(|| self.choice.cells(&job)), ..job };
         let view = job.local_view();
@@ -291,7 +291,7 @@ impl LayerRenderer for CellWalk {
         self.preview = None;
         eye::params(&self.context, &view)?;
         if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
-            // All pixels are clear, and here.
+            // All pixels are transparent, and here.
             frame.clear(view.plane_px());
             return Ok(None);
         }

@@ -70,7 +70,7 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_clear`]
+    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_transparent`]
     /// has been asked. Places are computed with the precision; contrast decides which rays are cast, or they all are.
     pub(super) fn update(
         &mut self,
@@ -123,7 +123,7 @@ impl Scene {
         let (made, sent) = self.table.update(context, job, map, params)?;
         stale |= made;
         self.bytes_sent += sent;
-        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_clear(job));
+        let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_transparent(job));
         let (made, sent) = self.surfaces.update(context, job, map, gradients, has_volume)?;
         stale |= made;
         self.bytes_sent += sent;

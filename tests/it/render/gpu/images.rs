@@ -68,7 +68,7 @@ fn rays_that_enter_more_often_than_four_times_see_all_slabs() {
     }
 }
 
-/// A transfer function of up to ten nodes over [-1.5, 1.5]: slopes, steps, spikes a millionth wide, clear stretches.
+/// A transfer function of up to ten nodes over [-1.5, 1.5]: slopes, steps, spikes a millionth wide, transparent stretches.
 fn random_table(seed: u64) -> NodeTable {
     let random = |i: u64| 0.5 + 0.5 * noise(seed, i);
     let count = 2 + (8.0 * random(0)) as u64;

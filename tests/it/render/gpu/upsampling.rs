@@ -149,9 +149,9 @@ fn no_layers_are_drawn_for_an_image_of_no_cells() {
         let request = upsampled(&request, ImageScale::Half, UpsampleKind::Joint2x2.usual(ImageScale::Half));
         for backend in [Backend::Gpu, Backend::Cpu] {
             let frame = on(backend, &mut pipeline, &request);
-            let is_clear = frame.planes.color.pixels.iter().all(|pixel| *pixel == [0.0; 4]);
+            let is_transparent = frame.planes.color.pixels.iter().all(|pixel| *pixel == [0.0; 4]);
             assert_eq!(
-                (frame.planes.color.width, frame.stats.depth_layers, is_clear),
+                (frame.planes.color.width, frame.stats.depth_layers, is_transparent),
                 (60, layers, layers == 0),
                 "{backend}"
             );

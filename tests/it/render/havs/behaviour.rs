@@ -167,9 +167,9 @@ fn an_empty_view_and_a_transparent_table_cost_no_fragments() {
     let base = scene((16, 16));
     let look_away = Camera { focal_point: DVec3::splat(9.0), ..camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE) };
     let away = RenderJob { view: look_away.view(16, 16).unwrap(), ..base.clone() };
-    let clear = RenderJob { table: Arc::new(table(&[(0.0, [1.0; 3], 0.0)])), ..base.clone() };
+    let transparent = RenderJob { table: Arc::new(table(&[(0.0, [1.0; 3], 0.0)])), ..base.clone() };
     let mut renderer = Havs::new();
-    for job in [away, clear] {
+    for job in [away, transparent] {
         let frame = renderer.render(job).unwrap();
         assert_eq!(frame.stats.fragments, 0);
         assert!(frame.planes.color.pixels.iter().flatten().all(|&v| v == 0.0));

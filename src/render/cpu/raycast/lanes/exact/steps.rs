@@ -201,9 +201,9 @@ impl<L: Lanes> ExactLights<'_, L> {
         let opaque = lanes.less_f32(sum.transmittance, lanes.splat_f32(OPAQUE_TRANSMITTANCE)) & !self.opaque;
         if opaque != 0 {
             self.close(rows, row, opaque, out);
-            let clear = lanes.splat_f32(0.0);
-            sum.transmittance = lanes.select_f32(lanes.mask(opaque), clear, sum.transmittance);
-            sum.carried = lanes.select_f32(lanes.mask(opaque), clear, sum.carried);
+            let transparent = lanes.splat_f32(0.0);
+            sum.transmittance = lanes.select_f32(lanes.mask(opaque), transparent, sum.transmittance);
+            sum.carried = lanes.select_f32(lanes.mask(opaque), transparent, sum.carried);
         }
     }
 

@@ -1,4 +1,4 @@
-//! An image of the ray caster does not depend on which clear cells are left out: to the last bit.
+//! An image of the ray caster does not depend on which transparent cells are left out: to the last bit.
 
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
@@ -9,7 +9,7 @@ use tetreel::render::Frame;
 use tetreel::visibility::{CellSet, Skip};
 
 /// Random nodes over the range of [`wave`] and a little beyond: ramps, steps, spikes of a millionth of the range, and about half of
-/// it clear.
+/// it transparent.
 fn random_table(seed: u64) -> NodeTable {
     let random = |i: u64| noise(seed, i);
     let mut scalars: Vec<f64> = (0..3 + seed % 8).map(|i| 1.5 * random(i)).collect();
@@ -100,7 +100,7 @@ impl Scene {
 }
 
 /// The same job without the cells in which nothing within `margin` of their scalars is visible.
-fn without_clear_cells(job: &RenderJob, margin: f64) -> RenderJob {
+fn without_transparent_cells(job: &RenderJob, margin: f64) -> RenderJob {
     let is_visible = |cell: usize| {
         let scalars = job.mesh.topology.tets[cell].map(|v| f64::from(job.scalars[v as usize]));
         let (lo, hi) = scalars.iter().fold((f64::MAX, f64::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
@@ -135,7 +135,7 @@ proptest! {
     #[test]
     fn clear_cells_may_be_left_out(scene in scenes()) {
         let all = scene.job();
-        let some = without_clear_cells(&all, 0.0);
+        let some = without_transparent_cells(&all, 0.0);
         for mut renderer in renderers() {
             prop_assert!(image(&mut renderer, &all) == image(&mut renderer, &some), "{scene:?}");
         }
@@ -149,7 +149,7 @@ proptest! {
         let nodes = all.table.nodes();
         let range = nodes[nodes.len() - 1].scalar - nodes[0].scalar;
         let bin = range / (Table3dResolution::default().scalars - 1) as f64;
-        let some = without_clear_cells(&all, 1.001 * bin);
+        let some = without_transparent_cells(&all, 1.001 * bin);
         for mut renderer in renderers() {
             prop_assert!(image(&mut renderer, &all) == image(&mut renderer, &some), "{scene:?}");
         }
@@ -158,7 +158,7 @@ proptest! {
     #[test]
     fn clear_cells_may_be_left_out_with_partial_pre_integration(scene in scenes()) {
         let all = RenderJob { optics: OpticsKind::Partial, ..scene.job() };
-        let some = without_clear_cells(&all, 0.0);
+        let some = without_transparent_cells(&all, 0.0);
         for mut renderer in renderers() {
             prop_assert!(image(&mut renderer, &all) == image(&mut renderer, &some), "{scene:?}");
         }
@@ -169,7 +169,7 @@ proptest! {
     fn vectors_draw_the_bits_of_the_scalar_walk(scene in scenes(), optics in 0..OpticsKind::ALL.len(), opaque in any::<bool>()) {
         let optics = OpticsKind::ALL[optics];
         let all = RenderJob { optics, skip: Skip { opaque, ..Skip::ALL }, ..scene.job() };
-        let some = without_clear_cells(&all, 0.0);
+        let some = without_transparent_cells(&all, 0.0);
         for job in [all, some] {
             let [one_by_one, side_by_side] = renderers().map(|mut r| r.render(job.clone()).unwrap().clone());
             prop_assert!(bits(&one_by_one) == bits(&side_by_side), "{scene:?}");
@@ -188,7 +188,7 @@ proptest! {
 }
 
 /// The bound for renderers that sum in another order, or in f32. Measured of faces on the CPU: none in 32 scenes; a scalar that
-/// is rounded beyond the ends of its clear cell, by 2^-53, may see a spike's foot.
+/// is rounded beyond the ends of its transparent cell, by 2^-53, may see a spike's foot.
 const RMSE_MAX: f64 = 1e-6;
 
 proptest! {
@@ -197,7 +197,7 @@ proptest! {
     #[test]
     fn faces_of_clear_cells_may_be_left_out(scene in scenes()) {
         let all = scene.job();
-        let some = without_clear_cells(&all, 0.0);
+        let some = without_transparent_cells(&all, 0.0);
         let [all, some] = [&all, &some].map(|job| havs::havs(&havs::with_all_faces(job)).planes.color);
         let (rmse, max) = difference(&some, &all);
         prop_assert!(rmse <= RMSE_MAX, "{scene:?}: {rmse:.2e}, {max:.2e}");
@@ -211,7 +211,7 @@ proptest! {
     #[test]
     fn clear_cells_may_be_left_out_on_the_gpu(scene in scenes()) {
         let all = scene.job();
-        let some = without_clear_cells(&all, 0.0);
+        let some = without_transparent_cells(&all, 0.0);
         let frames = [&all, &some].map(gpu::render);
         let faces = [&all, &some].map(|job| havs::gpu::render(&havs::with_all_faces(job)));
         for (name, [all, some]) in [("raycast", frames), ("havs", faces)] {
@@ -239,7 +239,7 @@ fn clear_cells_are_what_is_left_out_and_another_one_would_be_seen() {
     };
     let tent = |s: f64| [(s - 0.1, [0.2, 0.5, 0.9], 0.0), (s, [0.9, 0.5, 0.2], 3.0), (s + 0.1, [0.3; 3], 0.0)];
     let all = RenderJob { table: Arc::new(table(&[tent(-0.6), tent(0.4)].concat())), ..scene.job() };
-    let some = without_clear_cells(&all, 0.0);
+    let some = without_transparent_cells(&all, 0.0);
     let (kept, of) = (some.active.count(), all.active.count());
     assert!(kept > of / 10 && kept < of * 9 / 10, "{kept} of {of} cells");
     let mut fewer = (*some.active).clone();

@@ -7,7 +7,7 @@
 
 use crate::node_table::{Node, NodeTable};
 
-/// Which clear interval a scalar lies in, counted from 1; or [`VISIBLE`], or [`HOLE`].
+/// Which transparent interval a scalar lies in, counted from 1; or [`VISIBLE`], or [`HOLE`].
 pub type Label = u8;
 
 /// The table has extinction at the scalar.
@@ -24,30 +24,30 @@ const GONE_THROUGH: usize = 16;
 
 /// The scalars at which a table has no extinction, as maximal closed intervals of f32, ascending. By default there are none.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ClearIntervals {
+pub struct TransparentIntervals {
     /// Least and greatest scalar of each.
     intervals: Vec<[f32; 2]>,
 }
 
-impl ClearIntervals {
+impl TransparentIntervals {
     /// Those of a table. A scalar at which it steps counts as visible if either side is: a cell that reaches it would show it.
     ///
     /// Exact: nodes are compared with scalars in f64. Of more than 254 intervals the others count as visible.
     pub fn of(table: &NodeTable) -> Self {
         let mut found = Found::default();
         let groups: Vec<&[Node]> = table.nodes().chunk_by(|a, b| a.scalar == b.scalar).collect();
-        let is_clear = |nodes: &[Node]| nodes.iter().all(|n| n.tau == 0.0);
+        let is_transparent = |nodes: &[Node]| nodes.iter().all(|n| n.tau == 0.0);
         for (at, nodes) in groups.iter().enumerate() {
             let (first, last) = (&nodes[0], &nodes[nodes.len() - 1]);
             if at == 0 {
                 found.add(first.tau == 0.0, f64::NEG_INFINITY, first.scalar);
             }
-            found.add_point(is_clear(nodes), first.scalar);
-            let (clear, end) = match groups.get(at + 1) {
+            found.add_point(is_transparent(nodes), first.scalar);
+            let (transparent, end) = match groups.get(at + 1) {
                 Some(next) => (last.tau == 0.0 && next[0].tau == 0.0, next[0].scalar),
                 None => (last.tau == 0.0, f64::INFINITY),
             };
-            found.add(clear, last.scalar, end);
+            found.add(transparent, last.scalar, end);
         }
         Self::rounded(&found.done())
     }
@@ -176,7 +176,7 @@ impl Interval {
     }
 }
 
-/// Clear pieces of the axis, from left to right, become intervals.
+/// Transparent pieces of the axis, from left to right, become intervals.
 #[derive(Default)]
 struct Found {
     done: Vec<Interval>,
@@ -185,8 +185,8 @@ struct Found {
 
 impl Found {
     /// A piece without its ends.
-    fn add(&mut self, clear: bool, lo: f64, hi: f64) {
-        match (&mut self.open, clear) {
+    fn add(&mut self, transparent: bool, lo: f64, hi: f64) {
+        match (&mut self.open, transparent) {
             (Some(open), true) => (open.hi, open.hi_is_in) = (hi, false),
             (None, true) => self.open = Some(Interval { lo, hi, lo_is_in: false, hi_is_in: false }),
             (_, false) => self.done.extend(self.open.take()),
@@ -194,8 +194,8 @@ impl Found {
     }
 
     /// One scalar.
-    fn add_point(&mut self, clear: bool, at: f64) {
-        match (&mut self.open, clear) {
+    fn add_point(&mut self, transparent: bool, at: f64) {
+        match (&mut self.open, transparent) {
             (Some(open), true) => (open.hi, open.hi_is_in) = (at, true),
             (None, true) => self.open = Some(Interval { lo: at, hi: at, lo_is_in: true, hi_is_in: true }),
             (_, false) => self.done.extend(self.open.take()),
@@ -209,5 +209,5 @@ impl Found {
 }
 
 #[cfg(test)]
-#[path = "clear_tests.rs"]
+#[path = "transparent_tests.rs"]
 mod tests;

@@ -4,29 +4,29 @@ use super::{DrawnBy, TetLayer};
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::visibility::{ClearIntervals, Skip};
+use crate::visibility::{Skip, TransparentIntervals};
 use std::sync::Arc;
 
 /// Where nothing of the last request is to be seen.
 #[derive(Debug, Default)]
-pub(super) struct Clear {
-    last: Option<ClearOf>,
-    nowhere: Arc<ClearIntervals>,
+pub(super) struct TransparentCache {
+    last: Option<TransparentOf>,
+    nowhere: Arc<TransparentIntervals>,
 }
 
 /// Intervals, and what they are of.
 #[derive(Debug)]
-struct ClearOf {
+struct TransparentOf {
     table: Arc<NodeTable>,
     /// Samples of a sampled table.
     samples: Option<usize>,
     isovalues: Vec<f64>,
-    intervals: Arc<ClearIntervals>,
+    intervals: Arc<TransparentIntervals>,
 }
 
-impl Clear {
-    pub(super) fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<ClearIntervals> {
-        if !skip.clear_cells || by == DrawnBy::Reference {
+impl TransparentCache {
+    pub(super) fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<TransparentIntervals> {
+        if !skip.transparent_cells || by == DrawnBy::Reference {
             // The judge looks at everything.
             return self.nowhere.clone();
         }
@@ -37,17 +37,18 @@ impl Clear {
         };
         let table = layer.table.over_scalars();
         let isovalues: Vec<f64> = layer.surfaces.iter().map(|surface| surface.value).collect();
-        let is_same =
-            |last: &&ClearOf| Arc::ptr_eq(&last.table, table) && last.samples == samples && last.isovalues == isovalues;
+        let is_same = |last: &&TransparentOf| {
+            Arc::ptr_eq(&last.table, table) && last.samples == samples && last.isovalues == isovalues
+        };
         if let Some(last) = self.last.as_ref().filter(is_same) {
             return last.intervals.clone();
         }
         let of_table = match samples {
-            None => ClearIntervals::of(table),
-            Some(samples) => ClearIntervals::of_sampled(table, samples),
+            None => TransparentIntervals::of(table),
+            Some(samples) => TransparentIntervals::of_sampled(table, samples),
         };
         let intervals = Arc::new(of_table.cut_at(&isovalues));
-        self.last = Some(ClearOf { table: table.clone(), samples, isovalues, intervals: intervals.clone() });
+        self.last = Some(TransparentOf { table: table.clone(), samples, isovalues, intervals: intervals.clone() });
         intervals
     }
 }

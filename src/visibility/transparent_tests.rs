@@ -6,7 +6,7 @@ fn table(nodes: &[(f64, f64)]) -> NodeTable {
 }
 
 fn intervals(nodes: &[(f64, f64)]) -> Vec<[f32; 2]> {
-    ClearIntervals::of(&table(nodes)).intervals
+    TransparentIntervals::of(&table(nodes)).intervals
 }
 
 #[test]
@@ -14,7 +14,7 @@ fn intervals_end_at_nodes_and_at_the_side_of_steps() {
     const ALL: [f32; 2] = [f32::MIN, f32::MAX];
     assert_eq!(intervals(&[(0.0, 0.0)]), [ALL]);
     assert_eq!(intervals(&[(0.0, 1.0)]), [] as [[f32; 2]; 0]);
-    // A tent: its feet are clear.
+    // A tent: its feet are transparent.
     assert_eq!(intervals(&[(1.0, 0.0), (2.0, 1.0), (3.0, 0.0)]), [[f32::MIN, 1.0], [3.0, f32::MAX]]);
     // A step: its scalar is not.
     let step = intervals(&[(1.0, 0.0), (1.0, 2.0), (3.0, 2.0), (3.0, 0.0)]);
@@ -38,14 +38,14 @@ fn a_spike_of_any_width_is_seen() {
     for width in [1e-3, 1.0 / 4096.0, 1e-5, 1e-7, 1e-9] {
         for at in [0.0, 0.123_456_7, 0.5, 1.0 - 1e-9] {
             let spike = table(&[(at - width, 0.0), (at, 5.0), (at + width, 0.0)]);
-            let clear = ClearIntervals::of(&spike);
+            let transparent = TransparentIntervals::of(&spike);
             // A cell from one side of it to the other has two labels, however narrow it is.
-            let (below, above) = (clear.label(-1.0), clear.label(2.0));
+            let (below, above) = (transparent.label(-1.0), transparent.label(2.0));
             assert!(below != above && below != VISIBLE && above != VISIBLE, "{width} at {at}");
-            assert_eq!(clear.label_of_range(-1.0, 2.0), None);
+            assert_eq!(transparent.label_of_range(-1.0, 2.0), None);
             // And one that reaches just into it.
             let (side, f32_at) = (at as f32, at as f32);
-            assert_eq!(clear.label_of_range(-1.0, side.max(f32_at)).is_some(), f64::from(f32_at) <= at - width);
+            assert_eq!(transparent.label_of_range(-1.0, side.max(f32_at)).is_some(), f64::from(f32_at) <= at - width);
         }
     }
 }
@@ -53,12 +53,12 @@ fn a_spike_of_any_width_is_seen() {
 #[test]
 fn what_is_not_finite_is_a_hole() {
     for nodes in [[(0.0, 0.0), (1.0, 0.0)], [(0.0, 1.0), (1.0, 0.0)]] {
-        let clear = ClearIntervals::of(&table(&nodes));
+        let transparent = TransparentIntervals::of(&table(&nodes));
         for s in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!((clear.label(s), clear.label_of_range(s, s)), (HOLE, None));
+            assert_eq!((transparent.label(s), transparent.label_of_range(s, s)), (HOLE, None));
         }
         let mut labels = [9; 3];
-        clear.label_all(&[f32::NAN, f32::INFINITY, -f32::INFINITY], &mut labels);
+        transparent.label_all(&[f32::NAN, f32::INFINITY, -f32::INFINITY], &mut labels);
         assert_eq!(labels, [HOLE; 3]);
     }
 }
@@ -66,14 +66,14 @@ fn what_is_not_finite_is_a_hole() {
 #[test]
 fn intervals_without_a_label_count_as_visible() {
     let nodes: Vec<_> = (0..2000).map(|i| (f64::from(i), if i % 4 < 2 { 0.0 } else { 1.0 })).collect();
-    let clear = ClearIntervals::of(&table(&nodes));
-    assert_eq!(clear.intervals.len(), INTERVALS_MAX);
-    assert_eq!((clear.label(0.5), clear.label(4.5), clear.label(2.5)), (1, 2, VISIBLE));
-    assert_eq!(clear.label(1996.5), VISIBLE, "one of the last");
-    assert!((0..2000).all(|i| clear.label(i as f32) != HOLE));
+    let transparent = TransparentIntervals::of(&table(&nodes));
+    assert_eq!(transparent.intervals.len(), INTERVALS_MAX);
+    assert_eq!((transparent.label(0.5), transparent.label(4.5), transparent.label(2.5)), (1, 2, VISIBLE));
+    assert_eq!(transparent.label(1996.5), VISIBLE, "one of the last");
+    assert!((0..2000).all(|i| transparent.label(i as f32) != HOLE));
 }
 
-/// Random tables: nodes at few scalars, so that there are steps, and many of them clear.
+/// Random tables: nodes at few scalars, so that there are steps, and many of them transparent.
 fn tables() -> impl Strategy<Value = NodeTable> {
     let tau = prop_oneof![2 => Just(0.0), 1 => 0.1..5.0f64];
     prop::collection::vec((-20..20i32, tau), 1..40).prop_map(|mut nodes| {
@@ -108,45 +108,45 @@ proptest! {
         a in scalars(), b in scalars(), c in scalars(),
     ) {
         let values: Vec<f64> = if at_scalars { vec![f64::from(a), f64::from(c)] } else { values };
-        let (clear, cut) = (ClearIntervals::of(&table), ClearIntervals::of(&table).cut_at(&values));
+        let (transparent, cut) = (TransparentIntervals::of(&table), TransparentIntervals::of(&table).cut_at(&values));
         let (lo, hi) = (a.min(b), a.max(b));
         let is_met = values.iter().any(|&value| (f64::from(lo) >= value) != (f64::from(hi) >= value));
-        let expected = clear.label_of_range(lo, hi).is_some() && !is_met;
+        let expected = transparent.label_of_range(lo, hi).is_some() && !is_met;
         prop_assert_eq!(cut.label_of_range(lo, hi).is_some(), expected);
         let mut labels = [0; 2];
         cut.label_all(&[a, b], &mut labels);
         prop_assert_eq!(labels, [a, b].map(|s| cut.label(s)));
-        prop_assert_eq!(clear.cut_at(&[]), clear);
+        prop_assert_eq!(transparent.cut_at(&[]), transparent);
     }
 
     #[test]
     fn labels_say_what_the_table_says(table in tables(), a in scalars(), b in scalars()) {
-        let clear = ClearIntervals::of(&table);
+        let transparent = TransparentIntervals::of(&table);
         let (lo, hi) = (a.min(b), a.max(b));
         let visible = table.is_visible_in(f64::from(lo), f64::from(hi));
-        prop_assert_eq!(clear.label_of_range(lo, hi).is_none(), visible);
+        prop_assert_eq!(transparent.label_of_range(lo, hi).is_none(), visible);
         let mut labels = [0; 2];
-        clear.label_all(&[a, b], &mut labels);
-        prop_assert_eq!(labels, [a, b].map(|s| clear.label(s)));
+        transparent.label_all(&[a, b], &mut labels);
+        prop_assert_eq!(labels, [a, b].map(|s| transparent.label(s)));
         // Another table, with a spike in between, is told from it.
         let at = 0.5 * (f64::from(lo) + f64::from(hi));
         let mut nodes: Vec<Node> = table.nodes().iter().filter(|n| n.scalar < at - 0.01).copied().collect();
         nodes.push(Node { scalar: at, rgb: [0.0; 3], tau: 1.0 });
-        let spiked = ClearIntervals::of(&NodeTable::new(nodes).unwrap());
+        let spiked = TransparentIntervals::of(&NodeTable::new(nodes).unwrap());
         prop_assert_eq!(spiked.label_of_range(lo, hi), None);
     }
 
     #[test]
     fn a_sampled_table_is_clear_only_where_samples_around_are(table in tables(), a in scalars(), b in scalars(), n in 2..200usize) {
-        let clear = ClearIntervals::of_sampled(&table, n);
+        let transparent = TransparentIntervals::of_sampled(&table, n);
         let (lo, hi) = (f64::from(a.min(b)), f64::from(a.max(b)));
         let nodes = table.nodes();
         let step = (nodes[nodes.len() - 1].scalar - nodes[0].scalar) / (n - 1) as f64;
-        if clear.label_of_range(lo as f32, hi as f32).is_some() {
+        if transparent.label_of_range(lo as f32, hi as f32).is_some() {
             prop_assert!(!table.is_visible_in(lo - step, hi + step));
         }
         if step == 0.0 {
-            prop_assert_eq!(clear, ClearIntervals::of(&table));
+            prop_assert_eq!(transparent, TransparentIntervals::of(&table));
         }
     }
 }
