@@ -29,6 +29,13 @@ pub(in crate::render) struct Segment {
     pub(in crate::render) line: RayLine,
 }
 
+/// A point on a ray: its depth, in units of view coordinates, and the scalar there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::render) struct RayPoint {
+    pub(in crate::render) depth: f64,
+    pub(in crate::render) scalar: f64,
+}
+
 /// The ray of a point of the image plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::render) struct RayLine {
@@ -46,10 +53,22 @@ impl Segment {
         Self { cell, depth, scalar, value, part: depth, part_scalar: scalar, line }
     }
 
-    /// The segment between two (depth, scalar) places in a cell, for media that [have no values](Medium::HAS_VALUES).
+    /// The segment between two points in a cell, for media that [have no values](Medium::HAS_VALUES).
     #[inline(always)]
-    pub(in crate::render) fn of_scalars(cell: u32, from: (f64, f64), to: (f64, f64), line: RayLine) -> Self {
-        Self::new(cell, [from.0, to.0], [from.1, to.1], [0.0; 2], line)
+    pub(in crate::render) fn of_scalars(cell: u32, from: RayPoint, to: RayPoint, line: RayLine) -> Self {
+        Self::new(cell, [from.depth, to.depth], [from.scalar, to.scalar], [0.0; 2], line)
+    }
+
+    /// The near end of the part.
+    #[inline(always)]
+    fn part_start(&self) -> RayPoint {
+        RayPoint { depth: self.part[0], scalar: self.part_scalar[0] }
+    }
+
+    /// The far end of the part.
+    #[inline(always)]
+    fn part_end(&self) -> RayPoint {
+        RayPoint { depth: self.part[1], scalar: self.part_scalar[1] }
     }
 
     /// The scalar at a depth.
@@ -179,7 +198,7 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
         let place = place.get_or_insert_with(|| self.0.enter(from));
         let pieces = self.0.segment(place, from, to, segment.length(), light) as u32;
         if pieces > 0 && light.visible_from == f64::INFINITY {
-            light.visible_from = first_visible(self.0, (segment.part[0], from), (segment.part[1], to));
+            light.visible_from = first_visible(self.0, segment.part_start(), segment.part_end());
         }
         pieces
     }
@@ -208,11 +227,11 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
     }
 }
 
-/// Depth where a segment from one (depth, scalar) place to another becomes visible; infinite if it does not: a table may show light
-/// before the transfer function has any.
+/// Depth at which a segment between two points becomes visible; infinite if it does not. A pre-integrated table may show light where
+/// the transfer function has none.
 #[cold]
 #[inline(never)]
-pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: (f64, f64), to: (f64, f64)) -> f64 {
-    let share = table.transparent_share(from.1, to.1);
-    if share < 1.0 { from.0 + share * (to.0 - from.0) } else { f64::INFINITY }
+pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: RayPoint, to: RayPoint) -> f64 {
+    let share = table.transparent_share(from.scalar, to.scalar);
+    if share < 1.0 { from.depth + share * (to.depth - from.depth) } else { f64::INFINITY }
 }

@@ -1,6 +1,6 @@
 //! View transform, and the planar geometry of a ray.
 
-use super::super::medium::RayLine;
+use super::super::medium::{RayLine, RayPoint};
 use crate::camera::View;
 use crate::task::Cancel;
 use crate::visibility::Clusters;
@@ -155,18 +155,18 @@ pub(super) fn accurate_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (
     (value, positive)
 }
 
-/// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
+/// Where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
 ///
 /// The convex combination keeps the depth within the triangle's; the determinant form does not. The scalar is taken relative
 /// to one corner's, so that a constant one stays what it is: it may lie exactly on a step of the table; and kept within the
 /// corners', so that a cell shows nothing beyond its own scalars. Values that rounding has made negative count as zero; a
 /// triangle of nothing but rounding is hit in its middle.
 #[inline]
-pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> (f64, f64) {
+pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> RayPoint {
     let [wp, wq, wr] = hit_weights(e);
     let scalar = p.s + wq * (q.s - p.s) + wr * (r.s - p.s);
     let (lo, hi) = (less(less(p.s, q.s), r.s), greater(greater(p.s, q.s), r.s));
-    (wp * p.w + wq * q.w + wr * r.w, less(greater(scalar, lo), hi))
+    RayPoint { depth: wp * p.w + wq * q.w + wr * r.w, scalar: less(greater(scalar, lo), hi) }
 }
 
 /// The weights of the corners p, q, r in [`hit`].
@@ -196,8 +196,8 @@ pub(super) struct Crossing {
     pub(super) corners: [Sheared; 3],
     /// Edge functions opposite the corners.
     pub(super) edges: [f64; 3],
-    pub(super) depth: f64,
-    pub(super) scalar: f64,
+    /// Where the ray passes through it.
+    pub(super) point: RayPoint,
 }
 
 impl Crossing {
@@ -220,8 +220,7 @@ pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Opt
         [signed_edge(q, r, ids[1], ids[2]), signed_edge(r, p, ids[2], ids[0]), signed_edge(p, q, ids[0], ids[1])];
     signed.iter().all(|edge| edge.1).then(|| {
         let edges = signed.map(|edge| edge.0);
-        let (depth, scalar) = hit(edges, p, q, r);
-        Crossing { corners, edges, depth, scalar }
+        Crossing { corners, edges, point: hit(edges, p, q, r) }
     })
 }
 
@@ -239,7 +238,7 @@ mod tests {
 
     fn by_weights(p: &Sheared, q: &Sheared, r: &Sheared) -> f64 {
         let edges = [accurate_edge(q, r, 1, 2).0, accurate_edge(r, p, 2, 0).0, accurate_edge(p, q, 0, 1).0];
-        hit(edges, p, q, r).0
+        hit(edges, p, q, r).depth
     }
 
     #[test]

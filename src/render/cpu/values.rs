@@ -21,8 +21,12 @@ pub(super) struct ValuesOnRay<'a, M> {
     pub(super) ray: Ray,
 }
 
-/// Depth, and the quantity of vertices there.
-type Place = (f64, f64);
+/// A point on the ray: its depth, and the value at vertices interpolated there.
+#[derive(Clone, Copy)]
+struct ValuePoint {
+    depth: f64,
+    value: f64,
+}
 
 impl<M: Medium> ValuesOnRay<'_, M> {
     /// The quantity of vertices at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves
@@ -30,19 +34,20 @@ impl<M: Medium> ValuesOnRay<'_, M> {
     pub(super) fn along(&self, first: u32, depth: f64, tie: f64, last: u32) -> [f64; 2] {
         let ends = self.ends_in(first);
         let near = match ends {
-            (Some(entry), Some(exit)) if depth > entry.0 + tie => {
-                entry.1 + (exit.1 - entry.1) * ((depth - entry.0) / (exit.0 - entry.0)).clamp(0.0, 1.0)
+            (Some(entry), Some(exit)) if depth > entry.depth + tie => {
+                let share = ((depth - entry.depth) / (exit.depth - entry.depth)).clamp(0.0, 1.0);
+                entry.value + (exit.value - entry.value) * share
             }
-            (Some((_, value)), _) | (None, Some((_, value))) => value,
+            (Some(point), _) | (None, Some(point)) => point.value,
             (None, None) => self.anywhere_in(first),
         };
         let (entry, exit) = if last == first { ends } else { self.ends_in(last) };
-        [near, exit.or(entry).map_or_else(|| self.anywhere_in(last), |(_, value)| value)]
+        [near, exit.or(entry).map_or_else(|| self.anywhere_in(last), |point| point.value)]
     }
 
     /// Where the ray enters a cell and where it leaves it. The signs of edge functions are exact: a ray with a fragment at the
     /// cell has both.
-    fn ends_in(&self, cell: u32) -> (Option<Place>, Option<Place>) {
+    fn ends_in(&self, cell: u32) -> (Option<ValuePoint>, Option<ValuePoint>) {
         let (mut entry, mut exit) = (None, None);
         for opposite in 0..4 {
             let ids = face_of(self.topology, cell, opposite).vertices;
@@ -58,8 +63,8 @@ impl<M: Medium> ValuesOnRay<'_, M> {
             }
             // Seen from behind, edge functions have the other sign.
             let edges = signed.map(|(edge, _)| if enters { edge } else { -edge });
-            let place = (hit(edges, &p, &q, &r).0, value_on_face(self.medium, ids, edges));
-            *(if enters { &mut entry } else { &mut exit }) = Some(place);
+            let (depth, value) = (hit(edges, &p, &q, &r).depth, value_on_face(self.medium, ids, edges));
+            *(if enters { &mut entry } else { &mut exit }) = Some(ValuePoint { depth, value });
             if entry.is_some() && exit.is_some() {
                 break;
             }

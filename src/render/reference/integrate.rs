@@ -227,15 +227,15 @@ fn add_piece(rgb: &mut [f64; 3], depth_so_far: &mut f64, from: &Node, to: &Node,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::medium::RayLine;
+    use crate::render::medium::{RayLine, RayPoint};
 
     #[test]
     fn thin_layers_keep_their_relative_opacity() {
         for tau in [1e-300, 1e-18, 1e-9, 1e-3] {
             let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0, 0.5, 0.0], tau }]).unwrap();
-            let place = |i: i32| (f64::from(i), 0.1 * f64::from(i));
+            let point = |i: i32| RayPoint { depth: f64::from(i), scalar: 0.1 * f64::from(i) };
             let line = RayLine { length_per_depth: 0.1, ..RayLine::default() };
-            let chain = (0..10).map(|i| Segment::of_scalars(0, place(i), place(i + 1), line));
+            let chain = (0..10).map(|i| Segment::of_scalars(0, point(i), point(i + 1), line));
             let [red, green, _, alpha] = integrate(&Transfer::Scalar(&table), chain, &[], 1.0).rgba;
             // Ten segments of a tenth: an optical depth of tau. Half of its square is what the first term of the series leaves;
             // to that come roundings of f64 (measured: 2.2e-16 of it, colours 6.7e-16).

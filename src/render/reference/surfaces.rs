@@ -5,7 +5,7 @@
 
 use super::integrate::Sum;
 use crate::render::RenderJob;
-use crate::render::medium::{Medium, Segment};
+use crate::render::medium::{Medium, RayPoint, Segment};
 use crate::render::surfaces::{FieldBeside, Light, Normals, Sheet, SurfaceScene};
 use glam::{DMat3, DVec3};
 
@@ -87,8 +87,8 @@ pub(super) struct WithSurfaces<'a, M> {
 const ROUNDING: f64 = 1e-9;
 
 impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
-    /// Depth and scalar at which the last segment ended.
-    type Ray = Option<(f64, f64)>;
+    /// Where the last segment ended.
+    type Ray = Option<RayPoint>;
     type Light = Sum;
     const HAS_VALUES: bool = M::HAS_VALUES;
 
@@ -96,10 +96,10 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
         let [near, far] = segment.part;
         let [mut s0, s1] = segment.part_scalar.map(|scalar| self.within_cell(segment.cell, scalar));
         // Two cells that share a face find its scalar each in its own way: the ray is above there, or below, in both.
-        if let Some((depth, scalar)) = last.replace((far, s1))
-            && near - depth < ROUNDING
+        if let Some(before) = last.replace(RayPoint { depth: far, scalar: s1 })
+            && near - before.depth < ROUNDING
         {
-            s0 = scalar;
+            s0 = before.scalar;
         }
         // Places on the segment as shares of it.
         let mut met: Vec<(f64, &Sheet)> = self

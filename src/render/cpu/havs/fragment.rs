@@ -1,5 +1,6 @@
 //! What a ray meets at a face, and the order of that.
 
+use super::super::super::medium::RayPoint;
 use super::super::raster::Hit;
 use crate::mesh::NONE;
 
@@ -16,6 +17,11 @@ pub(super) struct Fragment {
 
 impl Fragment {
     pub(super) const UNUSED: Self = Self { depth: 0.0, scalar: 0.0, near: NONE, far: NONE };
+
+    #[inline(always)]
+    pub(super) fn point(&self) -> RayPoint {
+        RayPoint { depth: self.depth, scalar: self.scalar }
+    }
 
     #[inline(always)]
     pub(super) fn at(hit: Hit) -> Self {

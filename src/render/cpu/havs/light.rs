@@ -1,7 +1,7 @@
 //! Compositing the fragments of a ray.
 
 use super::super::super::layers::{Ahead, NothingAhead};
-use super::super::super::medium::{Medium, Segment};
+use super::super::super::medium::{Medium, RayPoint, Segment};
 use super::super::light::RayLight;
 use super::super::tiles::TilePixel;
 use super::super::values::ValuesOnRay;
@@ -19,17 +19,17 @@ pub(super) struct RayOptics<'a, M> {
 }
 
 impl<M: Medium> RayOptics<'_, M> {
-    /// The gap behind a (depth, scalar) place at which the ray enters the cell `far`: one segment in that cell. If some faces are not
+    /// The gap behind a point at which the ray enters the cell `far`: one segment in that cell. If some faces are not
     /// drawn, the gap may be longer than that; the quantity of the cell then holds on to its end.
     #[inline(always)]
-    fn segment(&self, from: (f64, f64), far: u32, to: &Fragment) -> Segment {
-        let depth = [from.0, to.depth];
-        let value = if M::HAS_VALUES && to.depth > from.0 {
-            self.values.along(far, from.0, self.tie, to.near_or(far))
+    fn segment(&self, from: RayPoint, far: u32, to: &Fragment) -> Segment {
+        let depth = [from.depth, to.depth];
+        let value = if M::HAS_VALUES && to.depth > from.depth {
+            self.values.along(far, from.depth, self.tie, to.near_or(far))
         } else {
             [0.0; 2]
         };
-        Segment::new(far, depth, [from.1, to.scalar], value, self.values.ray.line)
+        Segment::new(far, depth, [from.scalar, to.scalar], value, self.values.ray.line)
     }
 }
 
@@ -37,8 +37,8 @@ impl<M: Medium> RayOptics<'_, M> {
 #[derive(Clone, Copy)]
 pub(super) struct FragmentRay<R, A> {
     light: RayLight<R, A>,
-    /// Depth and scalar of the last fragment.
-    pub(super) last: (f64, f64),
+    /// Where the last fragment is; depth -infinity before the first.
+    pub(super) last: RayPoint,
     /// The active cell behind it.
     far: u32,
     /// Fragments nearer than one composited before.
@@ -53,7 +53,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
     pub(super) fn new(near_distance: f64, ahead: A) -> Self {
         Self {
             light: RayLight::new(near_distance, ahead),
-            last: (f64::NEG_INFINITY, 0.0),
+            last: RayPoint { depth: f64::NEG_INFINITY, scalar: 0.0 },
             far: NONE,
             out_of_order: 0,
             is_broken: false,
@@ -68,8 +68,8 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         optics: &RayOptics<'_, M>,
         to: &Fragment,
     ) {
-        if to.depth < self.last.0 {
-            if to.near != self.far || to.depth < self.last.0 - optics.tie {
+        if to.depth < self.last.depth {
+            if to.near != self.far || to.depth < self.last.depth - optics.tie {
                 self.out_of_order += 1;
             } else {
                 // Put in its place by the cell between the two: within rounding there is nothing to integrate.
@@ -86,7 +86,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         } else {
             self.composite(optics, to);
         }
-        (self.last, self.far) = ((to.depth, to.scalar), to.far);
+        (self.last, self.far) = (to.point(), to.far);
         self.is_opaque = optics.early_termination && self.light.is_opaque();
     }
 
@@ -126,7 +126,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         if up_to == f64::NEG_INFINITY {
             return 0;
         }
-        let (mut last, mut far) = (self.last.0, self.far);
+        let (mut last, mut far) = (self.last.depth, self.far);
         let goes_on = |to: &&Fragment| {
             let goes_on = to.depth > last && far != NONE && to.depth <= up_to;
             (last, far) = (to.depth, to.far);
@@ -147,12 +147,12 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         let segments = run.iter().map(|to| {
             let segment = optics.segment(from, far, to);
             is_broken |= to.near != far;
-            (from, far) = ((to.depth, to.scalar), to.far);
+            (from, far) = (to.point(), to.far);
             segment
         });
-        self.light.go_on_in_run(optics.values.medium, self.last.1, segments, end.depth);
+        self.light.go_on_in_run(optics.values.medium, self.last.scalar, segments, end.depth);
         self.is_broken |= is_broken;
-        (self.last, self.far) = ((end.depth, end.scalar), end.far);
+        (self.last, self.far) = (end.point(), end.far);
         !self.light.is_opaque()
     }
 
@@ -164,12 +164,12 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         path: impl Iterator<Item = &'f Fragment>,
     ) -> bool {
         self.light.leave();
-        self.last.0 = f64::NEG_INFINITY;
+        self.last.depth = f64::NEG_INFINITY;
         for to in path {
-            if self.last.0 != f64::NEG_INFINITY {
+            if self.last.depth != f64::NEG_INFINITY {
                 self.composite(optics, to);
             }
-            (self.last, self.far) = ((to.depth, to.scalar), to.far);
+            (self.last, self.far) = (to.point(), to.far);
             if optics.early_termination && self.light.is_opaque() {
                 self.is_opaque = true;
                 return false;

@@ -1,7 +1,7 @@
 //! One tile: faces in the order of the list, a buffer of fragments for each pixel.
 
 use super::super::super::layers::{Ahead, Layers};
-use super::super::super::medium::Medium;
+use super::super::super::medium::{Medium, RayPoint};
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileFace;
@@ -68,12 +68,14 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// be another one than the cell's exit. If it is sure to be that, the ray begins where it enters the cell, behind the
     /// eye, as the ray caster has it.
     pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
-        let EyeCell { entry, exit, .. } = EyeCell::new(self.topology, self.vertices, ray, cell)?;
+        let at_eye = EyeCell::new(self.topology, self.vertices, ray, cell)?;
+        let (entry, exit) = (at_eye.entry.point, at_eye.exit.point);
         let exit_is_next = self.is_complete && self.k_buffer.exact_order;
-        let (depth, scalar) = if exit_is_next || entry.depth >= 0.0 || exit.depth <= entry.depth {
-            (entry.depth, entry.scalar)
+        let RayPoint { depth, scalar } = if exit_is_next || entry.depth >= 0.0 || exit.depth <= entry.depth {
+            entry
         } else {
-            (0.0, entry.scalar + (exit.scalar - entry.scalar) * (-entry.depth / (exit.depth - entry.depth)))
+            let share = -entry.depth / (exit.depth - entry.depth);
+            RayPoint { depth: 0.0, scalar: entry.scalar + (exit.scalar - entry.scalar) * share }
         };
         Some(Fragment { depth, scalar, near: NONE, far: cell })
     }
@@ -167,7 +169,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
                 let light = &lights[row * TILE_PX + column];
                 stats.segments += u64::from(light.segments());
                 stats.rays_stopped_early += u64::from(light.is_opaque);
-                stats.rays_hit += u64::from(light.last.0 > f64::NEG_INFINITY);
+                stats.rays_hit += u64::from(light.last.depth > f64::NEG_INFINITY);
                 pixels[row * rect.width + column] = light.pixel();
             }
         }
@@ -221,7 +223,7 @@ fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
                 let was_opaque = light.is_opaque;
                 stats.fragments += let_go(scene, rays, scratch, usize::from(pixel), light, is_last);
                 if light.is_opaque && !was_opaque {
-                    open.close(usize::from(pixel), light.last.0);
+                    open.close(usize::from(pixel), light.last.depth);
                 }
             }
             if next >= ready {

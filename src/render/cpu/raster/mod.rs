@@ -415,7 +415,7 @@ fn careful_hit(face: &TileFace, vertices: &[ViewVertex], ray: &Ray) -> Option<Hi
         None => ([a, c, b], [behind, front], true, crossing(ray, vertices, [a, c, b])?),
     };
     let is_seen = !ray.perspective || found.is_in_front(ids);
-    is_seen.then_some(Hit { depth: found.depth, scalar: found.scalar, cells, is_turned })
+    is_seen.then_some(Hit { depth: found.point.depth, scalar: found.point.scalar, cells, is_turned })
 }
 
 #[cfg(test)]

@@ -25,8 +25,8 @@ pub(super) fn enter<M>(scene: &Scene<'_, M>, ray: &Ray, cell: u32, opposite: u32
     let (next, after) = TURNED[last];
     let turn = [next, after, last];
     let (corners, edges) = (turn.map(|i| at.corners[i]), turn.map(|i| at.edges[i]));
-    let (depth, scalar) = hit(edges, &corners[0], &corners[1], &corners[2]);
-    Some((turn.map(|i| ids[i]), Crossing { corners, edges, depth, scalar }))
+    let point = hit(edges, &corners[0], &corners[1], &corners[2]);
+    Some((turn.map(|i| ids[i]), Crossing { corners, edges, point }))
 }
 
 /// The corner of the face that the ray does not see on its way into the cell across it; `None` if there is no such cell

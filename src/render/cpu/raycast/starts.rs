@@ -116,7 +116,7 @@ impl<'a> Entries<'a> {
     fn sort_near(&self, ray: &Ray, starts: &mut [PixelStart]) {
         for (_, start) in &mut *starts {
             let ids = face_of(self.topology, start.cell, start.opposite as usize).vertices;
-            start.depth = crossing(ray, self.vertices, ids).map_or(start.depth, |crossing| crossing.depth);
+            start.depth = crossing(ray, self.vertices, ids).map_or(start.depth, |crossing| crossing.point.depth);
         }
         starts.sort_unstable_by(by_depth);
     }
@@ -130,7 +130,7 @@ impl<'a> Entries<'a> {
                 }
                 let ray = plane.ray(rect, pixel);
                 if let Some(EyeCell { entry, opposite, .. }) = EyeCell::new(self.topology, self.vertices, &ray, cell) {
-                    found.push((pixel as u32, Start { depth: entry.depth, cell, opposite }));
+                    found.push((pixel as u32, Start { depth: entry.point.depth, cell, opposite }));
                 }
             }
         }

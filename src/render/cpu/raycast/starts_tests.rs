@@ -9,6 +9,7 @@ use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
 use crate::random::SplitMix64;
+use crate::render::medium::RayPoint;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
 use glam::{DVec3, IVec3};
@@ -89,13 +90,13 @@ impl Scene {
                         let hit = crossing(&ray, &prepared.vertices, ids);
                         let seen = hit.filter(|hit| !self.view.perspective || hit.is_in_front(ids));
                         found.extend(
-                            seen.map(|hit| (pixel, Start { depth: hit.depth, cell, opposite: opposite as u32 })),
+                            seen.map(|hit| (pixel, Start { depth: hit.point.depth, cell, opposite: opposite as u32 })),
                         );
                     }
                     if prepared.eye_cells.contains(&cell)
                         && let Some(at_eye) = EyeCell::new(topology, &prepared.vertices, &ray, cell)
                     {
-                        let Crossing { depth, .. } = at_eye.entry;
+                        let Crossing { point: RayPoint { depth, .. }, .. } = at_eye.entry;
                         found.push((pixel, Start { depth, cell, opposite: at_eye.opposite }));
                     }
                 }

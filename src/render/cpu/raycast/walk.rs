@@ -1,7 +1,7 @@
 //! From an entry through the active cells to the exit.
 
 use super::super::super::layers::{Ahead, Layers, NoLayers};
-use super::super::super::medium::{Medium, Segment};
+use super::super::super::medium::{Medium, RayPoint, Segment};
 use super::super::light::RayLight;
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, edge, hit, signed_edge, uncertainty};
 use super::super::tiles::{PixelRect, TILE_PX, TileBits, TilePixel};
@@ -161,9 +161,9 @@ struct Walk<'a, R, A> {
     reaches: [f64; 3],
     ids: [u32; 3],
     edges: [f64; 3],
-    /// Depth and scalar where it does.
-    last: (f64, f64),
-    /// The quantity of vertices there, if the medium has one.
+    /// Where it does.
+    last: RayPoint,
+    /// The value at vertices interpolated there, if the medium has one.
     last_value: f64,
     light: RayLight<R, A>,
     steps: u32,
@@ -187,7 +187,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
             reaches: [0.0; 3],
             ids: [0; 3],
             edges: [0.0; 3],
-            last: (0.0, 0.0),
+            last: RayPoint::default(),
             last_value: 0.0,
             light,
             steps: 0,
@@ -213,8 +213,8 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         (self.cell, self.opposite) = (start.cell, start.opposite);
         let entry = path::enter(scene, &self.ray, start.cell, start.opposite);
         debug_assert!(entry.is_some(), "a start is a crossing");
-        let Some((ids, Crossing { corners, edges, depth, scalar })) = entry else { return false };
-        (self.ids, self.corners, self.edges, self.last) = (ids, corners, edges, (depth, scalar));
+        let Some((ids, Crossing { corners, edges, point })) = entry else { return false };
+        (self.ids, self.corners, self.edges, self.last) = (ids, corners, edges, point);
         self.reaches = corners.map(|c| c.reach());
         self.last_value = self.value_here(scene.medium);
         self.light.leave();
@@ -263,7 +263,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         let neighbour = topology.neighbours[self.cell as usize][exit & 3];
         let here = hit(edges, &p, &q, &new);
         let value = self.value_here(scene.medium);
-        let (depth, scalar) = ([self.last.0, here.0], [self.last.1, here.1]);
+        let (depth, scalar) = ([self.last.depth, here.depth], [self.last.scalar, here.scalar]);
         let values = [self.last_value, value];
         let segment = Segment::new(self.cell, depth, scalar, values, self.ray.line);
         self.light.go_on(scene.medium, segment);

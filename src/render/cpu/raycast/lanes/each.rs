@@ -33,11 +33,10 @@ impl<M: Medium<Light = Accumulator>> Lights for EachLight<'_, M> {
             while todo != 0 {
                 let lane = todo.trailing_zeros() as usize;
                 todo &= todo - 1;
-                let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
-                let to = (rows.to_depth[row][lane], rows.to_scalar[row][lane]);
+                let (from, to) = (rows.from(row, lane), rows.to(row, lane));
                 let light = &mut self.lights[lane];
                 // A path may begin anywhere.
-                let goes_on = row > 0 && (rows.to_depth[row - 1][lane], rows.to_scalar[row - 1][lane]) == from;
+                let goes_on = row > 0 && rows.to(row - 1, lane) == from;
                 if !goes_on {
                     light.leave();
                 }

@@ -142,14 +142,14 @@ impl Slots {
         lane.starts = rest;
         let entry = path::enter(scene, &lane.ray, start.cell, start.opposite);
         debug_assert!(entry.is_some(), "a start is a crossing");
-        let Some((ids, Crossing { corners, edges, depth, scalar })) = entry else { return false };
+        let Some((ids, Crossing { corners, edges, point })) = entry else { return false };
         (self.px[l], self.py[l]) = (lane.ray.line.px, lane.ray.line.py);
         for (i, corner) in corners.iter().enumerate() {
             (self.x[i][l], self.y[i][l], self.w[i][l], self.s[i][l]) = (corner.x, corner.y, corner.w, corner.s);
             (self.reach[i][l], self.edges[i][l], self.ids[i][l]) = (corner.reach(), edges[i], ids[i]);
         }
         self.at[l] = start.cell << 2 | start.opposite;
-        (self.depth[l], self.scalar[l]) = (depth, scalar);
+        (self.depth[l], self.scalar[l]) = (point.depth, point.scalar);
         true
     }
 }

@@ -1,6 +1,6 @@
 //! What the walk leaves for the light: segments of eight rays, row by row.
 
-use super::super::super::super::medium::RayLine;
+use super::super::super::super::medium::{RayLine, RayPoint};
 use super::super::super::tiles::TilePixel;
 use super::vector::{Eight, LANES};
 use crate::stats::FrameStats;
@@ -84,6 +84,18 @@ impl Default for Rows {
 }
 
 impl Rows {
+    /// Where a step of a lane begins.
+    #[inline(always)]
+    pub(super) fn from(&self, row: usize, lane: usize) -> RayPoint {
+        RayPoint { depth: self.from_depth[row][lane], scalar: self.from_scalar[row][lane] }
+    }
+
+    /// Where it ends.
+    #[inline(always)]
+    pub(super) fn to(&self, row: usize, lane: usize) -> RayPoint {
+        RayPoint { depth: self.to_depth[row][lane], scalar: self.to_scalar[row][lane] }
+    }
+
     /// Last row of the ray that has a lane in this one.
     #[cold]
     pub(super) fn last_row_of(&self, lane: usize, row: usize) -> usize {

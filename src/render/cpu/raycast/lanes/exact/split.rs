@@ -108,12 +108,12 @@ impl<L: Lanes> ExactLights<'_, L> {
         while which != 0 {
             let lane = which.trailing_zeros() as usize;
             which &= which - 1;
-            let to = (rows.to_depth[row][lane], rows.to_scalar[row][lane]);
-            if to.0 <= self.front[lane] {
+            let to = rows.to(row, lane);
+            if to.depth <= self.front[lane] {
                 hidden |= self.composited & 1 << lane;
                 all |= 1 << lane;
             } else {
-                let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
+                let from = rows.from(row, lane);
                 let (_, behind) = Segment::of_scalars(NONE, from, to, RayLine::default()).split(self.front[lane]);
                 (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.part_scalar[0]);
             }

@@ -216,9 +216,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         while which != 0 {
             let lane = which.trailing_zeros() as usize;
             which &= which - 1;
-            let from = (rows.from_depth[row][lane], rows.from_scalar[row][lane]);
-            let to = (rows.to_depth[row][lane], rows.to_scalar[row][lane]);
-            self.visible_from[lane] = first_visible(self.optics.table, from, to);
+            self.visible_from[lane] = first_visible(self.optics.table, rows.from(row, lane), rows.to(row, lane));
             self.seen |= u8::from(self.visible_from[lane] < f64::INFINITY) << lane;
         }
     }
