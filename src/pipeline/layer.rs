@@ -123,10 +123,20 @@ mod whole {
 impl TetLayer {
     /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
-        let (field, formula, optics, surfaces, cuts, beside) = Default::default();
-        let (domain, parts, shading, draw) = Default::default();
-        let table = table.into();
-        Self { field, table, formula, optics, surfaces, cuts, beside, domain, parts, shading, volume: true, draw }
+        Self {
+            field: None,
+            table: table.into(),
+            formula: None,
+            optics: OpticsKind::default(),
+            surfaces: Vec::new(),
+            cuts: Vec::new(),
+            beside: Vec::new(),
+            domain: Vec::new(),
+            parts: Vec::new(),
+            shading: SurfaceShading::default(),
+            volume: true,
+            draw: TetDraw::default(),
+        }
     }
 
     /// Shows these surfaces, or the volume, or both, cut by planes.

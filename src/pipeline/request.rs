@@ -139,7 +139,6 @@ impl FrameRequest {
     /// tells pictures apart.
     #[must_use]
     pub fn without_hints(self) -> Self {
-        let (backend, for_window, previews, skip) = Default::default();
         let without_hints = |tets: &mut TetLayer| {
             if !tets.needs_formula() {
                 tets.formula = None;
@@ -148,7 +147,13 @@ impl FrameRequest {
                 tets.shading = Default::default();
             }
         };
-        Self { backend, for_window, previews, skip, ..self.with_tets(without_hints) }
+        Self {
+            backend: Backend::default(),
+            for_window: false,
+            previews: Vec::new(),
+            skip: Skip::default(),
+            ..self.with_tets(without_hints)
+        }
     }
 
     /// Whether two frames differ in nothing but the moment that they show.

@@ -77,18 +77,17 @@ pub struct Tick {
 impl Player {
     /// A player of what `pipelined` renders. The first frame is due at once.
     pub fn new(clock: Clock, pipelined: Pipelined) -> Self {
-        let (asked, ready, preview, is_redirected, unknown) = Default::default();
         Self {
             clock,
             pipelined,
             look: 0,
             shown_look: 0,
             shown_number: 0,
-            asked,
-            ready,
-            preview,
-            is_redirected,
-            unknown,
+            asked: VecDeque::new(),
+            ready: VecDeque::new(),
+            preview: None,
+            is_redirected: false,
+            unknown: None,
         }
     }
 

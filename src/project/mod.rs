@@ -59,8 +59,15 @@ impl Project {
 
     /// A project of a dataset, with nothing else in it.
     pub fn new(data: Data) -> Self {
-        let (look, playback, output, timeline, ensembles) = Default::default();
-        Self { version: Self::VERSION, data, look, playback, output, timeline, ensembles }
+        Self {
+            version: Self::VERSION,
+            data,
+            look: LookSettings::default(),
+            playback: Settings::default(),
+            output: Output::default(),
+            timeline: Timeline::default(),
+            ensembles: Vec::new(),
+        }
     }
 
     /// The ensemble of that name.

@@ -373,12 +373,21 @@ impl RenderJob {
     /// opacity, and its depth; `None` if there is none.
     pub(crate) fn of_guides(&self) -> Option<Self> {
         let surfaces = Some(self.surfaces.clone()?.into_guides());
-        let (formula, joint, prepared, fragments, compressed) = Default::default();
-        let (table, optics, for_window) = (Arc::new(NodeTable::transparent()), OpticsKind::Exact, false);
-        let stats = FrameStats::default();
-        let (contrast, previews) = Default::default();
-        let of_guides = Self { surfaces, formula, joint, prepared, fragments, compressed, ..self.clone() };
-        Some(Self { table, optics, for_window, stats, contrast, previews, ..of_guides })
+        Some(Self {
+            compressed: None,
+            table: Arc::new(NodeTable::transparent()),
+            joint: None,
+            surfaces,
+            fragments: None,
+            formula: None,
+            optics: OpticsKind::Exact,
+            prepared: None,
+            contrast: None,
+            previews: Vec::new(),
+            for_window: false,
+            stats: FrameStats::default(),
+            ..self.clone()
+        })
     }
 }
 

@@ -83,7 +83,7 @@ impl Prober {
     /// # Errors
     /// If the system gives no thread.
     pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
-        let (hover, curve): (Arc<Slot<Hover>>, Arc<Slot<Arc<Curve>>>) = Default::default();
+        let (hover, curve) = (Arc::<Slot<Hover>>::default(), Arc::<Slot<Arc<Curve>>>::default());
         let answer = {
             let (hover, wake) = (hover.clone(), wake.clone());
             move |asked, found, cancel: &Cancel| {

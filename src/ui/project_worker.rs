@@ -145,8 +145,7 @@ impl ProjectWorker {
             }
         };
         let worker = Worker::start("project", begin, move |job, cancel, text| failed(job, Err(text), cancel))?;
-        let (subject, kept, wanted) = Default::default();
-        Ok(Self { project, worker, shared, subject, kept, wanted })
+        Ok(Self { project, worker, shared, subject: None, kept: VecDeque::new(), wanted: None })
     }
 
     /// The project.

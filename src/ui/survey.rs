@@ -96,7 +96,7 @@ impl Survey {
     /// # Errors
     /// If the system gives no thread.
     pub fn start(series: Arc<Series>, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
-        let (gate, slot): (Arc<Gate>, Arc<Slot<Arc<Surveyed>>>) = Default::default();
+        let (gate, slot) = (Arc::<Gate>::default(), Arc::<Slot<Arc<Surveyed>>>::default());
         let at_begin = Arc::new(Surveyed::begin(&series));
         let show = {
             let slot = slot.clone();

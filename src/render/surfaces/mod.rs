@@ -119,8 +119,13 @@ pub struct SurfaceShading {
 
 impl Default for SurfaceShading {
     fn default() -> Self {
-        let (normals, light, volume, ambient_occlusion) = Default::default();
-        Self { normals, light, volume, ambient_occlusion, smooth: true }
+        Self {
+            normals: Normals::default(),
+            light: Light::default(),
+            volume: false,
+            ambient_occlusion: false,
+            smooth: true,
+        }
     }
 }
 
