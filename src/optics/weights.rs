@@ -23,6 +23,8 @@
 //!    h^4 x / (24 * 1260): all below 4e-8, the rounding of an f32 accumulator.
 //! 2. else, with M the mean transmittance, A = 1 - M: [`thick`](super::thick) has it by a quadrature rule up to an optical depth of 5/2,
 //!    and by closed forms beyond, of error and Dawson functions.
+//!
+//! With all roundings a weight of a piece is off by less than 4e-7.
 
 use super::thick::{RULE_MAX, exp_neg, mean_by_rule, mean_of_fall, mean_of_rise};
 use glam::Vec4;
