@@ -1,22 +1,21 @@
-// Decode: a step of codec `vq` from its compressed block, which stays in the GPU's memory as long as its 64 steps are
-// played. CPU twin: codec/vq/block.rs, `decode_finite`; the formula is in the documentation of `VqBlock`.
+// Decode: a step of codec `vq` from its compressed block, which stays in the GPU's memory while its 64 steps are played.
+// CPU twin: codec/vq/block.rs, `decode_finite`; the formula is in the documentation of `VqBlock`.
 //
-// Values that no codebook can give (NaN, infinities) are not put in: cells that have one are not active, so that nothing
-// reads them.
+// Non-finite values are not restored: cells that have one are inactive, so that no stage reads them.
 
-// Places in `block`, in words.
+// Offsets into `block`, in words.
 struct VqStep {
     vertex_count: u32,
-    // Rows of the step in the two codebooks.
+    // The step's rows of the two codebooks.
     row_8: u32,
     row_64: u32,
     means: u32,
     // NONE if all exponents are zero.
     exponents: u32,
-    // Entries of the first and of the second codebook.
+    // Indices into the first and into the second codebook.
     first: u32,
     second: u32,
-    // Indices of a word: 2 to this, four of 8 bits or two of 16.
+    // Base-2 logarithm of the indices per word: four of 8 bits or two of 16.
     per_word_log2: u32,
 }
 
@@ -43,7 +42,7 @@ fn decode_vq(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
     let from_64 = bitcast<f32>(block[step.row_64 + index_at(step.second, v)]);
     var difference = from_8 + from_64;
     if step.exponents != NONE {
-        // Exponents have 8 bits: their powers reach into the denormals, which a GPU may not have, in two steps they do not.
+        // Exponents have 8 bits: their powers reach into the denormals, which a GPU may not have; powers of half the exponent do not.
         let exponent = extractBits(i32(block[step.exponents + (v >> 2u)]), (v & 3u) * 8u, 8u);
         let half = exponent >> 1u;
         difference = difference * power(half) * power(exponent - half);

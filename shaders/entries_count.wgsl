@@ -1,4 +1,4 @@
-// Entries, first part: how many items meet each tile. CPU twin: render/cpu/raycast/entries.rs, `TileBins::fill`.
+// Entries, first part: counts the items that meet each tile. CPU twin: render/cpu/raycast/entries.rs, `TileBins::fill`.
 
 @compute @workgroup_size(64)
 fn entries_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

@@ -1,9 +1,9 @@
-// Entries, second part: from the number of items of each tile to the place of its first; the sum goes behind the last.
+// Entries, second part: turns the item counts of the tiles into the places of their first items; the sum goes behind the last.
 
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, THREADS>;
 
-// A sum that stops at the largest number: more pairs than there can be room for.
+// Saturating sum; its largest value exceeds any capacity.
 fn add_up(a: u32, b: u32) -> u32 {
     return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
 }

@@ -1,5 +1,5 @@
-// Entries, third part: the items of each tile, with their boxes in it. Afterwards bins[t] is where the items of tile t end.
-// Their order within a tile depends on the scheduling of threads; the walk sorts what it finds.
+// Entries, third part: stores the items of each tile, with their boxes in it. Afterwards bins[t] is where the items of tile t end.
+// Their order within a tile depends on the scheduling of threads; the walk sorts the starts that it finds.
 
 @compute @workgroup_size(64)
 fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -24,7 +24,7 @@ fn entries_store(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
     for (var y = tiles.z; y <= tiles.w; y++) {
         for (var x = tiles.x; x <= tiles.y; x++) {
             let place = atomicAdd(&bins[y * params.tiles.x + x], 1u);
-            // Without room the total, which the host reads, says how much there should be; the frame is done again.
+            // If pairs do not fit, the host reads from the total how many there are, and renders the frame again.
             if place < params.pair_capacity {
                 let corner = vec2(x, y) * TILE_PX;
                 let low = vec2(max(box.x, corner.x), max(box.z, corner.y)) - corner;

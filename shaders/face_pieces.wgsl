@@ -1,4 +1,4 @@
-// Face pieces: large faces, tile by tile; a thread is half a row of the tile.
+// Face pieces: tests large faces, tile by tile; a thread is half a row of the tile.
 
 @compute @workgroup_size(32)
 fn face_pieces(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {

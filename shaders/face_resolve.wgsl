@@ -1,10 +1,10 @@
-// Face resolve: the fragments of each pixel are put in order and composited. CPU twins: render/cpu/havs/fragment.rs,
-// light.rs, resolve.rs; the essay in render/cpu/havs/mod.rs says what the orders mean.
+// Face resolve: orders and composites the fragments of each pixel. CPU twins: render/cpu/havs/fragment.rs, light.rs,
+// resolve.rs; render/cpu/havs/mod.rs explains the orders.
 //
-// - In exact order, all faces: sorted by depth, then followed from entries through cell after cell to exits; depths order the
-//   paths alone.
+// - In exact order, all faces: sorted by depth, then followed from entries through cell after cell to exits; only paths are
+//   ordered by depth.
 // - In exact order, some faces: sorted by depth, neighbours within rounding by their cells.
-// - Else: sorted by rank, the order of the list, then as far as a buffer of k fragments does it.
+// - Else: sorted by rank, the order of the list, then by depth within a buffer of k fragments.
 //
 // A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie. Those of deep pixels have been sorted
 // (face_sort.wgsl).
@@ -35,8 +35,8 @@ fn cells_at(slot: u32) -> vec2<u32> {
     return vec2(active_or_none(cells.x), active_or_none(cells.y));
 }
 
-// Notes that a loop was not gone through to its end: drivers in software give up after so many rounds (Mesa's after 65,535 of all
-// loops of a pixel together).
+// Marks the ray as broken if a loop did not run to its end: software drivers abort loops after a number of rounds (Mesa's after
+// 65,535 of all loops of a pixel together).
 fn expect_end(is_end: bool) {
     ray_counts.broken |= !is_end;
 }
@@ -44,13 +44,13 @@ fn expect_end(is_end: bool) {
 // Moves for each fragment, on average, after which insertion is given up.
 const PATIENCE: u32 = 4u;
 
-// Lists come nearly in order, since faces are stored nearly in the order of the list: insertion finds most fragments in their
-// places and looks at no more of them than their depths. Where that takes long, shell sort does not.
+// Sorts a pixel's fragments. They are stored nearly in the order of the list, so that insertion finds most of them in place and
+// reads only their depths. After too many moves Shell sort takes over.
 fn sort(first: u32, count: u32, by_depth: bool) {
     var moves = 0u;
     var i = 1u;
     for (; i < count; i++) {
-        // All before it are in order: the last of them is the greatest.
+        // All fragments before it are sorted: the last of them is the greatest.
         let depth = depth_at(first + i);
         let rank = pair(first + i, 1u).y;
         if comes_before(depth, rank, first + i - 1u, by_depth) {
@@ -94,7 +94,7 @@ fn shell_sort(first: u32, count: u32, by_depth: bool) {
     expect_end(gap == 0u);
 }
 
-// Whether the fragment (depth, cells) belongs in front of another that came before it.
+// Whether the fragment (depth, cells) belongs in front of fragment `other`, which is stored before it.
 fn is_before(depth: vec2<f32>, cells: vec2<u32>, other: u32) -> bool {
     let there = depth_at(other);
     let by = (depth.x - there.x) + (depth.y - there.y);
@@ -142,14 +142,14 @@ struct Rays {
 }
 var<private> ray_counts: Rays;
 
-// Depth from which those of the present path are counted, as a sum of two.
+// Depth from which the depths of the present path are counted, as a sum of two.
 var<private> origin: vec2<f32>;
 
 fn relative(depth: vec2<f32>) -> real {
     return (real(depth.x) - real(origin.x)) + (real(depth.y) - real(origin.y));
 }
 
-// The ray is at a place after a gap: depths are counted from there.
+// Begins a path at a fragment: depths are counted from there.
 fn begin_path(slot: u32) {
     let depth = depth_at(slot);
     light.front -= relative(depth);
@@ -160,20 +160,20 @@ fn begin_path(slot: u32) {
     medium_begin(value_at(slot));
 }
 
-// Depths may be that far off for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
+// Largest error of a depth, for faces seen edge-on: edge functions are right to 2^-11 of themselves, corners' depths differ by
 // 2 at most.
 const NEAR_EYE: f32 = 1.0 / 1024.0;
 
-// Goes through all paths, each from a fragment at which the ray enters the active cells. The fragment at which it leaves a cell comes
-// next in nearly all lists; else it is looked for to the end of the list, then from its begin. One loop for all: drivers in software
-// count the rounds of all, and compile loops within loops slowly.
+// Composites all paths, each from a fragment at which the ray enters the active cells. The fragment at which it leaves a cell comes
+// next in nearly all lists; else it is searched for to the end of the list, then from its begin. One loop for all: software drivers
+// count the rounds of all loops together, and compile nested loops slowly.
 fn follow_all(first: u32, count: u32) {
-    // Fragments that paths have not gone through yet. No path has more than there are: should cells go round in a circle, it ends all
-    // the same. Most rays have one path, and then nothing is left.
+    // Number of fragments that no path has used yet. It bounds the paths, so that they end even if cells form a cycle. Most rays have one
+    // path, which leaves none.
     var left = count;
     // The next fragment at which a path may begin.
     var start = 0u;
-    // The last fragment of the path, the cell behind it (NONE between paths), and fragments that have been looked at since.
+    // The last fragment of the path, the cell behind it (NONE between paths), and the number of fragments examined since.
     var at = 0u;
     var cell = NONE;
     var looked_at = 0u;
@@ -193,7 +193,7 @@ fn follow_all(first: u32, count: u32) {
         }
         looked_at += 1u;
         if looked_at >= count {
-            // Where a face at the eye is hit within rounding of it, it may be behind it: the next cell begins another path.
+            // A face hit within rounding of the eye may lie behind it: the next cell begins another path.
             let from_eye = light.behind + light.last.x;
             ray_counts.broken |= (params.flags & PERSPECTIVE) == 0u || from_eye > real(NEAR_EYE);
             cell = NONE;
@@ -222,7 +222,7 @@ fn follow_all(first: u32, count: u32) {
     expect_end(left == 0u || (cell == NONE && start >= count));
 }
 
-// Goes from fragment to fragment in the order in which they lie.
+// Composites the fragments in the order in which they are stored.
 fn advance_all(first: u32, count: u32) {
     var cell = NONE;
     ray_counts.hit = count > 0u;
@@ -235,7 +235,7 @@ fn advance_all(first: u32, count: u32) {
             if cells.x != cell || to.x < light.last.x - real(face_params.tie) {
                 ray_counts.out_of_order += 1u;
             } else {
-                // Put in its place by the cell between the two: within rounding there is nothing to integrate.
+                // Placed by the cell between the two fragments: the segment is within rounding, so nothing is integrated.
                 cell = cells.y;
             }
             continue;

@@ -1,10 +1,10 @@
-// Face scan: from the number of fragments of each pixel to the place of its first in its tile; a workgroup is a tile. The
-// host sums up the tiles and decides how many of them are done at a time, and whether some are to be sorted first.
+// Face scan: turns the fragment count of each pixel into the place of its first fragment in its tile; a workgroup is a tile.
+// The host sums up the tiles, divides them into bands, and decides whether deep pixels are sorted first.
 
 var<workgroup> sums: array<u32, TILE_PIXELS>;
 var<workgroup> deepest: atomic<u32>;
 
-// A sum that stops at the largest number: more fragments than there can be room for.
+// Saturating sum; its largest value exceeds any capacity.
 fn add_up(a: u32, b: u32) -> u32 {
     return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
 }

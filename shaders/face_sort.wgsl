@@ -1,10 +1,10 @@
-// Face sort: the fragments of deep pixels, one round of a bitonic sorting network for all of them; a workgroup is a tile, all
-// its threads work on one pixel after the other. A thread that sorted as many alone would take too long: systems reset a GPU
-// that does not answer, drivers in software give up after so many rounds of loops.
+// Face sort: one round of a bitonic sorting network over the fragments of all deep pixels; a workgroup is a tile, all its
+// threads work on one pixel after the other. One thread alone would take too long: systems reset a GPU that does not answer,
+// and software drivers abort loops after a number of rounds.
 //
 // The network (Batcher, "Sorting networks and their applications", 1968) in the form in which all comparisons point the same
-// way: a fragment is compared with the one whose place differs in the bits of `sort_mask`. For lists of any length: what would
-// lie behind the end counts as the greatest, and stays there.
+// way: a fragment is compared with the one whose place differs in the bits of `sort_mask`. Lists may have any length: places
+// behind the end count as the greatest, and stay there.
 
 @compute @workgroup_size(256)
 fn face_sort(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
@@ -14,7 +14,7 @@ fn face_sort(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
     let by_depth = (face_params.flags & EXACT_ORDER) != 0u;
     let mask = face_params.sort_mask;
-    // The highest bit in which the two places differ: the nearer one has not set it.
+    // The highest bit in which the two places differ: the nearer place has it unset.
     let bit = firstLeadingBit(mask);
     let below = (1u << bit) - 1u;
     for (var local = face_params.first_pixel; local < face_params.end_pixel; local++) {
@@ -35,7 +35,7 @@ fn face_sort(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     }
 }
 
-// Puts the one that comes first to the first place.
+// Puts the fragment that comes first in the first slot.
 fn exchange(first: u32, second: u32, by_depth: bool) {
     if comes_before(depth_at(second), pair(second, 1u).y, first, by_depth) {
         let moving = load_stored(first);

@@ -1,7 +1,7 @@
-// Face starts: rays that begin within the active cells. CPU twin: render/cpu/havs/tile.rs, `start_at_eye`.
+// Face starts: finds the rays that begin within the active cells. CPU twin: render/cpu/havs/tile.rs, `start_at_eye`.
 
-// Where a ray begins in a cell at the eye: where it enters the cell, behind the eye, if the next fragment is sure to be the
-// cell's exit; else at the eye, with the scalar there.
+// Keeps the first fragment of a ray that begins in a cell at the eye: where it enters the cell, behind the eye, if the next
+// fragment is sure to be the cell's exit; else at the eye, with the scalar there.
 fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
     let bits = eye_word(index, 1u);
     var entry = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
@@ -9,7 +9,7 @@ fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
     var entered_in_front = true;
     var left_in_front = false;
     for (var face = 0u; face < 4u; face++) {
-        // The corners but one, in their order.
+        // All corners except corner `face`, in ascending order.
         let ids = vec3(eye_word(index, select(2u, 3u, face == 0u)), eye_word(index, select(3u, 4u, face <= 1u)), eye_word(index, select(4u, 5u, face <= 2u)));
         let a = vertices[ids.x];
         let b = vertices[ids.y];

@@ -1,4 +1,4 @@
-// Faces: each face of the list against the pixels of its box. CPU twin: render/cpu/raster.
+// Faces: tests each face of the list against the pixels of its box. CPU twin: render/cpu/raster.
 
 @compute @workgroup_size(64)
 fn faces(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

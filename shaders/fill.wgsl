@@ -1,7 +1,7 @@
-// Fill: pixels whose rays were cast show what these have seen, and the others what the rays around their block have seen. CPU twin:
-// render/adaptive/mod.rs, `fill_block`, and blocks.rs, `mix`. A workgroup is a tile.
+// Fill: pixels whose rays were cast take the colour and depth of these; the others are interpolated from the rays at the corners of their
+// block. CPU twin: render/adaptive/mod.rs, `fill_block`, and blocks.rs, `mix`. A workgroup is a tile.
 
-// The block of a step that owns a pixel: the last one of a row or column owns the last pixel, too.
+// The block of a step that owns a pixel: the last block of a row or column owns the last pixel, too.
 fn owner_of(step: u32, pixel: vec2<u32>) -> vec2<u32> {
     let stride = stride_of(step);
     return min(pixel / stride, block_counts(stride) - vec2(1u));
@@ -42,7 +42,7 @@ fn fill(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let above = a + (b - a) * share.x;
     let below = c + (d - c) * share.x;
     textureStore(color_plane, pixel, above + (below - above) * share.y);
-    // In whole numbers: which of two corners is the nearer one must not depend on how a driver divides.
+    // In integers: which of two corners is nearer must not depend on how a driver divides.
     let nearest = select(ends.xy, ends.zw, 2u * at > size);
     textureStore(depth_plane, pixel, textureLoad(seen_depth, nearest, 0));
 }

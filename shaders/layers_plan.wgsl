@@ -1,11 +1,11 @@
-// The next pieces of large faces, as many as a slice may have, and the workgroups for them.
+// Layers plan: chooses the next pieces of large faces, at most as many as a slice may have, and their workgroups.
 
 const GROUPS_PER_ROW: u32 = 32768u;
 
 @compute @workgroup_size(1)
 fn layers_plan() {
     let from_ = lists[PIECES_TO];
-    // Without room for all, the host begins again with more.
+    // If not all pieces fit, the host begins again with a longer list.
     let end = min(lists[PIECE_COUNT], face_params.piece_capacity);
     let to = min(end, from_ + face_params.end);
     lists[PIECES_FROM] = from_;

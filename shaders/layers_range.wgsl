@@ -1,4 +1,4 @@
-// The least and the greatest depth of the boundary in view, from those of the tiles.
+// Layers range: the least and the greatest depth of the boundary in view, from the ranges of the tiles.
 
 const THREADS: u32 = 256u;
 var<workgroup> ranges: array<vec2<u32>, THREADS>;
@@ -15,7 +15,7 @@ fn layers_range(@builtin(local_invocation_index) thread: u32) {
         for (var i = 1u; i < THREADS; i++) {
             range = max(range, ranges[i]);
         }
-        // Where there is no boundary in view all layers are missing, and nobody asks.
+        // With no boundary in view all depth layers are missing, and the range is not used.
         depth_range[0] = depth_of_nearness(range.x);
         depth_range[1] = depth_of_nearness(~range.y);
     }

@@ -1,7 +1,7 @@
-// Layers of depth as filters compare them: from 0, the nearest place of the boundary in view, to 1, the farthest. CPU twin:
-// render/cpu/layers/mod.rs, `reference`. A workgroup is a tile.
+// Layers reference: maps depth layers for filters to compare, from 0, the nearest depth of the boundary in view, to 1, the farthest.
+// CPU twin: render/cpu/layers/mod.rs, `reference`. A workgroup is a tile.
 
-// What a missing layer counts as.
+// Value of a missing depth layer.
 const MISSING: f32 = 2.0;
 
 @compute @workgroup_size(256)
@@ -17,7 +17,7 @@ fn layers_reference(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
     for (var layer = 0u; layer < face_params.k; layer++) {
         let nearness = depths[at + layer];
         if nearness != 0u {
-            // A range without extent counts as 1 long.
+            // An empty range counts as having extent 1.
             layers[layer] = (depth_of_nearness(nearness) - depth_range[0]) / select(1.0, extent, extent > 0.0);
         }
     }

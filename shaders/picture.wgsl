@@ -1,7 +1,7 @@
-// What is behind everything else in the window: the picture of a step in its place, nothing but the background beside it, and
-// the colour of the panels around that. What is premultiplied goes over the background; what is opaque stays as it is.
+// Paints the lowest layer of the window: the picture of a step, the background around it in the viewport, and the colour of the
+// panels outside. The picture is premultiplied and composited over the background.
 
-// Colours are display-referred. Places are upper left and lower right corners in coordinates of the picture, which goes from
+// Colours are display-referred. `window` and `viewport` are upper left and lower right corners in coordinates of the picture,
 // 0 to 1.
 struct Place {
     background: vec4<f32>,
@@ -10,7 +10,7 @@ struct Place {
     viewport: vec4<f32>,
 }
 
-// Whether the target turns linear colours into display-referred ones.
+// Whether the target encodes linear colours as display-referred ones.
 override LINEAR: bool = false;
 
 @group(0) @binding(0) var<uniform> place: Place;

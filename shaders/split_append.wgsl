@@ -1,13 +1,13 @@
-// Split, third part: blocks beside those that are split of their own are split, too, and the rays at half the stride in split blocks are
-// appended to the list, unless they are in it. CPU twin: render/adaptive/blocks.rs, `split` and `want_in_row`.
+// Split, third part: splits the neighbours of blocks that are split by their own corners, and appends the rays at half the stride in split
+// blocks to the list, unless they are in it. CPU twin: render/adaptive/blocks.rs, `split` and `want_in_row`.
 
-// Blocks of the workgroup by their reasons, and those that are filled; rays that it appends, and the place of the first.
+// The workgroup's counts of blocks split, by reason, and of blocks filled; of rays appended, and the place of the first.
 const KINDS: u32 = 5u;
 var<workgroup> kinds: array<atomic<u32>, KINDS>;
 var<workgroup> appended: atomic<u32>;
 var<workgroup> first_place: u32;
 
-// Whether a block beside an open one is split of its own.
+// Whether a neighbour of a block is split by its own corners.
 fn is_beside(step: u32, block: vec2<u32>) -> bool {
     let low = max(block, vec2(1u)) - vec2(1u);
     let high = min(block + vec2(1u), block_counts(stride_of(step)) - vec2(1u));
@@ -21,14 +21,14 @@ fn is_beside(step: u32, block: vec2<u32>) -> bool {
     return false;
 }
 
-// Whether a block is split, which is counted.
+// Decides whether a block is split, and counts it.
 fn decided(step: u32, block: vec2<u32>) -> bool {
     if step == 1u {
         return true;
     }
     let at = state_at(step, block);
     var state = atomicLoad(&rays[at]);
-    // Others may see either state: neither is of its own.
+    // Other threads may see either state: neither splits neighbours.
     if state == OPEN && is_beside(step, block) {
         state = OPEN | BESIDE;
         atomicStore(&rays[at], state);
@@ -46,7 +46,7 @@ fn split_append(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_inv
     let step = atomicLoad(&rays[STEP]);
     let half = stride_of(step) / 2u;
     let block = id.xy;
-    // Those that were not in the list, three in a row.
+    // Numbers of the block's pixels that were not in the list.
     var found: array<u32, 9>;
     var count = 0u;
     if all(block < block_counts(stride_of(step))) && decided(step, block) {

@@ -1,5 +1,5 @@
-// Split, second part: which blocks of a step are to be split of their own, by what the rays at their corners have seen. CPU twin:
-// render/adaptive/blocks.rs, `split` and `reason`. What splits all blocks beside such a one comes after all have decided.
+// Split, second part: decides which blocks of a step are split by the rays at their own corners. CPU twin: render/adaptive/blocks.rs,
+// `split` and `reason`. Their neighbours are split once all blocks have decided (split_append.wgsl).
 
 fn has_met(pixel: vec2<u32>) -> u32 {
     let number = number_of(pixel);
@@ -8,7 +8,8 @@ fn has_met(pixel: vec2<u32>) -> u32 {
 
 // Whether the box of an entry face reaches into a block. CPU twin: render/cpu/raycast/entries.rs, `EntryBins::reach`.
 //
-// The lists say which may: their boxes are up to 1/16 of a pixel wider. Of a cell at the eye the faces are not listed.
+// Only items whose listed boxes overlap the block are tested: those boxes are up to 1/16 of a pixel wider. Faces of cells at the eye are
+// not listed themselves.
 fn is_reached(block: vec4<u32>) -> bool {
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
     let first = block.xy / TILE_PX;
@@ -36,7 +37,7 @@ fn is_reached(block: vec4<u32>) -> bool {
     return false;
 }
 
-// Whether the face of an item, or an open one of a cell at the eye, reaches into a block.
+// Whether the face of an item, or an open face of a cell at the eye, reaches into a block.
 fn item_reaches(item: u32, bounds: u32, block: vec4<u32>) -> bool {
     if (bounds & EYE_CELL) == 0u {
         return reaches_into(face_vertices(item >> 2u, item & 3u), block);
@@ -51,7 +52,7 @@ fn item_reaches(item: u32, bounds: u32, block: vec4<u32>) -> bool {
     return false;
 }
 
-// Why a block is to be split, of its own; 0 if it is not.
+// The reason why a block is split by its own corners; 0 if there is none.
 fn reason(corners: vec4<u32>) -> u32 {
     let a = textureLoad(seen_color, corners.xy, 0);
     let b = textureLoad(seen_color, corners.zy, 0);
@@ -72,7 +73,7 @@ fn reason(corners: vec4<u32>) -> u32 {
 fn split_decide(@builtin(global_invocation_id) id: vec3<u32>) {
     let step = atomicLoad(&rays[STEP]);
     let block = id.xy;
-    // Those of the first step are split without being asked.
+    // Blocks of the first step are always split.
     if step < 2u || any(block >= block_counts(stride_of(step))) {
         return;
     }

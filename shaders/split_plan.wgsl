@@ -1,6 +1,6 @@
-// Split, first part: the next step, once the walk has been given all rays of the last one; no workgroups for it before.
+// Split, first part: begins the next step once the walk has been given all rays of the last one; until then it has no workgroups.
 
-// Threads of a workgroup of the step, in a direction.
+// Threads of a step's workgroup in each direction.
 const SPLIT_THREADS: u32 = 16u;
 
 @compute @workgroup_size(1)

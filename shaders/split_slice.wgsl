@@ -1,4 +1,4 @@
-// Split, last part: as many workgroups of the walk as there are rays for and as the slice may still start.
+// Split, last part: sets the workgroups of the walk, as many as the rays need and the slice may still start.
 
 @compute @workgroup_size(1)
 fn split_slice() {

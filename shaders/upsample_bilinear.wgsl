@@ -1,4 +1,4 @@
-// Between the four samples around each pixel. CPU twin: image/upsample/bilinear.rs.
+// Bilinear interpolation of the four samples around each pixel. CPU twin: image/upsample/bilinear.rs.
 
 @compute @workgroup_size(256)
 fn upsample_bilinear(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {

@@ -1,11 +1,11 @@
-// The joint bilateral filter on the image that is bilinear. CPU twin: image/upsample/joint.rs.
+// The joint bilateral filter of the bilinear image. CPU twin: image/upsample/joint.rs.
 //
-// A workgroup is a tile. What Omega has of all its pixels is read once, as many rows at a time as there is room for.
+// A workgroup is a tile. It reads the kernels Omega of all its pixels once, as many rows at a time as fit.
 
-// Pixels that there is room for: with two vectors each all of the 16 KiB that WebGPU promises.
+// Capacity in pixels: two vectors each fill the 16 KiB of workgroup memory that WebGPU guarantees.
 const ROOM: i32 = 512;
 var<workgroup> colors: array<vec4<f32>, ROOM>;
-// The reference, and 1 within the image.
+// The reference; w is 1 within the image, 0 outside.
 var<workgroup> references: array<vec4<f32>, ROOM>;
 
 fn read(slot: i32, pixel: vec2<i32>) {
@@ -21,7 +21,7 @@ fn upsample_joint(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let pixel = vec2<i32>(pixel_of_thread(tile, thread));
     let local = vec2<i32>(vec2(thread % TILE_PX, thread / TILE_PX));
     let half = upsample_params.half_px;
-    // The tile with what Omega reaches to each side, and how many of its rows there is room for.
+    // The tile with a margin of Omega's radius, and how many of its rows fit at a time.
     let corner = vec2<i32>(pixel_of_thread(tile, 0u)) - half;
     let wide = i32(TILE_PX) + 2 * half;
     let rows = ROOM / wide;

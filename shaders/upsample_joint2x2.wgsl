@@ -1,11 +1,11 @@
-// Between those of the four samples around each pixel at which the reference has nearly the same value. CPU twin:
+// Interpolation of those of the four samples around each pixel at which the reference has nearly the same value. CPU twin:
 // image/upsample/joint2x2.rs. A workgroup is a tile.
 
 const COUNTERS: u32 = 8u;
-// The least sum of weights; below that none of the samples counts.
+// The least sum of weights; below it the pixel falls back to bilinear interpolation.
 const LEAST_SUM: f32 = 1e-6;
 
-// Pixels that fell back to bilinear interpolation.
+// Number of pixels that fell back to bilinear interpolation.
 var<workgroup> fallen_back: atomic<u32>;
 
 fn alike(here: vec3<f32>, sample: vec2<u32>) -> f32 {

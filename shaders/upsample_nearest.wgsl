@@ -1,4 +1,4 @@
-// Each pixel with the colour of the nearest sample. CPU twin: image/upsample/nearest.rs.
+// Each pixel takes the colour of the nearest sample. CPU twin: image/upsample/nearest.rs.
 
 @compute @workgroup_size(256)
 fn upsample_nearest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {

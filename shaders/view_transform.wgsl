@@ -1,7 +1,7 @@
-// View transform: vertices to view coordinates, once per frame. CPU twin: render/cpu/ray.rs, `transform`.
+// View transform: transforms vertices to view coordinates, once per frame. CPU twin: render/cpu/ray.rs, `transform`.
 //
 // The CPU works in f64. Here coordinates are unevaluated sums of two f32: the eye is subtracted without error, products of
-// 12-bit parts are exact, and their sums keep their rounding errors. What is left is 2^-44 of the distance to the eye.
+// 12-bit parts are exact, and their sums keep their rounding errors. The remaining error is 2^-44 of the distance to the eye.
 
 fn add(sum: vec2<f32>, term: f32) -> vec2<f32> {
     let next = two_sum(sum.x, term);
@@ -45,7 +45,7 @@ fn view_transform(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     let rest = from_origin.y + (w.y - params.depth_origin.y);
     let w1 = leading(from_origin.x);
     let w23 = two_sum(from_origin.x - w1, rest);
-    // It must stay finite. A cell from within the table to 1e30 times its range is drawn as one that ends there.
+    // Clamped to stay finite: a cell that reaches beyond 1e30 times the table's range is drawn as if it ended there.
     let scalar = clamp((scalars[v] - params.scalar_offset) * params.scalar_scale, -1e30, 1e30);
     vertices[v] = ViewVertex(vec4(x, y), vec4(w1, w23, scalar));
 }

@@ -1,6 +1,6 @@
-// Walk, all rays of an image: a workgroup is a tile, a thread a pixel. The rays are in lib/walk.wgsl.
+// Walk, all rays of an image: a workgroup is a tile, a thread a pixel. The walk itself is in lib/walk.wgsl.
 
-// Which rays meet a cell decides about no others.
+// Unused here: no ray depends on whether others met a cell.
 fn note_met(pixel: vec2<u32>) {}
 
 // Pixel of a thread in its tile: neighbouring threads work on squares of pixels.

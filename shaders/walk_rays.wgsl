@@ -1,12 +1,12 @@
-// Walk, the rays of a list: a thread is a ray, whatever tile its pixel is in, so that workgroups are full at any stride. The rays are in
-// lib/walk.wgsl.
+// Walk, the rays of a list: a thread is a ray, whatever tile its pixel is in, so that workgroups are full at any stride. The walk itself
+// is in lib/walk.wgsl.
 
 fn note_met(pixel: vec2<u32>) {
     let number = number_of(pixel);
     atomicOr(&rays[ray_params.met_at + (number >> 5u)], 1u << (number & 31u));
 }
 
-// Adds to a sum of two words.
+// Adds to a 64-bit sum of two words, the lower one first.
 fn add_to_sum(at: u32, count: u32) {
     let before = atomicAdd(&rays[at], count);
     if before > 0xffffffffu - count {

@@ -1,4 +1,4 @@
-// Numbers that lie behind the view vertices, eight in the room of one: the stages that need them have no binding left.
+// Numbers stored behind the view vertices, eight in the space of one vertex: the stages that need them have no binding left.
 
 fn number_behind_vertices(i: u32) -> f32 {
     let eight = vertices[params.vertex_count + i / 8u];

@@ -1,15 +1,15 @@
 // Blocks between rays. CPU twin: render/adaptive/blocks.rs.
 
-// States of a block: it is there, and why it is split.
+// Bits of a block's state: it exists, and the reason why it is split.
 const OPEN: u32 = 1u;
 const CONTRAST: u32 = 2u;
 const BORDER: u32 = 4u;
 const REACHED: u32 = 8u;
 const BESIDE: u32 = 16u;
-// What splits neighbours, too.
+// Reasons that split the neighbours, too.
 const OF_ITS_OWN: u32 = CONTRAST | BORDER | REACHED;
 
-// Where the state of a block is, of step 2 or later.
+// Word of a block's state, for step 2 or later.
 fn state_at(step: u32, block: vec2<u32>) -> u32 {
     return ray_params.states_at[step - 2u] + block.y * block_counts(stride_of(step)).x + block.x;
 }

@@ -1,4 +1,4 @@
-// The list of faces is that of the boundary's: the corners of each, ascending.
+// The list of faces holds the boundary's: the corners of each, ascending.
 
 fn listed_face(rank: u32) -> Face {
     let at = 3u * rank;

@@ -1,9 +1,9 @@
 // Pixel boxes of faces. CPU twin: render/cpu/tiles.rs, `pixel_box`.
 
-// No pixel.
+// The empty box.
 const NO_BOX: vec4<i32> = vec4<i32>(1, 0, 1, 0);
 
-// First place in the plane whose pixel is not before these; behind its last one if there is none.
+// First place in the plane whose pixel is at `pixel` or after it, per axis; behind the plane's last place if there is none.
 fn first_from(pixel: vec2<i32>) -> vec2<i32> {
     let stride = vec2<i32>(params.stride_px);
     let size = vec2<i32>(params.size_px);
@@ -11,7 +11,7 @@ fn first_from(pixel: vec2<i32>) -> vec2<i32> {
     return select(next, size, pixel >= vec2<i32>(params.image_px));
 }
 
-// All places in the plane.
+// The box of all places in the plane.
 fn whole_plane() -> vec4<i32> {
     return vec4(0, i32(params.size_px.x) - 1, 0, i32(params.size_px.y) - 1);
 }
@@ -47,8 +47,8 @@ fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec4<i32> {
 fn plane_range(value: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     const FAR: f32 = 1e30;
     var range = vec2(FAR, -FAR);
-    // The first of the two parts of a coordinate is right to 2^-24 of it, or of the mesh's extent: where the plane of a triangle
-    // passes that close to the eye, it may be on either side.
+    // The first part of a coordinate is right to 2^-24 of it, or of the mesh's extent: a triangle whose plane passes that close to
+    // the eye may be on either side.
     let slack = 1e-5 * max(max(abs(value.x), abs(value.y)), abs(value.z)) + PLANE_SCALE / 1048576.0;
     for (var i = 0u; i < 3u; i++) {
         let j = select(i + 1u, 0u, i == 2u);

@@ -1,5 +1,5 @@
 // Records of the cells: vertices, then neighbours (cell << 2 | opposite vertex, or NONE), split over bindings.
-// RECORD_PARTS and RECORD_SHIFT come from the composition.
+// RECORD_PARTS and RECORD_SHIFT are prepended by `Stage::source`.
 
 fn cell_vertices(cell: u32) -> vec4<u32> {
     if RECORD_PARTS == 1u {

@@ -1,11 +1,11 @@
-// Pixels whose rays may meet an entry face, as the CPU finds them, for decisions that are to be the same. CPU twins:
-// render/cpu/raster/boxes.rs, and `pixel_box` in render/cpu/tiles.rs.
+// Pixels whose rays may meet an entry face, computed as on the CPU so that decisions agree. CPU twins: render/cpu/raster/boxes.rs,
+// and `pixel_box` in render/cpu/tiles.rs.
 //
 // The CPU computes places in the image in f64 and rounds them to f32; here they are sums of two f32, rounded to one. Both are right to
-// 2^-40 of the image before they are rounded, so that they become the same f32 but where the place lies that close to the middle
-// of two of them; and that shows only where the end of a box, its pad included, lies within this last bit of a pixel.
+// 2^-40 of the image before rounding, so that they give the same f32 unless the place lies that close to the middle of two; and that
+// shows only where the end of a box, its pad included, lies within this last bit of a pixel.
 
-// Right and up, times PLANE_SCALE, and depth.
+// View coordinates as sums of two: x (right) and y (up) times PLANE_SCALE, and w, the depth.
 struct Corner {
     x: vec2<f32>,
     y: vec2<f32>,
@@ -18,15 +18,15 @@ fn corner_of(id: u32) -> Corner {
     return Corner(v.plane.xy, v.plane.zw, two_sum(depth.x, depth.y + v.depth.z));
 }
 
-// A number over depth and the distance of two pixels, in pixels from the middle of the image; a depth of 1 for parallel rays.
+// A plane coordinate over depth (1 for parallel rays) and pixel pitch: pixels from the middle of the image.
 fn in_pixels(value: vec2<f32>, w: vec2<f32>, pitch: vec2<f32>) -> vec2<f32> {
     const FAR: f32 = 1e30;
     let pixels = 0.5 * pair_quotient(value, pair_product(w, pitch));
-    // Sums of infinite parts would be no numbers.
+    // Sums of infinite parts would be NaN.
     return select(vec2(clamp(pixels.x, -FAR, FAR), 0.0), pixels, abs(pixels.x) < FAR);
 }
 
-// Column and row of a corner in front of the eye, in pixels from the middle of the first one, each as a sum of two.
+// Column and row of a corner in front of the eye, in pixels from the middle of the first pixel, each as a sum of two.
 fn place_of(v: Corner, w: vec2<f32>) -> vec4<f32> {
     let middle = 0.5 * vec2<f32>(params.image_px - vec2(1u));
     let column = pair_sum(vec2(middle.x, 0.0), in_pixels(v.x, w, params.pitch.xy));
@@ -34,12 +34,12 @@ fn place_of(v: Corner, w: vec2<f32>) -> vec4<f32> {
     return vec4(column, row);
 }
 
-// Whether pixels `first` to `last` of an image of `size` are among those from `low` to `high`, padded.
+// Whether some of the pixels `first` to `last` of an image of `size` are among those from `low` to `high`, padded.
 fn meets_range(low: f32, high: f32, size: u32, first: u32, last: u32) -> bool {
     let pad = 1e-3 + f32(size) * (1.0 / 4194304.0);
     let from_ = opaque(low - pad);
     let to = opaque(high + pad);
-    // Clamped before conversion: what is beyond the integers is beyond the image, too.
+    // Clamped before conversion: 1e9 is beyond any image.
     let begin = select(0, i32(min(from_, 1e9)) + 1, from_ > 0.0);
     let end = min(select(0, i32(min(to, 1e9)) + 1, to > 0.0), i32(size));
     return begin < end && begin <= i32(last) && i32(first) < end;
@@ -108,13 +108,13 @@ fn range_at_eye(values: array<vec2<f32>, 3>, w: array<vec2<f32>, 3>, pitch: vec2
     return array(low, high);
 }
 
-// Whether pixels `first` to `last` are among those from `low` to `high`, as far from the middle of the image, padded.
+// As `meets_range`, with `low` and `high` counted from the middle of the image.
 fn meets_range_at_eye(low: vec2<f32>, high: vec2<f32>, size: u32, first: u32, last: u32) -> bool {
     const PAD: f32 = 1e-3;
     let middle = 0.5 * f32(size - 1u);
     let to_last = (low.x - (f32(last) - middle)) + (low.y - PAD);
     let to_first = (high.x - (f32(first) - middle)) + (high.y + PAD);
-    // The first pixel behind the low end is none before the high end.
+    // Empty if no pixel lies between the low and the high end.
     let begin = ceil(max(low.x + middle + (low.y - PAD), 0.0));
     let end = floor(min(high.x + middle + (high.y + PAD), f32(size))) + 1.0;
     return to_last <= 0.0 && to_first >= 0.0 && begin < end;

@@ -1,4 +1,4 @@
-// Vertices of the cells, for stages without their records (cells.wgsl).
+// Vertices of the cells, for stages without cell records (cells.wgsl).
 
 fn cell_vertices(cell: u32) -> vec4<u32> {
     return corners[cell];

@@ -1,6 +1,6 @@
-// Faces of cells that a ray enters through.
+// Tests whether a ray enters a cell through a face.
 
-// Where the ray passes through a triangle from its front.
+// Where a ray passes through a triangle from its front; only valid if `hit`.
 struct Crossing {
     hit: bool,
     p: real4,

@@ -1,9 +1,9 @@
-// Which rays hit a face, and where. CPU twin: render/cpu/raster.
+// Hit test of rays and faces. CPU twin: render/cpu/raster.
 //
 // A ray hits a face if the three edge functions of its corners, sheared along the ray, have one sign. Each is computed with
-// the lower of its two vertices first: faces that share an edge see the same bits, whatever the compiler makes of them.
-// Elsewhere than near its edges a face is not asked so carefully: an edge function of corners p, q that have been sheared
-// along one ray is linear in the distance (dx, dy) from there,
+// the lower of its two vertices first: faces that share an edge get the same bits, whatever the compiler does. Away from its
+// edges a cheaper test suffices: an edge function of corners p, q that have been sheared along one ray is linear in the
+// distance (dx, dy) from that ray,
 //
 //   E(dx, dy) = p.x q.y - q.x p.y  +  dx (q.h p.y - p.h q.y)  +  dy (p.h q.x - q.h p.x)
 //
@@ -15,7 +15,7 @@ struct Face {
     cells: vec2<u32>,
 }
 
-// Whether a face with these corners is not wholly in front of the eye.
+// Whether a face with these corners is not entirely in front of the eye.
 fn reaches_eye(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> bool {
     let w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
     return (params.flags & PERSPECTIVE) != 0u && !all(w > vec3(0.0));
@@ -24,18 +24,18 @@ fn reaches_eye(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> bool {
 // Where a ray passes through a face.
 struct FaceHit {
     hit: bool,
-    // It sees the ascending corners clockwise.
+    // The ray sees the ascending corners clockwise.
     turned: bool,
-    // In front of the eye, as far as the corners tell.
+    // The hit is in front of the eye, as computed from the corners.
     in_front: bool,
-    // As `Params` counts, as a sum of two.
+    // Depth as `Params` counts, as a sum of two.
     depth: vec2<f32>,
     scalar: f32,
-    // With a joint table, the quantity of vertices.
+    // With a joint table, the value at vertices, interpolated.
     value: f32,
 }
 
-// `ids` ascending; depths of the ray are counted as `Params` has it.
+// Tests a ray against a face; `ids` ascend, the ray's depths are counted as `Params` has it.
 fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> FaceHit {
     var found = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
     let p = shear(ray, a);
@@ -55,7 +55,7 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     if sum > real(0.0) {
         weights = edges / sum;
     }
-    // The same for both cells at the face: the order of the terms is that of the ids.
+    // The sum is the same for both cells at the face: its terms are in the order of the ids.
     let terms = edges * real3(p.z, q.z, r.z);
     found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);
     found.depth = depth_of_hit(ray, weights, a, b, c);
@@ -70,8 +70,7 @@ fn flat_edge(a: vec4<f32>, b: vec4<f32>) -> f32 {
     return a.x * b.y - b.x * a.y;
 }
 
-// Asks which pixels of a box (first and last column, first and last row) have rays that hit a face, and has their fragments
-// kept.
+// Keeps a fragment for each pixel of a box (first and last column, first and last row) whose ray hits a face.
 fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     let a = vertices[face.ids.x];
     let b = vertices[face.ids.y];
@@ -87,8 +86,8 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     let at = vec3(flat_edge(q, r), flat_edge(r, p), flat_edge(p, q));
     let per_dx = vec3(h.z * q.y - h.y * r.y, h.x * r.y - h.z * p.y, h.y * p.y - h.x * q.y) * (2.0 * params.pitch.x);
     let per_dy = vec3(h.y * r.x - h.z * q.x, h.z * p.x - h.x * r.x, h.x * q.x - h.y * p.x) * (2.0 * params.pitch.z);
-    // A bound on all sheared coordinates in the box, whose square times 2^-18 is more than all rounding above: six products of
-    // at most that square each, and their factors, are rounded by 2^-24 of themselves at most four times.
+    // A bound on all sheared coordinates in the box; its square times 2^-18 exceeds all rounding above: six products of at most
+    // that square each, and their factors, are rounded by 2^-24 of themselves at most four times.
     let steps = vec2<f32>(pixel_at(vec2(box.y, box.w)) - pixel_at(vec2(box.x, box.z))) + 1.0;
     let wide = 2.0 * (steps.x * params.pitch.x + steps.y * params.pitch.z) * abs(h);
     let reaches = vec3(dot(abs(p.xy), vec2(1.0)), dot(abs(q.xy), vec2(1.0)), dot(abs(r.xy), vec2(1.0))) + wide;
@@ -101,7 +100,7 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
             let e = in_row + f32(i32(pixel_at(vec2(x, 0u)).x) - middle_px.x) * per_dx;
             let least = min(min(e.x, e.y), e.z);
             let most = max(max(e.x, e.y), e.z);
-            // Two of different signs, beyond doubt.
+            // Two edge functions certainly differ in sign.
             if least < -certain && most > certain {
                 continue;
             }
@@ -124,7 +123,7 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
     }
 }
 
-// Whether a vertex cannot be told from the eye.
+// Whether a vertex is within rounding of the eye.
 fn is_at_eye(v: ViewVertex) -> bool {
     let depth = abs(v.depth.x + v.depth.y) * PLANE_SCALE;
     return max(max(abs(v.plane.x), abs(v.plane.z)), depth) < PLANE_SCALE / 1048576.0;
@@ -141,7 +140,7 @@ fn box_of(face: Face) -> vec4<i32> {
     return face_box(a, b, c);
 }
 
-// A face whose box has more pixels than this is cut into pieces, one a tile: else one thread would keep all others waiting.
+// Pixels of a box above which its face is cut into pieces, one a tile: else all other threads would wait for one.
 const LARGE_PX: i32 = 1024;
 
 fn is_large(box: vec4<i32>) -> bool {

@@ -1,8 +1,8 @@
-// Places in the lists of the face renderer. The Rust twin is `Lists` in src/render/gpu/layout.rs.
+// Layout of the lists of the face renderer. The Rust twin is `Lists` in src/render/gpu/layout.rs.
 //
-// In `lists`: the number of pieces; for each tile its fragments; for each tile how many its deepest pixel has, then where its
-// first one is, before the tile's first pixel; for each pixel of each tile how many fragments it has, then where they begin in the
-// tile, then where they end; the pieces.
+// `lists` holds the number of pieces; per tile its fragment count; per tile the count of its deepest pixel, later the slot where
+// the fragments of its first pixel begin; per pixel of each tile its fragment count, later where they begin in the tile, then where
+// they end; the pieces.
 const PIECE_COUNT: u32 = 0u;
 const LISTS_HEAD: u32 = 4u;
 

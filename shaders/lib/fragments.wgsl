@@ -1,11 +1,11 @@
-// Fragments where they lie, for the stages that come after they have been stored.
+// Access to stored fragments by slot.
 
-// As it is stored.
+// A fragment as it is stored.
 struct Stored {
     depth: vec2<u32>,
     scalar_rank: vec2<u32>,
     cells: vec2<u32>,
-    // With a joint table, the quantity of vertices and nothing.
+    // With a joint table, the value at vertices and padding.
     value: vec2<u32>,
 }
 
@@ -60,7 +60,7 @@ fn depth_at(slot: u32) -> vec2<f32> {
     return bitcast<vec2<f32>>(pair(slot, 0u));
 }
 
-// The quantity of vertices at a fragment, with a joint table.
+// The value at vertices, interpolated at a fragment; 0 without a joint table.
 fn value_at(slot: u32) -> f32 {
     if FRAGMENT_PAIRS == JOINT_PAIRS {
         return bitcast<f32>(pair(slot, 3u).x);
@@ -68,7 +68,7 @@ fn value_at(slot: u32) -> f32 {
     return 0.0;
 }
 
-// Whether one fragment comes before another: by depth, equal ones by rank; or by rank.
+// Whether a fragment comes before `other`: by depth, then rank, if `by_depth`; else by rank.
 fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool {
     if by_depth {
         let there = depth_at(other);
@@ -82,7 +82,7 @@ fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool
     return rank < pair(other, 1u).y;
 }
 
-// First fragment of a pixel, and how many it has.
+// Slot of a pixel's first fragment, and the number of its fragments.
 fn fragments_of(tile: u32, local: u32) -> vec2<u32> {
     var begin = 0u;
     if local > 0u {

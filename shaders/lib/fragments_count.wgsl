@@ -1,4 +1,4 @@
-// Fragments are counted.
+// Pass `Count`: counts the fragments of each pixel.
 
 const NEEDS_PLACES: bool = false;
 
@@ -10,7 +10,7 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
     count_fragment(tile, local);
 }
 
-// First piece of the slice, and the one behind its last.
+// First piece of the slice, and the piece behind its last.
 fn pieces_of_slice() -> vec2<u32> {
     return vec2(face_params.first, face_params.end);
 }

@@ -1,4 +1,4 @@
-// Fragments are stored, each behind those that its pixel has so far: in any order, which the resolve stage puts right.
+// Pass `Store`: stores each fragment behind those that its pixel has so far, in any order; the resolve stage sorts them.
 
 const NEEDS_PLACES: bool = true;
 
@@ -38,7 +38,7 @@ fn band_rows() -> vec2<i32> {
     return vec2(i32(first), min(i32(end), i32(params.size_px.y)) - 1);
 }
 
-// First piece of the slice, and the one behind its last.
+// First piece of the slice, and the piece behind its last.
 fn pieces_of_slice() -> vec2<u32> {
     return vec2(face_params.first, face_params.end);
 }

@@ -1,4 +1,4 @@
-// What all stages share: the parameters of a frame and the records of vertices and cells.
+// Shared by all stages: the parameters of a frame, view vertices, and constants.
 // The Rust twins are in src/render/gpu/layout.rs; a test compares every offset.
 
 struct Params {
@@ -7,11 +7,11 @@ struct Params {
     eye_lo: vec4<f32>,
     // Unit vectors right, up, forward; each as the sum of three parts, the first two of 12 bits.
     axes: array<vec4<f32>, 9>,
-    // Half the distance of two pixels on the image plane times PLANE_SCALE: x as a sum of two, y as a sum of two.
+    // Half the pixel pitch on the image plane times PLANE_SCALE: x as a sum of two, y as a sum of two.
     pitch: vec4<f32>,
     // Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin, as a sum of two.
     depth_origin: vec2<f32>,
-    // Scalars are seen as (scalar - offset) * scale.
+    // The scalar map: (scalar - offset) * scale.
     scalar_offset: f32,
     scalar_scale: f32,
     // Pixels per row of the plane that is rendered, rows of it.
@@ -24,11 +24,11 @@ struct Params {
     // Depth of the near distance, counted from the pivot.
     near: f32,
     vertex_count: u32,
-    // Entry faces come first among the items, then cells at the eye, each a word and the sides of its faces.
+    // Numbers of items: first entry faces, then cells at the eye, each a word and the eye's sides of its faces.
     face_count: u32,
     eye_count: u32,
     item_count: u32,
-    // Pairs of tile and item that there is room for.
+    // Capacity in pairs of tile and item.
     pair_capacity: u32,
     // First tile of the slice.
     first_tile: u32,
@@ -38,7 +38,7 @@ struct Params {
     // Depth from which the depths along rays are counted: that of the middle of the mesh if the eye is far, else 0.
     pivot: f32,
     unused: u32,
-    // Zero, which no compiler knows.
+    // Zero, unknown to compilers.
     zero: u32,
 }
 
@@ -52,7 +52,7 @@ const PERSPECTIVE: u32 = 1u;
 const EARLY_TERMINATION: u32 = 2u;
 const ALL_ACTIVE: u32 = 4u;
 
-// x and y are kept times 2^30, so that products of four of them and their rounding errors neither over- nor underflow.
+// Factor 2^30 of x and y, so that products of four of them and their rounding errors neither over- nor underflow.
 const PLANE_SCALE: f32 = 1073741824.0;
 
 // A vertex in view coordinates.
@@ -69,14 +69,14 @@ const TILE_PX: u32 = 16u;
 const PAIR_WORDS: u32 = 2u;
 // In the second word: the item is a cell at the eye.
 const EYE_CELL: u32 = 0x10000u;
-// From this bit on: on which side of the cell's faces the eye is (outside: bits 0 to 3; strictly inside: bits 4 to 7).
+// From this bit on: the eye's side of each of the cell's faces (outside: bits 0 to 3; strictly inside: bits 4 to 7).
 const SIDES_SHIFT: u32 = 17u;
 
 // No neighbour.
 const NONE: u32 = 0xffffffffu;
 
-// The same number, of which the compiler knows nothing. Without it drivers simplify (a + b) - a to b, which real numbers
-// would allow (Mesa's do), or round a product and a sum only once.
+// Returns x unchanged, hidden from the compiler. Without it drivers simplify (a + b) - a to b (Mesa's do), or round a product
+// and a sum only once.
 fn opaque(x: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ params.zero);
 }

@@ -7,7 +7,7 @@ fn item_box(item: u32) -> vec4<i32> {
     }
     let cell = items[item] >> 2u;
     for (var i = 0u; i < params.eye_count; i++) {
-        // The faces of a cell at the eye are looked at with the cell.
+        // The faces of a cell at the eye are tested with the cell.
         if items[params.face_count + 2u * i] == cell {
             return NO_BOX;
         }

@@ -1,6 +1,6 @@
-// Places in the lists that depth layers are drawn with. The Rust twin is `LayerLists` in src/render/gpu/layout.rs.
+// Layout of the buffers of depth layers. The Rust twin is `LayerLists` in src/render/gpu/layout.rs.
 //
-// In `lists`: the number of pieces of large faces, the first of the slice, the one behind its last, nothing; the pieces.
+// `lists` holds the number of pieces of large faces, the first piece of the slice, the piece behind its last, padding; the pieces.
 const PIECE_COUNT: u32 = 0u;
 const PIECES_FROM: u32 = 1u;
 const PIECES_TO: u32 = 2u;
@@ -10,8 +10,8 @@ fn piece_at(piece: u32) -> u32 {
     return LISTS_HEAD + PIECE_WORDS * piece;
 }
 
-// In `depths`: for each tile how near and how far its nearest and its farthest place is, for each pixel of each tile its layers. Nearness
-// falls, farness rises with depth; both are above 0, which is nothing at all.
+// `depths` holds per tile the nearness of its nearest and the farness of its farthest depth, then per pixel of each tile its depth layers
+// as nearness. Nearness falls, farness rises with depth; both are above 0, which means missing.
 fn range_at(tile: u32) -> u32 {
     return 2u * tile;
 }
@@ -20,7 +20,7 @@ fn layers_at(tile: u32, local: u32) -> u32 {
     return 2u * tile_count() + face_params.k * (TILE_PIXELS * tile + local);
 }
 
-// Numbers in the order of depths.
+// An integer in the order of depths.
 fn farness_of(depth: f32) -> u32 {
     let bits = bitcast<u32>(depth);
     return select(bits | 0x80000000u, ~bits, (bits >> 31u) == 1u);

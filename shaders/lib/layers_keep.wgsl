@@ -1,10 +1,10 @@
-// Of the depths at which a ray passes through the boundary the nearest are kept. CPU twin: render/cpu/layers/nearest.rs.
+// Pass `Layers`: keeps the nearest depths at which a ray passes through the boundary. CPU twin: render/cpu/layers/nearest.rs.
 
 const NEEDS_PLACES: bool = true;
 
 fn count_fragment(tile: u32, local: u32) {}
 
-// A layer takes the nearer of two depths and leaves the other to the next: whoever comes first, the nearest are there in the end, in order.
+// Each depth layer takes the nearer of two depths and passes the other on: in any order of arrival the nearest remain, sorted.
 fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u32>) {
     let depth = found.depth.x + found.depth.y;
     if depth < params.near {
@@ -20,7 +20,7 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
     }
 }
 
-// First piece of the slice, and the one behind its last.
+// First piece of the slice, and the piece behind its last.
 fn pieces_of_slice() -> vec2<u32> {
     return vec2(atomicLoad(&lists[PIECES_FROM]), atomicLoad(&lists[PIECES_TO]));
 }

@@ -1,18 +1,17 @@
-// What a ray gathers from place to place, segment by segment. CPU twins: render/cpu/raycast/walk.rs and
-// render/cpu/havs/light.rs.
+// Compositing along a ray, segment by segment. CPU twins: render/cpu/raycast/walk.rs and render/cpu/havs/light.rs.
 
-// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
+// Transmittance below which a ray counts as opaque (optics::OPAQUE_TRANSMITTANCE).
 const OPAQUE: f32 = 1.0 / 131072.0;
-// Infinitely far, and before everything.
+// Infinite depth; negated, it is before all depths.
 const NOWHERE: f32 = 3.0e38;
 
 // Depths are counted from the start of a path, so that they keep their digits there.
 struct Light {
     // Length of the ray per unit of depth.
     length_per_depth: f32,
-    // Depth of the start behind that from which `Params` counts.
+    // Depth of the path's start, as `Params` counts.
     behind: real,
-    // Depth and scalar of the last place.
+    // Depth and scalar of the last place on the ray.
     last: real2,
     // Whether the optics are at `last`.
     placed: bool,
@@ -24,15 +23,15 @@ struct Light {
 }
 var<private> light: Light;
 
-// Before the ray has met anything.
+// Resets the state of a ray before its first segment.
 fn light_transparent(ray: Ray) {
     light = Light(ray.length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
     medium_ray(ray);
     optics_transparent();
 }
 
-// What shines through becomes less by what has been gathered; what rounding leaves out of a difference goes into the next one.
-// CPU twin: Accumulator::dim.
+// Reduces the transmittance by the opacity gathered; the rounding error is carried into the next reduction. CPU twin:
+// Accumulator::dim.
 fn optics_dim(gathered: f32) {
     let left = two_sum(optics.transmittance, optics.carried - gathered);
     optics.transmittance = left.x;
@@ -52,12 +51,12 @@ fn composite(cell: u32, to: real2) -> bool {
         medium_cut(f32(share));
     }
     if to.x <= from_.x {
-        // The scalar may be another one.
+        // The scalar may have changed.
         light.placed = false;
         return true;
     }
     if optics.transmittance < OPAQUE {
-        // What lies behind does not matter: whether the ray goes on or not, nothing more is composited.
+        // Opaque: nothing more is composited, whether the ray goes on or not.
         light.placed = false;
         light.front = to.x;
         return true;
@@ -68,7 +67,7 @@ fn composite(cell: u32, to: real2) -> bool {
     return true;
 }
 
-// Passes what lies from one place to another through the volume.
+// Composites the volume from one place to another.
 fn volume_segment(from_: real2, to: real2) {
     if !light.placed {
         optics_enter(f32(from_.y));
@@ -81,7 +80,7 @@ fn volume_segment(from_: real2, to: real2) {
     }
 }
 
-// Whether nothing behind the last place can be seen.
+// Whether the ray stops here: it is opaque, and early termination is on.
 fn is_opaque() -> bool {
     return (params.flags & EARLY_TERMINATION) != 0u && optics.transmittance < OPAQUE;
 }

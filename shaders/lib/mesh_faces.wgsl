@@ -1,4 +1,4 @@
-// The list of faces that are drawn, of all faces of the mesh, and the cells at the eye behind it.
+// The faces of the mesh, the list of those drawn, and behind it the cells at the eye.
 
 fn face_word(face: u32, word: u32) -> u32 {
     let part = face_params.face_part;
@@ -25,9 +25,9 @@ fn eye_word(index: u32, word: u32) -> u32 {
     return drawn[face_params.drawn_count + EYE_WORDS * index + word];
 }
 
-// Whether a face of a cell at the eye is hit in front of the eye. Of faces with one active cell that is decided exactly, by the
-// side of the face's plane on which the eye is: an eye in the boundary sees what is in front of it. Of others it does not
-// matter how, as long as all cells agree.
+// Whether a face of a cell at the eye is hit in front of the eye. For faces with one active cell that is decided exactly, by the
+// eye's side of the face's plane: an eye in the boundary sees what is in front of it. For others any decision will do on which
+// all cells agree.
 fn is_before_eye(found: FaceHit, bits: u32, face: u32) -> bool {
     if ((bits >> (8u + face)) & 1u) == 0u {
         return found.in_front;

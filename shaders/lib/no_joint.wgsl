@@ -1,4 +1,4 @@
-// Twin of optics_joint.wgsl: a transfer function of the scalar alone asks for nothing beside it.
+// Twin of optics_joint.wgsl for a transfer function of the scalar alone: no values at vertices or cells.
 
 fn medium_begin(value: f32) {}
 

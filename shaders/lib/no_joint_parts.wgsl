@@ -1,4 +1,4 @@
-// Twin of joint_parts.wgsl: a transfer function of the scalar alone asks for nothing beside it.
+// Twin of joint_parts.wgsl for a transfer function of the scalar alone.
 
 fn medium_ends() -> vec2<f32> {
     return vec2(0.0);

@@ -1,4 +1,4 @@
-// Twin of surfaces.wgsl: cells have nothing but the volume in them.
+// Twin of surfaces.wgsl for cells with the volume alone.
 
 fn medium_ray(ray: Ray) {}
 

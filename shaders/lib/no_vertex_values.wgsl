@@ -1,4 +1,4 @@
-// Twin of vertex_values.wgsl: vertices have nothing beside their scalars.
+// Twin of vertex_values.wgsl for vertices with scalars alone.
 
 fn value_at_hit(edges: real3, ids: vec3<u32>) -> f32 {
     return 0.0;

@@ -9,12 +9,12 @@ struct Optics {
     range: vec4<f32>,
     at_lo: vec4<f32>,
     rise: vec4<f32>,
-    // Colour and extinction where the ray is.
+    // Colour and extinction at the ray's place.
     here: vec4<f32>,
-    // What has been gathered: premultiplied colour, opacity; and what still shines through.
+    // Accumulated premultiplied colour and opacity; remaining transmittance.
     light: vec4<f32>,
     transmittance: f32,
-    // What rounding has left out of that.
+    // Rounding error of the transmittance, carried.
     carried: f32,
     pieces: u32,
     // Whether a piece had extinction, and before which share of its segment the first of them began.
@@ -25,7 +25,7 @@ struct Optics {
 // The ray's place in the table, and its light.
 var<private> optics: Optics;
 
-// Before the ray has met anything.
+// Resets the optics before a ray's first segment.
 fn optics_transparent() {
     optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
@@ -37,14 +37,14 @@ fn optics_load(interval: u32) {
     optics.rise = table[INTERVAL_WORDS * interval + 2u];
 }
 
-// Colour and extinction of the present interval. The ends of a narrow one are rounded and its width is not: at its end the share
-// would be anything.
+// Colour and extinction at a scalar in the present interval. The ends of a narrow interval are rounded, its width is not: at its end
+// the computed share would be arbitrary.
 fn optics_at(scalar: f32) -> vec4<f32> {
     let share = min((scalar - optics.range.x) * optics.range.w, 1.0);
     return optics.at_lo + optics.rise * select(share, 1.0, scalar == optics.range.y);
 }
 
-// The ray is at a place with this scalar, after a gap.
+// Enters the table at this scalar, after a gap.
 fn optics_enter(scalar: f32) {
     var low = 0u;
     var high = params.interval_count - 1u;
@@ -61,8 +61,8 @@ fn optics_enter(scalar: f32) {
     optics.here = optics_at(scalar);
 }
 
-// Composites a piece in the present interval, over which colour and extinction go linearly to `far`; whether anything behind it can be
-// seen.
+// Composites a piece in the present interval, over which colour and extinction vary linearly to `far`. Returns whether the piece is not
+// opaque.
 fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
     let near = optics.here;
     optics.here = far;
@@ -73,7 +73,7 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
         optics.visible = true;
         optics.visible_share = share;
     }
-    // Beyond 1e9 nothing shines through; larger products would overflow. Rounding may leave a tiny negative extinction
+    // Optical depths beyond 1e9 are opaque; larger products would overflow. Rounding may leave a tiny negative extinction
     // where a ramp reaches zero.
     let near_depth = clamp(near.w * length, 0.0, 1e9);
     let far_depth = clamp(far.w * length, 0.0, 1e9);
@@ -82,21 +82,21 @@ fn optics_piece(far: vec4<f32>, length: f32, share: f32) -> bool {
     let of_near = transmittance * weights.x;
     let of_far = transmittance * weights.y;
     optics.light += vec4(near.xyz, 1.0) * of_near + vec4(far.xyz, 1.0) * of_far;
-    // Not the product with what the piece lets through: of many equal pieces that is rounded alike each time.
+    // Not the product with the piece's transmittance: over many equal pieces that is rounded the same way each time.
     optics_dim(transmittance * (weights.x + weights.y));
     optics.pieces += 1u;
     return near_depth + far_depth <= 2.0 * DEPTH_MAX;
 }
 
-// A part of a segment's scalars as a share of it. Not its length over its scalars times the part: where these are all but equal that
-// overflows.
+// The share of a segment that a part of its scalar range covers. The length per scalar is not computed: it overflows where the scalars
+// are nearly equal.
 fn share_of(part: f32, span: f32) -> f32 {
     return select(1.0, min(part / span, 1.0), span > 0.0);
 }
 
 // Composites a segment along which the scalar goes linearly from s0 to s1: piece by piece, from node to node. One loop for
-// all, though most segments meet no node: a path of their own made the walk 1.6 times slower (lavapipe, 1M cells), since the
-// lanes of a vector that do meet one hold up the others, and all the longer the more code there is.
+// all, though most segments meet no node: a branch of their own made the walk 1.6 times slower (lavapipe, 1M cells), since the
+// lanes of a vector that do meet one hold up the others, the longer the more code there is.
 fn optics_segment(s0: f32, s1: f32, length: f32) {
     let up = s1 >= s0;
     var s = s0;
@@ -104,7 +104,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
     loop {
         let end = select(optics.range.x, optics.range.y, up);
         let next = select(optics.interval - 1u, optics.interval + 1u, up);
-        // At a node the side that the ray goes to holds; a constant segment takes the upper one.
+        // At a node the interval in the ray's direction holds; a constant segment takes the upper one.
         if select(s0 <= end, s0 >= end, up) {
             optics_load(next);
             optics.here = optics_at(s0);

@@ -1,30 +1,30 @@
 // The exact integrator for a transfer function of more than the scalar: segments are split at scalar nodes, rows, and diagonals
 // of rectangles. CPU twin: optics/joint.rs.
 //
-// Where a ray is in a rectangle is kept as shares of its two sides, not as scalars: a rectangle that is crossed from side to
-// side is as wide as it is, however narrow, and what ends at a line has there exactly the line's values.
+// The ray's position in a rectangle is kept as shares of its two sides, not as scalars: a rectangle that is crossed from side to
+// side keeps its exact width, however narrow, and a piece that ends at a line has exactly the line's values there.
 
-// Places in `table`, in vectors. Intervals: (lo, hi, width, first column or row); the first and the last of an axis reach
-// beyond all and have no width: there the axis does not matter.
+// Offsets into `table`, in vectors. Intervals are (lo, hi, width, first column or row); the first and the last of an axis are
+// unbounded and have width 0: there the values do not depend on the axis.
 struct JointParams {
     scalar_intervals: u32,
     scalar_count: u32,
     row_intervals: u32,
     row_count: u32,
     values: u32,
-    // Values of a row, and of a layer.
+    // Values per row, and per table layer.
     columns: u32,
     layer_values: u32,
-    // Two numbers a cell: a layer, and the share of the way to the next. Cells that have none lie in the first layer.
+    // Two numbers a cell: a table layer, and the share of the way to the next. Cells from `cell_count` on lie in the first layer.
     cells: u32,
     cell_count: u32,
 }
 
 struct Optics {
-    // What has been gathered: premultiplied colour, opacity; and what still shines through.
+    // Accumulated premultiplied colour and opacity; remaining transmittance.
     light: vec4<f32>,
     transmittance: f32,
-    // What rounding has left out of that.
+    // Rounding error of the transmittance, carried.
     carried: f32,
     pieces: u32,
     // Whether a piece had extinction, and before which share of its segment the first of them began.
@@ -42,23 +42,23 @@ struct Side {
 // The rectangle that the ray is in.
 var<private> column: Side;
 var<private> row: Side;
-// Layers as places of their first values, and the share of the way from one to the other.
+// The cell's two table layers, as places of their first values, and the share of the way from one to the other.
 var<private> layers: vec2<u32>;
 var<private> layer_share: f32;
-// The quantity of vertices at both ends of the segment.
+// The value at vertices, interpolated at both ends of the segment.
 var<private> values: vec2<f32>;
 
-// Before the ray has met anything.
+// Resets the optics before a ray's first segment.
 fn optics_transparent() {
     optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
-// The ray is at a place with this quantity of vertices, after a gap.
+// Begins at a place with this value, after a gap.
 fn medium_begin(value: f32) {
     values = vec2(value);
 }
 
-// The ray passes through a cell to a place with this quantity of vertices.
+// Sets the next segment: through a cell, to a place with this value.
 fn medium_pass(cell: u32, value: f32) {
     values = vec2(values.y, value);
     layers = vec2(joint.values);
@@ -72,7 +72,7 @@ fn medium_pass(cell: u32, value: f32) {
     }
 }
 
-// Of the segment only what lies behind a share of it is left.
+// Cuts off the segment in front of a share of it.
 fn medium_cut(share: f32) {
     values.x += share * (values.y - values.x);
 }
@@ -81,7 +81,7 @@ fn side_of(first: u32, number: u32) -> Side {
     return Side(number, table[first + number]);
 }
 
-// The interval that a place lies in: the first one whose end lies beyond.
+// The interval that contains `at`: the first one whose end lies beyond.
 fn find_side(first: u32, count: u32, at: f32) -> Side {
     var low = 0u;
     var high = count - 1u;
@@ -96,13 +96,13 @@ fn find_side(first: u32, count: u32, at: f32) -> Side {
     return side_of(first, low);
 }
 
-// The ray is at a place with this scalar, after a gap.
+// Enters the table at this scalar, after a gap.
 fn optics_enter(scalar: f32) {
     column = find_side(joint.scalar_intervals, joint.scalar_count, scalar);
     row = find_side(joint.row_intervals, joint.row_count, values.x);
 }
 
-// At a line the side that the ray goes to holds; where nothing changes, the upper one.
+// The interval at a line: that in the ray's direction; the upper one if the coordinate is constant.
 fn turn(side: Side, first: u32, at: f32, up: bool) -> Side {
     var turned = side;
     while select((at <= turned.range.x), (at >= turned.range.y), up) {
@@ -111,7 +111,7 @@ fn turn(side: Side, first: u32, at: f32, up: bool) -> Side {
     return turned;
 }
 
-// The share of a side at which a place lies; beyond the ends of the axis `outside`.
+// The share of a side at which `at` lies; `outside` beyond the ends of the axis.
 fn place_in(side: Side, at: f32, outside: f32) -> f32 {
     if side.range.z == 0.0 {
         return outside;
@@ -119,17 +119,17 @@ fn place_in(side: Side, at: f32, outside: f32) -> f32 {
     return clamp((at - side.range.x) / side.range.z, 0.0, 1.0);
 }
 
-// How far a way along an axis has come.
+// Progress of a segment along one axis.
 struct Way {
-    // Value at both ends of the segment, and their distance.
+    // Coordinates of both ends of the segment, and their distance.
     ends: vec2<f32>,
     span: f32,
     up: bool,
-    // Share of the present side.
+    // Position as a share of the present side.
     place: f32,
 }
 
-// The share of the segment from where `rest` of it is left to where the way leaves a side; more than 1 if it does not.
+// The share of the segment from where `rest` of it remains to where it leaves a side; more than 1 if it does not.
 fn share_to_end(way: Way, side: Side, rest: f32) -> f32 {
     let end = select(side.range.x, side.range.y, way.up);
     let leaves = select((way.ends.y < end), (way.ends.y > end), way.up);
@@ -142,7 +142,7 @@ fn share_to_end(way: Way, side: Side, rest: f32) -> f32 {
     return select(way.place, 1.0 - way.place, way.up) * side.range.z / way.span;
 }
 
-// The place in a side when the ray has gone a share of the segment on.
+// The position in a side after another share of the segment.
 fn place_after(way: Way, side: Side, share: f32, leaves: bool, is_end: bool, outside: f32) -> f32 {
     if side.range.z == 0.0 {
         return outside;
@@ -181,7 +181,7 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
     }
     let more = select(vec2(near.y, far.y), vec2(near.x, far.x), is_below);
     let less = select(vec2(near.x, far.x), vec2(near.y, far.y), is_below);
-    // No weight is negative: what is transparent at all corners is transparent in between.
+    // No weight is negative: a piece between transparent corners stays transparent.
     let middle = max(more - less, vec2(0.0));
     let at_near = lower * (1.0 - more.x) + beside * middle.x + upper * less.x;
     let at_far = lower * (1.0 - more.y) + beside * middle.y + upper * less.y;
@@ -192,7 +192,7 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
         optics.visible = true;
         optics.visible_share = share;
     }
-    // Beyond 1e9 nothing shines through; larger products would overflow.
+    // Optical depths beyond 1e9 are opaque; larger products would overflow.
     let weights = piece_weights(min(at_near.w * length, 1e9), min(at_far.w * length, 1e9));
     let transmittance = optics.transmittance;
     let of_near = transmittance * weights.x;
@@ -209,7 +209,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
     var y = Way(values, abs(values.y - values.x), values.y >= values.x, 0.0);
     column = turn(column, joint.scalar_intervals, s0, x.up);
     row = turn(row, joint.row_intervals, values.x, y.up);
-    // Where there is no triangle all is as below the diagonal: (1, 0) is its corner.
+    // Beyond the ends of an axis the coordinate is that of corner (1, 0), so that the position is below the diagonal.
     x.place = place_in(column, s0, 1.0);
     y.place = place_in(row, values.x, 0.0);
     var rest = 1.0;
@@ -230,7 +230,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
         var goes_on = !is_end;
         var is_below = at_near + at_far >= 0.0;
         if at_near * at_far < 0.0 {
-            // Up to the diagonal, and no further.
+            // The piece ends at the diagonal.
             let part = at_near / (at_near - at_far);
             far = vec2(clamp(near.x + part * (far.x - near.x), 0.0, 1.0));
             share *= part;

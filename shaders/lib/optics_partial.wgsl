@@ -1,13 +1,13 @@
-// Partial pre-integration: what lies between two scalars comes from sums over the nodes. CPU twin: optics/partial.rs, where the
-// method is described. Takes the place of optics_exact.wgsl: same functions, same `optics`.
+// Partial pre-integration: the part of a segment between nodes comes from precomputed sums. CPU twin: optics/partial.rs, where
+// the method is described. Replaces optics_exact.wgsl, with the same functions and `optics`.
 
 // The table: three vectors an interval, as in optics_exact.wgsl: (lo, hi, width, 1 / width or 0), colour and extinction at lo,
 // their rise to hi. Behind them two vectors a sum: (mean colour, integral of the extinction over the scalar), (tilt, 0).
 const INTERVAL_WORDS: u32 = 3u;
 const SUM_WORDS: u32 = 2u;
-// The largest optical depth of a sum that is seen as two colours.
+// The largest optical depth of a sum that is composited as two colours.
 const SUM_DEPTH: f32 = 0.25;
-// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
+// Transmittance below which a ray counts as opaque (optics::OPAQUE_TRANSMITTANCE).
 const PARTIAL_OPAQUE: f32 = 1.0 / 131072.0;
 
 struct Optics {
@@ -15,10 +15,10 @@ struct Optics {
     range: vec4<f32>,
     at_lo: vec4<f32>,
     rise: vec4<f32>,
-    // What has been gathered: premultiplied colour, opacity; and what still shines through.
+    // Accumulated premultiplied colour and opacity; remaining transmittance.
     light: vec4<f32>,
     transmittance: f32,
-    // What rounding has left out of that.
+    // Rounding error of the transmittance, carried.
     carried: f32,
     pieces: u32,
     // Whether a segment had extinction, and before which share of the first such segment it began.
@@ -29,14 +29,14 @@ struct Optics {
 // The ray's place in the table (interval to rise), and its light.
 var<private> optics: Optics;
 
-// Mean colour and integral of the extinction; tilt; the place at which it ends.
+// A sum: mean colour and integral of the extinction; tilt; the place at which it ends.
 struct Sum {
     mean: vec4<f32>,
     tilt: vec3<f32>,
     end: u32,
 }
 
-// Before the ray has met anything.
+// Resets the optics before a ray's first segment.
 fn optics_transparent() {
     optics = Optics(0u, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
@@ -48,14 +48,14 @@ fn optics_load(interval: u32) {
     optics.rise = table[INTERVAL_WORDS * interval + 2u];
 }
 
-// Colour and extinction of the present interval. The ends of a narrow one are rounded and its width is not: at its end the share
-// would be anything.
+// Colour and extinction at a scalar in the present interval. The ends of a narrow interval are rounded, its width is not: at its end
+// the computed share would be arbitrary.
 fn optics_at(scalar: f32) -> vec4<f32> {
     let share = min((scalar - optics.range.x) * optics.range.w, 1.0);
     return optics.at_lo + optics.rise * select(share, 1.0, scalar == optics.range.y);
 }
 
-// The same at the upper end of the interval, or at its lower one.
+// Colour and extinction at the upper or at the lower end of the interval.
 fn optics_at_end(upper: bool) -> vec4<f32> {
     return optics.at_lo + select(vec4(0.0), optics.rise, upper);
 }
@@ -81,19 +81,19 @@ fn optics_find(scalar: f32, ends: bool) {
     optics_load(low);
 }
 
-// The ray is at a place with this scalar, after a gap.
+// Enters the table at this scalar, after a gap.
 fn optics_enter(scalar: f32) {
     optics_load(0u);
     optics_find(scalar, false);
 }
 
-// Extinction times length. Beyond 1e9 nothing shines through; larger products would overflow. Rounding may leave a tiny negative
+// Optical depth: extinction times length. Beyond 1e9 it is opaque; larger products would overflow. Rounding may leave a tiny negative
 // extinction where a ramp reaches zero.
 fn optics_depth(tau: f32, length: f32) -> f32 {
     return clamp(tau * length, 0.0, 1e9);
 }
 
-// Composites light of an opacity behind what has been gathered.
+// Composites premultiplied colour and opacity behind the accumulated light.
 fn optics_add(rgb: vec3<f32>, alpha: f32) {
     optics.light += vec4(rgb, alpha) * optics.transmittance;
     optics_dim(optics.transmittance * alpha);
@@ -113,13 +113,13 @@ fn optics_within(near: vec4<f32>, far: vec4<f32>, length: f32) {
 fn optics_sum(sum: Sum, depth: f32) {
     let weights = homogeneous_weights(depth);
     let alpha = weights.x + weights.y;
-    // The linear function may leave what colours can be.
+    // The linear function may leave the range of colours.
     let rgb = clamp(sum.mean.xyz * alpha + sum.tilt * (weights.y - weights.x), vec3(0.0), vec3(alpha));
     optics_add(rgb, alpha);
 }
 
-// What lies behind a place on the way to another one, and up to which: the middle of the largest block in whose halves they are, or the
-// other one if this is the middle of a block that holds it.
+// The sum from place `here` towards `there`, and where it ends: at the middle of the largest block in whose halves both are, or at
+// `there` if `here` is the middle of a block that holds it.
 fn optics_behind(here: u32, there: u32) -> Sum {
     let places = params.interval_count - 1u;
     let up = here < there;
@@ -134,7 +134,7 @@ fn optics_behind(here: u32, there: u32) -> Sum {
     return Sum(table[word], select(-tilt, tilt, up), end);
 }
 
-// Composites what lies between two places with nodes; leaves another interval behind.
+// Composites the part between two nodes, given as places; changes the present interval.
 fn optics_between(here: u32, there: u32, span: f32, length: f32) {
     let up = here < there;
     var at = here;
@@ -159,16 +159,16 @@ fn optics_between(here: u32, there: u32, span: f32, length: f32) {
     }
 }
 
-// A part of a segment's scalars as a share of its length. Not its length over its scalars times the part: where these are all but
-// equal that overflows.
+// The length of the part of a segment that covers `part` of its scalar range. The length per scalar is not computed: it overflows where
+// the scalars are nearly equal.
 fn length_of(part: f32, span: f32, length: f32) -> f32 {
     return min(part / span, 1.0) * length;
 }
 
-// Where the first visible part of a segment begins, if it begins in this interval and something is to be seen of it.
+// Sets where the first visible part of a segment begins, for a visible segment that begins in interval `first`.
 fn optics_see(first: u32, s0: f32, s1: f32) {
     optics.visible = true;
-    // From interval to interval to the first that has extinction: once for a ray.
+    // Steps to the first interval with extinction; once per ray.
     var at = first;
     var end = s0;
     while at != optics.interval && table[INTERVAL_WORDS * at + 1u].w == 0.0 && table[INTERVAL_WORDS * at + 2u].w == 0.0 {
@@ -183,7 +183,7 @@ fn optics_see(first: u32, s0: f32, s1: f32) {
 fn optics_segment(s0: f32, s1: f32, length: f32) {
     let up = s1 >= s0;
     let pieces = optics.pieces;
-    // At a node the side that the ray goes to holds; a constant segment takes the upper one.
+    // At a node the interval in the ray's direction holds; a constant segment takes the upper one.
     optics_find(s0, !up);
     let first = optics.interval;
     let range = optics.range;

@@ -1,9 +1,9 @@
 // The pre-integrated table: segments are looked up by the scalars at their ends and their length. CPU twin:
-// optics/table3d.rs, where the table is described. Takes the place of optics_exact.wgsl: same functions, same `optics`.
+// optics/table3d.rs, where the table is described. Replaces optics_exact.wgsl, with the same functions and `optics`.
 // In `table` the length varies fastest, then s0, then s1; `table3d` are its parameters.
 
 struct Table3dParams {
-    // Entries of scalars below and above the range.
+    // Entries for scalars below and above the range.
     below: vec4<f32>,
     above: vec4<f32>,
     // The ends of the range, each as a sum of two.
@@ -19,14 +19,14 @@ struct Table3dParams {
 
 // Below this mean extinction the colour fades to black.
 const MEAN_MIN: f32 = 1e-37;
-// Less than this shines through: what lies behind does not matter (optics::OPAQUE_TRANSMITTANCE).
+// Transmittance below which a ray counts as opaque (optics::OPAQUE_TRANSMITTANCE).
 const TABLE3D_OPAQUE: f32 = 1.0 / 131072.0;
 
 struct Optics {
-    // What has been gathered: premultiplied colour, opacity; and what still shines through.
+    // Accumulated premultiplied colour and opacity; remaining transmittance.
     light: vec4<f32>,
     transmittance: f32,
-    // What rounding has left out of that.
+    // Rounding error of the transmittance, carried.
     carried: f32,
     pieces: u32,
     // Whether a segment had extinction, and before which share of the first such segment it began: always its near end,
@@ -37,12 +37,12 @@ struct Optics {
 
 var<private> optics: Optics;
 
-// Before the ray has met anything.
+// Resets the optics before a ray's first segment.
 fn optics_transparent() {
     optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
-// The ray is at a place with this scalar, after a gap.
+// Does nothing: the table is looked up by both ends of a segment.
 fn optics_enter(scalar: f32) {
 }
 
@@ -70,7 +70,7 @@ fn table3d_look_up(above0: f32, above1: f32, length: f32) -> vec4<f32> {
     let at = max(vec2(above0, above1) * table3d.intervals_per_scalar, vec2(0.0));
     let interval = min(vec2<u32>(at), vec2(table3d.scalars - 2u));
     let share = min(at - vec2<f32>(interval), vec2(1.0));
-    // Entry k has length length_max (k / (lengths - 1))^2; in between the length itself is what is linear.
+    // Entry k has length length_max (k / (lengths - 1))^2; interpolation is linear in the length.
     let last = f32(table3d.lengths - 1u);
     let at_length = length / table3d.length_max * (last * last);
     let k = min(u32(sqrt(at_length)), table3d.lengths - 2u);
@@ -83,7 +83,7 @@ fn table3d_look_up(above0: f32, above1: f32, length: f32) -> vec4<f32> {
 
 // Composites a length with this entry.
 fn table3d_composite(entry: vec4<f32>, length: f32) {
-    // Rounding may leave a tiny negative extinction. Beyond 1e9 nothing shines through; a product that overflows has no
+    // Rounding may leave a tiny negative extinction. Optical depths beyond 1e9 are opaque; a product that overflows has no
     // defined value.
     let mean = max(entry.w, 0.0);
     let depth = min(mean * min(length, 1e9 / max(mean, 1.0)), 1e9);
@@ -100,7 +100,7 @@ fn table3d_composite(entry: vec4<f32>, length: f32) {
 fn optics_segment(s0: f32, s1: f32, length: f32) {
     let above = vec2(table3d_above_lo(s0), table3d_above_lo(s1));
     let below = vec2(table3d_below_hi(s0), table3d_below_hi(s1));
-    // The usual case; the last condition sends what is constant at the upper end beyond it.
+    // The usual case; a segment that is constant at the upper end counts as above the range.
     if all(above >= vec2(0.0)) && all(below >= vec2(0.0)) && any(below > vec2(0.0)) && length <= table3d.length_max {
         table3d_composite(table3d_look_up(above.x, above.y, length), length);
         return;
@@ -113,7 +113,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
         table3d_composite(table3d.above, length);
         return;
     }
-    // Cut at the ends of the range. What is constant lies inside as a whole.
+    // Cut at the ends of the range. A constant segment lies inside as a whole.
     let width = table3d_above_lo(table3d.scalar_hi) + table3d.scalar_hi_rest;
     let ends = select(clamp(above, vec2(0.0), vec2(width)), vec2(width), below <= vec2(0.0));
     let up = above.y > above.x;

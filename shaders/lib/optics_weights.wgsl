@@ -28,7 +28,7 @@ fn weights_series(a0: f32, a1: f32, x: f32) -> vec2<f32> {
 
 // Largest optical depth for which the quadrature rule is used.
 const RULE_DEPTH: f32 = 2.5;
-// Beyond this optical depth nothing behind a piece is seen.
+// Optical depth beyond which a piece is opaque.
 const DEPTH_MAX: f32 = 18.0;
 
 // Weights beyond the series, from the mean transmittance.
@@ -82,7 +82,7 @@ fn behind_fall(slope: f32, a: f32) -> f32 {
     return 4.0 * a * per * (d / per_d);
 }
 
-// Weights of a piece along which extinction does not change.
+// Weights of a piece of constant extinction.
 fn homogeneous_weights(depth: f32) -> vec2<f32> {
     if depth <= 0.25 {
         return weights_series(depth, depth, depth);

@@ -1,9 +1,9 @@
-// Large faces in pieces, one a tile, for passes about all of the image.
+// Cuts large faces into pieces, one a tile, for passes over the whole image.
 
-// More pieces than there can be room for: their number stays there, and does not run over.
+// More pieces than any capacity: counting stops there, so that the number does not overflow.
 const TOO_MANY: u32 = 0x40000000u;
 
-// Has a large face done in pieces. If there is no room for them, the frame is begun again with more.
+// Appends the pieces of a large face. If they do not fit, the host begins the frame again with a longer list.
 fn cut(rank: u32, box: vec4<u32>) {
     let tiles = box / TILE_PX;
     let count = (tiles.y - tiles.x + 1u) * (tiles.w - tiles.z + 1u);
@@ -22,7 +22,7 @@ fn cut(rank: u32, box: vec4<u32>) {
     }
 }
 
-// There is one band, the image.
+// The whole image is one band.
 fn is_in_band(tile: u32, local: u32) -> bool {
     return true;
 }

@@ -1,7 +1,7 @@
 // Planar geometry of a ray. CPU twin: render/cpu/ray.rs.
 //
-// The ray of a pixel is made the origin of a plane by shearing all vertices along it. How that is computed, and with what numbers
-// (`real`), is said in ray_single.wgsl and in ray_double.wgsl, of which one comes before this.
+// Shearing all vertices along the ray of a pixel makes it the origin of a plane. ray_single.wgsl or ray_double.wgsl, one of which
+// precedes this file, defines the numbers (`real`) and the shear.
 
 fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     var ray = ray_through(pixel);
@@ -27,8 +27,8 @@ struct SignedEdge {
 }
 
 // The edge function nearly to the last bit, and its sign: where the difference of the products loses digits it is exact,
-// and so is the difference of their rests. Zero is decided as on the CPU, for the ray shifted by (d, d^2), d -> 0, and by
-// the ids where two vertices coincide in the plane.
+// and so is the difference of their rounding errors. The sign of zero is decided as on the CPU, for the ray shifted by (d, d^2),
+// d -> 0, and by the ids where two vertices coincide in the plane.
 fn accurate_edge(a: real4, b: real4, a_id: u32, b_id: u32) -> SignedEdge {
     let left = opaque_real(a.x * b.y);
     let right = opaque_real(b.x * a.y);

@@ -1,13 +1,13 @@
-// Bits of pixels in the buffer of rays: whether a ray is in the list, and whether one that was cast met an active cell.
+// Bits of pixels in the buffer of rays: whether the pixel's ray is in the list, and whether it met an active cell.
 
 struct RayParams {
-    // The contrast that splits blocks.
+    // Contrast above which a block is split.
     contrast: f32,
-    // Words before the bits of what is listed, of what has met a cell, and before the list.
+    // Offsets of the bits of listed pixels, of the bits of pixels that met a cell, and of the list, in words.
     listed_at: u32,
     met_at: u32,
     list_at: u32,
-    // Words before the states of the blocks of steps 2, 3 and 4.
+    // Offsets of the block states of steps 2, 3 and 4, and the offset behind them.
     states_at: vec4<u32>,
 }
 

@@ -1,4 +1,4 @@
-// Numbers of the planar geometry in f64, for cells so thin that f32 does not tell their faces apart. Twin: ray_single.wgsl.
+// Planar geometry in f64, for cells so thin that f32 cannot separate their faces. Twin: ray_single.wgsl.
 
 alias real = f64;
 alias real2 = vec2<f64>;
@@ -15,7 +15,7 @@ struct Ray {
     origin: f64,
 }
 
-// The ray of the pixel at a place in the plane, as if it were as long as deep, its depths counted from the pivot.
+// The ray of the pixel at a place in the plane, with length 1 per depth, its depths counted from the pivot.
 fn ray_through(place: vec2<u32>) -> Ray {
     let n = vec2<f32>(2 * vec2<i32>(pixel_at(place)) + 1 - vec2<i32>(params.image_px));
     let x = f64(n.x) * (f64(params.pitch.x) + f64(params.pitch.y));
@@ -45,7 +45,7 @@ fn depth_of_vertex(v: ViewVertex) -> f64 {
 // A vertex sheared along a ray: x and y times PLANE_SCALE, depth from the ray's origin, scalar.
 fn shear(ray: Ray, v: ViewVertex) -> real4 {
     let depth = depth_of_vertex(v);
-    // The products are rounded here wherever this is compiled: all that meet the vertex see the same bits.
+    // The products are rounded here whatever the compiler does, so that all cells and faces at the vertex get the same bits.
     let w = select(f64(1.0), depth, (params.flags & PERSPECTIVE) != 0u);
     let x = (f64(v.plane.x) + f64(v.plane.y)) - opaque_real(ray.x * w);
     let y = (f64(v.plane.z) + f64(v.plane.w)) - opaque_real(ray.y * w);
@@ -65,7 +65,7 @@ fn depth_of_hit(ray: Ray, weights: real3, a: ViewVertex, b: ViewVertex, c: ViewV
 // its products: above it the plain value is right to 2^-21 of itself.
 const CAREFUL: real = f64(1.0 / 1073741824.0);
 
-// A sum with a zero of which the compiler knows nothing.
+// Returns x unchanged, hidden from the compiler.
 fn opaque_real(x: real) -> real {
     return x + f64(params.zero);
 }

@@ -1,4 +1,4 @@
-// Numbers of the planar geometry in f32. Twin: ray_double.wgsl.
+// Planar geometry in f32. Twin: ray_double.wgsl.
 //
 // In a single f32 the sheared coordinates would carry the rounding of the vertex's distance to the image's centre; the sums
 // below carry 2^-36 of it, so that coordinates near the ray are right to f32's last bits.
@@ -31,7 +31,7 @@ fn plane_coordinate(n: f32, pitch: vec2<f32>) -> vec2<f32> {
     return vec2(first, (product - first) + rest);
 }
 
-// The ray of the pixel at a place in the plane, as if it were as long as deep, its depths counted from the pivot.
+// The ray of the pixel at a place in the plane, with length 1 per depth, its depths counted from the pivot.
 fn ray_through(place: vec2<u32>) -> Ray {
     let n = vec2<f32>(2 * vec2<i32>(pixel_at(place)) + 1 - vec2<i32>(params.image_px));
     let origin = leading(params.pivot);

@@ -1,4 +1,4 @@
-// Twin of scalar_within_face.wgsl: what rounding makes of the scalar of a hit does not matter to a volume.
+// Twin of scalar_within_face.wgsl without clamping: a volume tolerates the rounding of a hit's scalar.
 
 fn scalar_on_face(scalar: real, p: real, q: real, r: real) -> real {
     return scalar;

@@ -1,6 +1,6 @@
-// Sums without rounding errors.
+// Error-free sums.
 
-// A sum of two: value and rest.
+// a + b as the rounded sum and its rounding error.
 fn two_sum(a: f32, b: f32) -> vec2<f32> {
     let sum = opaque(a + b);
     let b_seen = opaque(sum - a);

@@ -1,11 +1,11 @@
 // Isosurfaces between the pieces of a segment. CPU twin: render/surfaces/medium.rs.
 //
-// A ray meets a sheet where one end of a segment is above it and the other is not. Both cells at a face see the same scalar there
-// (`light.last`), so that no ray slips through between them or meets a sheet twice. Scalars, those of sheets included, are as seen
-// through the map: that of a sheet is the least that a vertex above it has, so that vertices are on the sides that they have on the CPU.
+// A ray meets a sheet where one end of a segment is above it and the other is not. Both cells at a face use the same scalar there
+// (`light.last`), so that no ray slips through between them or meets a sheet twice. Scalars and isovalues are mapped: an isovalue is
+// the least mapped scalar of a vertex above it, so that vertices are on the same sides as on the CPU.
 
 struct Sheet {
-    // Colour of the side towards lower scalars; the scalar from which on a place is above.
+    // Colour of the side towards lower scalars; the isovalue: scalars from it on are above.
     front: vec4<f32>,
     // Colour of the other side; opacity.
     back: vec4<f32>,
@@ -14,31 +14,31 @@ struct Sheet {
 struct Surfaces {
     // Towards the light, view coordinates, of length 1.
     light: vec3<f32>,
-    // Sheets, by scalar.
+    // Number of sheets, which ascend by isovalue.
     count: u32,
     normals: u32,
     // Whether light comes from the eye instead.
     is_headlight: u32,
-    // Where the gradients of vertices begin among the numbers behind the view vertices, three a vertex, local coordinates.
+    // Index of the first gradient component behind the view vertices; three per vertex, local coordinates.
     gradients: u32,
-    // Whether anything is to be seen of the volume.
+    // Whether the volume is visible.
     has_volume: u32,
     sheets: array<Sheet, 32>,
 }
 
-// Where normals come from, in `Surfaces`: the gradient in the cell, those of its vertices, or nowhere.
+// Values of `normals`: none, or the gradients of the cell's vertices; any other is the gradient in the cell.
 const NO_NORMALS: u32 = 0u;
 const SMOOTH_NORMALS: u32 = 2u;
 
 // The ray of the pixel, its depths counted as `Params` has it.
 var<private> surface_ray: Ray;
 
-// The ray of the pixel, before it has met anything.
+// Sets the ray of the pixel, before its first segment.
 fn medium_ray(ray: Ray) {
     surface_ray = ray;
 }
 
-// Passes a segment through the cell, and the sheets in it.
+// Composites a segment through the cell, with the sheets in it.
 fn medium_segment(cell: u32, from_: real2, to: real2) {
     var below = vec2(0u);
     for (var i = 0u; i < surfaces.count; i++) {
@@ -52,7 +52,8 @@ fn medium_segment(cell: u32, from_: real2, to: real2) {
     }
 }
 
-// Passes what lies before, between and behind the sheets of which the ends of a segment are above so many.
+// Composites the sheets that a segment meets, and the volume before, between and behind them. `below` counts the sheets at or below
+// each end's scalar.
 fn pass_sheets(cell: u32, from_: real2, to: real2, below: vec2<u32>) {
     let ascends = below.x < below.y;
     let count = max(below.x, below.y) - min(below.x, below.y);
@@ -73,13 +74,13 @@ fn pass_sheets(cell: u32, from_: real2, to: real2, below: vec2<u32>) {
     pass_part(ends, from_.x, near, to, to.x);
 }
 
-// Passes the part from one place to another of a segment between two depths through the volume.
+// Composites the volume from `near` to `far`, a part of the segment between depths `begin` and `end`.
 fn pass_part(ends: vec2<f32>, begin: real, near: real2, far: real2, end: real) {
     if surfaces.has_volume == 0u || optics.transmittance < OPAQUE {
         return;
     }
     if far.x <= near.x {
-        // The scalar may be another one.
+        // The scalar may have changed.
         light.placed = false;
         medium_part(ends, vec2(1.0));
         return;
@@ -89,7 +90,7 @@ fn pass_part(ends: vec2<f32>, begin: real, near: real2, far: real2, end: real) {
     volume_segment(near, far);
 }
 
-// The ray meets a sheet.
+// Composites a sheet.
 fn meet(sheet: Sheet, cell: u32, depth: real, ascends: bool) {
     let opacity = sheet.back.w;
     if opacity <= 0.0 {
@@ -106,8 +107,7 @@ fn meet(sheet: Sheet, cell: u32, depth: real, ascends: bool) {
     }
 }
 
-// The share of its colour that a sheet shows: the cosine between its normal, turned towards the eye, and the light. All of it where there is
-// no normal.
+// Diffuse factor of a sheet's colour: the cosine between its normal, turned towards the eye, and the light, at least 0; 1 without a normal.
 fn light_on(cell: u32, depth: real) -> f32 {
     if surfaces.normals == NO_NORMALS {
         return 1.0;
@@ -161,7 +161,7 @@ fn cell_normal(tet: array<real4, 4>) -> vec3<f32> {
     let c = (tet[3] - tet[0]) * to_unit;
     let reaches = max(max(abs(a), abs(b)), abs(c));
     let size = max(max(reaches.x, reaches.y), reaches.z);
-    // Products of small numbers would leave f32's range.
+    // Scaled first: products of small numbers would leave f32's range.
     let p = a.xyz / size;
     let q = b.xyz / size;
     let r = c.xyz / size;
@@ -169,9 +169,9 @@ fn cell_normal(tet: array<real4, 4>) -> vec3<f32> {
     return vec3<f32>(rise.x * cross_real(q, r) + rise.y * cross_real(r, p) + rise.z * cross_real(p, q));
 }
 
-// The gradients of a cell's vertices, interpolated where the ray is at a depth; view coordinates.
+// The gradients of a cell's vertices, interpolated on the ray at a depth; view coordinates.
 fn smooth_normal(tet: array<real4, 4>, ids: vec4<u32>, depth: real) -> vec3<f32> {
-    // From the place on the ray. Shares of volumes are the same in sheared coordinates.
+    // Relative to the place on the ray. Ratios of volumes are the same in sheared coordinates.
     let here = real3(real2(real(0.0)), depth);
     let o = tet[0].xyz - here;
     let a = tet[1].xyz - here;

@@ -1,11 +1,11 @@
-// The quantity that vertices have beside their scalars, as seen through the map of the rows; it lies behind the view vertices.
+// The value at vertices of a joint table, mapped by the map of the rows; it lies behind the view vertices.
 
 fn value_of_vertex(vertex: u32) -> f32 {
     return number_behind_vertices(vertex);
 }
 
-// The quantity where a ray hits a triangle, from its edge functions opposite the vertices: with the weights of the scalar, relative to
-// one vertex's and kept within theirs. CPU twin: `on_face`.
+// The value where a ray hits a triangle, from its edge functions opposite the vertices: interpolated with the scalar's weights, relative
+// to one vertex's, and clamped to theirs. CPU twin: `on_face`.
 fn value_at_hit(edges: real3, ids: vec3<u32>) -> f32 {
     let e = max(edges, real3(0.0));
     let sum = e.x + e.y + e.z;

@@ -1,9 +1,9 @@
 // Walk: from each entry through the active cells to the exit, compositing a segment per cell. CPU twin:
-// render/cpu/raycast/walk.rs; the essay in render/cpu/raycast/mod.rs says why no ray is lost or doubled.
+// render/cpu/raycast/walk.rs; render/cpu/raycast/mod.rs explains why no ray is lost or doubled.
 //
-// A thread is a ray; which one is said by walk.wgsl and walk_rays.wgsl. Starts of paths are not stored: each thread looks through the items of its tile
-// for the nearest STARTS that come after the last one taken, and looks again when these are used up. Lists of any length
-// cost time but no memory, and nothing is dropped.
+// A thread is a ray, chosen by walk.wgsl or walk_rays.wgsl. Starts of paths are not stored: each thread searches the items of its tile for
+// the nearest four starts after the last one taken, and again when these are used up. Lists of any length cost time but no memory, and
+// no start is dropped.
 
 // Counters of a workgroup, in this order.
 const STEPS: u32 = 0u;
@@ -50,7 +50,7 @@ struct Start {
 }
 
 // Whether a face is hit in front of the eye: the same for both cells at it, whatever the order of its corners there, since
-// the terms are summed in an order that their ids decide.
+// the terms are summed in an order given by their ids.
 fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
     let terms = max(face.edges, real3(0.0)) * real3(face.p.z, face.q.z, face.r.z);
     let x = opaque_real(terms.x);
@@ -66,10 +66,10 @@ fn is_in_front(face: Crossing, ids: vec3<u32>) -> bool {
 }
 
 // Where a path starts in a cell at the eye. The cells that a ray meets are a chain in this plane, in which a face is in
-// front of the eye or not; which side of an edge next to it the eye is on in truth does not matter, as long as all cells
-// agree. Only of open faces, which have one cell, that has been decided exactly (`sides`): an eye in the boundary sees
-// nothing behind it. A cell that the ray enters behind (or at) the eye and leaves in front of it is where the ray starts;
-// one that it enters in front is entered as any other, if the face is open.
+// front of the eye or not; on which side of an edge next to it the eye truly lies does not matter, as long as all cells
+// agree. Only for open faces, which have one active cell, the side is decided exactly (`sides`): an eye in the boundary sees
+// nothing behind it. The ray starts in the cell that it enters behind (or at) the eye and leaves in front of it; a cell that
+// it enters in front, through an open face, is entered as any other.
 fn start_in_eye_cell(ray: Ray, cell: u32, sides: u32) -> Start {
     var start = Start(real(0.0), NONE);
     var enters_open = false;
@@ -103,7 +103,8 @@ fn is_open(cell: u32, opposite: u32) -> bool {
     return neighbour == NONE || !is_active(neighbour >> 2u);
 }
 
-// The nearest starts behind (depth, face) among the items of a tile. CPU twin: `find_starts`. Returns the number of all.
+// Finds the nearest starts behind (depth, face) among the items of a tile. Returns the number of all starts behind it. CPU twin:
+// `find_starts`.
 fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_face: u32, starts: ptr<function, Starts>) -> u32 {
     *starts = Starts(real4(real(NOWHERE)), vec4(NONE), 0u);
     let pairs_at = params.tiles.x * params.tiles.y + 1u;
@@ -138,7 +139,7 @@ fn find_starts(ray: Ray, tile: u32, local: vec2<u32>, after_depth: real, after_f
     return found;
 }
 
-// A ray on its way: the face through which it enters the present cell. What it has gathered is in `light`.
+// State of a ray's walk: the face through which it enters the present cell. Its accumulated light is in `light` and `optics`.
 struct Walk {
     ray: Ray,
     cell: u32,
@@ -173,7 +174,7 @@ fn begin_path(depth: real, face: u32) {
     medium_begin(value_at_hit(path.edges, path.ids));
 }
 
-// Walks through one cell; false at the end of the path or of the ray.
+// Walks through one cell. Returns false at the end of the path or of the ray.
 fn step_cell() -> bool {
     path.steps += 1u;
     let tet = cell_vertices(path.cell);
@@ -197,7 +198,7 @@ fn step_cell() -> bool {
     let ids = path.ids;
     var gone: u32;
     if positive.x && !positive.y {
-        // Between p and q: r goes.
+        // The ray leaves between p and q: r is replaced.
         gone = ids.z;
         path.ids = vec3(ids.x, ids.y, new_id);
         path.edges = real3(-to.y, to.x, path.edges.z);
@@ -214,7 +215,7 @@ fn step_cell() -> bool {
         path.ids = vec3(ids.z, ids.x, new_id);
         path.edges = real3(-to.x, to.z, path.edges.y);
     } else {
-        // All signs alike: impossible where they are exact.
+        // All signs are equal: impossible with exact signs.
         path.broken = true;
         return false;
     }
@@ -248,7 +249,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     let entries = find_starts(path.ray, tile, local, real(-NOWHERE), 0u, &starts);
     var going = entries > 0u;
     while going {
-        // Four at a time; `next` moves them up.
+        // Four starts at a time; they are shifted after each path.
         begin_path(starts.depth.x, starts.face.x);
         let taken_depth = starts.depth.x;
         let taken_face = starts.face.x;

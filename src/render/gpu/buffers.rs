@@ -1,4 +1,4 @@
-//! What lies in the GPU's memory, and how it gets there.
+//! Buffers in the GPU's memory, and the upload of vertices and scalars.
 
 use super::context::Context;
 use super::decode::BlockDecoder;
@@ -10,10 +10,10 @@ use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob};
 use std::sync::{Arc, Weak};
 
-/// A buffer that grows: it is made anew only when it is too small.
+/// A buffer that is reallocated only when it is too small.
 #[derive(Debug)]
 pub(super) struct GrowingBuffer {
-    /// What stages find it as.
+    /// The resource that it is bound as; `None` for read-back.
     resource: Option<Resource>,
     label: &'static str,
     usage: wgpu::BufferUsages,
@@ -21,7 +21,7 @@ pub(super) struct GrowingBuffer {
 }
 
 impl GrowingBuffer {
-    /// An empty one that stages bind as `resource`; storage for copies in both directions, too.
+    /// An empty buffer that stages bind as `resource`; storage is a source of copies, too.
     pub(super) fn new(resource: Resource) -> Self {
         let usage = match resource.kind() {
             Kind::Uniform(_) => wgpu::BufferUsages::UNIFORM,
@@ -32,18 +32,18 @@ impl GrowingBuffer {
         Self { resource: Some(resource), label: resource.label(), usage, buffer: None }
     }
 
-    /// An empty one to be read by the CPU.
+    /// An empty buffer that the CPU reads.
     pub(super) fn readback(label: &'static str) -> Self {
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         Self { resource: None, label, usage, buffer: None }
     }
 
-    /// What stages find it as, if they bind it.
+    /// The resource that it is bound as, if stages bind it.
     pub(super) fn resource(&self) -> Option<Resource> {
         self.resource
     }
 
-    /// Room for `bytes`; whether it had to be made for that. What was in it is then gone.
+    /// Makes room for `bytes`. Returns whether the buffer was reallocated, which discards its contents.
     pub(super) fn reserve(&mut self, context: &Context, bytes: u64) -> Result<bool, RenderError> {
         // Bindings must not be empty, sizes are multiples of 16.
         let bytes = bytes.max(16).next_multiple_of(16);
@@ -56,7 +56,7 @@ impl GrowingBuffer {
         if bytes > most {
             return Err(context.beyond(format!("{} takes {bytes} bytes, a buffer has at most {most}", self.label)));
         }
-        // The old one is freed first: two large ones may not fit.
+        // The old buffer is freed first: two large ones may not fit.
         self.buffer = None;
         let descriptor = wgpu::BufferDescriptor {
             label: Some(self.label),
@@ -69,7 +69,7 @@ impl GrowingBuffer {
         Ok(true)
     }
 
-    /// Gives its memory back.
+    /// Frees the buffer.
     pub(super) fn release(&mut self) {
         self.buffer = None;
     }
@@ -79,12 +79,12 @@ impl GrowingBuffer {
         self.buffer.as_ref().ok_or_else(|| context.beyond(format!("{} has not been made", self.label)))
     }
 
-    /// Bytes that there is room for.
+    /// Capacity in bytes; 0 if not allocated.
     pub(super) fn bytes(&self) -> u64 {
         self.buffer.as_ref().map_or(0, wgpu::Buffer::size)
     }
 
-    /// Sends `data` to `offset` (a multiple of 4).
+    /// Writes `data` at byte `offset` (a multiple of 4); returns the bytes sent.
     pub(super) fn write(&self, context: &Context, offset: u64, data: &[u8]) -> Result<u64, RenderError> {
         if !data.is_empty() {
             context.queue.write_buffer(self.get(context)?, offset, data);
@@ -93,23 +93,23 @@ impl GrowingBuffer {
     }
 }
 
-/// The vertices of a mesh in the GPU's memory, with room for what belongs to them.
+/// Buffers of a mesh's vertices: positions, scalars, view coordinates.
 #[derive(Debug)]
 pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// In view coordinates; with a joint table, behind them the quantity of vertices; with smooth surfaces, behind that their gradients.
+    /// View vertices; behind them the value at vertices (with a joint table), then their gradients (with smooth surfaces).
     pub(super) vertices: GrowingBuffer,
     values: Option<VertexValues>,
     gradients: Option<GradientsSent>,
 }
 
-/// Gradients of vertices in the GPU's memory.
+/// The gradients of vertices that have been sent.
 #[derive(Debug)]
 struct GradientsSent {
     of: Weak<Vec<[f32; 3]>>,
-    /// Their first number among those behind the view vertices.
+    /// Index of their first number behind the view vertices.
     first: usize,
 }
 
@@ -125,12 +125,12 @@ impl VertexBuffers {
         }
     }
 
-    /// All of them.
+    /// The three buffers, to be bound.
     pub(super) fn buffers(&self) -> [&GrowingBuffer; 3] {
         [&self.positions, &self.scalars, &self.vertices]
     }
 
-    /// Brings the vertices of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
+    /// Uploads the vertices of a mesh unless they are on the GPU. Returns whether a buffer was made, and the bytes sent.
     pub(super) fn upload(&mut self, context: &Context, mesh: &Arc<Mesh>) -> Result<(bool, u64), RenderError> {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
@@ -145,13 +145,13 @@ impl VertexBuffers {
         Ok((made, sent))
     }
 
-    /// Where the gradients of vertices begin among the numbers behind the view vertices.
+    /// Index of the first gradient component among the numbers behind the view vertices.
     pub(super) fn first_gradient(job: &RenderJob) -> usize {
         if job.joint.is_some() { job.mesh.positions.local.len() } else { 0 }
     }
 
-    /// Brings what vertices have beside their scalars to the GPU unless it is there, if the job has such; after [`Self::upload`]. Returns
-    /// whether the buffer was made, and the bytes sent.
+    /// Uploads the job's values at vertices and gradients, if any, unless they are on the GPU; after [`Self::upload`]. Returns whether the
+    /// buffer was made, and the bytes sent.
     pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
         let gradients = job.surfaces.as_ref().and_then(SurfaceScene::gradients);
         let vertices = job.mesh.positions.local.len();
@@ -160,7 +160,7 @@ impl VertexBuffers {
             return Ok((false, 0));
         }
         let begin = VIEW_VERTEX_BYTES * vertices as u64;
-        // Whole view vertices: they are an array.
+        // Rounded up to whole view vertices: shaders see an array of them.
         let bytes = (4 * numbers as u64).next_multiple_of(VIEW_VERTEX_BYTES);
         let made = self.vertices.reserve(context, begin + bytes).inspect_err(|_| self.of = None)?;
         if made {
@@ -182,7 +182,7 @@ impl VertexBuffers {
         Ok((made, sent))
     }
 
-    /// Brings gradients to the place behind `first` numbers, which begin at byte `begin`, unless they are there.
+    /// Uploads gradients behind the first `first` numbers, which begin at byte `begin`, unless they are there.
     fn upload_gradients(
         &mut self,
         context: &Context,
@@ -196,7 +196,7 @@ impl VertexBuffers {
         }
         self.gradients = None;
         if first == 0 {
-            // Quantities of vertices may have lain there.
+            // Values at vertices may have lain there.
             self.values = None;
         }
         let sent = self.vertices.write(context, begin + 4 * first as u64, bytemuck::cast_slice(gradients))?;
@@ -210,14 +210,14 @@ const SMALL: f32 = 1.0 / (1u64 << 63) as f32;
 /// Brings the least denormal (2^-149) into the range of normal numbers.
 const PRESCALE: f32 = (1u128 << 100) as f32;
 
-/// Scalars in the GPU's memory.
+/// Uploads a job's scalars.
 pub(super) struct GpuScalars {
-    /// Those in the buffer. Weak: whoever owns them may decode the next step into them once no job has them.
+    /// The scalars in the buffer; weak, since their owner may decode the next step into them once no job has them.
     of: Weak<Vec<f32>>,
     prescale: f32,
     largest: f32,
     converted: Vec<f32>,
-    /// Gives the values of compressed steps.
+    /// Decodes compressed steps on the GPU.
     pub(super) decoder: BlockDecoder,
 }
 
@@ -231,9 +231,9 @@ impl GpuScalars {
         self.largest
     }
 
-    /// The one way by which scalars reach the GPU: into `buffer`, unless they are there; sent, or decoded by the frame if
-    /// they are compressed. Returns what they have been multiplied by, so that none is denormal, and the bytes sent. Values
-    /// that are not finite become finite: a shader may assume that there are no others, and no active cell has one.
+    /// The only upload of scalars: sent to `buffer`, or decoded into it by the frame if compressed, unless they are there. Returns the
+    /// factor that keeps them from being denormal, and the bytes sent. Non-finite values are sent as 0 (no active cell has one), so that
+    /// shaders see finite scalars only.
     pub(super) fn scalars_to_gpu(
         &mut self,
         context: &Context,
@@ -270,7 +270,7 @@ impl GpuScalars {
         Ok((f64::from(self.prescale), sent))
     }
 
-    /// What is in the buffer is no longer known.
+    /// Marks the buffer's contents as unknown: the next job sends its scalars again.
     pub(super) fn forget(&mut self) {
         self.decoder.forget();
         self.of = Weak::new();

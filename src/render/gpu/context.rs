@@ -1,4 +1,4 @@
-//! A GPU: adapter, device and queue, and what befell them.
+//! A GPU: adapter, device and queue, and their faults.
 
 use crate::camera::Samples;
 use crate::render::{RenderError, RenderJob};
@@ -6,39 +6,39 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Which limits are asked for.
+/// Limits that are requested of the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tier {
-    /// The sizes that the adapter has.
+    /// The adapter's buffer and texture sizes, and f64 if it has it.
     #[default]
     Adapter,
     /// The default limits of WebGPU, whatever the adapter has, and no f64.
     WebGpu,
 }
 
-/// Which adapter, and how much of it.
+/// Which adapter is opened, and with which limits.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ContextOptions {
     /// Part of the adapter's name, any case; the best adapter if empty.
     pub adapter: String,
-    /// No software: an adapter on the CPU is none.
+    /// Ignores software adapters, which run on the CPU.
     pub hardware_only: bool,
-    /// Which limits are asked for.
+    /// Limits that are requested of the device.
     pub tier: Tier,
-    /// Fewer bytes for a storage binding than the device has, to see how buffers are split.
+    /// Caps the bytes of a storage binding, to test how buffers are split.
     pub binding_bytes: Option<u64>,
-    /// No timestamps, even if the adapter has them.
+    /// Requests no timestamps, even if the adapter has them.
     pub no_timestamps: bool,
 }
 
-/// What can be said about an adapter.
+/// Name, driver and kind of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterName {
-    /// As the driver names it.
+    /// Name given by the driver.
     pub name: String,
     /// API and driver.
     pub driver: String,
-    /// A GPU, as opposed to software on the CPU.
+    /// Whether it is a GPU and not software on the CPU.
     pub is_hardware: bool,
 }
 
@@ -49,7 +49,7 @@ impl fmt::Display for AdapterName {
     }
 }
 
-/// What went wrong on the device outside of a call.
+/// A failure that the device reported asynchronously.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Fault {
     Lost(String),
@@ -66,7 +66,7 @@ pub struct Context {
     name: AdapterName,
     is_of_window: bool,
     binding_bytes: u64,
-    /// Nanoseconds of a timestamp's unit, if there are timestamps.
+    /// Nanoseconds per tick of a timestamp; `None` without timestamps.
     timestamp_period_ns: Option<f64>,
     has_f64: bool,
     fault: Arc<Mutex<Option<Fault>>>,
@@ -76,8 +76,8 @@ pub struct Context {
 /// The backends that tetreel is built with.
 pub const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
-/// wgpu with these backends. Builds with debug assertions ask for the layer that checks what wgpu tells the driver, and give shaders and
-/// objects names for debuggers; `WGPU_VALIDATION` and `WGPU_DEBUG` (0 or 1) come before that, as they do for a window.
+/// A wgpu instance with [`BACKENDS`]. Builds with debug assertions enable the driver's validation layer and names of shaders and objects
+/// for debuggers; `WGPU_VALIDATION` and `WGPU_DEBUG` (0 or 1) override that, as they do for a window.
 pub fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
@@ -86,7 +86,7 @@ pub fn instance() -> wgpu::Instance {
 }
 
 impl Context {
-    /// The GPU that `options` ask for: hardware before software, discrete before integrated.
+    /// Opens the GPU that `options` ask for: hardware before software, discrete before integrated.
     ///
     /// # Errors
     /// `NoGpu` if there is no adapter, none of that name, or it gives no device.
@@ -146,22 +146,22 @@ impl Context {
         }
     }
 
-    /// Whether it is a window's.
+    /// Whether its device is a window's.
     pub fn is_of_window(&self) -> bool {
         self.is_of_window
     }
 
-    /// Which adapter this is.
+    /// The adapter.
     pub fn adapter(&self) -> &AdapterName {
         &self.name
     }
 
-    /// Bytes that a storage binding can have.
+    /// Largest storage binding in bytes.
     pub fn binding_bytes(&self) -> u64 {
         self.binding_bytes
     }
 
-    /// Nanoseconds of a timestamp's unit, if there are timestamps.
+    /// Nanoseconds per tick of a timestamp; `None` without timestamps.
     pub fn timestamp_period_ns(&self) -> Option<f64> {
         self.timestamp_period_ns
     }
@@ -176,12 +176,12 @@ impl Context {
         self.created.load(Ordering::Relaxed)
     }
 
-    /// Counts resources.
+    /// Adds `n` to [`Self::resources_created`].
     pub(super) fn count_created(&self, n: u64) {
         self.created.fetch_add(n, Ordering::Relaxed);
     }
 
-    /// Whether device and queue still work.
+    /// Checks that the device and queue still work.
     ///
     /// # Errors
     /// `DeviceLost` once it is lost, `Gpu` after any other failure.
@@ -190,7 +190,7 @@ impl Context {
         let fault = || self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let mut found = fault();
         if matches!(found, Some(Fault::Failed(_))) {
-            // What follows from a loss may be reported before it: losses wait for the next poll.
+            // Failures that follow from a loss may be reported before it: losses wait for the next poll.
             let _ = self.device.poll(wgpu::PollType::Poll);
             found = fault();
         }
@@ -201,7 +201,7 @@ impl Context {
         }
     }
 
-    /// As [`Self::check`], and whether shaders know what the job has.
+    /// As [`Self::check`]; also `BeyondGpu` if a job has features without shaders.
     pub(super) fn check_job(&self, job: &RenderJob) -> Result<(), RenderError> {
         self.check()?;
         if job.fragments.is_some() {
@@ -222,7 +222,7 @@ impl Context {
         Ok(())
     }
 
-    /// Makes resources; what the device has no memory or no room for becomes an error instead of a fault.
+    /// Makes resources; running out of memory becomes an error instead of a fault.
     ///
     /// # Errors
     /// `BeyondGpu` if the device runs out of memory or refuses.
@@ -244,9 +244,9 @@ impl Context {
         RenderError::BeyondGpu { adapter: self.name.name.clone(), problem }
     }
 
-    /// Loses the device, as a reset of the driver would: everything under way fails from here on.
+    /// Loses the device, as a driver reset would: everything under way fails from here on.
     pub fn lose(&self) {
-        // A reset is told at once; a destroyed device only when its queue is empty, after the failures that follow from it.
+        // A reset is reported at once; a destroyed device only when its queue is empty, after the failures that follow from it.
         let lost = Fault::Lost("it was given up".to_owned());
         *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(lost);
         self.device.destroy();
@@ -263,12 +263,12 @@ pub fn best<'a>(adapters: &'a [wgpu::Adapter], options: &ContextOptions) -> Resu
         info.name.to_lowercase().contains(&wanted) && (name_of(&info).is_hardware || !options.hardware_only)
     };
     let fitting = adapters.iter().filter(|a| fits(a.get_info()));
-    // The first of equals.
+    // Of equals `min_by_key` takes the first.
     let best = fitting.min_by_key(|a| preference(a.get_info().device_type));
     best.ok_or_else(|| RenderError::NoGpu(nothing_found(options, adapters)))
 }
 
-/// What is asked of an adapter: its sizes, and timestamps and f64 if it has them.
+/// The device requested of an adapter: its sizes, and timestamps and f64 if it has them.
 pub fn descriptor(adapter: &wgpu::Adapter, options: &ContextOptions) -> wgpu::DeviceDescriptor<'static> {
     let mut wanted = wgpu::Features::empty();
     wanted.set(wgpu::Features::TIMESTAMP_QUERY, !options.no_timestamps);
@@ -281,7 +281,7 @@ pub fn descriptor(adapter: &wgpu::Adapter, options: &ContextOptions) -> wgpu::De
     }
 }
 
-/// Adapters in this order.
+/// Rank of an adapter's type; the least is preferred.
 fn preference(kind: wgpu::DeviceType) -> u32 {
     match kind {
         wgpu::DeviceType::DiscreteGpu => 0,
@@ -301,7 +301,7 @@ fn name_of(info: &wgpu::AdapterInfo) -> AdapterName {
     }
 }
 
-/// The defaults of WebGPU, with the adapter's sizes where they are larger.
+/// WebGPU's default limits, raised to the adapter's sizes in tier `Adapter`.
 fn limits(adapter: &wgpu::Limits, tier: Tier) -> wgpu::Limits {
     let defaults = wgpu::Limits::default();
     if tier == Tier::WebGpu {

@@ -12,21 +12,21 @@ use crate::render::{CompressedStep, RenderError};
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// Blocks of the codec in the GPU's memory.
+/// Decodes the steps of one block at a time, which stays in the GPU's memory.
 pub(super) struct BlockDecoder {
     /// The step that the next frame decodes, or the last one has decoded.
     step: Option<CompressedStep>,
-    /// Whether it is still to be decoded.
+    /// Whether the step has not been decoded yet.
     is_pending: bool,
     block: GrowingBuffer,
     params: GrowingBuffer,
     pipelines: Pipelines,
-    /// The buffer of scalars that is bound.
+    /// The scalar buffer that is bound.
     scalars: Option<wgpu::Buffer>,
     places: VqStep,
 }
 
-/// Words of `bytes`.
+/// Words (32 bits) that hold `bytes`.
 fn words(bytes: usize) -> u32 {
     bytes.div_ceil(4) as u32
 }
@@ -44,18 +44,18 @@ impl BlockDecoder {
         }
     }
 
-    /// Vertices whose scalars the frame has to decode first: all or none.
+    /// Vertices whose scalars the frame must decode first: all or none.
     pub(super) fn pending_vertices(&self) -> u32 {
         if self.is_pending { self.places.vertex_count } else { 0 }
     }
 
-    /// There is nothing to decode (any more).
+    /// Drops the pending step, if any.
     pub(super) fn forget(&mut self) {
         self.is_pending = false;
     }
 
-    /// Sends what the step needs that is not there; its scalars are to be decoded into `scalars`. Returns the bytes sent, or
-    /// `None` if the block is larger than a binding.
+    /// Sends the step's block and parameters unless they are there, to be decoded into `scalars`. Returns the bytes sent, or `None` if the
+    /// block is larger than a binding.
     pub(super) fn prepare(
         &mut self,
         context: &Context,
@@ -69,7 +69,7 @@ impl BlockDecoder {
         }
         self.pipelines.prepare(context, NO_RECORDS, [Stage::DecodeVq])?;
         let is_there = self.step.as_ref().is_some_and(|there| Arc::ptr_eq(&there.block, &step.block));
-        // What is made anew is unbound at once: what fails on the way must not leave the old one bound.
+        // A reallocated buffer is unbound at once: a later failure must not leave the old one bound.
         let is_bound = self.scalars.as_ref() == Some(scalars.get(context)?);
         if self.params.reserve(context, size_of::<VqStep>() as u64)? || !is_bound {
             self.pipelines.unbind();
@@ -93,7 +93,7 @@ impl BlockDecoder {
         let block = &step.block;
         let mut sent = 0;
         let mut send = |word: u32, bytes: &[u8]| -> Result<(), RenderError> {
-            // Whole words only; the last one is filled up.
+            // Whole words only; the last one is padded with zeros.
             let whole = bytes.len() / 4 * 4;
             sent += self.block.write(context, 4 * u64::from(word), &bytes[..whole])?;
             let mut last = [0; 4];
@@ -122,7 +122,7 @@ impl BlockDecoder {
         Ok(sent)
     }
 
-    /// Appends the decoding to what the frame does.
+    /// Records the decoding in a pass.
     pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
         self.pipelines.set(context, Stage::DecodeVq, pass)?;
         dispatch(pass, self.places.vertex_count.div_ceil(256));
@@ -130,7 +130,7 @@ impl BlockDecoder {
     }
 }
 
-/// Where the parts of a step's block lie, in words: codebooks, means, indices, exponents. And their bytes.
+/// Offsets of the parts of a step's block in words (codebooks, means, indices, exponents), and the bytes of all.
 fn places_of(step: &CompressedStep) -> (VqStep, u64) {
     let block = &step.block;
     let row = block.row_len() as u32;

@@ -8,7 +8,7 @@ use crate::render::cpu::raycast::entries::cells_at_eye;
 use crate::render::{RenderError, RenderJob};
 use glam::DVec3;
 
-/// Cells so near to the eye, local units, may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
+/// Distance from the eye, local units, within which a cell may be the first on a ray: sheared coordinates are right to 2^-24 of the mesh's
 /// extent, which is 2, and a cell too many only costs time.
 const EYE_TOLERANCE: f64 = 1.0 / (1u64 << 20) as f64;
 

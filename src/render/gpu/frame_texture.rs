@@ -9,12 +9,12 @@ use std::sync::Arc;
 pub struct FrameTexture {
     context: Arc<Context>,
     texture: wgpu::Texture,
-    /// What copies to it, and from where.
+    /// Source of the last copy to it, and that copy's bind group.
     pub(super) source: Option<(wgpu::Texture, wgpu::BindGroup)>,
 }
 
 impl FrameTexture {
-    /// What every window can sample with a filter, and every GPU can write: 11 bits count, three more than a screen shows.
+    /// Filterable and writable on every GPU; its 11 significant bits are three more than a screen shows.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
     pub(super) fn new(
@@ -36,7 +36,7 @@ impl FrameTexture {
         Ok(Self { context: context.clone(), texture, source: None })
     }
 
-    /// Whether it is on this GPU, and as large.
+    /// Whether it is on this GPU and has this width and height.
     pub(super) fn fits(&self, context: &Arc<Context>, (width, height): (usize, usize)) -> bool {
         let size = self.texture.size();
         Arc::ptr_eq(&self.context, context) && (size.width as usize, size.height as usize) == (width, height)

@@ -1,8 +1,8 @@
-//! A transfer function of more than the scalar in the GPU's memory: in the buffers that a table of the scalar has, so that stages
-//! bind no more than before.
+//! Joint tables (transfer functions of more than the scalar) in the GPU's memory: in the buffers of a table of the scalar, so that
+//! stages need no more bindings.
 //!
-//! Cells come first in the buffer of the table, then the table itself, which changes more often. The quantity of vertices lies behind
-//! the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)).
+//! The table's buffer holds the layers of the cells first, then the table itself, which changes more often. The value at vertices
+//! lies behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)).
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
@@ -14,10 +14,10 @@ use crate::render::{JointScene, RenderError, RenderJob};
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
 
-/// Cells of a vector of four numbers.
+/// Cells per vector of four numbers.
 const CELLS_PER_VECTOR: usize = 2;
 
-/// What has been sent.
+/// The joint table and cell values that have been sent.
 #[derive(Default)]
 pub(super) struct JointBuffers {
     cells: Option<CellsSent>,
@@ -25,7 +25,7 @@ pub(super) struct JointBuffers {
     params: JointParams,
 }
 
-/// Layers depend on the table.
+/// The cell values that have been sent, as layers of a table.
 struct CellsSent {
     of: Weak<Vec<f32>>,
     table: Arc<JointTable>,
@@ -34,9 +34,9 @@ struct CellsSent {
 struct TableSent {
     table: Arc<JointTable>,
     map: ScalarMap,
-    /// World length of a local one.
+    /// World length of a local unit.
     scale: f64,
-    /// First vector.
+    /// First vector of the table in the buffer.
     first: usize,
     /// Cells that have a value.
     cells: usize,
@@ -50,8 +50,8 @@ impl TableSent {
 }
 
 impl JointBuffers {
-    /// Brings the table of a job to `buffer` and where its parts are to `parameters`, as far as they are not there. Returns whether
-    /// the buffer was made, and the bytes sent.
+    /// Uploads the table of a job to `buffer` and the places of its parts to `parameters`, unless they are there. Returns whether the
+    /// buffer was made, and the bytes sent.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -125,39 +125,39 @@ impl JointBuffers {
         Ok(sent)
     }
 
-    /// The buffer holds something else now.
+    /// Forgets what was sent: the buffer holds other data.
     pub(super) fn forget(&mut self) {
         (self.cells, self.table) = (None, None);
     }
 }
 
-/// The map that the quantity of vertices is seen through.
+/// The map that is applied to the value at vertices.
 fn rows_map(table: &JointTable) -> ScalarMap {
     let rows = table.vertex_axis();
     ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
 }
 
-/// The quantity of vertices in the GPU's memory, as sent last.
+/// The values at vertices that were sent last.
 #[derive(Debug)]
 pub(super) struct VertexValues {
     of: Option<Weak<Vec<f32>>>,
     map: ScalarMap,
-    /// What vertices without a value have.
+    /// Value of vertices without one.
     lowest: f64,
 }
 
 impl VertexValues {
-    /// Whether these are a job's.
+    /// Whether these are the values of a scene.
     pub(super) fn is_of(&self, scene: &JointScene) -> bool {
         let sent = self.of.as_ref().map(Weak::as_ptr);
         let key = (rows_map(&scene.table), scene.table.vertex_axis()[0]);
         sent == scene.vertex_values.as_ref().map(Arc::as_ptr) && (self.map, self.lowest) == key
     }
 
-    /// Those of a job, and the numbers to be sent.
+    /// The values of a scene, and the mapped numbers to be sent.
     pub(super) fn of(scene: &JointScene, vertices: usize) -> (Self, Vec<f32>) {
         let map = rows_map(&scene.table);
-        // They must stay finite: as scalars, see `view_transform.wgsl`.
+        // Clamped to stay finite, as scalars are in `view_transform.wgsl`.
         let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;
         let values = (0..vertices).into_par_iter().map(seen).collect();
         let lowest = scene.table.vertex_axis()[0];

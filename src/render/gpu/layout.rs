@@ -1,5 +1,5 @@
-//! What the CPU and the shaders share, as plain data. `shaders/lib/frame.wgsl` has the same structs; a test compares sizes
-//! and offsets with those of the compiled shader.
+//! Structs, constants and buffer layouts shared by the CPU and the shaders. `shaders/` has the same structs; a test compares sizes
+//! and offsets with those of the compiled shaders.
 
 use crate::camera::{Samples, View};
 use crate::render::surfaces::SURFACES_MAX;
@@ -9,23 +9,22 @@ use glam::DVec3;
 /// Width and height of a tile in pixels.
 pub const TILE_PX: usize = 16;
 
-/// Counters of a tile.
+/// Counters per tile.
 pub const COUNTERS: usize = 8;
 
-/// Floats of a vertex in view coordinates.
+/// Bytes of a vertex in view coordinates.
 pub const VIEW_VERTEX_BYTES: u64 = 32;
 
 /// Words of a (tile, item) pair.
 pub const PAIR_WORDS: u64 = 2;
 
-/// x and y in view coordinates are kept times this, so that products of four of them neither over- nor underflow f32.
+/// Factor of x and y in view coordinates, so that products of four of them neither over- nor underflow f32.
 pub const PLANE_SCALE: f64 = (1u64 << 30) as f64;
 
-/// An eye further away than this (in local units: the mesh lies within [-1, 1]) is out of f32's reach: products of sheared
-/// coordinates would overflow.
+/// Largest coordinate of the eye, local units (the mesh lies within [-1, 1]): beyond, products of sheared coordinates would overflow f32.
 pub const EYE_DISTANCE_MAX: f64 = (1u64 << 20) as f64;
 
-/// Depths are counted from the middle of the mesh if it is further away than this: at the nearest the mesh then begins
+/// Distance of the middle of the mesh, local units, beyond which depths are counted from there: at the nearest the mesh then begins
 /// where an f32 has 22 bits behind the point.
 pub const PIVOT_DEPTH_MIN: f64 = 4.0;
 
@@ -34,23 +33,23 @@ pub const FAR: f32 = 3.0e38;
 
 /// Bits of [`Params::flags`].
 pub mod flags {
-    /// Rays meet in the eye.
+    /// The projection is perspective.
     pub const PERSPECTIVE: u32 = 1;
-    /// Rays stop where nothing behind can be seen.
+    /// Rays stop once they are opaque.
     pub const EARLY_TERMINATION: u32 = 2;
-    /// No cell is inactive.
+    /// All cells are active.
     pub const ALL_ACTIVE: u32 = 4;
 
-    /// Of [`FaceParams::flags`](super::FaceParams): all faces of the active cells are drawn.
+    /// In [`FaceParams::flags`](super::FaceParams): all faces of the active cells are drawn.
     pub const COMPLETE: u32 = 1;
-    /// Of [`FaceParams::flags`](super::FaceParams): fragments are put in order whatever it takes.
+    /// In [`FaceParams::flags`](super::FaceParams): fragments are sorted completely by depth.
     pub const EXACT_ORDER: u32 = 2;
 }
 
-/// Pixels with more fragments are sorted before they are resolved.
+/// Number of fragments above which those of a pixel are sorted before the resolve stage.
 pub const DEEP: u32 = 1024;
 
-/// Faces of a workgroup of the stage that draws them.
+/// Faces per workgroup of stage `faces`.
 pub const FACES_PER_GROUP: u32 = 64;
 
 /// Pixels of a tile.
@@ -65,13 +64,13 @@ pub const EYE_WORDS: usize = 6;
 /// Bytes of a fragment: depth as a sum of two, scalar, rank, the cells left and entered.
 pub const FRAGMENT_BYTES: u64 = 24;
 
-/// Bytes of a fragment with a joint table: the quantity of vertices, too, and nothing.
+/// Bytes of a fragment with a joint table: as above, then the value at vertices and a word of padding.
 pub const JOINT_FRAGMENT_BYTES: u64 = 32;
 
-/// Words of a piece of a large face: its place in the list, a tile.
+/// Words of a piece of a large face: the face's place in the list, a tile.
 pub const PIECE_WORDS: u64 = 2;
 
-/// Places in the lists of the face renderer, in words (`shaders/lib/faces.wgsl`).
+/// Offsets into the lists of the face renderer, in words (`shaders/lib/face_lists.wgsl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lists {
     /// Tiles of the image.
@@ -79,65 +78,66 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Words before the first tile's; the first of them is the number of pieces.
+    /// Words of the head; the first one is the number of pieces.
     pub const HEAD: u64 = 4;
 
-    /// Fragments of each tile.
+    /// Offset of the fragment counts, one per tile.
     pub fn sums(self) -> u64 {
         Self::HEAD
     }
 
-    /// For each tile how many fragments its deepest pixel has, then where its first fragment is, before the tile's first pixel.
+    /// Offset of one word per tile: after the scan the fragments of its deepest pixel, then the slot where those of its first pixel begin.
     pub fn bases(self) -> u64 {
         Self::HEAD + self.tiles
     }
 
-    /// For each pixel of each tile how many fragments it has, then where they begin in the tile, then where they end.
+    /// Offset of one word per pixel, tile by tile: its fragment count, after the scan where they begin in the tile, after storing where they
+    /// end.
     pub fn pixels(self) -> u64 {
         Self::HEAD + 2 * self.tiles
     }
 
-    /// Pieces of large faces.
+    /// Offset of the pieces of large faces.
     pub fn pieces(self) -> u64 {
         self.pixels() + TILE_PIXELS as u64 * self.tiles
     }
 }
 
-/// What the stages of the face renderer need beyond [`Params`]; written for each slice.
+/// Parameters of the face renderer's stages beyond [`Params`]; written for each slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FaceParams {
-    /// Faces of the list.
+    /// Number of faces in the list.
     pub drawn_count: u32,
-    /// Cells at the eye: their records come behind the list.
+    /// Number of cells at the eye; their records come behind the list.
     pub eye_count: u32,
     /// First unit of the slice: face, piece or tile.
     pub first: u32,
-    /// The one behind its last.
+    /// Unit behind the last one of the slice.
     pub end: u32,
     /// First tile of the band.
     pub first_tile: u32,
-    /// The one behind its last.
+    /// Tile behind the last one of the band.
     pub end_tile: u32,
     /// First pixel of each tile; other than 0 in a band within one tile.
     pub first_pixel: u32,
-    /// The one behind the last.
+    /// Pixel behind the last one of each tile.
     pub end_pixel: u32,
-    /// Faces of a binding.
+    /// Faces per binding.
     pub face_part: u32,
-    /// Fragments of the first binding.
+    /// Capacity of the first binding in fragments.
     pub fragment_part: u32,
-    /// Pieces that there is room for.
+    /// Capacity in pieces.
     pub piece_capacity: u32,
-    /// Fragments that the buffer of a pixel holds back.
+    /// Fragments in a pixel's k-buffer; for depth layers their number.
     pub k: u32,
-    /// Depths closer than that may be in the wrong order.
+    /// Depth difference, local units, below which fragments may be in the wrong order.
     pub tie: f32,
     /// Bits of [`flags`].
     pub flags: u32,
-    /// Of a round of sorting: the bits in which the places of two fragments that are compared differ.
+    /// The bits in which the places of two compared fragments differ, in a round of sorting.
     pub sort_mask: u32,
-    /// Nothing.
+    /// Padding.
     pub unused: u32,
 }
 
@@ -145,19 +145,19 @@ pub struct FaceParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Params {
-    /// Eye, local units: sum of the two.
+    /// Eye, local units: high parts of its components.
     pub eye_hi: [f32; 4],
-    /// The rest of the eye.
+    /// Low parts of the eye's components.
     pub eye_lo: [f32; 4],
     /// Right, up, forward; each the sum of three parts, the first two of 12 bits.
     pub axes: [[f32; 4]; 9],
-    /// Half the distance of two pixels on the image plane times [`PLANE_SCALE`]: x as a sum of two, y as a sum of two.
+    /// Half the pixel pitch on the image plane times [`PLANE_SCALE`]: x as a sum of two, y as a sum of two.
     pub pitch: [f32; 4],
     /// Depth from which depths are counted: the eye's, or, for parallel rays, that of the local origin: sum of the two.
     pub depth_origin: [f32; 2],
-    /// Scalars are seen as (scalar - offset) * scale.
+    /// Offset of the scalar map: shaders see (scalar - offset) * scale.
     pub scalar_offset: f32,
-    /// See `scalar_offset`.
+    /// Scale of the scalar map.
     pub scalar_scale: f32,
     /// Pixels per row of the plane that is rendered, rows of it.
     pub size_px: [u32; 2],
@@ -165,19 +165,19 @@ pub struct Params {
     pub tiles: [u32; 2],
     /// Pixels per row of the image, rows of it.
     pub image_px: [u32; 2],
-    /// Pixels from one of the plane to the next, in both directions.
+    /// Stride of the rendered plane in image pixels, in both directions.
     pub stride_px: [u32; 2],
     /// Depth of the near distance, counted from the pivot.
     pub near: f32,
     /// Vertices of the mesh.
     pub vertex_count: u32,
-    /// Entry faces; they come first among the items.
+    /// Number of entry faces; they come first among the items.
     pub face_count: u32,
-    /// Cells at the eye.
+    /// Number of cells at the eye.
     pub eye_count: u32,
-    /// Entry faces and cells at the eye.
+    /// Number of items: entry faces and cells at the eye.
     pub item_count: u32,
-    /// Pairs of tile and item that there is room for.
+    /// Capacity in pairs of tile and item.
     pub pair_capacity: u32,
     /// First tile of the slice.
     pub first_tile: u32,
@@ -187,15 +187,15 @@ pub struct Params {
     pub interval_count: u32,
     /// Depth from which the depths along rays are counted: that of the local origin if the eye is far, else 0.
     pub pivot: f32,
-    /// Nothing.
+    /// Padding.
     pub unused: u32,
-    /// Zero, which the compilers of shaders do not know: it keeps them from simplifying sums as if they were exact.
+    /// Zero, unknown to shader compilers: it keeps them from simplifying sums as if they were exact.
     pub zero: u32,
 }
 
 impl Params {
-    /// The parameters that the view decides; `None` if the eye is further away than [`EYE_DISTANCE_MAX`], the view so wide that
-    /// single precision does not hold its coordinates, or rays are cast for listed pixels. `view` is in local coordinates.
+    /// The parameters of a view in local coordinates; `None` if the eye is further away than [`EYE_DISTANCE_MAX`], the view too wide
+    /// for single precision, or rays are cast for listed pixels.
     pub fn of_view(view: &View) -> Option<Self> {
         if view.eye.abs().max_element() > EYE_DISTANCE_MAX {
             return None;
@@ -233,7 +233,7 @@ impl Params {
             size_px: [columns as u32, rows as u32],
             tiles: [columns.div_ceil(TILE_PX) as u32, rows.div_ceil(TILE_PX) as u32],
             image_px: [view.width_px as u32, view.height_px as u32],
-            // One beyond the image is as good as its size, and products of places with it stay small.
+            // Clamped to the image's size, so that products with it stay small.
             stride_px: [lattice.stride_px().min(view.width_px.max(view.height_px)) as u32; 2],
             near,
             pivot,
@@ -248,27 +248,27 @@ impl Params {
     }
 }
 
-/// Where the parts of a joint table are in the buffer of the table, in vectors of four (`shaders/lib/optics_joint.wgsl`).
+/// Offsets of a joint table's parts in the table's buffer, in vectors of four (`shaders/lib/optics_joint.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct JointParams {
-    /// Intervals of the scalar.
+    /// First of the scalar intervals.
     pub scalar_intervals: u32,
-    /// How many they are.
+    /// Number of scalar intervals.
     pub scalar_count: u32,
-    /// Intervals of the rows.
+    /// First of the row intervals.
     pub row_intervals: u32,
-    /// How many they are.
+    /// Number of row intervals.
     pub row_count: u32,
-    /// Values, the first layer first.
+    /// First of the values, table layer by table layer.
     pub values: u32,
-    /// Values of a row.
+    /// Values per row.
     pub columns: u32,
-    /// Values of a layer.
+    /// Values per table layer.
     pub layer_values: u32,
-    /// Layers of the cells, two cells a vector.
+    /// First of the cells' table layers, two cells a vector.
     pub cells: u32,
-    /// Cells that have one.
+    /// Number of cells with a table layer.
     pub cell_count: u32,
 }
 
@@ -276,9 +276,9 @@ pub struct JointParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SheetParams {
-    /// Red, green and blue of the side towards lower scalars; the scalar from which on a place is above, as seen through the map.
+    /// RGB of the side towards lower scalars; the mapped isovalue: scalars from it on are above.
     pub front: [f32; 4],
-    /// Those of the other side; opacity.
+    /// RGB of the other side; opacity.
     pub back: [f32; 4],
 }
 
@@ -288,87 +288,87 @@ pub struct SheetParams {
 pub struct SurfaceParams {
     /// Towards the light, view coordinates, of length 1.
     pub light: [f32; 3],
-    /// Sheets.
+    /// Number of sheets.
     pub count: u32,
-    /// Where normals come from: 0 nowhere, 1 the cell, 2 its vertices.
+    /// Source of normals: 0 none, 1 the cell's gradient, 2 those of its vertices.
     pub normals: u32,
     /// 1 if light comes from the eye instead.
     pub is_headlight: u32,
-    /// Where the gradients of vertices begin among the numbers behind the view vertices.
+    /// Index of the first gradient component among the numbers behind the view vertices.
     pub gradients: u32,
-    /// 1 if anything is to be seen of the volume.
+    /// 1 if the volume is visible.
     pub has_volume: u32,
-    /// By scalar.
+    /// Sheets by ascending isovalue.
     pub sheets: [SheetParams; SURFACES_MAX],
 }
 
-/// Parameters of the decoder of codec `vq`: places in the block, in words.
+/// Parameters of the decoder of codec `vq`: offsets into the block, in words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct VqStep {
     /// Vertices of the mesh.
     pub vertex_count: u32,
-    /// Row of the step in the first codebook.
+    /// The step's row of the first codebook.
     pub row_8: u32,
-    /// Row of the step in the second codebook.
+    /// The step's row of the second codebook.
     pub row_64: u32,
-    /// Mean of each vertex.
+    /// Means of the vertices.
     pub means: u32,
-    /// Exponent of each vertex, four a word; `u32::MAX` if all are zero.
+    /// Exponents of the vertices, four a word; `u32::MAX` if all are zero.
     pub exponents: u32,
-    /// Entry of each vertex in the first codebook.
+    /// Indices of the vertices into the first codebook.
     pub first: u32,
-    /// Entry of each vertex in the second codebook.
+    /// Indices of the vertices into the second codebook.
     pub second: u32,
-    /// Indices of a word: 2 to this.
+    /// Base-2 logarithm of the indices per word.
     pub per_word_log2: u32,
 }
 
-/// Places in the buffers that depth layers are drawn with, in words (`shaders/lib/layer_lists.wgsl`).
+/// Layout of the buffers of depth layers, in words (`shaders/lib/layer_lists.wgsl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LayerLists {
     /// Tiles of the image.
     pub tiles: u64,
-    /// Layers of a pixel.
+    /// Depth layers per pixel.
     pub layers: u64,
 }
 
 impl LayerLists {
     /// Words before the first piece of a large face.
     pub const HEAD: u64 = 4;
-    /// Pieces that there should be room for.
+    /// Word of the number of pieces found, stored or not.
     pub const PIECE_COUNT: usize = 0;
-    /// The first piece of the slice.
+    /// Word of the first piece of the slice.
     pub const PIECES_FROM: usize = 1;
-    /// The piece behind the last one of the slice.
+    /// Word of the piece behind the last one of the slice.
     pub const PIECES_TO: usize = 2;
 
-    /// Words of the depths: two for the range of each tile, then the layers of each pixel of each tile.
+    /// Words of the depths: two for the range of each tile, then the depth layers of each pixel of each tile.
     pub fn depths(self) -> u64 {
         (2 + self.layers * TILE_PIXELS as u64) * self.tiles
     }
 }
 
-/// What stages need beyond [`Params`] that bring an image to another size.
+/// Parameters of the upsampling stages beyond [`Params`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct UpsampleParams {
     /// Pixels per row of the small image, rows of it.
     pub small_px: [u32; 2],
-    /// Samples from one pixel to the next, a power of two.
+    /// Pixel pitch in samples, a power of two.
     pub samples_per_pixel: f32,
-    /// Omega reaches so many pixels to each side.
+    /// Radius of the kernel Omega in pixels.
     pub half_px: i32,
-    /// The logarithm (base 2) of f is minus this times the square of a distance in pixels.
+    /// The domain weight f at a distance d in pixels is 2^(-this * d^2).
     pub domain_per_square: f32,
-    /// The same of g, of a distance in the reference.
+    /// The range weight g at a distance d in the reference is 2^(-this * d^2).
     pub reference_per_square: f32,
-    /// Nothing.
+    /// Padding.
     pub unused: [u32; 2],
 }
 
-/// Places in the buffer of the rays that contrast asks for, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of what
-/// is listed and of what has met a cell, states of the blocks between rays, the list.
+/// Layout of the ray buffer of contrast-adaptive sampling, in words (`shaders/lib/ray_list.wgsl`, `ray_bits.wgsl`): a head, bits of pixels
+/// that are listed and of pixels that met a cell, states of the blocks between rays, the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RayLists {
     /// Width and height of the image.
@@ -378,51 +378,51 @@ pub struct RayLists {
 impl RayLists {
     /// Words of the head.
     pub const HEAD: usize = 34;
-    /// Rays in the list.
+    /// Word of the number of rays in the list.
     pub const LISTED: usize = 0;
-    /// From here on the head begins anew with each contrast.
+    /// First word of the head that is reset for each contrast: the step.
     pub const STEP: usize = 3;
-    /// 1 if the walk has been given all rays.
+    /// Word that is 1 once the walk has been given all rays.
     pub const IS_DONE: usize = 4;
-    /// Pairs of tile and item that there should be room for.
+    /// Word of the number of pairs of tile and item found, stored or not.
     pub const PAIRS: usize = 6;
-    /// Workgroups of the walk that a slice may start.
+    /// Word of the workgroups of the walk that the slice may still start.
     pub const GROUPS_LEFT: usize = 7;
-    /// Those that it has started.
+    /// Word of the workgroups that the slice has started.
     pub const GROUPS_DONE: usize = 8;
-    /// Rays by level.
+    /// First of four words: rays by level.
     pub const RAYS_BY_LEVEL: usize = 9;
-    /// Blocks that are split by their reasons, and those that are filled.
+    /// First of five words: blocks split, by reason, and blocks filled.
     pub const BLOCKS: usize = 13;
-    /// Sums of the counters, each of two words.
+    /// First word of the sums of the counters, two words each.
     pub const SUMS: usize = 18;
-    /// Workgroups of the walk have so many rays.
+    /// Rays per workgroup of the walk.
     pub const GROUP_RAYS: usize = 256;
-    /// Steps from the first rays to the last.
+    /// Number of steps, at strides 16, 8, 4 and 2.
     pub const STEPS: usize = 4;
 
-    /// Words of a bit for each pixel.
+    /// Words that hold one bit per pixel.
     fn bits(self) -> u64 {
         (self.size_px.0 * self.size_px.1).div_ceil(32) as u64
     }
 
-    /// Columns and rows of the blocks of a stride.
+    /// Number of columns and rows of blocks at a stride.
     pub fn blocks(self, stride: usize) -> (usize, usize) {
         let count = |pixels: usize| pixels.saturating_sub(1).div_ceil(stride).max(1);
         (count(self.size_px.0), count(self.size_px.1))
     }
 
-    /// Bits of what is in the list.
+    /// Offset of the bits of listed pixels.
     pub fn listed(self) -> u64 {
         Self::HEAD as u64
     }
 
-    /// Bits of what has met a cell.
+    /// Offset of the bits of pixels whose rays met an active cell.
     pub fn met(self) -> u64 {
         self.listed() + self.bits()
     }
 
-    /// States of the blocks of the strides 8, 4 and 2, and what comes behind them.
+    /// Offsets of the block states at strides 8, 4 and 2, and the offset behind them.
     pub fn states(self) -> [u64; 4] {
         let mut at = self.met() + self.bits();
         [8, 4, 2, 1].map(|stride| {
@@ -433,22 +433,22 @@ impl RayLists {
         })
     }
 
-    /// The list: as many rays as there are pixels at most.
+    /// Offset of the list, with room for one ray per pixel.
     pub fn list(self) -> u64 {
         self.states()[3]
     }
 
-    /// All words.
+    /// Number of words of the buffer.
     pub fn end(self) -> u64 {
         self.list() + (self.size_px.0 * self.size_px.1) as u64
     }
 }
 
-/// What the stages of rays that contrast asks for need beyond [`Params`].
+/// Parameters of contrast-adaptive sampling beyond [`Params`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RayParams {
-    /// The contrast that splits blocks.
+    /// Contrast above which a block is split.
     pub contrast: f32,
     /// [`RayLists::listed`].
     pub listed_at: u32,
@@ -461,14 +461,14 @@ pub struct RayParams {
 }
 
 impl RayParams {
-    /// The places of an image, which a buffer holds, and a contrast.
+    /// The offsets for an image (a buffer holds it, so that they fit in u32), and a contrast.
     pub fn new(lists: RayLists, contrast: f32) -> Self {
         let [listed_at, met_at, list_at] = [lists.listed(), lists.met(), lists.list()].map(|at| at as u32);
         Self { contrast, listed_at, met_at, list_at, states_at: lists.states().map(|at| at as u32) }
     }
 }
 
-/// The depth that a sum of two means.
+/// The depth stored as a sum of two.
 pub fn depth_of(parts: [f32; 2]) -> f64 {
     f64::from(parts[0]) + f64::from(parts[1])
 }

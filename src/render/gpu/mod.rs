@@ -3,11 +3,11 @@
 //! The stages are those of the CPU path, in WGSL (`shaders/`, one file a stage), over the same buffers. [`layout`], [`resources`]
 //! and [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
 //!
-//! `context` has adapter, device and queue, takes up the errors that wgpu reports outside of calls, and says when the device is lost.
-//! `raycast` does what [`crate::render::cpu::raycast`] does, `havs` what [`crate::render::cpu::havs`] does. Shaders are composed with
-//! `shaders/lib/` in [`shaders`], which also lists what each stage binds, by name: declarations in WGSL, layout and bind group all come
-//! from that list, and no file has a number of a binding. What both use (buffers of vertices and scalars, decoder, table, planes,
-//! read-back, slices) lies beside them.
+//! `context` holds adapter, device and queue, collects the errors that wgpu reports asynchronously, and tells when the device is lost.
+//! `raycast` is the twin of [`crate::render::cpu::raycast`], `havs` that of [`crate::render::cpu::havs`]. [`shaders`] composes the shaders
+//! from `shaders/lib/` and lists what each stage binds, by name: WGSL declarations, bind group layout and bind group all come from that
+//! list, and no file contains a binding number. Modules that both renderers use (vertex and scalar buffers, decoder, table, planes,
+//! read-back, slices) lie beside them.
 //!
 //! | stage | file | a thread is |
 //! |---|---|---|
@@ -25,22 +25,22 @@
 //!   are computed again with the rounding errors of their products. Compilers of shaders simplify such sums as if they were exact, so they
 //!   go through `opaque`, which the compiler cannot see through.
 //! - **Within WebGPU's default limits**: eight storage buffers, bindings of 128 MiB. The records of the cells (32 bytes each) are split
-//!   over up to three bindings; a mesh that does not fit even so is refused with `BeyondGpu`, as an image larger than the device's
+//!   over up to three bindings; a mesh that does not fit even so is refused with `BeyondGpu`, as is an image larger than the device's
 //!   textures.
 //! - **Far eyes, and eyes next to an edge.** Depths are counted from the middle of the mesh if the eye is far, and along a path from its
-//!   start. Which cell a ray starts in is decided in the plane in which it is walked, by a sign that both cells at a face agree on; only on
-//!   which side of an open face the eye is, exactly.
+//!   start. In which cell a ray starts is decided in the sheared plane of the walk, by a sign on which both cells at a face agree; only
+//!   the eye's side of an open face is decided exactly.
 //! - **Compressed steps.** A block of codec `vq` stays in the GPU's memory while its 64 steps are played; a step is 32 bytes of parameters.
 //!   The CPU decodes it too: holes, ranges and a fall-back need the values, and it takes a third of a millisecond for 176k vertices.
-//! - **Entry lists have any length.** Counts per tile are summed and the lists stored one after the other; if the room was too small, the
-//!   frame is begun again with enough (`entry_retries`). A pixel with more than four starts looks for the next four again.
-//! - **Steady frames make nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew
+//! - **Entry lists have any length.** Counts per tile are summed and the lists stored one after the other; if the buffer was too small, the
+//!   frame is begun again with a larger one (`entry_retries`). A pixel with more than four starts searches again for the next four.
+//! - **Steady frames allocate nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew
 //!   only with a buffer. Scalars, table and active cells are sent when they have changed. Images come back through a ring of buffers, so
 //!   that the GPU has the next slice while the last one is read.
 //! - **Slices.** `advance(budget)` submits as many tiles (faces, when these are counted or stored) as took that long before.
-//! - **Which GPU.** `pipeline::Backend`: `auto` takes hardware if there is some, never software unless it is named, and the CPU for a job
-//!   that is beyond the GPU. A device that is lost is opened again and the frame begun again, twice at most; then `gpu` gives the error,
-//!   and `auto` the frame from the CPU.
+//! - **Which GPU.** `pipeline::Backend`: `auto` takes a hardware adapter if there is one, software only by name, and the CPU for a job that
+//!   is beyond the GPU. After a loss the device is opened and the frame begun again, twice at most; then `gpu` returns the error, and
+//!   `auto` the frame from the CPU.
 //!
 //! Tests compare every stage with the definition in f64, every image with the CPU's, and Rust structs and lists of bindings with those of
 //! the compiled shaders (naga, no GPU needed).
@@ -92,7 +92,7 @@ mod target;
 #[cfg(feature = "gpu")]
 pub use frame_texture::FrameTexture;
 
-/// Skips that cannot be overlooked, as the integration tests have them.
+/// Test skips that are printed past the harness's capture, shared with the integration tests.
 #[cfg(test)]
 #[path = "../../../tests/it/common.rs"]
 pub(crate) mod test_common;

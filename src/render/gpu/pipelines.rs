@@ -1,5 +1,4 @@
-//! Stages, compiled and bound: what they are made with and what they bind comes from their descriptions
-//! ([`Stage::bindings`]).
+//! Compute pipelines and bind groups of the stages, from their descriptions ([`Stage::bindings`]).
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
@@ -7,10 +6,10 @@ use super::resources::{Binding, Kind, Resource, Texel};
 use super::shaders::{RecordSplit, Stage};
 use crate::render::RenderError;
 
-/// Of shaders that read no records of cells.
+/// The split for shaders without cell records.
 pub(super) const NO_RECORDS: RecordSplit = RecordSplit { parts: 1, shift: 0 };
 
-/// A stage, compiled; copies share it.
+/// A compiled stage; clones share the pipeline.
 #[derive(Clone)]
 pub(super) struct Pipeline {
     stage: Stage,
@@ -28,10 +27,10 @@ impl Pipeline {
         })
     }
 
-    /// A group of what it binds, which is among these.
+    /// A bind group of the stage's resources, found among `buffers` and `views`.
     ///
     /// # Errors
-    /// `BeyondGpu` if something is not, or has not been made.
+    /// `BeyondGpu` if a resource is missing or not allocated.
     pub(super) fn group(
         &self,
         context: &Context,
@@ -55,26 +54,26 @@ impl Pipeline {
         Ok(context.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries }))
     }
 
-    /// Has a pass go on with it, on the resources of `group`.
+    /// Sets pipeline and bind group of a pass.
     pub(super) fn set(&self, group: &wgpu::BindGroup, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_pipeline(&self.compute);
         pass.set_bind_group(0, group, &[]);
     }
 }
 
-/// The stages of a renderer that there has been a need for so far, and what they bind.
+/// The stages that a renderer has needed so far, each with its bind group.
 pub(super) struct Pipelines {
     split: RecordSplit,
     made: Vec<(Pipeline, Option<wgpu::BindGroup>)>,
 }
 
 impl Pipelines {
-    /// None yet.
+    /// No stages.
     pub(super) fn new() -> Self {
         Self { split: NO_RECORDS, made: Vec::new() }
     }
 
-    /// Compiles stages, for records that are split so, unless that has been done.
+    /// Compiles stages for `split` unless that has been done.
     pub(super) fn prepare(
         &mut self,
         context: &Context,
@@ -92,7 +91,7 @@ impl Pipelines {
         Ok(())
     }
 
-    /// Takes over what others have compiled for the same records; nothing of it is bound here.
+    /// Shares the stages that `others` has compiled for the same split, without bind groups.
     pub(super) fn share(&mut self, others: &Self) {
         if self.split == others.split {
             let is_new = |stage| !self.made.iter().any(|(pipeline, _)| pipeline.stage == stage);
@@ -102,15 +101,15 @@ impl Pipelines {
         }
     }
 
-    /// Forgets what is bound: some of it has been made anew.
+    /// Drops all bind groups: bound buffers have been reallocated.
     pub(super) fn unbind(&mut self) {
         self.made.iter_mut().for_each(|(_, group)| *group = None);
     }
 
-    /// Binds what the stages name, which is among these, wherever nothing is bound.
+    /// Makes the bind groups that are missing, from `buffers` and `views`.
     ///
     /// # Errors
-    /// `BeyondGpu` if something is not, or has not been made.
+    /// `BeyondGpu` if a resource is missing or not allocated.
     pub(super) fn bind(
         &mut self,
         context: &Context,
@@ -120,7 +119,7 @@ impl Pipelines {
         self.bind_those(context, |_| true, buffers, views)
     }
 
-    /// The same of some stages alone.
+    /// As [`Self::bind`], for the stages of which `are_meant` is true.
     ///
     /// # Errors
     /// As [`Self::bind`].
@@ -139,7 +138,7 @@ impl Pipelines {
         context.check()
     }
 
-    /// Has a pass go on with a stage.
+    /// Sets the pipeline and bind group of a stage in a pass.
     ///
     /// # Errors
     /// `BeyondGpu` if it has not been prepared and bound.
@@ -158,7 +157,7 @@ impl Pipelines {
     }
 }
 
-/// What a texture of such pixels is made of.
+/// The texture format of a texel.
 pub(super) fn format(texel: Texel) -> wgpu::TextureFormat {
     match texel {
         Texel::Rgba32Float => wgpu::TextureFormat::Rgba32Float,

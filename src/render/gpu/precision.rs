@@ -1,15 +1,14 @@
-//! Which numbers a frame is computed with on the GPU.
+//! The choice between f32 and f64 for a frame's geometry on the GPU.
 //!
 //! In f32 the weights of a hit are right to some 2^-24, and so is its depth, relative to the differences of the depths of a
 //! face's corners: at most the longest edge L of its cells. Where cells are nearly as high as they are wide that shifts light
 //! a little from one to the next. Where they are thin and yet visible, so that extinction tau times *height* is not small, tau
-//! L is large, and such a shift a share of the whole cell. On grids that were squashed by 1e-3 to 1e-5, with extinctions that
-//! make up for it, the root mean square error was 2e-9 to 3e-9 tau L, the largest 2.5e-8 tau L, and 1.7e-7 tau L where rays run
-//! along the cells.
+//! L is large, and such a shift a share of the whole cell. On meshes squashed by 1e-3 to 1e-5, with extinctions raised to match,
+//! the root mean square error was 2e-9 to 3e-9 tau L, the largest 2.5e-8 tau L, and 1.7e-7 tau L where rays run along the cells.
 //!
-//! So meshes with thin cells are computed in f64 if tau L is above a bound, and the device has f64. So they are if isosurfaces are lit in
-//! them: the normal of a cell is right to 2^-24 of its longest edge over its height. View coordinates are sums of
-//! two f32 in either case, right to 2^-44.
+//! So meshes with thin cells are computed in f64 if the device has it and tau L is above a bound, or isosurfaces are lit in them: in f32
+//! the normal of a cell is right to 2^-24 of its longest edge over its height. View coordinates are sums of two f32 in either case, right
+//! to 2^-44.
 
 use super::shaders::Precision;
 use crate::mesh::Mesh;
@@ -30,12 +29,12 @@ const THIN: f64 = 1.0 / 256.0;
 /// Chooses the precision from job to job.
 #[derive(Debug, Default)]
 pub(super) struct PrecisionChoice {
-    /// Longest edge of the thin cells of a mesh, local units, which is told by its place.
+    /// Longest edge of a mesh's thin cells, local units; the mesh is compared by pointer.
     thin: Option<(Weak<Mesh>, f64)>,
 }
 
 impl PrecisionChoice {
-    /// What a job needs, as far as the device has it.
+    /// The precision that a job needs; `Single` without f64.
     pub(super) fn of(&mut self, has_f64: bool, job: &RenderJob) -> Precision {
         if !has_f64 {
             return Precision::Single;
@@ -69,7 +68,7 @@ impl PrecisionChoice {
     }
 }
 
-/// Whether a job has surfaces whose light depends on the shapes of cells.
+/// Whether a job has surfaces that are lit by normals.
 fn has_normals(job: &RenderJob) -> bool {
     job.surfaces.as_ref().is_some_and(|scene| scene.shading().normals != Normals::None)
 }
@@ -84,7 +83,7 @@ fn longest_thin_edge(mesh: &Mesh) -> f64 {
     mesh.topology.tets.par_iter().with_min_len(4096).map(of_cell).reduce(|| 0.0, f64::max)
 }
 
-/// Of a tetrahedron.
+/// Least height and longest edge of a tetrahedron.
 fn least_height_and_longest_edge([a, b, c, d]: [DVec3; 4]) -> (f64, f64) {
     let [ab, ac, ad, bc, bd, cd] = [b - a, c - a, d - a, c - b, d - b, d - c];
     // Six times the volume over twice the largest face.

@@ -1,4 +1,4 @@
-//! Frames that are shown in a window on the same GPU stay there.
+//! Copies finished frames to the texture that a window on the same GPU samples.
 
 use super::FrameTexture;
 use super::context::Context;
@@ -8,7 +8,7 @@ use super::shaders::Stage;
 use crate::render::{Frame, RenderError, RenderJob};
 use std::sync::Arc;
 
-/// Brings finished frames to the texture that their window samples.
+/// Copies finished frames to the texture that their window samples.
 pub(super) struct Presenter {
     /// Made for the first frame of a window.
     present: Option<Pipeline>,
@@ -19,8 +19,7 @@ impl Presenter {
         Self { present: None }
     }
 
-    /// Clears the frame for a job, and gives it a texture if the job is for this GPU's window: the one that there is if it
-    /// fits.
+    /// Clears the frame for a job, and gives it a texture if the job is for this GPU's window: its present one if that fits.
     pub(super) fn prepare(
         &mut self,
         context: &Arc<Context>,
@@ -44,7 +43,7 @@ impl Presenter {
         Ok(())
     }
 
-    /// Gives the frame another texture, if it has one: somebody looks at that one.
+    /// Replaces the frame's texture, if any: the window still shows the old one.
     pub(super) fn renew(&self, context: &Arc<Context>, frame: &mut Frame) -> Result<(), RenderError> {
         if let Some(texture) = &mut frame.texture {
             let size = texture.texture().size();
@@ -53,8 +52,7 @@ impl Presenter {
         Ok(())
     }
 
-    /// Has a finished frame copied to its texture, if it has one. Whoever samples that does it after the copy, on the same
-    /// queue.
+    /// Submits the copy of a finished frame to its texture, if any; sampling on the same queue comes after it.
     pub(super) fn present(
         &self,
         context: &Context,
@@ -67,7 +65,7 @@ impl Presenter {
     }
 }
 
-/// Submits the copy of `color` to `frame`, which is as large.
+/// Submits the copy of `color` to `frame`, which has the same size.
 fn submit(
     context: &Context,
     present: &Pipeline,

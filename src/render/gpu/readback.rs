@@ -13,12 +13,12 @@ use std::time::Duration;
 
 /// Bytes of a tile's counters.
 const COUNTER_BYTES: u64 = 4 * COUNTERS as u64;
-/// Words that come with a slice, at most.
+/// Largest number of buffer words that come with a slice.
 const WORDS_MAX: usize = RayLists::HEAD;
-/// Timestamps: begin and end of transform, entries, walk, decoding.
+/// Number of timestamps: begin and end of transform, entries, walk, decoding.
 pub(super) const TIMESTAMPS: u32 = 8;
 
-/// The slice is done: how long the thread that was told so may take to say it.
+/// How long a mapping's callback, run by another thread, may take after the slice is done.
 const CALLBACK_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Where the parts of a slice are in its buffer, in bytes.
@@ -32,7 +32,7 @@ struct Places {
 }
 
 impl Places {
-    /// For all tiles of an image; without its pixels if they stay where they are.
+    /// The places for all tiles of an image; without pixels if these stay on the GPU.
     fn of(size_px: (usize, usize), has_pixels: bool) -> Self {
         let (width, height) = if has_pixels { size_px } else { (0, 0) };
         let depth = color_row_bytes(width) * height as u64;
@@ -61,12 +61,12 @@ fn depth_row_bytes(width: usize) -> u64 {
     row_bytes(width, 4)
 }
 
-/// Buffers for slices on their way back. Each is free or under way, and made when none is free.
+/// Buffers for slices on their way back: each free or under way, and allocated when none is free.
 pub(super) struct Readback {
     free: Vec<Slot>,
 }
 
-/// A buffer, and what tells that it has been mapped.
+/// A buffer, and the state of its mapping.
 struct Slot {
     buffer: GrowingBuffer,
     mapped: Mapped,
@@ -86,8 +86,8 @@ impl Readback {
         Self { free: Vec::new() }
     }
 
-    /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if they are wanted, and of
-    /// some words (at most [`WORDS_MAX`]) of a buffer from a byte on.
+    /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if `has_pixels`, and of `words`:
+    /// a buffer, the first byte, and the number of words (at most [`WORDS_MAX`]).
     pub(super) fn send(
         &mut self,
         context: &Context,
@@ -175,7 +175,7 @@ fn failed(context: &Context, problem: String) -> RenderError {
     RenderError::Gpu { adapter: context.adapter().name.clone(), problem }
 }
 
-/// Waits until what has been submitted is done.
+/// Waits until a submission is done.
 ///
 /// # Errors
 /// If the device is lost or fails.
@@ -186,7 +186,7 @@ pub(super) fn wait_for(context: &Context, submission: wgpu::SubmissionIndex) -> 
     Ok(())
 }
 
-/// A few words that the CPU has to see before it goes on.
+/// Reads a few words of a buffer, blocking.
 pub(super) struct Words {
     buffer: GrowingBuffer,
 }
@@ -196,7 +196,7 @@ impl Words {
         Self { buffer: GrowingBuffer::readback("words read back") }
     }
 
-    /// Waits for all that is under way, and fills `out` from word `at` of a buffer on.
+    /// Waits for all work under way, and fills `out` from word `at` of a buffer on.
     pub(super) fn read(
         &mut self,
         context: &Context,
@@ -227,10 +227,10 @@ impl Words {
     }
 }
 
-/// What became of a mapping, once something has. Another thread that waits for the device may be the one to hear of it.
+/// Whether a mapping worked; `None` until its callback, which may run on another thread that waits for the device.
 type Mapped = Arc<(Mutex<Option<bool>>, Condvar)>;
 
-/// Has a buffer mapped once all that has been submitted is done.
+/// Maps a buffer once all submitted work is done.
 fn map(buffer: &wgpu::Buffer, mapped: &Mapped) {
     *mapped.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     let mapped = mapped.clone();
@@ -241,7 +241,7 @@ fn map(buffer: &wgpu::Buffer, mapped: &Mapped) {
     });
 }
 
-/// Waits until it is known what became of a mapping, for [`CALLBACK_PATIENCE`] at most; whether it worked.
+/// Waits for a mapping, for [`CALLBACK_PATIENCE`] at most. Returns whether it worked.
 fn has_been_mapped(mapped: &Mapped) -> bool {
     let (state, changed) = &**mapped;
     let state = state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -278,17 +278,17 @@ impl SliceData<'_> {
         u32::from_le_bytes([self.bytes[at], self.bytes[at + 1], self.bytes[at + 2], self.bytes[at + 3]])
     }
 
-    /// A word of those that came with the slice.
+    /// Word `i` of those that came with the slice.
     pub(super) fn word_sent(&self, i: usize) -> u32 {
         self.word(self.places.words + 4 * i as u64)
     }
 
-    /// Sum of the tiles' counters.
+    /// Sums of the tiles' counters.
     fn counts(&self) -> FrameStats {
         counted(std::array::from_fn(|i| self.counter(i)))
     }
 
-    /// The sum of one of the tiles' counters.
+    /// Sum of counter `i` over the tiles.
     pub(super) fn counter(&self, i: usize) -> u64 {
         let at = |tile: usize| self.places.counters + COUNTER_BYTES * tile as u64 + 4 * i as u64;
         self.tiles.clone().map(|tile| u64::from(self.word(at(tile)))).sum()
@@ -304,13 +304,13 @@ impl SliceData<'_> {
         Some([0, 2, 4, 6].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
     }
 
-    /// Adds counts and times to a frame's; milliseconds of the slice's entries and of its walk, if there are timestamps.
+    /// Adds counts and times to a frame's. Returns the milliseconds of the slice's entries and of its walk, if there are timestamps.
     pub(super) fn add_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         stats.add_counts(&self.counts());
         self.add_times_to(stats, context)
     }
 
-    /// The same without counts.
+    /// As [`Self::add_to`], without counts.
     pub(super) fn add_times_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         let [transform, entries, walk, decode] = self.milliseconds(context)?;
         if stats.vertices_decoded_on_gpu > 0 {
@@ -321,8 +321,8 @@ impl SliceData<'_> {
         Some([entries, walk])
     }
 
-    /// Copies the pixels of the slice's tiles; depths of a job's shaders become those of a world whose local lengths are
-    /// 1 / `scale` of its own.
+    /// Copies the pixels of the slice's tiles. Depths are converted from local units, as shaders count them, to world units: `scale`
+    /// is the world length of a local unit.
     pub(super) fn copy_pixels(&self, planes: &mut Planes, params: &Params, scale: f64) {
         let origin = depth_of(params.depth_origin) + f64::from(params.pivot);
         self.copy_plane(&mut planes.color, 0, color_row_bytes, |_| ());
@@ -333,7 +333,7 @@ impl SliceData<'_> {
         });
     }
 
-    /// Copies a plane that begins at byte `at`, and has each piece of a row `finished`.
+    /// Copies a plane that begins at byte `at`, and calls `finished` on each copied piece of a row.
     fn copy_plane<P: bytemuck::Pod>(
         &self,
         plane: &mut Plane<P>,

@@ -1,5 +1,5 @@
-//! What stages read and write, by name. A stage lists what it binds ([`Stage::bindings`](super::shaders::Stage::bindings));
-//! its WGSL declarations, the layout of its pipeline and its bind group all come from that list, and from the table here.
+//! The buffers and textures of the stages, by name. A stage lists its bindings ([`Stage::bindings`](super::shaders::Stage::bindings));
+//! its WGSL declarations, bind group layout and bind group all come from that list, and from the table here.
 
 use std::fmt;
 
@@ -8,19 +8,19 @@ use std::fmt;
 pub enum Resource {
     /// Parameters of a frame.
     Params,
-    /// Those of the face renderer.
+    /// Parameters of the face renderer.
     FaceParams,
-    /// Those of a step of codec `vq`.
+    /// Parameters of a step of codec `vq`.
     VqStep,
-    /// Those of a pre-integrated table.
+    /// Parameters of a pre-integrated table.
     Table3dParams,
-    /// Those of a table of more than the scalar.
+    /// Parameters of a joint table.
     JointParams,
-    /// Those of isosurfaces.
+    /// Parameters of isosurfaces.
     Surfaces,
-    /// Those of the rays that contrast asks for.
+    /// Parameters of contrast-adaptive sampling.
     RayParams,
-    /// Those of an image that comes to another size.
+    /// Parameters of upsampling.
     UpsampleParams,
     /// A block of codec `vq`.
     Block,
@@ -32,90 +32,90 @@ pub enum Resource {
     Vertices,
     /// Records of the first cells: four vertices, four neighbours.
     Records0,
-    /// Those of the next.
+    /// Records of the next cells.
     Records1,
-    /// Those of the rest.
+    /// Records of the remaining cells.
     Records2,
     /// Vertices of the cells, for stages without records.
     Corners,
     /// Entry faces, and the cells at the eye.
     Items,
-    /// A bit a cell.
+    /// One bit per cell.
     ActiveCells,
     /// Ends of the tiles' lists, their sum, the lists.
     Bins,
     /// The transfer function.
     Table,
-    /// What is counted, tile by tile.
+    /// Counters of the tiles, eight each.
     Counters,
     /// The faces that are drawn, and the cells at the eye.
     Drawn,
     /// The first faces of the mesh.
     Faces0,
-    /// The next.
+    /// The next faces.
     Faces1,
-    /// The rest.
+    /// The remaining faces.
     Faces2,
     /// Fragments of each tile and pixel, and pieces of large faces: [`Lists`](super::layout::Lists).
     Lists,
     /// The first fragments.
     Fragments0,
-    /// The rest.
+    /// The remaining fragments.
     Fragments1,
-    /// The rays that contrast asks for, and how far they are: [`RayLists`](super::layout::RayLists).
+    /// List and progress of adaptively cast rays: [`RayLists`](super::layout::RayLists).
     Rays,
-    /// Layers of depth: [`LayerLists`](super::layout::LayerLists).
+    /// Depth layers: [`LayerLists`](super::layout::LayerLists).
     Depths,
     /// The least and the greatest depth of the boundary in view.
     DepthRange,
-    /// Workgroups of what is started without the CPU, as often as it is: columns, rows and 1.
+    /// Workgroup counts of indirect dispatches: columns, rows and 1 each.
     Args,
-    /// Accumulators of rays, where they are not the image.
+    /// Accumulators of adaptively cast rays.
     SeenColorPlane,
-    /// Their depths.
+    /// Depths of adaptively cast rays.
     SeenDepthPlane,
-    /// The same accumulators, to be read.
+    /// `SeenColorPlane`, to be read.
     SeenColor,
-    /// The same depths, to be read.
+    /// `SeenDepthPlane`, to be read.
     SeenDepth,
-    /// Layers of depth of the full image, from 0 to 1.
+    /// Depth layers of a view, mapped to 0 to 1.
     ReferencePlane,
-    /// The same, to be read.
+    /// `ReferencePlane` of the full image, to be read.
     Reference,
-    /// Those at the samples of the small image, to be read.
+    /// `ReferencePlane` of the small image's samples, to be read.
     SmallReference,
     /// Accumulators of the small image.
     SmallColor,
     /// Depths of the small image.
     SmallDepth,
-    /// Accumulators of the full image before they are filtered.
+    /// Accumulators of the full image before the joint filter.
     EnlargedPlane,
-    /// The same, to be read.
+    /// `EnlargedPlane`, to be read.
     Enlarged,
     /// Accumulators of the image.
     ColorPlane,
     /// Depths of the image.
     DepthPlane,
-    /// A finished image.
+    /// Accumulators of a finished image.
     Color,
-    /// What a window samples.
+    /// The texture that a window samples.
     Screen,
 }
 
-/// What a resource is.
+/// Kind and element type of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// One struct, of this type.
+    /// A uniform buffer: one struct of this WGSL type.
     Uniform(&'static str),
-    /// An array, of this type.
+    /// A storage buffer: an array of this WGSL type.
     Storage(&'static str),
     /// A texture that is read.
     Texture,
-    /// A texture that is written, of such pixels.
+    /// A storage texture that is written.
     Plane(Texel),
 }
 
-/// What a pixel of a texture is.
+/// Format of a storage texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texel {
     /// Four numbers of 32 bits.
@@ -145,7 +145,7 @@ impl Resource {
     /// The parts of the fragments.
     pub const FRAGMENTS: [Self; 2] = [Self::Fragments0, Self::Fragments1];
 
-    /// Its name in the shaders, the one in messages, and what it is.
+    /// Its name in the shaders, its label in messages, and its kind.
     fn described(self) -> (&'static str, &'static str, Kind) {
         use Kind::{Plane, Storage, Texture, Uniform};
         match self {
@@ -204,30 +204,30 @@ impl Resource {
         self.described().0
     }
 
-    /// What messages call it.
+    /// Its label in messages.
     pub fn label(self) -> &'static str {
         self.described().1
     }
 
-    /// What it is.
+    /// Its kind and element type.
     pub fn kind(self) -> Kind {
         self.described().2
     }
 }
 
-/// What a stage does with a resource. Uniforms and textures are read, planes written.
+/// Access of a stage to a resource. Uniforms and textures are read, planes written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Binding {
-    /// It reads it.
+    /// The stage reads it.
     Read(Resource),
-    /// It reads and writes it, a plane writes.
+    /// The stage reads and writes it; planes are only written.
     Write(Resource),
-    /// It reads and writes it, several threads the same place.
+    /// The stage reads and writes it atomically.
     Atomic(Resource),
 }
 
 impl Binding {
-    /// What it binds.
+    /// The resource.
     pub fn resource(self) -> Resource {
         match self {
             Self::Read(resource) | Self::Write(resource) | Self::Atomic(resource) => resource,
@@ -235,7 +235,7 @@ impl Binding {
     }
 }
 
-/// The declaration of the variable in WGSL, without its place.
+/// The variable's WGSL declaration, without group and binding number.
 impl fmt::Display for Binding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.resource().name();
@@ -250,7 +250,7 @@ impl fmt::Display for Binding {
     }
 }
 
-/// The declarations of what a stage binds, numbered in order.
+/// The WGSL declarations of a stage's bindings, numbered in order.
 pub fn declarations(bindings: &[Binding]) -> String {
     let line = |(number, binding)| format!("@group(0) @binding({number}) {binding}\n");
     bindings.iter().enumerate().map(line).collect()

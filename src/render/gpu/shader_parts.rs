@@ -1,4 +1,4 @@
-//! Parts that stages are made of.
+//! The WGSL sources in `shaders/lib/`, from which stages are composed.
 
 pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
 pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");

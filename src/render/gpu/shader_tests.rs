@@ -13,10 +13,10 @@ use std::mem::offset_of;
 const SPLITS: [RecordSplit; 2] =
     [RecordSplit { parts: 1, shift: 22 }, RecordSplit { parts: RECORD_PARTS_MAX, shift: 10 }];
 
-/// A shader, and what is known of it.
+/// A compiled shader, with naga's analysis of it.
 type Checked = (naga::Module, naga::valid::ModuleInfo);
 
-/// The capabilities of a WebGPU device without optional features.
+/// Parses a shader and validates it for a WebGPU device without optional features.
 fn parse(source: &str) -> Result<naga::Module, String> {
     parse_with(source, Precision::Single).map(|(module, _)| module)
 }
@@ -73,7 +73,7 @@ struct Bound {
     is_written: Option<bool>,
 }
 
-/// What a shader has bound, in the order of the numbers.
+/// The bindings of a compiled shader, in the order of their numbers.
 fn bound((module, info): &Checked) -> Vec<Bound> {
     let functions = module.functions.iter().map(|(handle, _)| &info[handle]);
     let functions: Vec<_> = functions.chain([info.get_entry_point(0)]).collect();
@@ -88,7 +88,7 @@ fn bound((module, info): &Checked) -> Vec<Bound> {
     found
 }
 
-/// The same as a stage describes it, all of it in use.
+/// The bindings that a stage describes, all of them in use.
 fn described(stage: Stage) -> Vec<Bound> {
     let storage = |access| naga::AddressSpace::Storage { access };
     let entry = |(number, binding): (u32, Binding)| {

@@ -1,4 +1,4 @@
-//! The stages: what each binds, and its shader, composed from its parts. The only place that knows which parts a stage is made of.
+//! The stages: their bindings, and their shaders, composed from parts. No other module knows the parts of a stage.
 
 use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
 use super::resources::{Binding, Resource, declarations};
@@ -7,47 +7,47 @@ use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 use std::fmt;
 
-/// The numbers of planar geometry and of depths.
+/// Number type of the rays' planar geometry and of depths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// f32, and sums of two: within WebGPU's defaults.
     #[default]
     Single,
-    /// f64, which a device need not have.
+    /// f64, an optional feature of devices.
     Double,
 }
 
-/// What becomes of the fragments that are found.
+/// What a pass over the faces does with the fragments that it finds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pass {
-    /// They are counted.
+    /// Counts them per pixel.
     Count,
-    /// They are stored.
+    /// Stores them.
     Store(FragmentKind, Inside),
-    /// Of the boundary, the nearest depths of each pixel are kept.
+    /// Keeps the nearest depths of each pixel, for faces of the boundary.
     Layers,
 }
 
-/// What an image becomes that is between the samples of another.
+/// Destination of a bilinearly enlarged image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Toward {
     /// The frame.
     Image,
-    /// What the joint filter reads.
+    /// The input of the joint filter.
     Filter,
 }
 
-/// What a fragment has.
+/// Contents of a fragment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FragmentKind {
     /// Depth, scalar, cells.
     Plain,
-    /// The quantity of vertices, too, for a transfer function of more than the scalar.
+    /// As `Plain`, and the value at vertices, for a joint table.
     Joint,
 }
 
 impl FragmentKind {
-    /// What fragments of a job have.
+    /// The kind of a job's fragments.
     pub fn of(job: &RenderJob) -> Self {
         if job.joint.is_some() { Self::Joint } else { Self::Plain }
     }
@@ -61,12 +61,12 @@ impl FragmentKind {
     }
 }
 
-/// What is in cells.
+/// What rays meet inside cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inside {
     /// The volume alone.
     Volume,
-    /// Isosurfaces, too.
+    /// The volume and isosurfaces.
     Surfaces,
 }
 
@@ -74,12 +74,12 @@ impl Inside {
     /// Both.
     pub const ALL: [Self; 2] = [Self::Volume, Self::Surfaces];
 
-    /// What is in those of a job.
+    /// What rays of a job meet.
     pub fn of(job: &RenderJob) -> Self {
         if job.surfaces.is_some() { Self::Surfaces } else { Self::Volume }
     }
 
-    /// What is asked of it beside what [`Gathering`] needs: by the walk, and by the renderer of faces.
+    /// Bindings beyond those of [`Gathering`]: of the walk, and of the face renderer.
     fn bindings(self) -> [&'static [Binding]; 2] {
         const SURFACES: Binding = Binding::Read(Resource::Surfaces);
         match self {
@@ -94,14 +94,14 @@ impl Inside {
 /// How segments are integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gathering {
-    /// A transfer function of the scalar, with these optics.
+    /// With a transfer function of the scalar, by these optics.
     Scalar(OpticsKind),
-    /// One of more than the scalar, exactly.
+    /// With a joint table, by the exact integrator.
     Joint,
 }
 
 impl Gathering {
-    /// All of them.
+    /// All ways of integration.
     pub const ALL: [Self; 4] = [
         Self::Scalar(OpticsKind::Exact),
         Self::Scalar(OpticsKind::Table3d),
@@ -109,12 +109,12 @@ impl Gathering {
         Self::Joint,
     ];
 
-    /// How those of a job are.
+    /// How segments of a job are integrated.
     pub fn of(job: &RenderJob) -> Self {
         if job.joint.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
     }
 
-    /// Where it finds the transfer function.
+    /// Bindings of the transfer function.
     fn tables(self) -> &'static [Binding] {
         const TABLE: Binding = Binding::Read(Resource::Table);
         match self {
@@ -124,7 +124,7 @@ impl Gathering {
         }
     }
 
-    /// What fragments have that are integrated so.
+    /// Kind of the fragments that are integrated so.
     fn fragments(self) -> FragmentKind {
         match self {
             Self::Scalar(_) => FragmentKind::Plain,
@@ -136,57 +136,57 @@ impl Gathering {
 /// A stage of a renderer: one entry point in one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// A step from its compressed block.
+    /// Decodes a step from its compressed block.
     DecodeVq,
-    /// Vertices to view coordinates.
+    /// Transforms vertices to view coordinates.
     ViewTransform,
-    /// Items that meet each tile.
+    /// Counts the items that meet each tile.
     EntriesCount,
-    /// From counts to places.
+    /// Sums the tiles' counts to places.
     EntriesScan,
-    /// The items of each tile.
+    /// Stores the items of each tile.
     EntriesStore,
-    /// From entries through the cells.
+    /// Walks all rays from their entries through the cells.
     Walk(Gathering, Inside, Precision),
-    /// The same along rays of a list.
+    /// Walks the rays of a list.
     WalkRays(Gathering, Inside, Precision),
-    /// The next step towards the rays that contrast asks for.
+    /// Begins the next step of adaptive sampling once the rays of the last one are cast.
     SplitPlan,
-    /// Which blocks between rays are to be split of their own.
+    /// Decides which blocks between rays are split by their own corners.
     SplitDecide,
-    /// The rays in split blocks.
+    /// Splits neighbouring blocks, and appends the rays in split blocks to the list.
     SplitAppend,
-    /// How much the walk does of them.
+    /// Sets the workgroups of the next walk.
     SplitSlice,
-    /// Pixels between rays.
+    /// Fills the pixels between rays.
     Fill,
-    /// To where a window samples it.
+    /// Copies an image to the texture that a window samples.
     Present,
-    /// Faces against the pixels of their boxes.
+    /// Tests faces against the pixels of their boxes.
     Faces(Pass, Precision),
-    /// Large faces, tile by tile.
+    /// Tests large faces, tile by tile.
     FacePieces(Pass, Precision),
-    /// Rays that begin in a cell.
+    /// Finds the rays that begin in a cell.
     FaceStarts(Pass, Precision),
-    /// From fragments per pixel to places.
+    /// Sums fragments per pixel to places.
     FaceScan,
-    /// The fragments of deep pixels, one round of sorting.
+    /// Runs one round of sorting the fragments of deep pixels.
     FaceSort(FragmentKind),
-    /// Fragments put in order, and composited.
+    /// Orders and composites the fragments of each pixel.
     FaceResolve(Gathering, Inside, Precision),
-    /// The next pieces of the boundary's large faces.
+    /// Chooses the next pieces of the boundary's large faces.
     LayersPlan,
-    /// From depths to their range.
+    /// Computes the range of all depths.
     LayersRange,
-    /// From depths to what filters compare.
+    /// Maps depth layers to the reference that filters compare.
     LayersReference,
-    /// A small image at full size, by its nearest samples.
+    /// Enlarges an image by nearest samples.
     UpsampleNearest,
-    /// The same between its samples.
+    /// Enlarges an image bilinearly.
     UpsampleBilinear(Toward),
-    /// That, where depths are alike.
+    /// Applies the joint bilateral filter to the bilinear image.
     UpsampleJoint,
-    /// Between samples whose depths are alike.
+    /// Enlarges an image from those of four samples whose depths are alike.
     UpsampleJoint2x2,
 }
 
@@ -239,13 +239,13 @@ pub fn stages() -> impl Iterator<Item = Stage> {
 /// How the records of cells are split over bindings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordSplit {
-    /// Bindings in use, 1 to [`RECORD_PARTS_MAX`].
+    /// Number of bindings in use, 1 to [`RECORD_PARTS_MAX`].
     pub parts: u32,
-    /// Cells of a binding: 2 to this.
+    /// Base-2 logarithm of the cells per binding.
     pub shift: u32,
 }
 
-/// Bindings that a shader has for the records of cells.
+/// Largest number of bindings for the records of cells.
 pub const RECORD_PARTS_MAX: u32 = 3;
 
 /// Bytes of a cell's record: four vertices, four neighbours.
@@ -267,7 +267,7 @@ impl RecordSplit {
 }
 
 impl Stage {
-    /// Name of the entry point and of the file.
+    /// Name of its entry point and of its file.
     pub fn name(self) -> &'static str {
         match self {
             Self::DecodeVq => "decode_vq",
@@ -299,7 +299,7 @@ impl Stage {
         }
     }
 
-    /// The numbers that its geometry is computed with.
+    /// Precision of its geometry.
     pub fn precision(self) -> Precision {
         match self {
             Self::Walk(_, _, precision)
@@ -312,7 +312,7 @@ impl Stage {
         }
     }
 
-    /// What it binds, in the order of their numbers.
+    /// Its bindings, in the order of their numbers.
     pub fn bindings(self) -> Vec<Binding> {
         use Binding::{Atomic, Read, Write};
         use Resource::*;
@@ -386,7 +386,7 @@ impl Stage {
         }
     }
 
-    /// The whole shader.
+    /// The complete WGSL source.
     pub fn source(self, split: RecordSplit) -> String {
         [declarations(&self.bindings()), self.parts(split)].concat()
     }
@@ -455,7 +455,7 @@ impl Stage {
     }
 }
 
-/// A stage that integrates along rays.
+/// Parts of the stages that integrate along rays.
 fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
     let optics = match how {
         Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_JOINT].concat(),
@@ -471,24 +471,24 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
     [lib::FRAME, lib::SUMS, &rays(inside, precision), lib::MATH, &optics, &surfaces, lib::LIGHT].concat()
 }
 
-/// A stage that walks along rays.
+/// Parts of the stages that walk along rays.
 fn walking(constants: &str, how: Gathering, inside: Inside, precision: Precision) -> String {
     let kind = how.fragments();
     let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
     [constants, &gathering(how, inside, precision), &values, lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK].concat()
 }
 
-/// A stage about what is between rays.
+/// Composes a stage of adaptive sampling.
 fn splitting(parts: &str, stage: &str) -> String {
     [lib::FRAME, lib::RAY_LIST, lib::STRIDES, parts, stage].concat()
 }
 
-/// What stages share that look at blocks.
+/// Parts of the stages that look at blocks.
 fn blocks() -> String {
     [lib::RAY_BITS, lib::BLOCKS].concat()
 }
 
-/// Planar geometry.
+/// Parts for planar geometry.
 fn rays(inside: Inside, precision: Precision) -> String {
     let scalar = match inside {
         Inside::Volume => lib::SCALAR_AS_IS,
@@ -497,7 +497,7 @@ fn rays(inside: Inside, precision: Precision) -> String {
     [numbers(precision), lib::RAY, scalar].concat()
 }
 
-/// What planar geometry is computed with.
+/// The part that defines the numbers of planar geometry.
 fn numbers(precision: Precision) -> &'static str {
     match precision {
         Precision::Single => lib::RAY_SINGLE,
@@ -505,7 +505,7 @@ fn numbers(precision: Precision) -> &'static str {
     }
 }
 
-/// What vertices have beside their scalars.
+/// The part that interpolates the value at vertices.
 fn vertex_values(kind: FragmentKind) -> &'static str {
     match kind {
         FragmentKind::Plain => lib::NO_VERTEX_VALUES,
@@ -513,7 +513,7 @@ fn vertex_values(kind: FragmentKind) -> &'static str {
     }
 }
 
-/// What lies behind the view vertices, if something does.
+/// The part that reads numbers behind the view vertices, if there are any.
 fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
     match (kind, inside) {
         (FragmentKind::Plain, Inside::Volume) => "",
@@ -521,28 +521,28 @@ fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
     }
 }
 
-/// What stages of the face renderer share.
+/// Parts of the face renderer's stages.
 fn faces(kind: FragmentKind) -> String {
     let pairs = format!("const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8);
     [&pairs, lib::TILES, lib::FACES, lib::FACE_LISTS].concat()
 }
 
-/// What stages share that draw layers of depth.
+/// Parts of the stages of depth layers.
 fn layers() -> String {
     [lib::TILES, lib::FACES, lib::LAYER_LISTS].concat()
 }
 
-/// A stage about layers of depth that have been drawn.
+/// Composes a stage that reads drawn depth layers.
 fn layering(stage: &str) -> String {
     [lib::FRAME, &layers(), stage].concat()
 }
 
-/// A stage that brings an image to another size.
+/// Composes an upsampling stage.
 fn upsampling(samples: &str, stage: &str) -> String {
     [lib::FRAME, lib::TILES, lib::UPSAMPLE, samples, stage].concat()
 }
 
-/// A stage that finds fragments.
+/// Composes a stage that finds fragments.
 fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
     let (kept, kind, inside) = match pass {
         Pass::Count => ([lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES], FragmentKind::Plain, Inside::Volume),
@@ -555,12 +555,12 @@ fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
     [lib::FRAME, &lists, lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, &values, &kept.concat(), stage].concat()
 }
 
-/// A stage that finds entries.
+/// Composes a stage that finds entries.
 fn entering(constants: &str, stage: &str) -> String {
     [constants, lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS, stage].concat()
 }
 
-/// Constants that the host decides on.
+/// WGSL constants of a record split.
 struct Constants(RecordSplit);
 
 impl fmt::Display for Constants {

@@ -1,27 +1,25 @@
-//! Work in slices: how much of it is given to the GPU at once.
+//! Slices: how much work is submitted to the GPU at once.
 
 use std::time::Duration;
 
-/// Slices under way at a time: the GPU has the next when it is done with one.
+/// Slices under way at a time, so that the GPU never waits for the next one.
 pub(super) const IN_FLIGHT: usize = 2;
-/// Workgroups of a dispatch in one dimension; WebGPU's limit.
+/// WebGPU's limit on the workgroups of a dispatch in one dimension.
 pub(super) const GROUPS_MAX: u32 = 65_535;
-/// The longest that the GPU is given work at once: what is cancelled ends after it, and other users of the GPU have a turn.
+/// Target length of a slice: a cancelled job ends within it, and other users of the GPU get their turn.
 pub(super) const SLICE: Duration = Duration::from_millis(15);
 
-/// Milliseconds of a unit of work (a tile, a group of faces), as far as they are known. Units differ: tiles at the rim of
-/// an image are mostly empty.
+/// Measured milliseconds per unit of work (a tile, a group of faces). Units differ: tiles at the rim of an image are mostly empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct UnitCost {
-    /// Of the last slice.
+    /// Mean over the last slice.
     pub(super) last: Option<f64>,
-    /// On average over the last frame.
+    /// Mean over the last frame.
     pub(super) mean: Option<f64>,
 }
 
 impl UnitCost {
-    /// Units for `budget`, shared by the slices under way; `first` of them in the first slice of all, before anything is known
-    /// of their cost. At most `most`.
+    /// Units of a slice if the slices under way share `budget`; `first` while the cost is unknown. At most `most`.
     pub(super) fn units_for(self, budget: Duration, first: usize, most: usize) -> usize {
         if budget == Duration::MAX {
             return most;
@@ -29,44 +27,44 @@ impl UnitCost {
         self.units_in(budget.as_secs_f64() * 1e3 / IN_FLIGHT as f64, first, most)
     }
 
-    /// Units that take no longer than `ms`. A slice of empty units says little about the next one.
+    /// Units that take no longer than `ms`, by the larger of both means: a slice of empty units says little about the next one.
     fn units_in(self, ms: f64, first: usize, most: usize) -> usize {
         let per_unit = self.last.into_iter().chain(self.mean).reduce(f64::max);
         let units = per_unit.map_or(first as f64, |per_unit| ms / per_unit.max(1e-6));
-        // Without a whole frame to go by, no leaps.
+        // Before a whole frame is measured, slices grow to twice `first` at most.
         let most = if self.mean.is_some() { most } else { most.min(2 * first) };
         (units as usize).clamp(1, most.max(1))
     }
 }
 
-/// What a step of a frame costs, slice by slice.
+/// Cost of a step of a frame, measured slice by slice.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StepCost {
     unit: UnitCost,
-    /// Milliseconds and units of the frame under way.
+    /// Sums of milliseconds and units over the frame under way.
     ms: f64,
     units: usize,
 }
 
 impl StepCost {
-    /// Of a unit.
+    /// Cost per unit.
     pub(super) fn unit(self) -> UnitCost {
         self.unit
     }
 
-    /// Begins a frame.
+    /// Resets the frame's sums.
     pub(super) fn begin_frame(&mut self) {
         (self.ms, self.units) = (0.0, 0);
     }
 
-    /// Counts a slice that has come back.
+    /// Adds a slice that has come back.
     pub(super) fn add(&mut self, ms: f64, units: usize) {
         self.unit.last = Some(ms / units.max(1) as f64);
         self.ms += ms;
         self.units += units;
     }
 
-    /// The frame is done: what its step has cost is what the next one's is expected to.
+    /// Ends a frame: its mean becomes the estimate for the next one.
     pub(super) fn end_frame(&mut self) {
         if self.units > 0 {
             self.unit.mean = Some(self.ms / self.units as f64);
@@ -74,7 +72,7 @@ impl StepCost {
     }
 }
 
-/// Starts at least so many workgroups, in rows if there are more than a row may have.
+/// Dispatches at least `workgroups` workgroups, in rows of at most [`GROUPS_MAX`].
 pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
     let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
     pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);

@@ -1,8 +1,8 @@
 //! Isosurfaces in the GPU's memory.
 //!
-//! Sheets are uniform. Gradients of vertices lie behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)), so that
-//! stages keep within eight storage buffers; the walk has the vertices of cells in their records, and the renderer of faces, which has
-//! none, in [`CornerBuffer`].
+//! Sheets are in a uniform buffer. Gradients of vertices lie behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)),
+//! so that stages keep within eight storage buffers; the walk reads the vertices of cells from their records, the face renderer from
+//! [`CornerBuffer`].
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
@@ -14,15 +14,14 @@ use crate::render::surfaces::{Normals, Sheet, SurfaceScene};
 use crate::render::{RenderError, RenderJob};
 use std::sync::Arc;
 
-/// Scalars of frames without a volume lie within two to this, seen through their map: far below what is clamped, and so that small ones keep
-/// their digits.
+/// Base-2 logarithm of the bound on mapped scalars in frames without a volume: far below the clamp at 1e30, and large enough that small
+/// scalars keep their digits.
 const EXPONENT_WITHOUT_VOLUME: i32 = 60;
 
-/// The map that the scalars of a job are seen through, which come multiplied by `prescale` and have magnitudes of at most `largest`
-/// before that.
+/// The map of a job's scalars, which are multiplied by `prescale` before it and have magnitudes of at most `largest` before that.
 ///
-/// Isovalues lie in the range that it is made for: scalars near them differ by less than themselves from the offset, if there is one, so that
-/// the difference is exact, and a scalar below an isovalue is seen below it. (Denormal numbers among much larger ones count as 0.)
+/// The map's range includes the isovalues: scalars near them differ by less than themselves from the offset, if there is one, so that
+/// the difference is exact, and a scalar below an isovalue is mapped below it. (Denormal numbers among much larger ones count as 0.)
 pub(super) fn scalar_map(job: &RenderJob, prescale: f64, largest: f32) -> ScalarMap {
     let of_table = ScalarMap::of_table(&job.table, prescale);
     let sheets = job.surfaces.as_ref().map_or(&[][..], SurfaceScene::sheets);
@@ -38,7 +37,7 @@ pub(super) fn scalar_map(job: &RenderJob, prescale: f64, largest: f32) -> Scalar
     ScalarMap { scale: 2f64.powi(exponent.clamp(-100, 100)), ..map }
 }
 
-/// The least scalar of a vertex above an isovalue, as a shader sees it: by the same steps in f32 (`view_transform.wgsl`).
+/// The least mapped scalar that counts as above an isovalue, by the same steps in f32 as in `view_transform.wgsl`.
 fn threshold(isovalue: f64, map: ScalarMap) -> f32 {
     let nearest = isovalue as f32;
     let least = if f64::from(nearest) < isovalue { nearest.next_up() } else { nearest };
@@ -46,7 +45,7 @@ fn threshold(isovalue: f64, map: ScalarMap) -> f32 {
     seen.clamp(-1e30, 1e30)
 }
 
-/// The sheets of a frame, as they have been sent.
+/// The buffer of a frame's sheets, and its contents.
 pub(super) struct SurfaceBuffer {
     buffer: GrowingBuffer,
     sent: Option<SurfaceParams>,
@@ -57,12 +56,12 @@ impl SurfaceBuffer {
         Self { buffer: GrowingBuffer::new(Resource::Surfaces), sent: None }
     }
 
-    /// What stages bind of it.
+    /// The buffer that stages bind.
     pub(super) fn buffer(&self) -> &GrowingBuffer {
         &self.buffer
     }
 
-    /// Brings the surfaces of a job to the GPU, if it has some and they are not there; `gradients` is where those of vertices begin. Returns
+    /// Uploads the surfaces of a job, if any, unless they are there; `gradients` is the index of the first gradient component. Returns
     /// whether the buffer was made, and the bytes sent.
     pub(super) fn update(
         &mut self,
@@ -85,7 +84,7 @@ impl SurfaceBuffer {
     }
 }
 
-/// The surfaces of a job, without what depends on more than scene, view and map.
+/// The surface parameters that depend on scene, view and map alone.
 fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParams {
     let (shading, view) = (scene.shading(), &job.view);
     let towards = shading.towards_light();
@@ -94,7 +93,7 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
         light: in_view.map(|c| c as f32),
         count: scene.sheets().len() as u32,
         normals: match shading.normals {
-            // Found on the image, if at all.
+            // Normals from the image, or none.
             Normals::None | Normals::Screen | Normals::Depth => 0,
             Normals::Vertex if scene.gradients().is_some() => 2,
             Normals::Cell | Normals::Vertex => 1,
@@ -110,7 +109,7 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
     params
 }
 
-/// Vertices of the cells of a mesh.
+/// The buffer of the cells' vertices.
 pub(super) struct CornerBuffer {
     of: Option<Arc<Mesh>>,
     buffer: GrowingBuffer,
@@ -121,13 +120,13 @@ impl CornerBuffer {
         Self { of: None, buffer: GrowingBuffer::new(Resource::Corners) }
     }
 
-    /// What stages bind of it.
+    /// The buffer that stages bind.
     pub(super) fn buffer(&self) -> &GrowingBuffer {
         &self.buffer
     }
 
-    /// Brings the vertices of the cells of a job with surfaces to the GPU unless they are there. Returns whether the buffer was made, and
-    /// the bytes sent.
+    /// Uploads the vertices of the cells, for a job with surfaces, unless they are there. Returns whether the buffer was made, and the
+    /// bytes sent.
     pub(super) fn upload(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
         if job.surfaces.is_none() {
             return Ok((self.buffer.reserve(context, 0)?, 0));

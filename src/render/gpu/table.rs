@@ -9,16 +9,16 @@ use crate::optics::ScalarMap;
 use crate::optics::table3d::Table3dParams;
 use crate::render::{OpticsTable, OpticsTables, RenderError, RenderJob};
 
-/// The transfer function.
+/// The optics table in the GPU's memory.
 pub(super) struct Table {
-    /// For jobs that come without.
+    /// Optics tables for jobs without one.
     tables: OpticsTables,
-    /// What the buffers' contents are.
+    /// Scalar map and table that the buffers hold.
     sent: Option<(ScalarMap, OpticsTable)>,
     buffer: GrowingBuffer,
-    /// What the pre-integrated table needs beside its entries.
+    /// Parameters of a pre-integrated table.
     table3d_params: GrowingBuffer,
-    /// What a joint table does.
+    /// Parameters of a joint table.
     joint_params: GrowingBuffer,
     interval_count: u32,
     joint: JointBuffers,
@@ -37,23 +37,23 @@ impl Table {
         }
     }
 
-    /// All that stages may bind of it.
+    /// The buffers that stages may bind.
     pub(super) fn buffers(&self) -> [&GrowingBuffer; 3] {
         [&self.buffer, &self.table3d_params, &self.joint_params]
     }
 
-    /// Whether no scalar can be seen with the job's table.
+    /// Whether the job's table makes all scalars transparent.
     pub(super) fn is_transparent(&mut self, job: &RenderJob) -> bool {
         self.tables.get(job).is_transparent()
     }
 
-    /// Whether nothing can be seen in any cell.
+    /// Whether neither volume nor surfaces are visible.
     pub(super) fn shows_nothing(&mut self, job: &RenderJob) -> bool {
         job.surfaces.is_none() && self.is_transparent(job)
     }
 
-    /// Brings the table of the job's optics to the GPU, seen through the map of its scalars; completes the parameters. Returns whether a
-    /// buffer was made, and the bytes sent.
+    /// Uploads the table of the job's optics, over mapped scalars, and completes the parameters. Returns whether a buffer was made, and the
+    /// bytes sent.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -95,7 +95,7 @@ impl Table {
             };
             made |= self.buffer.reserve(context, size_of_val(words) as u64)?;
             bytes_sent += self.buffer.write(context, 0, bytemuck::cast_slice(words))?;
-            // A table whose integration was cancelled is not one.
+            // A table whose integration was cancelled is incomplete.
             self.sent = (!job.cancel.is_cancelled()).then_some((map, table));
         }
         params.interval_count = self.interval_count;

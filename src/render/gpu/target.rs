@@ -1,4 +1,4 @@
-//! What depends on the size of the image: its planes, its tiles' counters.
+//! Resources that depend on the size of the image: planes, counters, timestamps.
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
@@ -10,13 +10,13 @@ use crate::render::RenderError;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Timestamps of the stages.
+/// Query set and buffer of the stages' timestamps.
 pub(super) struct Times {
     pub(super) queries: wgpu::QuerySet,
     pub(super) resolved: wgpu::Buffer,
 }
 
-/// Accumulators and depths of an image, which stages write and others read.
+/// Accumulators and depths of an image, which some stages write and others read.
 pub(super) struct PlanePair {
     pub(super) color: wgpu::Texture,
     pub(super) depth: wgpu::Texture,
@@ -39,8 +39,7 @@ pub(super) struct OnePlane {
 }
 
 impl OnePlane {
-    /// Keeps the one that there is if it is of this size, or else puts a new one in its place, which stages write as `of`; whether it is
-    /// new.
+    /// Replaces the kept plane, unless it has this size, by a new one that stages write as `of`. Returns whether it is new.
     pub(super) fn keep(
         kept: &mut Option<Self>,
         context: &Context,
@@ -51,7 +50,7 @@ impl OnePlane {
         if kept.as_ref().is_some_and(has_size) {
             return Ok(false);
         }
-        // One of another size is freed first: two large ones may not fit.
+        // The old plane is freed first: two large ones may not fit.
         *kept = None;
         let texture = plane(context, of, size_px)?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -97,13 +96,13 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// The one that is kept if it is of this size, or else a new one in its place; whether it is new.
+    /// Returns the kept target, replaced by a new one unless it has this size, and whether it is new.
     pub(super) fn kept(
         kept: &mut Option<Arc<Self>>,
         context: &Context,
         size_px: (usize, usize),
     ) -> Result<(Arc<Self>, bool), RenderError> {
-        // One of another size is freed first: two large ones may not fit.
+        // The old target is freed first: two large ones may not fit.
         let same = kept.take().filter(|target| target.size_px == size_px);
         let is_new = same.is_none();
         let target = match same {
@@ -141,7 +140,7 @@ impl Target {
         4 * (COUNTERS * width.div_ceil(TILE_PX) * height.div_ceil(TILE_PX)) as u64
     }
 
-    /// The planes, as stages bind them.
+    /// The planes with the resources that they are bound as.
     pub(super) fn planes(&self) -> [(Resource, &wgpu::TextureView); 2] {
         let [color, depth] = &self.planes.views;
         [(Resource::ColorPlane, color), (Resource::DepthPlane, depth)]
@@ -155,7 +154,7 @@ impl Target {
         self.columns() * self.size_px.1.div_ceil(TILE_PX)
     }
 
-    /// What writes the times at which a pass begins and ends to timestamp `first` and the one behind it.
+    /// Writes a pass's begin and end to timestamps `first` and `first + 1`; `None` without timestamps.
     pub(super) fn stamps(&self, first: u32) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
             query_set: &times.queries,
@@ -170,7 +169,7 @@ impl Target {
         tiles.start / columns * TILE_PX..(tiles.end.div_ceil(columns) * TILE_PX).min(self.size_px.1)
     }
 
-    /// Columns of pixels of those of the tiles that are in a row of tiles.
+    /// Columns of pixels that `tiles` cover in row `tile_row` of tiles.
     pub(super) fn columns_of(&self, tiles: &Range<usize>, tile_row: usize) -> Range<usize> {
         let columns = self.columns();
         let row = tile_row * columns..(tile_row + 1) * columns;

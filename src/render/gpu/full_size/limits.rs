@@ -1,4 +1,4 @@
-//! Which images can come to their size on a GPU.
+//! Which images can be enlarged on a GPU.
 
 use crate::mesh::Mesh;
 use crate::render::RenderJob;
@@ -9,8 +9,8 @@ use crate::render::gpu::target::Target;
 use crate::render::upsampling::{Enlargement, UpsampleFilter};
 use std::sync::{Arc, Weak};
 
-/// Whether an image is within the limits of a device at its size. Whether there is memory for it, and for the boundary of its cells, is
-/// found out by asking for that. `full` is its job.
+/// Whether an image at full size is within the device's limits; `full` is its job. Memory for it and for the boundary of its cells is only
+/// tried by allocating.
 pub(super) fn are_kept(context: &Context, full: &RenderJob, enlargement: &Enlargement) -> bool {
     let (size_px, limits) = (enlargement.enlarging.full, context.device.limits());
     let comes_back = !(full.for_window && context.is_of_window());
@@ -21,7 +21,7 @@ pub(super) fn are_kept(context: &Context, full: &RenderJob, enlargement: &Enlarg
         && slice_bytes(size_px, comes_back) <= limits.max_buffer_size
 }
 
-/// An image that there was no room for at its size, as far as it matters for that.
+/// Mesh, filter and size of an image that did not fit at full size.
 pub(super) struct Refused {
     mesh: Weak<Mesh>,
     filter: UpsampleFilter,
@@ -34,7 +34,7 @@ impl Refused {
         Self { mesh: Arc::downgrade(&full.mesh), filter: *filter, size_px: enlarging.full }
     }
 
-    /// Whether there would be none for this one, too.
+    /// Whether another image has the same mesh, filter and size, and so would not fit either.
     pub(super) fn holds_for(&self, full: &RenderJob, enlargement: &Enlargement) -> bool {
         let is_same = self.filter == enlargement.filter && self.size_px == enlargement.enlarging.full;
         is_same && self.mesh.as_ptr() == Arc::as_ptr(&full.mesh)

@@ -1,16 +1,16 @@
-//! Images that come to the size of their frame on the GPU that they are rendered on ([`crate::image::upsample`]).
+//! Images that are upsampled to the size of their frame on the GPU that renders them ([`crate::image::upsample`]).
 //!
-//! A renderer leaves a small image, and the vertices of the mesh in view coordinates, which are the same for any number of pixels. Its
-//! planes do not come back; then, slice by slice:
+//! A renderer leaves a small image, and the vertices of the mesh in view coordinates, which do not depend on the number of pixels. Its
+//! planes are not read back; then, slice by slice:
 //!
 //! ```text
 //! for filters that keep edges:
-//!     faces, pieces, range, reference     layers of depth at the pixels of the full image (super::layers)
-//!     faces, pieces, reference            and, for joint2x2, at the samples
+//!     faces, pieces, range, reference     depth layers at the pixels of the full image (super::layers)
+//!     faces, pieces, reference            depth layers at the samples (joint2x2 only)
 //! bilinear                                for the joint filter
-//! filter                                  the image that comes back, or that a window is given
+//! filter                                  the image that is read back, or that a window samples
 //! ```
-//! What a slice of pieces brings back is how far they are; nothing else is read before the image.
+//! A slice of pieces reads back how many of them are done; nothing else is read before the image.
 
 mod limits;
 mod scene;
@@ -29,11 +29,11 @@ use std::time::{Duration, Instant};
 use steps::Enlarger;
 pub use steps::Work;
 
-/// What a renderer leaves on the GPU when its image is done.
+/// Resources of a finished image that its renderer leaves on the GPU.
 pub struct ImageLeft<'a> {
     pub(super) target: &'a Arc<Target>,
     pub(super) params: &'a Params,
-    /// In view coordinates.
+    /// Vertices in view coordinates.
     pub(super) vertices: &'a GrowingBuffer,
 }
 
@@ -42,17 +42,17 @@ pub trait LeavesImage: LayerRenderer {
     /// The GPU that it renders on.
     fn context(&self) -> &Arc<Context>;
 
-    /// What it has left of a job that is done.
+    /// The resources of a finished job.
     fn left<'a>(&'a self, job: &'a Self::Job) -> ImageLeft<'a>;
 }
 
-/// Whether pixels of a job come back as its renderer draws them: not those for a window, nor those of an image that is enlarged first.
+/// Whether a renderer reads its pixels back: not for a window, nor for an image that is enlarged first.
 pub(super) fn reads_pixels(job: &RenderJob, frame: &Frame) -> bool {
     frame.texture.is_none() && job.enlarge.is_none()
 }
 
-/// A renderer whose images come to the size of their frames. An image that cannot come to its size here comes back as it is, for the CPU:
-/// [`FrameStats::upsampled_on_gpu`] says which of both it was.
+/// A renderer whose images are enlarged on the GPU to the size of their frames. An image that does not fit there comes back as drawn, for
+/// the CPU to enlarge: [`FrameStats::upsampled_on_gpu`] tells which.
 pub struct AtFullSize<L> {
     pub(super) layer: L,
     enlarger: Enlarger,
@@ -62,21 +62,21 @@ pub struct AtFullSize<L> {
 pub struct SizedJob<J> {
     image: J,
     is_drawn: bool,
-    /// `None` if the image comes back as it is drawn.
+    /// `None` if the image comes back as drawn.
     sizing: Option<Box<Sizing>>,
 }
 
-/// What is to be done for an image of another size.
+/// State of an image that is enlarged.
 struct Sizing {
     /// The job of the full image.
     full: RenderJob,
     work: Option<Work>,
-    /// The job whose image comes back as it is, and what had been counted before, should there be no room for another size.
+    /// The job without enlargement, and the statistics before it, used if the full image does not fit.
     as_it_is: RenderJob,
     stats: FrameStats,
 }
 
-/// The job whose image comes back as it is drawn.
+/// The same job without enlargement, previews or window.
 fn as_it_is(job: RenderJob) -> RenderJob {
     RenderJob { enlarge: None, for_window: false, previews: Vec::new(), ..job }
 }
@@ -88,14 +88,15 @@ impl<L> AtFullSize<L> {
 }
 
 impl<L: LeavesImage> AtFullSize<L> {
-    /// Begins a job whose image is as large as it is drawn: nothing is kept for others.
+    /// Begins a job whose image is not enlarged, and frees what enlarging had allocated.
     fn begin_as_it_is(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<SizedJob<L::Job>>, RenderError> {
         self.enlarger.release();
         self.enlarger.give_texture(frame);
         Ok(self.layer.begin(job, frame)?.map(|image| SizedJob { image, is_drawn: false, sizing: None }))
     }
 
-    /// Draws an image again that has no room at its size, so that it comes back as it is. The next ones like it do at once.
+    /// Draws an image again that does not fit at full size, so that it comes back as drawn. Later images of its mesh, filter and size do so
+    /// at once.
     fn come_back(&mut self, job: &mut SizedJob<L::Job>, frame: &mut Frame) -> Result<(), RenderError> {
         let Some(sizing) = job.sizing.take() else { return Ok(()) };
         self.enlarger.abandon(self.layer.context())?;
@@ -126,12 +127,12 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         self.enlarger.keep_texture(frame);
         self.enlarger.scene.let_go(&job);
         let stats = frame.stats.clone();
-        // Nobody sees the small image on the way.
+        // The small image is never shown.
         let small = RenderJob { for_window: false, previews: Vec::new(), ..job.clone() };
         let image = self.layer.begin(small, frame)?;
         frame.stats.upsampled_on_gpu = true;
         if image.is_none() {
-            // All pixels are transparent, and here.
+            // All pixels are transparent: the frame is complete.
             frame.clear(full.view.plane_px());
         }
         let sizing = || Some(Box::new(Sizing { full, work: None, as_it_is: as_it_is(job), stats }));
@@ -152,10 +153,10 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         let advanced = self.enlarger.enlarge(budget, sizing, self.layer.context(), &self.layer.left(&job.image), frame);
         if matches!(advanced, Err(RenderError::BeyondGpu { .. })) {
             self.come_back(job, frame)?;
-            // Whoever gives all the time has a frame that is done.
+            // With a budget of `Duration::MAX` the frame must be complete on return.
             return self.advance(budget, job, frame);
         }
-        // It has its own numbers.
+        // Enlarging has its own times in the statistics.
         frame.stats.ms_render -= enlarging.elapsed().as_secs_f64() * 1e3;
         advanced
     }

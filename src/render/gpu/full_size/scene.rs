@@ -1,4 +1,4 @@
-//! What bringing an image to another size needs in the GPU's memory, and its stages.
+//! The buffers, planes and stages that enlarge an image.
 
 use super::ImageLeft;
 use crate::image::upsample::{Enlarging, log2_per_square};
@@ -15,24 +15,24 @@ use crate::render::upsampling::{Enlargement, UpsampleFilter};
 use crate::render::{RenderError, RenderJob};
 use std::sync::Arc;
 
-/// All that the stages read and write, beside what the renderer of the image has left.
+/// All that the stages read and write, except what [`ImageLeft`] has.
 pub(super) struct Scene {
     pub(super) boundary: Boundary,
-    /// At the pixels of the full image, and at the samples of the small one.
+    /// Depth layers at the pixels of the full image, and at the samples of the small one.
     pub(super) layers: [DepthLayers; 2],
     /// The range of depths in the full image.
     pub(super) range: GrowingBuffer,
     params: GrowingBuffer,
     upsample_params: GrowingBuffer,
     pub(super) target: Option<Arc<Target>>,
-    /// The image before it is filtered.
+    /// The bilinear image that the joint filter reads.
     enlarged: Option<OnePlane>,
     pipelines: Pipelines,
-    /// What is bound of what the renderer has left.
+    /// The renderer's target and view vertices that are bound.
     bound: Option<(Arc<Target>, wgpu::Buffer)>,
 }
 
-/// The stage that brings an image to full size.
+/// The stage that writes the full image.
 pub(super) fn last_stage(filter: UpsampleFilter) -> Stage {
     match filter {
         UpsampleFilter::Nearest => Stage::UpsampleNearest,
@@ -42,7 +42,7 @@ pub(super) fn last_stage(filter: UpsampleFilter) -> Stage {
     }
 }
 
-/// The one before it of the joint filter.
+/// The stage before the joint filter.
 pub(super) const BEFORE_JOINT: Stage = Stage::UpsampleBilinear(Toward::Filter);
 
 /// The parameters of a filter.
@@ -74,8 +74,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet: the parameters of the full image, what is drawn to, and the bytes sent; `None`
-    /// if the job is cancelled. `job` is at full size.
+    /// Uploads what is not on the GPU yet. Returns the parameters of the full image, its target, and the bytes sent; `None` if the job is
+    /// cancelled. `job` is at full size.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -86,9 +86,9 @@ impl Scene {
         let updated = self.update_parts(context, job, enlargement, left);
         match &updated {
             Ok(Some(_)) => {}
-            // Some of what is bound may have been made anew.
+            // Bound buffers may have been reallocated.
             Ok(None) => self.unbind(),
-            // What there is may not belong together.
+            // The buffers may belong to different jobs.
             Err(_) => self.release(),
         }
         updated
@@ -107,7 +107,7 @@ impl Scene {
         let is_joint = matches!(filter, UpsampleFilter::Joint { .. });
         self.pipelines.prepare(context, NO_RECORDS, [last_stage(*filter)])?;
         if self.target.as_ref().is_some_and(|target| target.size_px != size_px) {
-            // What is bound would keep the old ones beside the new ones.
+            // Bind groups would keep the old planes alive beside the new ones.
             self.unbind();
         }
         let (target, mut stale) = Target::kept(&mut self.target, context, size_px)?;
@@ -143,7 +143,7 @@ impl Scene {
         Ok(Some((params, target, sent)))
     }
 
-    /// Gives back what an image takes; what is compiled stays.
+    /// Frees buffers and planes; compiled stages stay.
     pub(super) fn release(&mut self) {
         self.unbind();
         self.boundary.release();
@@ -152,7 +152,7 @@ impl Scene {
         (self.target, self.enlarged) = (None, None);
     }
 
-    /// Lets go of what a renderer has left that it will not leave for a job, before it makes room for that: two large ones may not fit.
+    /// Unbinds a renderer's target and vertices that `small` will not use, before the renderer allocates new ones: both may not fit.
     pub(super) fn let_go(&mut self, small: &RenderJob) {
         let is_of_other_size = |(target, _): &(Arc<Target>, wgpu::Buffer)| target.size_px != small.view.plane_px();
         let is_of_other_mesh = self.boundary.is_of_other(&small.mesh);
@@ -164,14 +164,14 @@ impl Scene {
         }
     }
 
-    /// Forgets what is bound: some of it has been made anew.
+    /// Drops the bind groups: bound buffers have been reallocated.
     fn unbind(&mut self) {
         self.bound = None;
         self.pipelines.unbind();
         self.layers.iter_mut().for_each(DepthLayers::unbind);
     }
 
-    /// Binds what the stages name wherever nothing is bound.
+    /// Makes the bind groups that are missing.
     pub(super) fn bind(
         &mut self,
         context: &Context,
@@ -197,12 +197,12 @@ impl Scene {
         planes.extend(at_pixels.reference().map(|at| (Resource::Reference, at)));
         planes.extend(at_samples.reference().map(|at| (Resource::SmallReference, at)));
         let is_joint = matches!(filter, UpsampleFilter::Joint { .. });
-        // Those of other filters may name what this one has not.
+        // Stages of other filters may bind resources that this one lacks.
         let is_meant = |stage| stage == last_stage(filter) || is_joint && stage == BEFORE_JOINT;
         self.pipelines.bind_those(context, is_meant, &buffers, &planes)
     }
 
-    /// Records a stage that brings the image to another size, for some tiles from the first one of `params` on.
+    /// Records a stage that enlarges the image, for `tiles` tiles from the first one of `params` on.
     pub(super) fn record(
         &self,
         context: &Context,

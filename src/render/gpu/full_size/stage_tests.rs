@@ -1,4 +1,4 @@
-//! Filters against the CPU's, of the same small image and the same layers of depth.
+//! Upsampling filters against the CPU's, from the same small image and the same depth layers.
 
 use super::*;
 use crate::image::upsample::{self, Enlarging, JointKernel, LEAST_SUM, Reference};

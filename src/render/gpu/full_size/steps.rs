@@ -1,4 +1,4 @@
-//! What is done for an image of another size, step by step.
+//! The steps that enlarge an image, and their slices.
 
 use super::limits::{self, Refused};
 use super::scene::{BEFORE_JOINT, Scene, last_stage};
@@ -18,7 +18,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What the GPU is given to do; of layers with the number of their view, 0 for that of the full image.
+/// A step of enlarging; steps of depth layers have the index of their view, 0 for the full image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Faces(usize),
@@ -41,16 +41,16 @@ fn pairs_of_tile(filter: UpsampleFilter) -> usize {
     TILE_PIXELS * side * side
 }
 
-/// Whether slices of two filters take as long.
+/// Whether the cost of one filter holds for another.
 fn cost_alike(a: UpsampleFilter, b: UpsampleFilter) -> bool {
     a.kind() == b.kind() && pairs_of_tile(a) == pairs_of_tile(b)
 }
 
-/// Kinds of steps, whose costs are known apart.
+/// Number of step kinds, each with a cost of its own.
 const KINDS: usize = 6;
 
 impl Step {
-    /// All of a filter, in their order.
+    /// The steps of a filter, in order.
     fn of(filter: UpsampleFilter) -> &'static [Self] {
         use Step::*;
         match filter {
@@ -73,12 +73,12 @@ impl Step {
         }
     }
 
-    /// Whether it is about layers of depth.
+    /// Whether it draws depth layers.
     fn is_of_layers(self) -> bool {
         !matches!(self, Self::Bilinear | Self::Filter)
     }
 
-    /// Units of the first slice of all, before anything is known of their cost: workgroups.
+    /// Units (workgroups) of the very first slice, whose cost is unknown.
     fn first_units(self, filter: UpsampleFilter) -> usize {
         match self {
             Self::Faces(_) => 64,
@@ -96,7 +96,7 @@ impl Step {
         }
     }
 
-    /// Fewest units of a slice, whatever they cost: with less, most of the GPU has nothing to do.
+    /// Fewest units of a slice, whatever they cost: fewer would leave most of the GPU idle.
     fn least_units(self) -> usize {
         match self {
             Self::Faces(_) | Self::Pieces(_) => 32,
@@ -112,14 +112,14 @@ struct Flight {
     sent: Sent,
 }
 
-/// How far an image is.
+/// Progress of an image.
 pub struct Work {
     enlargement: Arc<Enlargement>,
     params: Params,
     target: Arc<Target>,
-    /// World units of a local one.
+    /// World length of a local unit.
     scale: f64,
-    /// Place of the step in the list of its filter.
+    /// Index of the step in [`Step::of`].
     at: usize,
     /// First unit of the step that has not been submitted.
     next: usize,
@@ -142,7 +142,7 @@ impl Work {
     }
 }
 
-/// What comes back of a slice.
+/// What a slice reads back.
 struct Told {
     ms: Option<f64>,
     pieces: u32,
@@ -151,19 +151,19 @@ struct Told {
     fell_back: u64,
 }
 
-/// Brings images to the size of their frames.
+/// Enlarges images to the size of their frames.
 pub(super) struct Enlarger {
     pub(super) scene: Scene,
     readback: Readback,
-    /// Oldest first.
+    /// Submitted slices, oldest first.
     in_flight: VecDeque<Flight>,
     presenter: Presenter,
     /// The texture of the last frame, until the next one has its own.
     texture: Option<FrameTexture>,
     costs: [StepCost; KINDS],
-    /// The filter that the cost of the last step is of.
+    /// The filter that the cost of step `Filter` belongs to.
     costed: Option<UpsampleFilter>,
-    /// The last image that there was no room for.
+    /// The last image that did not fit.
     refused: Option<Refused>,
 }
 
@@ -181,36 +181,36 @@ impl Enlarger {
         }
     }
 
-    /// Takes the texture of a frame before the renderer of the small image sees it. A frame whose job was given up before has none: the one
-    /// from before that is still here.
+    /// Takes the texture of a frame before the renderer of the small image sees it. A frame whose last job was abandoned has none: that
+    /// texture is still here.
     pub(super) fn keep_texture(&mut self, frame: &mut Frame) {
         self.texture = frame.texture.take().or(self.texture.take());
     }
 
-    /// Gives a frame without a texture the one that is here.
+    /// Gives the kept texture to a frame without one.
     pub(super) fn give_texture(&mut self, frame: &mut Frame) {
         frame.texture = frame.texture.take().or(self.texture.take());
     }
 
-    /// Whether an image can come to its size here, as far as that is known beforehand. `full` is its job.
+    /// Whether an image can be enlarged here, as far as that is known beforehand; `full` is its job.
     pub(super) fn can_do(&self, context: &Context, full: &RenderJob, enlargement: &Enlargement) -> bool {
         let is_refused = self.refused.as_ref().is_some_and(|refused| refused.holds_for(full, enlargement));
         !is_refused && limits::are_kept(context, full, enlargement)
     }
 
-    /// Keeps in mind that there was no room for an image, and gives back what there was.
+    /// Remembers that an image did not fit, and frees what had been allocated.
     pub(super) fn refuse(&mut self, full: &RenderJob) {
         self.refused = full.enlarge.as_ref().map(|enlargement| Refused::new(full, enlargement));
         self.release();
     }
 
-    /// Gives back what images take; the texture of a frame stays.
+    /// Frees buffers and planes; the frame's texture stays.
     pub(super) fn release(&mut self) {
         self.scene.release();
         self.readback = Readback::new();
     }
 
-    /// Works on an image for about `budget`; whether the frame is done.
+    /// Works on an image for about `budget`. Returns whether the frame is done.
     pub(super) fn enlarge(
         &mut self,
         budget: Duration,
@@ -231,8 +231,7 @@ impl Enlarger {
         self.advance(context, budget, work, left, frame)
     }
 
-    /// Brings what is needed for an image that a renderer has left to the GPU, and makes the frame as large as it is to be. `full` is its
-    /// job.
+    /// Uploads what enlarging needs, and resizes the frame. `full` is the job; `None` if it is cancelled.
     fn begin(
         &mut self,
         context: &Arc<Context>,
@@ -262,7 +261,7 @@ impl Enlarger {
         Ok(Some(work))
     }
 
-    /// Begins to count what an image costs.
+    /// Begins a frame's costs; another filter's cost is dropped.
     fn begin_costs(&mut self, filter: UpsampleFilter) {
         if !self.costed.is_some_and(|last| cost_alike(last, filter)) {
             self.costs[Step::Filter.kind()] = StepCost::default();
@@ -279,7 +278,7 @@ impl Enlarger {
         context.check()
     }
 
-    /// Works for about `budget`; whether the frame is done.
+    /// Works for about `budget`. Returns whether the frame is done.
     fn advance(
         &mut self,
         context: &Arc<Context>,
@@ -312,13 +311,13 @@ impl Enlarger {
         }
     }
 
-    /// The units that come next, if there are some; behind the last ones of a step, those of the next.
+    /// The next step and units to submit, if any; after a step's last unit goes on to the next step.
     fn next_units(&self, work: &mut Work, budget: Duration) -> Option<(Step, Range<usize>)> {
         loop {
             let step = work.step()?;
             let end = match step {
                 Step::Faces(_) => self.scene.boundary.groups(),
-                // They say themselves when they are done.
+                // A slice that comes back tells the number of pieces.
                 Step::Pieces(_) => usize::MAX,
                 Step::Range => 1,
                 Step::Reference(view) => self.scene.layers[view].params.tile_count(),
@@ -372,7 +371,7 @@ impl Enlarger {
         Ok(())
     }
 
-    /// Waits for a slice, and takes what it brings.
+    /// Waits for a slice and takes its pixels, counts and times.
     fn collect(
         &mut self,
         context: &Context,
@@ -411,7 +410,7 @@ impl Enlarger {
         Ok(())
     }
 
-    /// Goes on behind the last piece of the large faces of a view, or draws its boundary again if there was no room for all of them.
+    /// Goes on after the last piece of a view's large faces, or draws the boundary again if not all pieces fit.
     fn pieces_told(
         &mut self,
         context: &Context,
@@ -437,7 +436,7 @@ impl Enlarger {
         Ok(())
     }
 
-    /// Forgets what is under way.
+    /// Waits for the slices under way and drops them.
     pub(super) fn abandon(&mut self, context: &Context) -> Result<(), RenderError> {
         let mut came_back = context.check();
         while let Some(flight) = self.in_flight.pop_front() {
@@ -447,12 +446,12 @@ impl Enlarger {
     }
 }
 
-/// In a trace, as the CPU has it.
+/// The trace span of the CPU's depth layers.
 fn layers_span() -> tracing::span::EnteredSpan {
     tracing::info_span!("depth layers").entered()
 }
 
-/// Adds the time since `since` to that of a step; now.
+/// Adds the time since `since` to the step's statistic. Returns the present time.
 fn add_time(stats: &mut FrameStats, step: Option<Step>, since: Instant) -> Instant {
     let now = Instant::now();
     let ms = (now - since).as_secs_f64() * 1e3;

@@ -1,4 +1,4 @@
-//! Parts of the image whose fragments are in memory at a time.
+//! Bands: parts of the image whose fragments are in memory at a time.
 
 use crate::render::RenderError;
 use crate::render::gpu::layout::TILE_PIXELS;
@@ -8,28 +8,27 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Band {
     pub(super) tiles: Range<usize>,
-    /// Pixels of each tile; not all of them only where a tile is one too many for the memory.
+    /// Pixels of each tile; fewer than all only if one tile alone exceeds the memory.
     pub(super) pixels: Range<usize>,
     pub(super) fragments: u32,
-    /// Most fragments of a pixel of its tiles.
+    /// Largest number of fragments of a pixel.
     pub(super) deepest: u32,
-    /// Fragments of the tile that come before `pixels`.
+    /// Fragments of the tile's pixels before `pixels`.
     pub(super) skipped: u32,
 }
 
 impl Band {
-    /// Whether it has the last pixels of its tiles.
+    /// Whether it contains the last pixels of its tiles.
     pub(super) fn ends_tiles(&self) -> bool {
         self.pixels.end == TILE_PIXELS
     }
 }
 
-/// Where the fragments of each pixel of a tile begin, counted from the tile's first.
+/// Index of each pixel's first fragment within its tile.
 pub(super) type Places = [u32; TILE_PIXELS];
 
-/// Groups tiles with so many fragments each (`sums`; `deepest`: of their deepest pixels) into bands of at most `capacity`, as long
-/// as possible. `places` is asked where the fragments of a tile with more are; `refused` makes the error of a single pixel with
-/// more.
+/// Groups tiles into the longest bands of at most `capacity` fragments. `sums` has the fragments of each tile, `deepest` those of its
+/// deepest pixel. `places` reads the places in a tile that exceeds `capacity`; `refused` makes the error for a pixel that does.
 pub(super) fn bands(
     sums: &[u32],
     deepest: &[u32],
@@ -64,7 +63,7 @@ pub(super) fn bands(
     Ok(())
 }
 
-/// Bands within one tile.
+/// Divides one tile into bands.
 fn split(
     tile: usize,
     sum: u32,
@@ -74,7 +73,7 @@ fn split(
     out: &mut Vec<Band>,
 ) -> Result<(), RenderError> {
     if sum == u32::MAX {
-        // The sum has stopped there.
+        // The sum has saturated.
         return Err(refused(sum));
     }
     let end_of = |pixel: usize| places.get(pixel + 1).copied().unwrap_or(sum);

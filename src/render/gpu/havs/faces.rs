@@ -1,4 +1,4 @@
-//! Faces in the GPU's memory: those of the mesh, and the list of those that are drawn.
+//! Face buffers on the GPU: the faces of the mesh, and the list of faces drawn.
 
 use crate::camera::View;
 use crate::mesh::{FACE_VERTICES, Mesh};
@@ -13,7 +13,7 @@ use crate::visibility::DrawnFaces;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Bindings that the shaders have for faces.
+/// Bindings for faces in the shaders.
 const PARTS: usize = 3;
 /// Faces are packed and sent in pieces of this many, so that no second copy of a large mesh is held.
 const FACES_PER_PIECE: usize = 1 << 18;
@@ -24,7 +24,7 @@ const FACE_BYTES: u64 = 4 * FACE_WORDS as u64;
 pub(super) struct FaceBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) parts: [GrowingBuffer; PARTS],
-    /// Faces of a part.
+    /// Faces per part.
     pub(super) part: usize,
 }
 
@@ -33,7 +33,7 @@ impl FaceBuffers {
         Self { of: None, parts: Resource::FACES.map(GrowingBuffer::new), part: 0 }
     }
 
-    /// Brings the faces of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
+    /// Uploads the faces of a mesh unless they are there. Returns whether a buffer was made, and the bytes sent.
     pub(super) fn upload(&mut self, context: &Context, mesh: &Arc<Mesh>) -> Result<(bool, u64), RenderError> {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
@@ -64,7 +64,7 @@ impl FaceBuffers {
     }
 }
 
-/// Corners, ascending; the cells in front of the face and behind it for a ray that sees them counter-clockwise.
+/// The words of a face: corners, ascending; the cells in front of it and behind it for a ray that sees them counter-clockwise.
 fn pack(mesh: &Mesh, face: usize) -> [u32; FACE_WORDS] {
     let topology = &mesh.topology;
     let [a, b, c] = topology.faces[face];
@@ -84,8 +84,7 @@ impl DrawnBuffer {
         Self { of: None, buffer: GrowingBuffer::new(Resource::Drawn) }
     }
 
-    /// Brings a list to the GPU unless it is there, and the cells at the eye. Returns whether a buffer was made, and the
-    /// bytes sent.
+    /// Uploads a list unless it is there, and the cells at the eye. Returns whether a buffer was made, and the bytes sent.
     pub(super) fn upload(
         &mut self,
         context: &Context,
@@ -105,7 +104,7 @@ impl DrawnBuffer {
     }
 }
 
-/// The cells in which a ray may begin, as `shaders/lib/faces.wgsl` has them.
+/// The cells in which a ray may begin, in the layout of `shaders/lib/faces.wgsl`.
 pub(super) fn eye_cells(job: &RenderJob, local_view: &View) -> Vec<[u32; EYE_WORDS]> {
     eye::cells(job, local_view).into_iter().map(|cell| eye_cell(job, local_view, cell)).collect()
 }

@@ -4,24 +4,24 @@
 //! 1. **count**: a thread a face looks at the pixels of the face's box and counts its fragments for each pixel. A face with a
 //!    large box is cut into pieces, one a tile, which are looked at one by one (`faces.wgsl`, `face_pieces.wgsl`). Rays that
 //!    begin in a cell have a fragment there (`face_starts.wgsl`).
-//! 2. **scan**: from counts to the place of each pixel's first fragment within its tile. The CPU reads the tiles' sums: so
-//!    much is known of the frame before a fragment is written, and no list is too short.
+//! 2. **scan**: from counts to the place of each pixel's first fragment within its tile. The CPU reads the tiles' sums before a
+//!    fragment is written, so that no list is too short.
 //! 3. For one band of tiles after the other, as large as there is memory for: **store**, the same stages again, which now
 //!    write depth, scalar, rank and cells; **sort**, of pixels with more than a thousand fragments (`face_sort.wgsl`); then
 //!    **resolve**, a workgroup a tile, a thread a pixel: fragments are put in order and composited.
 //!
-//! Order: the fragments of a pixel are stored in any order, and sorted by depth and rank (place in the list); so images are the
-//! same each time. With a complete list in exact order they are then followed from cell to cell, which makes depths within
-//! rounding harmless. Without exact order they are sorted by rank and fed through a window of k, as the CPU does it: the same
-//! mistakes. In exact order no fragment is ever out of order: there is no first try with a small buffer.
+//! Order: the fragments of a pixel are stored in any order, then sorted by depth and rank (place in the list), so that images are
+//! reproducible. With a complete list in exact order they are then followed from cell to cell, which makes depths within
+//! rounding harmless. Without exact order they are sorted by rank and fed through a window of k, with the same errors as on the
+//! CPU. In exact order no fragment is ever out of order: there is no first try with a small buffer.
 //!
 //! Deviations from the CPU path beside those of [`super::raycast`]:
-//! 1. Depths are sums of two f32. They are right to what f32 knows of the weights: 2^-22 of the face's extent in depth. Closer
-//!    ones may be in the wrong order, and cells decide (`FaceParams::tie`). With thin, visible cells they are computed in f64.
-//! 2. Rays that have become opaque cost their fragments all the same, but no integration.
+//! 1. Depths are sums of two f32, right to 2^-22 of the face's extent in depth, the error of f32 weights. Closer fragments may be
+//!    in the wrong order, and cells decide (`FaceParams::tie`). With thin, visible cells depths are computed in f64.
+//! 2. Fragments behind the place where a ray has become opaque are stored and sorted all the same, but not integrated.
 //!
 //! **Memory.** Fragments of a band fit a budget (256 MiB, two bindings). A tile that does not fit is done in parts; a single pixel that
-//! does not is beyond the GPU. Bands cost time and change no bit.
+//! does not is refused with `BeyondGpu`. Bands cost time and change no bit of the image.
 
 mod bands;
 mod faces;
@@ -53,10 +53,10 @@ use std::time::{Duration, Instant};
 pub use steps::FaceJob;
 use steps::{Flight, STEPS, Step, Work, stage};
 
-/// Bytes that all fragments of a band take at most, unless told otherwise.
+/// Default bound on the bytes of a band's fragments.
 const FRAGMENT_BYTES_MAX: u64 = 256 << 20;
 /// Error of a depth: weights are right to 2^-23 of themselves, and there are two; a depth is two weights times differences of
-/// the corners' depths, below 2 for a mesh within [-1, 1]. In f64 what is stored, a sum of two f32, decides: 2^-48 of it.
+/// the corners' depths, below 2 for a mesh within [-1, 1]. In f64 the error is that of storing a sum of two f32: 2^-48 of it.
 fn depth_error(precision: Precision) -> f64 {
     match precision {
         Precision::Single => 1.0 / (1u64 << 22) as f64,
@@ -75,14 +75,14 @@ pub struct FaceLists {
     scene: Scene,
     readback: Readback,
     words: Words,
-    /// Oldest first.
+    /// Submitted slices, oldest first.
     in_flight: VecDeque<Flight>,
     presenter: Presenter,
     precision: PrecisionChoice,
-    /// A unit is a workgroup; of sorting, a round.
+    /// Cost of each step per unit: a workgroup, or a round of sorting.
     costs: [StepCost; STEPS],
     fragment_bytes: u64,
-    /// Fragments of each tile, and of the deepest pixel of each.
+    /// Fragments of each tile, then of each tile's deepest pixel.
     sums: Vec<u32>,
     bands: Vec<Band>,
     bases: Vec<u32>,
@@ -94,7 +94,7 @@ impl Havs {
         Self::with_fragment_bytes(context, FRAGMENT_BYTES_MAX)
     }
 
-    /// A renderer whose fragments take so many bytes at a time at most: the less, the more bands, and the same image.
+    /// A renderer whose fragments take at most `fragment_bytes` at a time: fewer bytes mean more bands and the same image.
     pub fn with_fragment_bytes(context: Arc<Context>, fragment_bytes: u64) -> Self {
         Self::of(AtFullSize::of(FaceLists {
             context,
@@ -117,14 +117,14 @@ impl Havs {
         &self.layer.layer.context
     }
 
-    /// Bands of the last frame.
+    /// Number of bands of the last frame.
     pub fn band_count(&self) -> usize {
         self.layer.layer.bands.len()
     }
 }
 
 impl FaceLists {
-    /// Submits view transform and empty lists.
+    /// Submits decoding and view transform, and empties the lists.
     fn submit_preparation(&mut self, active: &FaceJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let target = &active.target;
         let Scene { pipelines, params, lists, .. } = &self.scene;
@@ -179,7 +179,7 @@ impl FaceLists {
         self.context.check()
     }
 
-    /// Goes on to the next step that has something to do.
+    /// Goes on to the next step.
     fn next_step(&mut self, active: &mut FaceJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         active.step = match active.step {
             Step::CountFaces => Step::CountStarts,
@@ -200,7 +200,7 @@ impl FaceLists {
         Ok(())
     }
 
-    /// Reads how many pieces the large faces have been cut into. If there was no room for them, the frame begins again.
+    /// Reads the number of pieces of large faces. If not all fitted, the frame begins again with more room.
     fn pieces_are_known(&mut self, active: &mut FaceJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let mut pieces = [0];
         self.words.read(&self.context, self.scene.lists.get(&self.context)?, 0, &mut pieces)?;
@@ -223,7 +223,7 @@ impl FaceLists {
         let (context, lists) = (&self.context, self.scene.lists.get(&self.context)?);
         let tiles = active.lists.tiles as usize;
         self.sums.resize(2 * tiles, 0);
-        // Behind the sums, what the deepest pixels have.
+        // Behind the sums, the fragments of the deepest pixels.
         self.words.read(context, lists, active.lists.sums(), &mut self.sums)?;
         let (sums, deepest) = self.sums.split_at(tiles);
         stats.fragments = sums.iter().map(|&sum| u64::from(sum)).sum();
@@ -245,7 +245,7 @@ impl FaceLists {
         self.begin_band(active)
     }
 
-    /// Tells the GPU where the fragments of the tiles of the next band are.
+    /// Writes the first slots of the next band's tiles, and begins the band.
     fn begin_band(&mut self, active: &mut FaceJob) -> Result<(), RenderError> {
         let Some(band) = self.bands.get(active.band) else {
             active.step = Step::End;
@@ -267,7 +267,7 @@ impl FaceLists {
         Ok(())
     }
 
-    /// Waits for work and takes its pixels, if it has some.
+    /// Waits for submitted work and takes its pixels, if any.
     fn collect(&mut self, flight: Flight, active: &FaceJob, frame: &mut Frame) -> Result<(), RenderError> {
         let context = &self.context;
         let waiting = Instant::now();
@@ -288,13 +288,13 @@ impl FaceLists {
         Ok(())
     }
 
-    /// The frame is done.
+    /// Ends the frame: updates costs and presents the image.
     fn finish(&mut self, target: &Target, frame: &mut Frame) -> Result<(), RenderError> {
         self.costs.iter_mut().for_each(StepCost::end_frame);
         self.presenter.present(&self.context, &target.planes.color, frame)
     }
 
-    /// The parameters of a job's faces, as far as they are known before anything is sent.
+    /// The face parameters that are known before the upload.
     fn face_params(job: &RenderJob, drawn: &DrawnFaces, precision: Precision, eye_distance: f64) -> FaceParams {
         FaceParams {
             drawn_count: drawn.faces.len() as u32,
@@ -330,7 +330,7 @@ impl LayerRenderer for FaceLists {
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
         if self.scene.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
-            // All pixels are transparent, and here.
+            // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
         }

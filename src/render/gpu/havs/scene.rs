@@ -1,4 +1,4 @@
-//! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
+//! The parts of a job in the GPU's memory, each sent only when it changes.
 
 use super::faces::{DrawnBuffer, FaceBuffers};
 use crate::mesh::Mesh;
@@ -15,9 +15,9 @@ use crate::render::{RenderError, RenderJob};
 use crate::visibility::{CellSet, DrawnFaces};
 use std::sync::Arc;
 
-/// Pieces of large faces that there is room for at first: a few faces in all tiles.
+/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
 const FIRST_PIECES_PER_TILE: u64 = 8;
-/// Fewest fragments that room is made for.
+/// Least capacity for fragments.
 const FRAGMENTS_MIN: u32 = 1 << 16;
 
 /// All that the stages read and write.
@@ -64,8 +64,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_transparent`]
-    /// has been asked.
+    /// Uploads what is not on the GPU yet, completes the parameters, and returns the target. The caller has asked
+    /// [`Table::is_transparent`].
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -77,7 +77,7 @@ impl Scene {
     ) -> Result<Arc<Target>, RenderError> {
         self.bytes_sent = 0;
         let made = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
-        // Buffers may have been made anew before one was refused: the old ones are bound.
+        // Buffers may have been reallocated before one was refused: the old ones are bound.
         if !matches!(made, Ok((_, false))) {
             self.pipelines.unbind();
         }
@@ -86,7 +86,7 @@ impl Scene {
         Ok(target)
     }
 
-    /// Compiles what a job needs unless that has been done; before [`Self::update`].
+    /// Compiles a job's stages unless that has been done; before [`Self::update`].
     pub(super) fn make_pipelines(
         &mut self,
         context: &Context,
@@ -101,7 +101,7 @@ impl Scene {
         self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))
     }
 
-    /// What is drawn to, and whether a buffer or a plane was made.
+    /// Returns the target, and whether a buffer or a plane was made.
     fn update_buffers(
         &mut self,
         context: &Context,
@@ -173,18 +173,18 @@ impl Scene {
         Ok((made, sent))
     }
 
-    /// Room for so many pieces behind the lists; whether the buffer was made for that.
+    /// Makes room for `pieces` behind the lists. Returns whether the buffer was reallocated.
     fn reserve_pieces(&mut self, context: &Context, lists: Lists, pieces: u64) -> Result<bool, RenderError> {
         self.lists.reserve(context, 4 * (lists.pieces() + PIECE_WORDS * pieces))
     }
 
-    /// Pieces that there is room for.
+    /// Capacity in pieces.
     fn piece_capacity(&self, lists: Lists) -> u32 {
         let words = (self.lists.bytes() / 4).saturating_sub(lists.pieces());
         u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
     }
 
-    /// Room for more pieces than there was.
+    /// Makes room for `pieces` and a quarter more.
     pub(super) fn grow_pieces(
         &mut self,
         context: &Context,
@@ -198,13 +198,13 @@ impl Scene {
         self.bind(context)
     }
 
-    /// Fragments that there may be at a time, if they may take `bytes`.
+    /// Largest number of fragments within `bytes` and two bindings.
     pub(super) fn fragment_capacity(context: &Context, kind: FragmentKind, bytes: u64) -> u32 {
         let both = 2 * (context.binding_bytes() / kind.bytes());
         u32::try_from((bytes / kind.bytes()).min(both)).unwrap_or(u32::MAX).max(1)
     }
 
-    /// Room for so many fragments, of at most `capacity`.
+    /// Makes room for `fragments`, at most `capacity`.
     pub(super) fn reserve_fragments(
         &mut self,
         context: &Context,
@@ -216,7 +216,7 @@ impl Scene {
         let room = |buffer: &GrowingBuffer| buffer.bytes() / kind.bytes();
         let [first, second] = &self.fragments;
         if room(first) + room(second) < u64::from(fragments) {
-            // Steps of a factor of two: a camera that moves does not make buffers all the time.
+            // Powers of two, so that a moving camera seldom reallocates.
             let wanted = fragments.checked_next_power_of_two().unwrap_or(capacity);
             let wanted = u64::from(wanted.max(FRAGMENTS_MIN).min(capacity));
             let in_first = wanted.min(context.binding_bytes() / kind.bytes());
@@ -232,7 +232,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Binds what the stages name wherever nothing is bound.
+    /// Makes the bind groups that are missing.
     fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
         let mut buffers = vec![&self.params, &self.face_params, &self.lists, &self.drawn.buffer, &self.active];
         buffers.extend([self.surfaces.buffer(), self.corners.buffer()]);

@@ -148,8 +148,8 @@ fn places_are_sums_of_the_counts_before_them() {
     }
 }
 
-/// Error of a depth: `DEPTH_ERROR` and `TRANSFORM_ERROR` of the shaders, four times for edge functions that f32 rounds at the
-/// rim of doubt (`raycast::stage_tests`).
+/// Error of a depth: `depth_error` and `TRANSFORM_ERROR`, four times for edge functions that f32 rounds at the rim of doubt
+/// (`raycast::stage_tests`).
 fn depth_bound(view: &View) -> f64 {
     4.0 * (depth_error(Precision::Single) + TRANSFORM_ERROR * (view.eye.length() + 2.0))
 }

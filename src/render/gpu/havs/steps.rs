@@ -1,4 +1,4 @@
-//! What is done for a frame, step by step.
+//! The steps of a frame.
 
 use super::bands::Band;
 use crate::render::RenderJob;
@@ -10,7 +10,7 @@ use crate::render::gpu::target::Target;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What the GPU is given to do, in this order; those from `StoreFaces` on again for each band.
+/// The steps of a frame, in order; those from `StoreFaces` on are repeated for each band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     CountFaces,
@@ -22,7 +22,7 @@ pub(super) enum Step {
     StorePieces,
     Sort,
     Resolve,
-    /// All has been submitted.
+    /// All work has been submitted.
     End,
 }
 
@@ -30,7 +30,7 @@ pub(super) enum Step {
 pub(super) const STEPS: usize = 9;
 
 impl Step {
-    /// Units of the first slice of all, before anything is known of their cost.
+    /// Units of the very first slice, whose cost is unknown.
     pub(super) fn first_units(self) -> usize {
         match self {
             Self::CountFaces | Self::StoreFaces => 64,
@@ -39,8 +39,7 @@ impl Step {
         }
     }
 
-    /// Fewest units of a slice, whatever they cost: with less, most of the GPU has nothing to do, and a slice costs more than
-    /// what is in it.
+    /// Fewest units of a slice, whatever they cost: fewer would leave most of the GPU idle, and a slice has a cost of its own.
     pub(super) fn least_units(self) -> usize {
         match self {
             Self::CountFaces | Self::StoreFaces => 32,
@@ -53,22 +52,21 @@ impl Step {
     pub(super) fn most_units(self) -> usize {
         match self {
             Self::Resolve => GROUPS_MAX as usize,
-            // What a round compares is in the parameters of its slice.
+            // The mask of a round is in the parameters of its slice.
             Self::Sort => 1,
             _ => u32::MAX as usize,
         }
     }
 }
 
-/// Rounds of a sorting network for `count` fragments: for each power of two up to the first that is not less, one more than for
-/// the one before.
+/// Rounds of a sorting network for `count` fragments: level l, from 1 to ceil(log2 `count`), has l rounds.
 fn sort_rounds(count: u32) -> usize {
     let levels = count.max(1).next_power_of_two().ilog2() as usize;
     levels * (levels + 1) / 2
 }
 
-/// The bits in which the places of the fragments that are compared differ, in round `round` of a sorting network: in the first
-/// round of a level all of the level (what is sorted in each half goes up in one and down in the other), then one after the other.
+/// The bits in which the places of two compared fragments differ in round `round` of a sorting network: in the first round of a level
+/// all bits of the level (one sorted half against the other, reversed), then single bits, highest first.
 fn sort_mask(round: usize) -> u32 {
     let (mut level, mut first) = (1, 0);
     while first + level <= round {
@@ -88,11 +86,11 @@ pub(super) struct Flight {
     pub(super) work: Work,
 }
 
-/// What comes back of it.
+/// How a slice comes back.
 pub(super) enum Work {
-    /// Nothing.
+    /// Nothing is read back.
     Plain(wgpu::SubmissionIndex),
-    /// Pixels, which may be the last of their tiles.
+    /// Resolved pixels; `ends_tiles` if they are the last of their tiles.
     Pixels { sent: Sent, ends_tiles: bool },
 }
 
@@ -107,14 +105,14 @@ pub struct FaceJob {
     pub(super) step: Step,
     /// First unit of the step that has not been submitted.
     pub(super) next: usize,
-    /// Pieces of large faces.
+    /// Number of pieces of large faces.
     pub(super) pieces: u32,
-    /// Band under way.
+    /// Index of the band under way.
     pub(super) band: usize,
 }
 
 impl FaceJob {
-    /// Goes to the first unit of the step.
+    /// Sets `next` to the step's first unit.
     pub(super) fn begin_step(&mut self, bands: &[Band]) {
         self.next = self.units(self.step, bands).start;
     }
@@ -142,7 +140,7 @@ impl FaceJob {
         }
     }
 
-    /// Writes to the parameters which units of a step come next; returns how many workgroups do them.
+    /// Writes the next units of a step to the parameters. Returns the number of workgroups.
     pub(super) fn choose(&mut self, step: Step, units: &Range<usize>) -> u32 {
         let face_params = &mut self.face_params;
         let tiles = self.params.tile_count() as u32;
@@ -164,7 +162,7 @@ impl FaceJob {
     }
 }
 
-/// The stage of a step of a job, if it is not the end.
+/// The stage of a job's step; `None` for `End`.
 pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option<Stage> {
     let kind = FragmentKind::of(job);
     let (count, store) = (Pass::Count, Pass::Store(kind, Inside::of(job)));

@@ -1,18 +1,18 @@
-//! Layers of depth on the GPU: what [`crate::render::cpu::layers`] does, in WGSL.
+//! Depth layers on the GPU: [`crate::render::cpu::layers`] in WGSL.
 //!
 //! 1. **faces**, the stage of the face renderer: a thread a face of the boundary looks at the pixels of the face's box. A face with a large
-//!    box is cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of a fragment a pixel keeps its nearest depths
-//!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and leaves the other to the next, so that they are the same in
-//!    any order.
-//! 2. **plan**: how many pieces there are stands in the GPU's memory, and the number of workgroups comes from there. Too many for the list,
-//!    and the boundary is drawn again with a longer one.
-//! 3. **range** of all depths in view, and from it the **reference** of filters.
+//!    box is cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of storing fragments a pixel keeps its nearest depths
+//!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and passes the other on to the next, so that the result does not
+//!    depend on their order.
+//! 2. **plan**: the number of workgroups is computed on the GPU from the number of pieces. If these exceed the list, the boundary is drawn
+//!    again with a longer one.
+//! 3. **range** of all depths in view, and from it the **reference** plane that filters compare.
 //!
 //! Deviations from the CPU path:
-//! 1. A depth is the sum of an f32 for two: right to what f32 knows of the weights, 2^-22 of the face's extent in depth, and to 2^-24 of
-//!    itself, counted from the middle of the mesh or from the eye. Places are computed in f32 whatever the device has.
-//! 2. Which rays pass through a face is as right as for the face renderer: rays within rounding of the boundary's rim may meet it or not.
-//! 3. Whether a face that reaches the eye is in front of it is not asked exactly.
+//! 1. A depth is one f32, the sum of the two that the face renderer keeps: right to 2^-22 of the face's extent in depth, the error of
+//!    f32 weights, and to 2^-24 of itself, counted from the middle of the mesh or from the eye. Geometry is always in f32.
+//! 2. Rays meet faces as in the face renderer: those within rounding of the boundary's rim may hit or miss it.
+//! 3. Whether a face that reaches the eye is in front of it is not decided exactly.
 
 #[cfg(test)]
 pub(super) mod stage_tests;
@@ -32,13 +32,13 @@ use crate::visibility::CellSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Pieces of large faces that there is room for at first: a few faces in all tiles.
+/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
 const FIRST_PIECES_PER_TILE: u64 = 8;
 
 const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
 const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
 
-/// The boundary of some cells in the GPU's memory.
+/// The boundary faces of a set of cells, on the GPU.
 pub(super) struct Boundary {
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     faces: u32,
@@ -50,7 +50,7 @@ impl Boundary {
         Self { of: None, faces: 0, list: GrowingBuffer::new(Resource::Drawn) }
     }
 
-    /// Brings the boundary of some cells of a job's mesh to the GPU unless it is there; whether a buffer was made, and the bytes sent.
+    /// Uploads the boundary of a set of cells of the job's mesh unless it is there. Returns whether a buffer was made, and the bytes sent;
     /// `None` if the job is cancelled.
     pub(super) fn update(
         &mut self,
@@ -71,12 +71,12 @@ impl Boundary {
         Ok(Some((made, sent)))
     }
 
-    /// Gives back what it takes, and lets the mesh go.
+    /// Frees the list, and drops the mesh.
     pub(super) fn release(&mut self) {
         *self = Self::new();
     }
 
-    /// Whether it is of some cells of another mesh.
+    /// Whether it holds the boundary of another mesh.
     pub(super) fn is_of_other(&self, mesh: &Arc<Mesh>) -> bool {
         self.of.as_ref().is_some_and(|(of, _)| !Arc::ptr_eq(of, mesh))
     }
@@ -87,15 +87,15 @@ impl Boundary {
     }
 }
 
-/// Layers of depth of one view.
+/// Depth layers of one view.
 pub(super) struct DepthLayers {
     params_buffer: GrowingBuffer,
     face_params_buffer: GrowingBuffer,
-    /// Pieces of large faces.
+    /// Pieces of large faces: [`LayerLists`].
     lists: GrowingBuffer,
     args: GrowingBuffer,
     pub(super) depths: GrowingBuffer,
-    /// What filters compare.
+    /// The plane of depth layers, 0 to 1, that filters compare.
     reference: Option<OnePlane>,
     pipelines: Pipelines,
     pub(super) params: Params,
@@ -119,14 +119,14 @@ impl DepthLayers {
         }
     }
 
-    /// Bytes of the largest binding for an image, but for the boundary and for pieces that are more than there is room for at first.
+    /// Bytes of the largest binding for an image, without the boundary and without pieces beyond the initial capacity.
     pub(super) fn binding_bytes((width, height): (usize, usize), layers: usize) -> u64 {
         let tiles = (width.div_ceil(TILE_PX) * height.div_ceil(TILE_PX)) as u64;
         let pieces = LayerLists::HEAD + PIECE_WORDS * FIRST_PIECES_PER_TILE * tiles;
         4 * pieces.max(LayerLists { tiles, layers: layers as u64 }.depths())
     }
 
-    /// Room for so many layers of a boundary in a view, and the stages; whether something was made.
+    /// Allocates `layers` depth layers for a view of a boundary, and compiles the stages. Returns whether a buffer or plane was made.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -156,7 +156,7 @@ impl DepthLayers {
         Ok(made)
     }
 
-    /// Gives back what layers take; what is compiled stays.
+    /// Frees buffers and plane; compiled stages stay.
     pub(super) fn release(&mut self) {
         let Self { params_buffer, face_params_buffer, lists, args, depths, reference, pipelines, .. } = self;
         pipelines.unbind();
@@ -164,28 +164,28 @@ impl DepthLayers {
         [params_buffer, face_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
     }
 
-    /// Takes over the stages that others have compiled.
+    /// Shares the stages that `others` has compiled.
     pub(super) fn share(&mut self, others: &Self) {
         self.pipelines.share(&others.pipelines);
     }
 
-    /// What filters compare, if there is room for it.
+    /// View of the reference plane, if it is allocated.
     pub(super) fn reference(&self) -> Option<&wgpu::TextureView> {
         self.reference.as_ref().map(|plane| &plane.view)
     }
 
-    /// The same with its texture.
+    /// The reference plane, to be read back.
     #[cfg(test)]
     pub(super) fn plane(&self) -> Option<&OnePlane> {
         self.reference.as_ref()
     }
 
-    /// Forgets what is bound: some of it has been made anew.
+    /// Drops the bind groups: bound buffers have been reallocated.
     pub(super) fn unbind(&mut self) {
         self.pipelines.unbind();
     }
 
-    /// Binds what the stages name wherever nothing is bound: the boundary, its view vertices, and the range that depths are seen in.
+    /// Makes the missing bind groups, with the boundary, its view vertices and the buffer of the depth range.
     pub(super) fn bind(
         &mut self,
         context: &Context,
@@ -199,7 +199,7 @@ impl DepthLayers {
         self.pipelines.bind(context, &buffers, &planes)
     }
 
-    /// Begins without a depth and without pieces; the clearing is recorded.
+    /// Writes the parameters and records the clearing of depths and pieces.
     pub(super) fn begin(&self, context: &Context, encoder: &mut wgpu::CommandEncoder) -> Result<(), RenderError> {
         self.params_buffer.write(context, 0, bytemuck::bytes_of(&self.params))?;
         encoder.clear_buffer(self.depths.get(context)?, 0, Some(4 * self.places.depths()));
@@ -222,7 +222,7 @@ impl DepthLayers {
         Ok(())
     }
 
-    /// Records the next pieces of large faces, at most so many.
+    /// Records the next pieces of large faces, at most `most`.
     pub(super) fn record_pieces(
         &mut self,
         context: &Context,
@@ -238,26 +238,25 @@ impl DepthLayers {
         Ok(())
     }
 
-    /// Where slices of pieces tell how far they are: [`LayerLists::HEAD`] words.
+    /// The buffer whose first [`LayerLists::HEAD`] words hold the progress of the pieces.
     pub(super) fn head(&self, context: &Context) -> Result<&wgpu::Buffer, RenderError> {
         self.lists.get(context)
     }
 
-    /// Pieces that there is room for.
+    /// Capacity in pieces.
     pub(super) fn piece_capacity(&self) -> u32 {
         let words = (self.lists.bytes() / 4).saturating_sub(LayerLists::HEAD);
         u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
     }
 
-    /// Room for so many pieces; whether the buffer was made for that.
+    /// Makes room for `pieces`. Returns whether the buffer was reallocated.
     fn reserve_pieces(&mut self, context: &Context, pieces: u64) -> Result<bool, RenderError> {
         self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
     }
 
-    /// Room for more pieces than there was, and a quarter more than that if a binding may have them; nothing is bound then, and the
-    /// boundary is to be drawn again.
+    /// Makes room for `pieces`, and a quarter more if a binding may hold them. Unbinds all; the boundary must be drawn again.
     pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
-        // What is bound would keep the list that there is beside the new one.
+        // Bind groups would keep the old list alive beside the new one.
         self.unbind();
         let most = (context.binding_bytes() / 4).saturating_sub(LayerLists::HEAD) / PIECE_WORDS;
         // A buffer is a multiple of 16 bytes.
@@ -274,7 +273,7 @@ impl DepthLayers {
         Ok(())
     }
 
-    /// Records what filters compare, for some tiles.
+    /// Records the reference plane of some tiles.
     pub(super) fn record_reference(
         &mut self,
         context: &Context,

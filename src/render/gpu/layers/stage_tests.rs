@@ -1,4 +1,4 @@
-//! Layers of depth against the CPU's, for views of meshes with holes and several parts.
+//! Depth layers against the CPU's, for views of meshes with holes and several parts.
 
 use super::*;
 use crate::camera::View;

@@ -2,17 +2,17 @@
 //!
 //! 0. **decode**, if the step is compressed: a thread a vertex.
 //! 1. **view transform**: a thread a vertex.
-//! 2. **entries**: a thread an entry face. Counted per tile, places summed, stored: lists of any length in one buffer. If
-//!    it is too small the frame is begun again with a larger one.
+//! 2. **entries**: a thread an entry face. Entries are counted per tile, the counts summed to places, and the entries stored: lists of any
+//!    length in one buffer. If it is too small the frame is begun again with a larger one.
 //! 3. **walk**, with **composite** inside: a workgroup a tile, a thread a pixel; or, where contrast decides which rays are cast, a
 //!    thread a ray of a list ([`sampling`]).
 //!
 //! Deviations from the CPU path:
 //! 1. f32: view coordinates are sums of two, sheared coordinates are right to the last bits near the ray, edge functions that
-//!    lose digits are computed again with the rounding errors of their products (`shaders/lib/ray.wgsl`). Places in meshes
-//!    with thin, visible cells are computed in f64 if the device has it ([`super::precision`]).
-//! 2. Starts of paths are not sorted in a list: a thread looks for the nearest four, and again for the next four.
-//! 3. Scalars and nodes are seen through a [`ScalarMap`](crate::optics::ScalarMap).
+//!    lose digits are computed again with the rounding errors of their products (`shaders/lib/ray.wgsl`). Geometry of meshes
+//!    with thin, visible cells is computed in f64 if the device has it ([`super::precision`]).
+//! 2. Starts of paths are not sorted in a list: a thread searches for the nearest four, and again for the next four.
+//! 3. Scalars and nodes are mapped by a [`ScalarMap`](crate::optics::ScalarMap).
 //!
 //! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
 //! differs from the last in camera, step or table only.
@@ -44,7 +44,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Tiles of the first slice of all, before anything is known of their cost.
+/// Tiles of the very first slice, whose cost is unknown.
 const FIRST_TILES: usize = 32;
 
 /// The GPU ray caster.
@@ -55,15 +55,15 @@ pub struct CellWalk {
     context: Arc<Context>,
     scene: Scene,
     readback: Readback,
-    /// Oldest first.
+    /// Submitted slices, oldest first.
     in_flight: VecDeque<Sent>,
     presenter: Presenter,
     choice: CellChoice,
     precision: PrecisionChoice,
-    /// Of a tile.
+    /// Estimated milliseconds per tile.
     cost: UnitCost,
     sampling_costs: SamplingCosts,
-    /// The contrast of the image that the last slice has filled, if better ones follow.
+    /// Contrast of the image just completed, if finer ones follow.
     preview: Option<Contrast>,
 }
 
@@ -76,11 +76,11 @@ pub struct WalkJob {
     tile_count: usize,
     /// First tile that has not been submitted.
     next_tile: usize,
-    /// Tiles that have come back.
+    /// Number of tiles that have come back.
     tiles_done: usize,
-    /// Milliseconds that these took.
+    /// Milliseconds that those tiles took.
     walk_ms: f64,
-    /// Which rays are cast, if not all at once.
+    /// Contrast-adaptive sampling; `None` if all rays are cast at once.
     sampling: Option<Sampling>,
 }
 
@@ -108,7 +108,7 @@ impl Raycast {
 }
 
 impl CellWalk {
-    /// Submits view transform and entries.
+    /// Submits decoding, view transform and entries.
     fn submit_preparation(&mut self, active: &WalkJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let target = &active.target;
         let Scene { pipelines, params, bins, .. } = &self.scene;
@@ -150,14 +150,14 @@ impl CellWalk {
         self.context.check()
     }
 
-    /// Brings a job of which something may be seen to the GPU, and submits what comes before the walk.
+    /// Uploads a job that may be visible, and submits the stages before the walk.
     fn begin_walk(&mut self, job: RenderJob, frame: &mut Frame) -> Result<WalkJob, RenderError> {
         let contrasts = job.contrasts();
         let sampling = (!contrasts.is_empty()).then(|| Sampling::new(&job, contrasts));
         if sampling.is_none() {
             frame.stats.rays_by_level[LAST] = job.view.ray_count();
         }
-        // Whether a ray meets a cell decides about others: transparent ones are not among the cells, whatever is skipped.
+        // Which rays meet a cell decides which others are cast: the domain has no transparent cells, whatever is skipped.
         let domain = job.domain.clone().filter(|_| sampling.is_some());
         let job = RenderJob { active: domain.unwrap_or_else(|| self.choice.cells(&job)), ..job };
         let view = job.local_view();
@@ -178,7 +178,7 @@ impl CellWalk {
         Ok(active)
     }
 
-    /// Works on an image of all rays for about `budget`; whether it is done.
+    /// Works on an image of all rays for about `budget`. Returns whether it is done.
     fn advance_tiles(
         &mut self,
         budget: Duration,
@@ -255,7 +255,7 @@ impl CellWalk {
         needed.map_or(Ok(()), |needed| self.begin_again(needed, active, &mut frame.stats))
     }
 
-    /// The lists were too short for what was found: room for all, and the frame from its start.
+    /// Begins the frame again with longer lists.
     fn begin_again(
         &mut self,
         pairs_needed: u64,
@@ -291,7 +291,7 @@ impl LayerRenderer for CellWalk {
         self.preview = None;
         eye::params(&self.context, &view)?;
         if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
-            // All pixels are transparent, and here.
+            // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
         }

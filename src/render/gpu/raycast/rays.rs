@@ -1,4 +1,4 @@
-//! What the rays that contrast asks for need in the GPU's memory, and their stages.
+//! Buffers, planes and stages of contrast-adaptive sampling.
 
 use crate::render::RenderError;
 use crate::render::gpu::buffers::GrowingBuffer;
@@ -11,15 +11,15 @@ use crate::render::gpu::target::PlanePair;
 
 /// Bytes of the arguments of two dispatches.
 const ARGS_BYTES: u64 = 24;
-/// Where the second ones begin.
+/// Byte offset of the walk's arguments.
 const WALK_ARGS: u64 = 12;
 
-/// Buffers, planes and stages; made for the first job that needs them.
+/// Buffers, planes and stages of contrast-adaptive sampling; allocated for the first job that needs them.
 pub(super) struct RayScene {
     params: GrowingBuffer,
     pub(super) rays: GrowingBuffer,
     args: GrowingBuffer,
-    /// What rays have seen, for an image of a width and height.
+    /// Colour and depth of the rays cast, and the width and height of their image.
     pub(super) seen: Option<((usize, usize), PlanePair)>,
     pipelines: Pipelines,
 }
@@ -35,7 +35,7 @@ impl RayScene {
         }
     }
 
-    /// Room for an image of this width and height, and the stages; `walk` is the one of rays in a list.
+    /// Allocates for an image of this size, and compiles the stages; `walk` is the stage that walks listed rays.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -59,7 +59,7 @@ impl RayScene {
         Ok(())
     }
 
-    /// Frees what is for an image of another width and height.
+    /// Frees planes and list if they are for an image of another size.
     pub(super) fn forget_other(&mut self, size_px: (usize, usize)) {
         if self.seen.as_ref().is_some_and(|(size, _)| *size != size_px) {
             (self.seen, self.rays) = (None, GrowingBuffer::new(Resource::Rays));
@@ -67,12 +67,12 @@ impl RayScene {
         }
     }
 
-    /// Forgets what is bound: some of it has been made anew.
+    /// Drops the bind groups: bound buffers have been reallocated.
     pub(super) fn unbind(&mut self) {
         self.pipelines.unbind();
     }
 
-    /// Binds what the stages name, which is here or among these, wherever nothing is bound.
+    /// Makes the missing bind groups, from its own resources, `buffers` and `planes`.
     pub(super) fn bind(
         &mut self,
         context: &Context,
@@ -88,7 +88,7 @@ impl RayScene {
         self.pipelines.bind(context, &buffers, &views)
     }
 
-    /// Begins an image without a ray, for a contrast; the clearing is recorded.
+    /// Writes the parameters for a contrast, and records the clearing of the list.
     pub(super) fn begin(
         &self,
         context: &Context,
@@ -98,12 +98,12 @@ impl RayScene {
     ) -> Result<(), RenderError> {
         let lists = RayLists { size_px };
         self.params.write(context, 0, bytemuck::bytes_of(&RayParams::new(lists, contrast)))?;
-        // Head and bits; states are written before they are read, and the list begins empty.
+        // Head and bits; block states are written before they are read, and the list begins empty.
         encoder.clear_buffer(self.rays.get(context)?, 0, Some(4 * lists.states()[0]));
         Ok(())
     }
 
-    /// Goes on to another contrast, at which the rays serve that have been cast. Nothing is under way.
+    /// Goes on to another contrast with the rays cast so far. No slice may be under way.
     pub(super) fn sharpen(&self, context: &Context, size_px: (usize, usize), contrast: f32) -> Result<(), RenderError> {
         self.params.write(context, 0, bytemuck::bytes_of(&RayParams::new(RayLists { size_px }, contrast)))?;
         let anew = [0u32; RayLists::HEAD - RayLists::STEP];
@@ -111,7 +111,7 @@ impl RayScene {
         Ok(())
     }
 
-    /// Records the next steps, as far as `groups` workgroups of the walk go: if that is all, the last ray of the image is among them.
+    /// Records all [`RayLists::STEPS`] steps, limited to `groups` workgroups of the walk; an image that needs no more is finished.
     pub(super) fn record(
         &self,
         context: &Context,
@@ -137,7 +137,7 @@ impl RayScene {
         Ok(())
     }
 
-    /// Records the filling of so many tiles.
+    /// Records the filling of `tiles` tiles.
     pub(super) fn record_fill(
         &self,
         context: &Context,

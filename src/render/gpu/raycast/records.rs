@@ -1,4 +1,4 @@
-//! The cells of a mesh in the GPU's memory.
+//! Records of a mesh's cells in the GPU's memory.
 
 use crate::mesh::Mesh;
 use crate::render::RenderError;
@@ -8,10 +8,10 @@ use crate::render::gpu::resources::Resource;
 use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
 use std::sync::Arc;
 
-/// Records are made and sent in pieces of this many cells, so that no second copy of a large mesh is held.
+/// Cells per piece in which records are made and sent, so that no second copy of a large mesh is held.
 const CELLS_PER_PIECE: usize = 1 << 18;
 
-/// Records of a mesh's cells: four vertices, four neighbours each.
+/// Buffers of the records: four vertices and four neighbours per cell.
 #[derive(Debug)]
 pub(super) struct Records {
     of: Option<Arc<Mesh>>,
@@ -23,7 +23,7 @@ impl Records {
         Self { of: None, parts: Resource::RECORDS.map(GrowingBuffer::new) }
     }
 
-    /// Brings the cells of a mesh to the GPU unless they are there. Returns whether a buffer was made, and the bytes sent.
+    /// Uploads the cells of a mesh unless they are there. Returns whether a buffer was made, and the bytes sent.
     pub(super) fn upload(
         &mut self,
         context: &Context,

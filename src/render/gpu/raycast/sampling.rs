@@ -3,19 +3,19 @@
 //! ```text
 //! each slice, as often as there are steps:
 //!     plan     the next step, if the walk has been given all rays of the last one
-//!     decide   which blocks of that step are split of their own
-//!     append   those beside them are split, too; rays in split blocks are appended to the list
-//!     slice    workgroups for the walk: as many as there are rays for, and as the slice may still start
+//!     decide   which blocks of that step are split by their own corners
+//!     append   blocks beside them are split, too; rays in split blocks are appended to the list
+//!     slice    workgroups for the walk: as many as the rays need and the slice may still start
 //!     walk     these rays
-//! once a slice that has come back says that this was all: the image is filled, tile by tile
+//! once a slice comes back as the last: the image is filled, tile by tile
 //! ```
 //!
-//! How far the image is stands in the GPU's memory, and the numbers of workgroups come from there: the CPU gives it one slice after the other,
-//! all of them alike, and reads nothing in between. What a slice brings back are counts, and whether it was the last; one that comes behind
-//! the last does nothing. A ray is appended once, by whoever sets its bit first, so that the list has no more places than the image has pixels.
+//! The image's progress and the numbers of workgroups are in the GPU's memory: the CPU submits one slice after the other, all of them
+//! alike, and reads nothing in between. A slice reads back counts, and whether it was the last; slices behind the last do nothing. A ray is
+//! appended once, by the thread that sets its bit first, so that the list has no more places than the image has pixels.
 //!
-//! What a ray has seen lies in planes of its own: `fill` cannot read the texture that it writes. Which rays are cast depends on these and
-//! on the bits of rays that met a cell, and on neither slices nor the order of the list.
+//! Colours and depths of rays lie in planes of their own: `fill` cannot read the texture that it writes. Which rays are cast depends on
+//! these and on the bits of rays that met a cell, and on neither slices nor the order of the list.
 
 use super::{CellWalk, FIRST_TILES, WalkJob};
 use crate::render::gpu::context::Context;
@@ -28,27 +28,27 @@ use crate::render::{Contrast, Frame, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
 use std::time::{Duration, Instant};
 
-/// How far the sampling of an image is.
+/// Progress of an image's sampling.
 pub(super) struct Sampling {
-    /// Thresholds that are still to be reached, the next one last; there is one.
+    /// Contrast thresholds that are still to be reached, the next one last; at least one.
     contrasts: Vec<f32>,
-    /// The job of all rays that comes behind them, if that is how they end.
+    /// The job of all rays, if it follows the last threshold.
     exact: Option<Box<RenderJob>>,
     /// Whether all rays have been cast, and the image is being filled.
     fills: bool,
-    /// What the rays that were cast last have cost.
+    /// Workgroups of the present threshold's walk, and their milliseconds.
     groups: usize,
     ms: f64,
 }
 
-/// What workgroups of rays and tiles that are filled take, from frame to frame.
+/// Milliseconds per workgroup of rays and per filled tile, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SamplingCosts {
     group: UnitCost,
     fill: UnitCost,
 }
 
-/// What a slice of rays says.
+/// What a slice of rays reads back.
 struct Told {
     pairs: u64,
     is_done: bool,
@@ -58,7 +58,7 @@ struct Told {
 }
 
 impl Sampling {
-    /// The sampling of a job that has contrasts, the greatest first; 0 is the job without.
+    /// The sampling of a job with contrasts, the greatest first; a last one of 0 means all rays.
     pub(super) fn new(job: &RenderJob, mut contrasts: Vec<f32>) -> Self {
         let is_whole = contrasts.last() == Some(&0.0);
         if is_whole {
@@ -75,13 +75,13 @@ impl Sampling {
         self.contrasts.last().copied().unwrap_or(0.0)
     }
 
-    /// Begins with the rays of a threshold.
+    /// Begins a threshold.
     pub(super) fn begin_again(&mut self) {
         (self.fills, self.groups, self.ms) = (false, 0, 0.0);
     }
 }
 
-/// The walk of the rays that contrast asks for.
+/// The stage that walks listed rays.
 pub(super) fn walk_of(job: &WalkJob) -> Stage {
     Stage::WalkRays(Gathering::of(&job.job), Inside::of(&job.job), job.precision)
 }
@@ -101,7 +101,7 @@ impl Told {
             ms: times.map_or(0.0, |[_, walk]| walk),
             counts: FrameStats {
                 rays_by_level: [0, 1, 2, 3].map(|level| count(RayLists::RAYS_BY_LEVEL + level)),
-                // There are no layers beside the cells.
+                // The GPU has no layers beside the cells.
                 blocks_split: [0, 1, 2, 3, 4]
                     .map(|reason| if reason < 4 { count(RayLists::BLOCKS + reason) } else { 0 }),
                 blocks_filled: count(RayLists::BLOCKS + 4),
@@ -112,7 +112,7 @@ impl Told {
 }
 
 impl CellWalk {
-    /// Works on an image of some rays for about `budget`; whether it is done.
+    /// Works on an adaptively sampled image for about `budget`. Returns whether it is done.
     pub(super) fn advance_rays(
         &mut self,
         budget: Duration,
@@ -162,7 +162,7 @@ impl CellWalk {
         Ok(())
     }
 
-    /// Waits for a slice of rays. Behind the last one, the image is filled.
+    /// Waits for a slice of rays; after the last one filling begins.
     fn collect_rays(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
         let waiting = Instant::now();
         let context = self.context.clone();
@@ -189,7 +189,7 @@ impl CellWalk {
         stats.add_counts(&counts);
         stats.rays_by_level.iter_mut().zip(counts.rays_by_level).for_each(|(sum, count)| *sum += count);
         (stats.blocks_split, stats.blocks_filled) = (counts.blocks_split, counts.blocks_filled);
-        // What has been submitted behind the last one does nothing.
+        // Slices submitted behind the last one do nothing.
         self.abandon()
     }
 
@@ -231,7 +231,7 @@ impl CellWalk {
         Ok(())
     }
 
-    /// The image of a contrast is there; whether no other follows.
+    /// Presents the image of a contrast. Returns whether it was the last.
     fn end_contrast(&mut self, active: &mut WalkJob, frame: &mut Frame) -> Result<bool, RenderError> {
         self.presenter.present(&self.context, &active.target.planes.color, frame)?;
         let Some(sampling) = &mut active.sampling else { return Ok(true) };
@@ -243,7 +243,7 @@ impl CellWalk {
         Ok(false)
     }
 
-    /// Goes on from an image that somebody has seen to the next one.
+    /// Goes on to the next contrast; the last image may still be shown.
     pub(super) fn go_on(&mut self, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
         let Some(sampling) = &mut active.sampling else { return Ok(()) };
         self.presenter.renew(&self.context, frame)?;
@@ -254,9 +254,9 @@ impl CellWalk {
         self.scene.rays.sharpen(&self.context, active.target.size_px, sampling.contrast())
     }
 
-    /// Begins the image of all rays, as it is for a job that is about nothing else: the walk of a list may round otherwise.
+    /// Begins the image of all rays with the walk by tiles: the walk of a list may round otherwise.
     fn begin_exact(&mut self, job: RenderJob, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
-        // Counts are those of the image in the end.
+        // Counts are those of the final image alone.
         let stats = &mut frame.stats;
         (stats.entries, stats.steps, stats.segments, stats.rays_hit) = Default::default();
         (stats.rays_stopped_early, stats.out_of_order, stats.broken_paths) = Default::default();

@@ -1,4 +1,4 @@
-//! The parts of a job in the GPU's memory: each is sent when it changes, and only then.
+//! The parts of a job in the GPU's memory, each sent only when it changes.
 
 use super::rays::RayScene;
 use super::records::Records;
@@ -17,7 +17,7 @@ use crate::render::{RenderError, RenderJob};
 use crate::visibility::CellSet;
 use std::sync::Arc;
 
-/// Where rays enter, and the active cells.
+/// Entry faces and active cells.
 struct Domain {
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     /// Entry faces as cell << 2 | opposite vertex, then the cells at the eye, each followed by its sides.
@@ -40,7 +40,7 @@ pub(super) struct Scene {
     pub(super) target: Option<Arc<Target>>,
     /// Ends of the tiles' lists, their sum, the lists.
     pub(super) bins: GrowingBuffer,
-    /// What is needed where contrast decides which rays are cast.
+    /// Resources of contrast-adaptive sampling.
     pub(super) rays: RayScene,
     /// Bytes sent for the present job.
     pub(super) bytes_sent: u64,
@@ -70,8 +70,8 @@ impl Scene {
         }
     }
 
-    /// Brings everything to the GPU that is not there yet, and completes the parameters; what is drawn to. [`Table::is_transparent`]
-    /// has been asked. Places are computed with the precision; contrast decides which rays are cast, or they all are.
+    /// Uploads what is not on the GPU yet, completes the parameters, and returns the target. The caller has asked
+    /// [`Table::is_transparent`]. `how` is the geometry's precision, and whether sampling is adaptive.
     pub(super) fn update(
         &mut self,
         context: &Context,
@@ -82,7 +82,7 @@ impl Scene {
     ) -> Result<Arc<Target>, RenderError> {
         let updated = self.update_parts(context, job, how, eye_cells, params);
         if updated.is_err() {
-            // Buffers may have been made anew before one was refused: the old ones are bound.
+            // Buffers may have been reallocated before one was refused: the old ones are bound.
             self.unbind();
         }
         updated
@@ -160,7 +160,7 @@ impl Scene {
         Ok(target)
     }
 
-    /// Room for more pairs of tile and item than there was.
+    /// Makes room for `pairs` pairs of tile and item, and a quarter more.
     pub(super) fn grow_lists(
         &mut self,
         context: &Context,
@@ -175,12 +175,12 @@ impl Scene {
         self.bind(context, is_sampled)
     }
 
-    /// Room for `pairs` pairs of tile and item beside what `tiles` need; whether the buffer was made for that.
+    /// Makes room for `pairs` pairs of tile and item behind the ends of `tiles`. Returns whether the buffer was reallocated.
     fn reserve_pairs(&mut self, context: &Context, tiles: u64, pairs: u64) -> Result<bool, RenderError> {
         self.bins.reserve(context, 4 * (tiles + 1 + PAIR_WORDS * pairs))
     }
 
-    /// Pairs that there is room for.
+    /// Capacity in pairs.
     fn pair_capacity(&self, tiles: u64) -> u32 {
         let words = (self.bins.bytes() / 4).saturating_sub(tiles + 1);
         u32::try_from(words / PAIR_WORDS).unwrap_or(u32::MAX)
@@ -221,13 +221,13 @@ impl Scene {
         Ok(made)
     }
 
-    /// Forgets what is bound: some of it has been made anew.
+    /// Drops the bind groups: bound buffers have been reallocated.
     fn unbind(&mut self) {
         self.pipelines.unbind();
         self.rays.unbind();
     }
 
-    /// Binds what the stages name wherever nothing is bound.
+    /// Makes the bind groups that are missing.
     fn bind(&mut self, context: &Context, is_sampled: bool) -> Result<(), RenderError> {
         let mut buffers = vec![&self.params, &self.domain.items, &self.domain.active, &self.bins];
         buffers.push(self.surfaces.buffer());

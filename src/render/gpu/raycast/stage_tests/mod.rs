@@ -19,7 +19,7 @@ use crate::visibility::Skip;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// The GPU of this machine, if there is one; says if not.
+/// The GPU of this machine; without one `None`, and the test is reported as skipped.
 pub(in crate::render::gpu) fn context() -> Option<Arc<Context>> {
     static CONTEXT: OnceLock<Result<Arc<Context>, String>> = OnceLock::new();
     let made = || Context::new(&ContextOptions::default()).map(Arc::new).map_err(|e| e.to_string());

@@ -1,5 +1,5 @@
-//! Which rays are cast and what pixels between them show: against the CPU's functions over what the GPU has seen, to the last block, and
-//! against the CPU's frames, where contrasts may be so close to the threshold that rounding decides.
+//! Rays cast and pixels filled between them: exactly as by the CPU's functions from the GPU's colours, and against the CPU's frames,
+//! where contrasts may be so close to the threshold that rounding decides.
 
 use super::*;
 use crate::image::Planes;
@@ -174,7 +174,7 @@ struct Decided {
     unexplained: usize,
 }
 
-/// The states of a block, as both have them.
+/// Bits of a block's state, the same on CPU and GPU.
 const OPEN: u32 = 1;
 const OF_ITS_OWN: u32 = 14;
 

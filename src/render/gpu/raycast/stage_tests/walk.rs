@@ -1,4 +1,4 @@
-//! What rays meet, counted by the walk and by going through all cells for each pixel.
+//! Starts and cells of rays, counted by the walk and by testing all cells for each pixel.
 
 use super::*;
 use crate::image::RgbaImage;
