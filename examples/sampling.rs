@@ -229,7 +229,7 @@ fn missed_parts() -> Result<RgbaImage> {
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
         points.extend(corners.map(|corner| place + 2.5 * pixel * DVec3::from_array(corner)));
     }
-    let mesh = Arc::new(Mesh::build(RawMesh { points, tets })?.0);
+    let mesh = Arc::new(Mesh::build(RawMesh { points, cells: tets.into() })?.0);
     let is_part = |vertex: usize| mesh.positions.world(vertex).z > 0.0;
     let scalars: Vec<f32> =
         (0..mesh.positions.local.len()).map(|vertex| f32::from(u8::from(is_part(vertex)))).collect();

@@ -45,14 +45,14 @@ impl<'a> StoredSeries<'a> {
             let [a, b, c, d] = topology.tets[cell as usize].map(|v| ranks[v as usize]);
             if cell_turned[cell as usize] { [a, b, d, c] } else { [a, b, c, d] }
         };
-        let tets = cells.iter().map(tet).collect();
+        let tets: Vec<_> = cells.iter().map(tet).collect();
         let (mut fields, mut readers) = (Vec::new(), Vec::new());
         for Group { name, components } in chosen(store, selectors)? {
             fields.push(FieldInfo { name, components: components.len(), association: Association::Point });
             readers.push(components);
         }
         let buffer = Mutex::new(vec![0.0; vertices.len()]);
-        Ok(Self { store, mesh: RawMesh { points, tets }, fields, readers, vertices, buffer })
+        Ok(Self { store, mesh: RawMesh { points, cells: tets.into() }, fields, readers, vertices, buffer })
     }
 }
 

@@ -114,7 +114,7 @@ impl GridReader {
             // Fits: the number of points of all pieces does.
             *slot = (first_point + vertex as usize) as u32;
         }
-        self.mesh.tets.push(tet);
+        self.mesh.cells.tets.push(tet);
         self.kept.push((self.cells + cell) as u32);
         Ok(())
     }

@@ -63,7 +63,7 @@ impl Joined {
 
 fn is_same(a: &RawMesh, b: &RawMesh) -> bool {
     let equal = |(p, q): (&glam::DVec3, &glam::DVec3)| p == q;
-    a.tets == b.tets && a.points.len() == b.points.len() && a.points.iter().zip(&b.points).all(equal)
+    a.cells.tets == b.cells.tets && a.points.len() == b.points.len() && a.points.iter().zip(&b.points).all(equal)
 }
 
 impl SeriesSource for Joined {

@@ -5,7 +5,7 @@ use super::cells::GridReader;
 use super::numbers::Values;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
-use crate::mesh::RawMesh;
+use crate::mesh::{RawMesh, gather};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -94,7 +94,7 @@ impl<S: StepReader> Series<S> {
         };
         let first = Step::<S>::open(origin)?;
         let grid = first.reader.read_grid()?;
-        if grid.mesh.tets.is_empty() {
+        if grid.mesh.cells.is_empty() {
             let found = [vec![format!("{} cells", grid.cells)], grid.notes()].concat().join("; ");
             return Err(FileError::unsupported(first.reader.path(), "", format!("has no tetrahedra ({found})"))
                 .remedy("write a volume mesh of tetrahedra"));
@@ -186,10 +186,7 @@ impl<S: StepReader> SeriesSource for Series<S> {
             };
         }
         if let (Association::Cell, Some(kept)) = (field.association, &self.shape.kept) {
-            for (to, &from) in kept.iter().enumerate() {
-                out[to] = out[from as usize];
-            }
-            out.truncate(kept.len());
+            gather(out, kept);
         }
         if overflows > 0 {
             let mut counts = self.overflows.lock().unwrap_or_else(PoisonError::into_inner);
@@ -263,6 +260,6 @@ fn hash_points(mesh: &RawMesh) -> u64 {
 
 fn hash_cells(grid: &GridReader) -> u64 {
     let mut state = DefaultHasher::new();
-    (&grid.mesh.tets, &grid.kept).hash(&mut state);
+    (&grid.mesh.cells.tets, &grid.kept).hash(&mut state);
     state.finish()
 }

@@ -130,7 +130,7 @@ pub fn append(
     }
     let mesh = store.mesh()?;
     let raw = source.mesh().map_err(IngestError::Source)?;
-    let counts = [raw.points.len(), raw.tets.len()];
+    let counts = [raw.points.len(), raw.cells.len()];
     check_cancel(cancel)?;
     same_mesh::check(source, raw, &store, &mesh)?;
 

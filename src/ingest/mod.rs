@@ -56,7 +56,7 @@ pub fn ingest(
     let mut writer = StoreWriter::create(out, options.overwrite)?;
 
     let raw = source.mesh().map_err(IngestError::Source)?;
-    let counts = [raw.points.len(), raw.tets.len()];
+    let counts = [raw.points.len(), raw.cells.len()];
     let points = SourcePoints::of(&raw.points);
     check_cancel(cancel)?;
     let (mesh, repair) =

@@ -2,7 +2,7 @@
 
 use crate::error::{FileError, FileResult};
 use crate::field::SeriesSource;
-use crate::mesh::{Mesh, RawMesh};
+use crate::mesh::{Mesh, RawMesh, split};
 use crate::store::Store;
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
         )
         .remedy("steps of a mesh that moved or was refined cannot be appended; import them to a store of their own")
     };
-    let counts = [raw.points.len(), raw.tets.len()];
+    let counts = [raw.points.len(), raw.cells.len()];
     if let Some([points, cells]) = store.source_counts()
         && [points, cells] != counts.map(|n| n as u64)
     {
@@ -33,19 +33,20 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
             return Err(differs(format!("point {index} is {found} instead of at {}", at(&expected))));
         }
     }
+    let split = split(raw.cells);
     for (tet, &index) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
         let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
-        let found = raw.tets.get(index as usize);
+        let found = split.of_cell(index);
         // Which of the two it was, an older store does not say; the cell is the same.
-        if ![[a, b, c, d], [a, b, d, c]].iter().any(|expected| found == Some(expected)) {
-            let found = found.map_or("is missing".to_owned(), |tet| format!("joins points {tet:?}"));
+        if !found.iter().any(|found| [[a, b, c, d], [a, b, d, c]].contains(found)) {
+            let found = found.first().map_or("is missing".to_owned(), |tet| format!("joins points {tet:?}"));
             return Err(differs(format!("cell {index} {found} instead of {:?}", [a, b, c, d])));
         }
     }
     if counts[1] == mesh.cell_source.len() {
         return Ok(());
     }
-    match Mesh::build(raw) {
+    match Mesh::build_split(raw.points, split) {
         Ok((built, _)) if built.cell_source == mesh.cell_source => Ok(()),
         _ => Err(differs("other cells are flat or duplicates".to_owned())),
     }

@@ -124,7 +124,7 @@ fn flat_cells_have_a_density() {
         let tips = heights.map(|z| [0.2, 0.2, z]);
         let raw = crate::mesh::RawMesh {
             points: [[0.0; 3], [1.0, 0.0, 0.0], corner, tips[0], tips[1]].map(DVec3::from).to_vec(),
-            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            cells: vec![[0, 1, 2, 3], [0, 2, 1, 4]].into(),
         };
         let mesh = Mesh::build(raw).unwrap().0;
         let scalars: Vec<f32> = (0..mesh.positions.local.len()).map(|v| v as f32).collect();

@@ -300,7 +300,7 @@ fn what_has_not_changed_is_not_selected_again() {
 #[test]
 fn a_mesh_without_inner_faces_is_drawn_whole_at_any_level() {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
+    let (mesh, _) = Mesh::build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }).unwrap();
     let topology = &mesh.topology;
     for ranking in [
         Ranking::by_hash(topology),

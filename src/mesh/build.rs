@@ -39,12 +39,12 @@
 //! (more memory than the half-faces, and an order to undo), and one sort of all half-faces (each would have to hold its
 //! lowest vertex, too: 16 bytes a cell more).
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::curve::{CurveKey, cell_curve_index, curve_index, sort_along_curve};
 use super::repair::{self, Orientation};
-use super::{Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, faces};
+use super::{Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, faces, split};
 
 impl Mesh {
     /// Repairs a mesh, brings it into curve order and derives its faces. What was found and repaired is in the report:
@@ -55,7 +55,13 @@ impl Mesh {
     /// If there are too many cells or points to number, a cell names a missing point, a point in use is not finite or
     /// further away than f64 can scale, or no cell remains.
     pub fn build(raw: RawMesh) -> Result<(Mesh, RepairReport), MeshError> {
-        let RawMesh { points, mut tets } = raw;
+        let RawMesh { points, cells } = raw;
+        Self::build_split(points, split(cells))
+    }
+
+    /// [`Self::build`] of cells that are split: what is reported as cells are tetrahedra.
+    pub(crate) fn build_split(points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
+        let mut tets = std::mem::take(&mut split.tets);
         repair::check_counts(tets.len(), points.len())?;
         repair::check_indices(&tets, points.len())?;
         if tets.is_empty() {
@@ -88,7 +94,8 @@ impl Mesh {
         report.duplicate_cells = report.cells_in - report.zero_volume - report.cells_out;
 
         let tets = renumber(tets, &cell_order, &vertex_order, raw_positions.local.len());
-        let cell_source = sources(cell_order);
+        let mut cell_source = sources(cell_order);
+        split.to_cells(&mut cell_source);
         let local = vertex_order.iter().map(|&(_, source)| raw_positions.local[source as usize]).collect();
         let positions = Positions { local, origin: raw_positions.origin, scale: raw_positions.scale };
         drop(raw_positions);

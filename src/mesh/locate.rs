@@ -141,8 +141,8 @@ mod tests {
             let mut random = Random::new(seed);
             let flatten = DVec3::new(1.0, 1.0, 2f64.powi(-flatness));
             let points = (0..12).map(|_| flatten * DVec3::from_array(std::array::from_fn(|_| random.signed()))).collect();
-            let tets = (0..30).map(|_| std::array::from_fn(|_| random.below(12) as u32)).collect();
-            let Ok((mesh, _)) = Mesh::build(RawMesh { points, tets }) else { return Ok(()) };
+            let tets: Vec<_> = (0..30).map(|_| std::array::from_fn(|_| random.below(12) as u32)).collect();
+            let Ok((mesh, _)) = Mesh::build(RawMesh { points, cells: tets.into() }) else { return Ok(()) };
             for probe in 0..mesh.topology.tets.len() as u32 {
                 let [a, b, c, d] = corners(&mesh, probe);
                 for (wa, wb, wc, wd) in [(16, 0, 0, 0), (0, 0, 5, 11), (4, 0, 5, 7), (0, 3, 6, 7), (1, 5, 10, 0), (1, 2, 4, 9)] {

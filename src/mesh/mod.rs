@@ -16,6 +16,7 @@ mod plane;
 mod positions;
 mod repair;
 mod report;
+mod split;
 #[cfg(test)]
 pub(crate) mod test_meshes;
 #[cfg(test)]
@@ -28,6 +29,7 @@ pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
+pub use split::{Cells, Split, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;
@@ -37,8 +39,8 @@ use glam::DVec3;
 pub struct RawMesh {
     /// Vertex coordinates in world units.
     pub points: Vec<DVec3>,
-    /// Vertex indices of the cells.
-    pub tets: Vec<[u32; 4]>,
+    /// The cells, by the indices of their vertices.
+    pub cells: Cells,
 }
 
 /// A repaired mesh in curve order, with the way back to the file's numbering.
@@ -50,7 +52,7 @@ pub struct Mesh {
     pub positions: Positions,
     /// For each vertex the index it had in the [`RawMesh`].
     pub vertex_source: Vec<u32>,
-    /// For each cell the index it had in the [`RawMesh`].
+    /// For each cell the index that it, or the cell it is a part of, had in the [`RawMesh`].
     pub cell_source: Vec<u32>,
     /// For each cell whether its last two vertices were swapped to make its volume positive.
     pub cell_turned: Vec<bool>,

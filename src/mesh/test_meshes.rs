@@ -66,7 +66,7 @@ pub fn kuhn_grid_of([nx, ny, nz]: [usize; 3], keep: impl Fn([usize; 3]) -> bool)
             tets.push(tet);
         }
     }
-    RawMesh { points, tets }
+    RawMesh { points, cells: tets.into() }
 }
 
 /// All cubes of a grid.
@@ -91,7 +91,7 @@ pub fn shuffled(raw: &RawMesh, random: &mut Random) -> (RawMesh, Vec<u32>) {
     for (i, &v) in (0u32..).zip(&old) {
         new[v as usize] = i;
     }
-    let mut tets: Vec<_> = raw.tets.iter().map(|tet| tet.map(|v| new[v as usize])).collect();
+    let mut tets: Vec<_> = raw.cells.tets.iter().map(|tet| tet.map(|v| new[v as usize])).collect();
     random.shuffle(&mut tets);
-    (RawMesh { points: old.iter().map(|&v| raw.points[v as usize]).collect(), tets }, old)
+    (RawMesh { points: old.iter().map(|&v| raw.points[v as usize]).collect(), cells: tets.into() }, old)
 }

@@ -17,7 +17,7 @@ fn build(raw: &RawMesh) -> (Mesh, RepairReport) {
 }
 
 fn unit_tet() -> RawMesh {
-    RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], tets: vec![[0, 1, 2, 3]] }
+    RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], cells: vec![[0, 1, 2, 3]].into() }
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn vertices_and_cells_lie_along_the_curve_and_know_where_they_came_from() {
         assert!(error <= mesh.positions.scale * 2f64.powi(-25), "{error:e}");
     }
     for (tet, &source) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
-        assert_eq!(ascending(tet.map(|v| mesh.vertex_source[v as usize])), ascending(raw.tets[source as usize]));
+        assert_eq!(ascending(tet.map(|v| mesh.vertex_source[v as usize])), ascending(raw.cells.tets[source as usize]));
     }
 }
 
@@ -99,7 +99,7 @@ fn parts_that_touch_in_an_edge_or_a_vertex_are_not_connected() {
 fn two_cells_on_the_same_side_of_a_face_are_not_neighbours() {
     let mut raw = unit_tet();
     raw.points.push(DVec3::new(0.2, 0.2, 2.0));
-    raw.tets.push([0, 1, 2, 4]);
+    raw.cells.tets.push([0, 1, 2, 4]);
     let (mesh, report) = build(&raw);
     assert_eq!((report.non_manifold_faces, report.boundary_faces, report.parts), (1, 8, 2));
     assert_eq!(mesh.topology.faces.len(), 8, "the shared face is listed for each of its cells");
@@ -110,7 +110,7 @@ fn two_cells_on_the_same_side_of_a_face_are_not_neighbours() {
 fn a_face_of_three_cells_is_boundary_for_all_of_them() {
     let mut raw = unit_tet();
     raw.points.extend([DVec3::new(0.2, 0.2, -1.0), DVec3::new(0.2, 0.2, -2.0)]);
-    raw.tets.extend([[0, 1, 2, 4], [0, 1, 2, 5]]);
+    raw.cells.tets.extend([[0, 1, 2, 4], [0, 1, 2, 5]]);
     let (mesh, report) = build(&raw);
     assert_eq!((report.non_manifold_faces, report.boundary_faces, report.parts), (1, 12, 3));
     assert!(mesh.topology.neighbours.iter().flatten().all(|side| *side == CellNeighbour::NONE));
@@ -119,7 +119,7 @@ fn a_face_of_three_cells_is_boundary_for_all_of_them() {
 #[test]
 fn bad_indices_and_bad_points_are_named() {
     let mut raw = unit_tet();
-    raw.tets.push([0, 1, 2, 4]);
+    raw.cells.tets.push([0, 1, 2, 4]);
     let error = Mesh::build(raw).unwrap_err();
     assert_eq!(error, MeshError::VertexOutOfRange { cell: 1, index: 4, vertex_count: 4 });
 
@@ -135,7 +135,7 @@ fn bad_indices_and_bad_points_are_named() {
 fn a_bad_point_that_no_cell_needs_is_dropped() {
     let mut raw = unit_tet();
     raw.points.extend([DVec3::NAN, DVec3::splat(1e30)]);
-    raw.tets.push([0, 4, 4, 5]);
+    raw.cells.tets.push([0, 4, 4, 5]);
     let (mesh, report) = build(&raw);
     assert_eq!((report.unreferenced_vertices, report.zero_volume), (2, 1));
     assert_eq!(mesh.positions, build(&unit_tet()).0.positions);
@@ -158,8 +158,8 @@ fn coincident_points_are_counted_and_kept() {
     // Two cubes that do not share the points of their common side: a crack.
     let (a, mut b) = (kuhn_grid([1, 1, 1]), kuhn_grid([1, 1, 1]));
     b.points.iter_mut().for_each(|p| p.x += 1.0);
-    let tets = a.tets.iter().copied().chain(b.tets.iter().map(|tet| tet.map(|v| v + 8))).collect();
-    let (_, report) = build(&RawMesh { points: [a.points, b.points].concat(), tets });
+    let tets: Vec<_> = a.cells.tets.iter().copied().chain(b.cells.tets.iter().map(|tet| tet.map(|v| v + 8))).collect();
+    let (_, report) = build(&RawMesh { points: [a.points, b.points].concat(), cells: tets.into() });
     assert_eq!((report.coincident_points, report.vertices_out, report.parts), (4, 16, 2));
 }
 
@@ -167,8 +167,8 @@ fn coincident_points_are_counted_and_kept() {
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let mut random = Random::new(11);
     let (mut raw, _) = shuffled(&jittered(kuhn_grid([12, 11, 10]), &mut random), &mut random);
-    let repeated: Vec<_> = raw.tets.iter().step_by(7).map(|&[a, b, c, d]| [b, a, c, d]).collect();
-    raw.tets.extend(repeated);
+    let repeated: Vec<_> = raw.cells.tets.iter().step_by(7).map(|&[a, b, c, d]| [b, a, c, d]).collect();
+    raw.cells.tets.extend(repeated);
     let with_threads = |n| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
         let (mesh, report) = pool.install(|| build(&raw));
@@ -210,8 +210,8 @@ fn random_soup(seed: u64, points: usize, cells: usize) -> RawMesh {
     let mut random = Random::new(seed);
     let mut coordinate = || random.below(5) as f64;
     let points: Vec<_> = (0..points).map(|_| DVec3::from_array(std::array::from_fn(|_| coordinate()))).collect();
-    let tets = (0..cells).map(|_| std::array::from_fn(|_| random.below(points.len()) as u32)).collect();
-    RawMesh { points, tets }
+    let tets: Vec<_> = (0..cells).map(|_| std::array::from_fn(|_| random.below(points.len()) as u32)).collect();
+    RawMesh { points, cells: tets.into() }
 }
 
 /// Cells as sets of labelled vertices, each beside the positions of these.
@@ -249,14 +249,14 @@ struct Defects {
 
 /// Adds defects that a repair undoes. New points lie within the box of the old ones or far outside of it.
 fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
-    let (clean_cells, clean_points) = (raw.tets.len(), raw.points.len());
+    let (clean_cells, clean_points) = (raw.cells.tets.len(), raw.points.len());
     for _ in 0..defects.duplicates {
-        let mut tet = raw.tets[random.below(clean_cells)];
+        let mut tet = raw.cells.tets[random.below(clean_cells)];
         random.shuffle(&mut tet);
-        raw.tets.push(tet);
+        raw.cells.tets.push(tet);
     }
     for i in 0..defects.flats {
-        let mut tet = raw.tets[random.below(clean_cells)];
+        let mut tet = raw.cells.tets[random.below(clean_cells)];
         let corner = random.below(4);
         tet[corner] = if i % 2 == 0 {
             tet[(corner + 1) % 4]
@@ -265,7 +265,7 @@ fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
             raw.points.push(raw.points[tet[(corner + 1) % 4] as usize]);
             raw.points.len() as u32 - 1
         };
-        raw.tets.push(tet);
+        raw.cells.tets.push(tet);
     }
     for i in 0..defects.unreferenced {
         let bad = [DVec3::NAN, DVec3::splat(1e200), raw.points[random.below(clean_points)]];
@@ -273,7 +273,7 @@ fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
     }
     // Flips come in front of the doubled cells, so that what is kept of these is flipped or not.
     for cell in 0..defects.flips.min(clean_cells) {
-        raw.tets[cell].swap(0, 3);
+        raw.cells.tets[cell].swap(0, 3);
     }
 }
 
@@ -308,10 +308,10 @@ proptest! {
         // Sources and turns lead back to the cells of the file.
         for (tet, (&source, &turned)) in mesh.topology.tets.iter().zip(mesh.cell_source.iter().zip(&mesh.cell_turned)) {
             let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
-            prop_assert_eq!(if turned { [a, b, d, c] } else { [a, b, c, d] }, spoilt.tets[source as usize]);
+            prop_assert_eq!(if turned { [a, b, d, c] } else { [a, b, c, d] }, spoilt.cells.tets[source as usize]);
         }
         // Doubled cells were shuffled, hence count as flipped or not by chance.
-        let flips = flips.min(clean.tets.len()) as u64;
+        let flips = flips.min(clean.cells.tets.len()) as u64;
         prop_assert!((flips..=flips + duplicates as u64).contains(&report.flipped));
     }
 
@@ -323,7 +323,7 @@ proptest! {
         let raw = jittered(kuhn_grid(n), &mut random);
         let (expected, _) = build(&raw);
         let (mut other, labels) = shuffled(&raw, &mut random);
-        other.tets.iter_mut().for_each(|tet| random.shuffle(tet));
+        other.cells.tets.iter_mut().for_each(|tet| random.shuffle(tet));
         let (mesh, report) = build(&other);
         mesh.check().unwrap();
         prop_assert_eq!(labelled_faces(&mesh, |v| labels[v as usize]), labelled_faces(&expected, |v| v));
@@ -365,7 +365,7 @@ proptest! {
         let (unit, unit_report) = build(&raw);
         let size = 2f64.powi(exponent / 2) * 2f64.powi(exponent - exponent / 2);
         let moved = raw.points.iter().map(|&p| 2.0 * size * (p + DVec3::new(steps as f64, 0.0, -1.0))).collect();
-        let (mesh, report) = build(&RawMesh { points: moved, tets: raw.tets });
+        let (mesh, report) = build(&RawMesh { points: moved, cells: raw.cells });
         prop_assert_eq!(&mesh.positions.local, &unit.positions.local);
         prop_assert_eq!(&mesh.topology, &unit.topology);
         prop_assert_eq!((mesh.vertex_source, mesh.cell_source, report), (unit.vertex_source, unit.cell_source, unit_report));
@@ -401,8 +401,8 @@ fn a_fan_around_one_vertex_is_whole() {
     let rim = (0..n)
         .map(|i| DVec3::from((glam::DVec2::from_angle(f64::from(i) * std::f64::consts::TAU / f64::from(n)), 0.0)));
     let points = [DVec3::Z, -DVec3::Z].into_iter().chain(rim).collect();
-    let tets = (0..n).map(|i| [1, 0, 2 + i, 2 + (i + 1) % n]).collect();
-    let (_, report) = build(&RawMesh { points, tets });
+    let tets: Vec<_> = (0..n).map(|i| [1, 0, 2 + i, 2 + (i + 1) % n]).collect();
+    let (_, report) = build(&RawMesh { points, cells: tets.into() });
     assert_eq!((report.cells_out, report.boundary_faces, report.parts), (3000, 6000, 1));
     assert_eq!((report.non_manifold_faces, report.zero_volume), (0, 0));
 }
@@ -478,4 +478,17 @@ fn arrays_that_contradict_each_other_are_found() {
         m.vertex_source.push(99);
     };
     assert!(found(&unused).contains("no cell uses"));
+}
+
+#[test]
+fn cells_of_a_mesh_are_numbered_as_the_cells_that_they_are_a_part_of() {
+    let cube = kuhn_grid([2, 1, 1]);
+    // Two cubes of six tetrahedra each, and what tetrahedra say on their own.
+    let cell_of_tet: Vec<u32> = (0..12).map(|tet| tet / 6).collect();
+    let split = super::Split { tets: cube.cells.tets.clone(), cell_of_tet: Some(cell_of_tet) };
+    let (mesh, report) = Mesh::build_split(cube.points.clone(), split).unwrap();
+    let (alone, of_alone) = Mesh::build(cube).unwrap();
+    assert_eq!((mesh.topology.tets.clone(), report), (alone.topology.tets, of_alone));
+    let expected: Vec<u32> = alone.cell_source.iter().map(|tet| tet / 6).collect();
+    assert_eq!(mesh.cell_source, expected);
 }

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 fn one_tet() -> Ordered {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let (mesh, _) = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap();
+    let (mesh, _) = Mesh::build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }).unwrap();
     let camera = Camera {
         position: DVec3::new(3.0, 2.0, 2.5),
         focal_point: DVec3::splat(0.25),

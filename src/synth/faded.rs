@@ -40,7 +40,8 @@ impl FadedSeries {
         if steps == 0 || steps > MAX_STEPS {
             return Err(SynthError::Steps(steps));
         }
-        let cells = 8_u64.checked_pow(splits).and_then(|n| n.checked_mul(mesh.tets.len() as u64)).unwrap_or(u64::MAX);
+        let cells =
+            8_u64.checked_pow(splits).and_then(|n| n.checked_mul(mesh.cells.tets.len() as u64)).unwrap_or(u64::MAX);
         if cells > MAX_CELLS {
             return Err(SynthError::Cells(cells));
         }
@@ -56,7 +57,7 @@ impl FadedSeries {
 
     /// Number of cells.
     pub fn cell_count(&self) -> u64 {
-        self.mesh.tets.len() as u64
+        self.mesh.cells.tets.len() as u64
     }
 }
 
@@ -120,6 +121,7 @@ const DIAGONALS: [([usize; 2], [usize; 4]); 3] =
 pub(super) fn split(mesh: &RawMesh, values: &[f32]) -> (RawMesh, Vec<f32>) {
     let key = |tet: &[u32; 4], [a, b]: [usize; 2]| (tet[a].min(tet[b]), tet[a].max(tet[b]));
     let mut edges: Vec<(u32, u32)> = mesh
+        .cells
         .tets
         .par_iter()
         .filter(|tet| has_inside(tet))
@@ -152,6 +154,6 @@ pub(super) fn split(mesh: &RawMesh, values: &[f32]) -> (RawMesh, Vec<f32>) {
         let [c0, c1, c2, c3] = CORNERS.map(corner);
         [c0, c1, c2, c3, around(0), around(1), around(2), around(3)]
     };
-    let tets = mesh.tets.par_iter().flat_map_iter(eight).collect();
-    (RawMesh { points, tets }, values)
+    let tets: Vec<_> = mesh.cells.tets.par_iter().flat_map_iter(eight).collect();
+    (RawMesh { points, cells: tets.into() }, values)
 }

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Six times the volume of each cell, with its sign.
 fn volumes(mesh: &RawMesh) -> Vec<f64> {
-    mesh.tets.iter().map(|tet| volume(tet.map(|v| mesh.points[v as usize]))).collect()
+    mesh.cells.tets.iter().map(|tet| volume(tet.map(|v| mesh.points[v as usize]))).collect()
 }
 
 fn volume([a, b, c, d]: [DVec3; 4]) -> f64 {
@@ -23,15 +23,15 @@ fn a_split_makes_eight_cells_of_an_eighth_and_of_the_same_orientation_along_any_
     // Stretched along each axis, so that another diagonal is the shortest.
     for stretch in [DVec3::new(4.0, 1.0, 1.0), DVec3::new(1.0, 4.0, 1.0), DVec3::new(1.0, 1.0, 4.0)] {
         for tet in [[0, 1, 2, 3], [0, 2, 1, 3]] {
-            let mesh = RawMesh { points: corners.map(|p| p * stretch).to_vec(), tets: vec![tet] };
+            let mesh = RawMesh { points: corners.map(|p| p * stretch).to_vec(), cells: vec![tet].into() };
             let (fine, values) = split(&mesh, &[0.0, 1.0, 2.0, 4.0]);
-            assert_eq!((fine.points.len(), fine.tets.len(), values.len()), (10, 8, 10));
+            assert_eq!((fine.points.len(), fine.cells.tets.len(), values.len()), (10, 8, 10));
             let whole = volumes(&mesh)[0];
             assert!(volumes(&fine).iter().all(|&v| v == whole / 8.0), "{:?} of {whole}", volumes(&fine));
             // A linear field stays linear: all numbers here are exact.
             let linear = |p: DVec3| (p / stretch).dot(DVec3::new(1.0, 2.0, 4.0)) as f32;
             assert!(fine.points.iter().zip(&values).all(|(&p, &v)| linear(p) == v));
-            diagonals.insert(fine.tets[4][..2].to_vec());
+            diagonals.insert(fine.cells.tets[4][..2].to_vec());
         }
     }
     assert!(diagonals.len() > 1, "always the same diagonal");
@@ -40,11 +40,11 @@ fn a_split_makes_eight_cells_of_an_eighth_and_of_the_same_orientation_along_any_
 #[test]
 fn neighbours_share_the_middles_of_their_edges() {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE];
-    let mesh = RawMesh { points, tets: vec![[0, 1, 2, 3], [1, 2, 3, 4]] };
+    let mesh = RawMesh { points, cells: vec![[0, 1, 2, 3], [1, 2, 3, 4]].into() };
     let (once, values) = split(&mesh, &[1.0; 5]);
-    assert_eq!((once.points.len(), once.tets.len()), (5 + 9, 16));
+    assert_eq!((once.points.len(), once.cells.tets.len()), (5 + 9, 16));
     let (twice, _) = split(&once, &values);
-    assert_eq!(twice.tets.len(), 128);
+    assert_eq!(twice.cells.tets.len(), 128);
     let (built, report) = crate::mesh::Mesh::build(twice).expect("a mesh");
     // Two parts would mean that the common face was split in two ways.
     assert_eq!((report.parts, report.non_manifold_faces, built.topology.tets.len()), (1, 0, 128));
@@ -53,7 +53,7 @@ fn neighbours_share_the_middles_of_their_edges() {
 
 #[test]
 fn scalars_fade_to_zero_in_equal_steps() {
-    let mesh = RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], tets: vec![[0, 1, 2, 3]] };
+    let mesh = RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], cells: vec![[0, 1, 2, 3]].into() };
     let series = FadedSeries::new("a.vtu", "s", mesh.clone(), vec![4.0, -8.0, 0.0, 1.0], 0, 5).expect("a series");
     let mut out = Vec::new();
     for (step, left) in [(0, 1.0), (1, 0.75), (4, 0.0)] {
@@ -77,7 +77,7 @@ fn jittered() -> (RawMesh, Vec<f32>) {
 /// How many cells each face has.
 fn faces(mesh: &RawMesh) -> BTreeMap<[u32; 3], usize> {
     let mut faces = BTreeMap::new();
-    for tet in &mesh.tets {
+    for tet in &mesh.cells.tets {
         for left_out in 0..4 {
             let mut face: Vec<u32> = (0..4).filter(|&i| i != left_out).map(|i| tet[i]).collect();
             face.sort_unstable();
@@ -99,9 +99,12 @@ fn boundary_area(mesh: &RawMesh) -> f64 {
 fn split_meshes_conform_and_keep_volume_orientation_and_surface() {
     let (mesh, values) = jittered();
     let edges: BTreeSet<[u32; 2]> =
-        mesh.tets.iter().flat_map(|t| pairs(t).map(|(a, b)| [a.min(b), a.max(b)])).collect();
+        mesh.cells.tets.iter().flat_map(|t| pairs(t).map(|(a, b)| [a.min(b), a.max(b)])).collect();
     let (fine, fine_values) = split(&mesh, &values);
-    assert_eq!((fine.points.len(), fine.tets.len()), (mesh.points.len() + edges.len(), 8 * mesh.tets.len()));
+    assert_eq!(
+        (fine.points.len(), fine.cells.tets.len()),
+        (mesh.points.len() + edges.len(), 8 * mesh.cells.tets.len())
+    );
     assert_eq!((&fine.points[..mesh.points.len()], &fine_values[..values.len()]), (&mesh.points[..], &values[..]));
 
     // Coordinates up to `size`: edges up to 2 sqrt(3) size. Each of the 12 coordinates of a cell is rounded by at most
@@ -114,13 +117,13 @@ fn split_meshes_conform_and_keep_volume_orientation_and_surface() {
         assert!(eight.iter().all(is_eighth), "{eight:?} of {whole}");
     }
     let (before, after): (f64, f64) = (volumes(&mesh).iter().sum(), volumes(&fine).iter().sum());
-    assert!((before - after).abs() <= bound * fine.tets.len() as f64, "{before} to {after}");
+    assert!((before - after).abs() <= bound * fine.cells.tets.len() as f64, "{before} to {after}");
 
     let (coarse_faces, fine_faces) = (faces(&mesh), faces(&fine));
     assert!(fine_faces.values().all(|&cells| cells <= 2), "a face of three cells");
     let count = |faces: &BTreeMap<[u32; 3], usize>| faces.values().filter(|&&cells| cells == 1).count();
     // Each face in four, and eight more inside of each cell: a face that neighbours cut in two ways would count twice.
-    assert_eq!(fine_faces.len(), 4 * coarse_faces.len() + 8 * mesh.tets.len());
+    assert_eq!(fine_faces.len(), 4 * coarse_faces.len() + 8 * mesh.cells.tets.len());
     assert_eq!(count(&fine_faces), 4 * count(&coarse_faces));
     let (before, after) = (boundary_area(&mesh), boundary_area(&fine));
     // As above for two dimensions: 9 coordinates by eps size / 2 that move an area by up to 2 sqrt(3) size, and its own
@@ -162,7 +165,7 @@ fn naive_split(mesh: &RawMesh) -> Vec<BTreeSet<[[u64; 3]; 4]>> {
         }
         cells
     };
-    mesh.tets.iter().map(eight).collect()
+    mesh.cells.tets.iter().map(eight).collect()
 }
 
 #[test]
@@ -179,7 +182,7 @@ fn every_cell_is_split_as_the_slow_oracle_splits_it() {
     };
     let oracle = naive_split(&mesh);
     let agree =
-        |points: &[DVec3]| fine.tets.chunks(8).zip(&oracle).all(|(eight, naive)| places(eight, points) == *naive);
+        |points: &[DVec3]| fine.cells.tets.chunks(8).zip(&oracle).all(|(eight, naive)| places(eight, points) == *naive);
     assert!(oracle.iter().all(|cells| cells.len() == 8));
     assert!(agree(&fine.points));
     let mut moved = fine.points.clone();
@@ -189,7 +192,7 @@ fn every_cell_is_split_as_the_slow_oracle_splits_it() {
     // The scalar of a middle is the mean of the ends, found by place.
     let by_place: BTreeMap<[u64; 3], f32> =
         fine.points.iter().map(|p| p.to_array().map(f64::to_bits)).zip(fine_values).collect();
-    for (a, b) in mesh.tets.iter().flat_map(pairs) {
+    for (a, b) in mesh.cells.tets.iter().flat_map(pairs) {
         let [p, q] = [a, b].map(|v| mesh.points[v as usize]);
         let mean = (f64::from(values[a as usize]) + f64::from(values[b as usize])) / 2.0;
         assert_eq!(by_place[&(0.5 * p + 0.5 * q).to_array().map(f64::to_bits)], mean as f32);
@@ -199,10 +202,10 @@ fn every_cell_is_split_as_the_slow_oracle_splits_it() {
 #[test]
 fn a_cell_that_names_a_vertex_twice_counts_eight_times_and_makes_no_points() {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let mesh = RawMesh { points, tets: vec![[0, 0, 1, 2], [0, 1, 2, 3]] };
+    let mesh = RawMesh { points, cells: vec![[0, 0, 1, 2], [0, 1, 2, 3]].into() };
     let (once, values) = split(&mesh, &[1.0; 4]);
     let (twice, _) = split(&once, &values);
-    assert_eq!((once.points.len(), once.tets.len(), twice.tets.len()), (10, 16, 128));
+    assert_eq!((once.points.len(), once.cells.tets.len(), twice.cells.tets.len()), (10, 16, 128));
     let (_, report) = crate::mesh::Mesh::build(twice).expect("a mesh");
     assert_eq!((report.zero_volume, report.cells_out, report.parts, report.boundary_faces), (64, 64, 1, 64));
     assert_eq!(report.duplicate_cells + report.coincident_points + report.unreferenced_vertices, 0);

@@ -222,7 +222,7 @@ impl SeriesSource for Synth {
     }
 
     fn mesh(&self) -> FileResult<RawMesh> {
-        Ok(RawMesh { points: self.points.clone(), tets: self.grid.tets() })
+        Ok(RawMesh { points: self.points.clone(), cells: self.grid.tets().into() })
     }
 
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {

@@ -22,7 +22,7 @@ fn volume6(points: &[DVec3], tet: &[u32; 4]) -> f64 {
 /// How many cells have each face (ascending vertices).
 fn cells_by_face(mesh: &RawMesh) -> HashMap<[u32; 3], usize> {
     let mut cells = HashMap::new();
-    for tet in &mesh.tets {
+    for tet in &mesh.cells.tets {
         for [i, j, k] in [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]] {
             let mut face = [tet[i], tet[j], tet[k]];
             face.sort_unstable();
@@ -36,10 +36,10 @@ fn cells_by_face(mesh: &RawMesh) -> HashMap<[u32; 3], usize> {
 fn every_tet_is_positive_every_face_is_shared_by_at_most_two_and_every_point_is_used() {
     for name in SeriesName::ALL {
         let mesh = generate(&spec(name, 3000, 1)).unwrap().mesh().unwrap();
-        assert!(mesh.tets.iter().all(|tet| volume6(&mesh.points, tet) > 0.0), "{name}");
+        assert!(mesh.cells.tets.iter().all(|tet| volume6(&mesh.points, tet) > 0.0), "{name}");
         assert!(cells_by_face(&mesh).values().all(|cells| *cells <= 2), "{name}");
         let mut used = vec![false; mesh.points.len()];
-        mesh.tets.iter().flatten().for_each(|v| used[*v as usize] = true);
+        mesh.cells.tets.iter().flatten().for_each(|v| used[*v as usize] = true);
         assert!(used.iter().all(|used| *used), "{name}");
     }
 }
@@ -47,7 +47,7 @@ fn every_tet_is_positive_every_face_is_shared_by_at_most_two_and_every_point_is_
 #[test]
 fn cells_fill_a_full_box_exactly_and_only_its_boundary_is_unshared() {
     let mesh = generate(&spec(SeriesName::Slab, 1000, 1)).unwrap().mesh().unwrap();
-    let volume: f64 = mesh.tets.iter().map(|t| volume6(&mesh.points, t) / 6.0).sum();
+    let volume: f64 = mesh.cells.tets.iter().map(|t| volume6(&mesh.points, t) / 6.0).sum();
     // A sum of 1000 terms of 4e-3 in f64 is good to 1000 roundings of the total.
     assert!((volume - 4.0).abs() < 1e3 * 4.0 * f64::EPSILON, "{volume}");
     let highest = mesh.points.iter().fold(DVec3::NEG_INFINITY, |hi, p| hi.max(*p));
@@ -63,7 +63,7 @@ fn cells_fill_a_full_box_exactly_and_only_its_boundary_is_unshared() {
 #[test]
 fn the_box_of_decay_has_a_cavity_and_lacks_a_corner() {
     let mesh = generate(&spec(SeriesName::Decay, 20_000, 1)).unwrap().mesh().unwrap();
-    let volume: f64 = mesh.tets.iter().map(|t| volume6(&mesh.points, t) / 6.0).sum();
+    let volume: f64 = mesh.cells.tets.iter().map(|t| volume6(&mesh.points, t) / 6.0).sum();
     let domain = SeriesName::Decay.model(1).domain();
     // Stepped outlines and jitter move the volume. Measured: by 1.8e-4.
     assert!((volume / 8.0 - domain.fraction).abs() < 1e-3, "{volume}");
@@ -120,9 +120,9 @@ fn cell_counts_agree_with_the_mesh_also_for_the_smallest() {
     for name in SeriesName::ALL {
         let series = generate(&spec(name, MIN_CELLS, 1)).unwrap();
         let mesh = series.mesh().unwrap();
-        assert_eq!(mesh.tets.len() as u64, series.cell_count());
+        assert_eq!(mesh.cells.tets.len() as u64, series.cell_count());
         assert_eq!(mesh.points.len(), series.vertex_count());
-        assert!(mesh.tets.len() > 50, "{name}: {}", mesh.tets.len());
+        assert!(mesh.cells.tets.len() > 50, "{name}: {}", mesh.cells.tets.len());
     }
 }
 

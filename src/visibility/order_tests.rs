@@ -100,11 +100,11 @@ fn faces_that_all_lie_in_one_bucket_are_sorted_too() {
     let mut raw = RawMesh::default();
     let mesh = grid([24, 24, 24]);
     raw.points = (0..mesh.positions.local.len()).map(|v| mesh.positions.world(v)).collect();
-    raw.tets = mesh.topology.tets.clone();
+    raw.cells.tets = mesh.topology.tets.clone();
     raw.points.push(DVec3::new(1e5, 1.0, 2.0));
     let last = raw.points.len() as u32 - 1;
-    let far = raw.tets[0];
-    raw.tets.push([far[0], far[1], far[2], last]);
+    let far = raw.cells.tets[0];
+    raw.cells.tets.push([far[0], far[1], far[2], last]);
     let mesh = Arc::new(Mesh::build(raw).unwrap().0);
     let mut depth_order = DepthOrder::new();
     let drawn = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));

@@ -59,7 +59,7 @@ mod tests {
             let more = kuhn_grid(size);
             let first = raw.points.len() as u32;
             raw.points.extend(more.points.iter().map(|p| *p + DVec3::splat(offset)));
-            raw.tets.extend(more.tets.iter().map(|tet| tet.map(|v| v + first)));
+            raw.cells.tets.extend(more.cells.tets.iter().map(|tet| tet.map(|v| v + first)));
         }
         let mesh = Arc::new(Mesh::build(raw).unwrap().0);
         let (part, sizes) = mesh.topology.parts();

@@ -32,7 +32,7 @@ fn assert_same(name: &str, source: &dyn SeriesSource, grid: &Value) {
     let mesh = source.mesh().unwrap_or_else(|e| panic!("{name}: {e}"));
     let points: Vec<u64> = mesh.points.iter().flat_map(|p| p.to_array().map(f64::to_bits)).collect();
     assert_eq!(points, numbers(&grid["points"]), "{name}: points");
-    let tets: Vec<u64> = mesh.tets.iter().flatten().map(|&v| v.into()).collect();
+    let tets: Vec<u64> = mesh.cells.tets.iter().flatten().map(|&v| v.into()).collect();
     let wanted: Vec<u64> = grid["tets"].as_array().expect("tets").iter().flat_map(numbers).collect();
     assert_eq!(tets, wanted, "{name}: tets");
     let skipped = grid["skipped"].as_u64().expect("a count");
@@ -144,7 +144,7 @@ fn the_series_of_the_papers_opens_with_its_192_steps() {
     assert_eq!(times[..3], [0.004, 0.008, 0.012]);
     assert!(times.windows(2).all(|pair| pair[0] < pair[1]));
     let mesh = source.mesh().expect("reads");
-    assert_eq!((mesh.points.len(), mesh.tets.len()), (2896, 12936));
+    assert_eq!((mesh.points.len(), mesh.cells.tets.len()), (2896, 12936));
     let fields: Vec<_> = source.fields().iter().map(|f| (f.name.as_str(), f.components, f.association)).collect();
     assert_eq!(fields, [("reaction_force", 1, Association::Point), ("displacement", 3, Association::Point)]);
     let mut out = Vec::new();
@@ -172,7 +172,7 @@ fn the_single_meshes_of_the_papers_open() {
     for (name, points, tets, fields) in [("spx", 2896, 12936, 1), ("bluntfin", 40960, 187_395, 3)] {
         let source = import::open(&dir.join(format!("paper_static/{name}.vtu"))).expect("opens");
         let mesh = source.mesh().expect("reads");
-        assert_eq!((mesh.points.len(), mesh.tets.len(), source.fields().len()), (points, tets, fields), "{name}");
+        assert_eq!((mesh.points.len(), mesh.cells.tets.len(), source.fields().len()), (points, tets, fields), "{name}");
         assert_eq!(source.times().values, [0.0]);
     }
 }

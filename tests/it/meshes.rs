@@ -47,7 +47,7 @@ pub fn grid(n: usize, jitter: f64, seed: u64, keep: impl Fn(DVec3) -> bool) -> R
             tets.push([corner(0), corner(path[0]), corner(path[1]), corner(7)]);
         }
     }
-    RawMesh { points, tets }
+    RawMesh { points, cells: tets.into() }
 }
 
 /// The repaired mesh.

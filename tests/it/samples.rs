@@ -125,7 +125,7 @@ fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_
     for (name, points, tets, steps, ends) in SERIES {
         let source = import::open(&dir.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         let mesh = source.mesh().unwrap();
-        assert_eq!((mesh.points.len(), mesh.tets.len(), source.times().len()), (points, tets, steps), "{name}");
+        assert_eq!((mesh.points.len(), mesh.cells.tets.len(), source.times().len()), (points, tets, steps), "{name}");
         assert_eq!([source.times().values[0], source.times().values[steps - 1]], ends, "{name}");
         // Three steps stand for all: first, last, and one in between.
         let chosen =
@@ -154,8 +154,8 @@ fn every_sample_series_is_imported_played_exported_and_imported_again_without_a_
 fn assert_same_cells(name: &str, before: &RawMesh, after: &RawMesh, mesh: &Mesh, kept: &[u32]) {
     let mut sources = mesh.cell_source.clone();
     sources.sort_unstable();
-    for (&source, tet) in sources.iter().zip(&after.tets) {
-        assert_eq!(before.tets[source as usize], tet.map(|v| kept[v as usize]), "{name}: cell {source}");
+    for (&source, tet) in sources.iter().zip(&after.cells.tets) {
+        assert_eq!(before.cells.tets[source as usize], tet.map(|v| kept[v as usize]), "{name}: cell {source}");
     }
 }
 
@@ -168,7 +168,7 @@ fn assert_exported_as_imported(name: &str, source: &dyn SeriesSource, store: &St
     // Points that no cell uses are gone; the others are in their order.
     let mut kept: Vec<u32> = mesh.vertex_source.clone();
     kept.sort_unstable();
-    assert_eq!((after.points.len(), after.tets.len()), (kept.len(), mesh.cell_source.len()), "{name}");
+    assert_eq!((after.points.len(), after.cells.tets.len()), (kept.len(), mesh.cell_source.len()), "{name}");
     for (&old, new) in kept.iter().zip(&after.points) {
         assert_eq!(before.points[old as usize], *new, "{name}: point {old}");
     }
@@ -213,7 +213,7 @@ fn volume(mesh: &RawMesh) -> f64 {
         let [a, b, c, d] = tet.map(|v| mesh.points[v as usize]);
         (b - a).cross(c - a).dot(d - a).abs() / 6.0
     };
-    mesh.tets.iter().map(volume).sum()
+    mesh.cells.tets.iter().map(volume).sum()
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn the_fading_series_of_the_dissertation_are_rebuilt_from_their_meshes() {
         let (coarse, values) = (source.mesh().unwrap(), density(&*source));
         let series = FadedSeries::new(name, "density", coarse.clone(), values.clone(), splits, 64).unwrap();
         let fine = series.mesh().unwrap();
-        assert_eq!((fine.points.len(), fine.tets.len(), series.times().len()), (points, tets, 64), "{name}");
+        assert_eq!((fine.points.len(), fine.cells.tets.len(), series.times().len()), (points, tets, 64), "{name}");
 
         let mut out = Vec::new();
         let mut at = |step: usize| {
@@ -237,7 +237,7 @@ fn the_fading_series_of_the_dissertation_are_rebuilt_from_their_meshes() {
         assert!(at(21).iter().zip(at(0)).all(|(&v, first)| v == ((1.0 - 21.0 / 63.0) * f64::from(first)) as f32));
 
         // Coordinates are below 16; the bound is the one per cell of `synth::faded_tests`, by 6.
-        let bound = 44.0 * f64::EPSILON * 16f64.powi(3) * fine.tets.len() as f64;
+        let bound = 44.0 * f64::EPSILON * 16f64.powi(3) * fine.cells.tets.len() as f64;
         let (before, after) = (volume(&coarse), volume(&fine));
         assert!((before - after).abs() <= bound && bound < 1e-4 * before, "{name}: {before} to {after}");
         let (_, before) = Mesh::build(coarse).unwrap();

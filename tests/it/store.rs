@@ -64,7 +64,7 @@ impl SeriesSource for Formulas {
         let Component::Index(component) = component else { panic!("ingest reads components") };
         let mut count = match field.association {
             Association::Point => self.mesh.points.len(),
-            Association::Cell => self.mesh.tets.len(),
+            Association::Cell => self.mesh.cells.tets.len(),
         };
         if self.long_at == Some(step) {
             count += 1;
@@ -104,7 +104,7 @@ fn dirty_grid(n: u32) -> RawMesh {
     let mut tets: Vec<[u32; 4]> = (0..tets.len()).map(|i| tets[i * 7 % tets.len()]).collect();
     tets.push([at(0, 0, 0), at(1, 0, 0), at(0, 1, 0), at(1, 1, 0)]);
     tets.push(tets[0]);
-    RawMesh { points, tets }
+    RawMesh { points, cells: tets.into() }
 }
 
 /// Distinct values for every field, component, step and index.

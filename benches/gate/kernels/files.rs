@@ -64,8 +64,8 @@ fn write_xdmf(folder: &Path, path: &Path) -> Result<(), Box<dyn Error>> {
     let mesh = jet.mesh()?;
     let points: Vec<[f64; 3]> = mesh.points.iter().map(|point| point.to_array()).collect();
     fs::write(folder.join("points.bin"), bytemuck::cast_slice::<_, u8>(&points))?;
-    fs::write(folder.join("cells.bin"), bytemuck::cast_slice::<_, u8>(&mesh.tets))?;
-    let (cells, vertices) = (mesh.tets.len(), points.len());
+    fs::write(folder.join("cells.bin"), bytemuck::cast_slice::<_, u8>(&mesh.cells.tets))?;
+    let (cells, vertices) = (mesh.cells.tets.len(), points.len());
     let mut grids = String::new();
     let mut values = Vec::new();
     for (step, time) in jet.times().values.iter().enumerate() {

@@ -12,7 +12,7 @@ const VTK_TETRA: u8 = 10;
 
 /// The XML in front of the appended data.
 fn head(mesh: &RawMesh, fields: &[Values], path: &Path) -> FileResult<String> {
-    let (points, cells) = (mesh.points.len(), mesh.tets.len());
+    let (points, cells) = (mesh.points.len(), mesh.cells.tets.len());
     let mut head = Head::begin("UnstructuredGrid");
     head.text += &format!("<Piece NumberOfPoints=\"{points}\" NumberOfCells=\"{cells}\">\n");
     head.fields("PointData", Association::Point, fields, points, path)?;
@@ -36,8 +36,8 @@ fn body(out: &mut impl Write, mesh: &RawMesh, time: f64, fields: &[Values]) -> i
         }
     }
     block(out, 3 * mesh.points.len(), mesh.points.iter().flat_map(|p| p.to_array()).map(f64::to_le_bytes))?;
-    let cells = mesh.tets.len();
-    block(out, 4 * cells, mesh.tets.iter().flatten().map(|v| i64::from(*v).to_le_bytes()))?;
+    let cells = mesh.cells.tets.len();
+    block(out, 4 * cells, mesh.cells.tets.iter().flatten().map(|v| i64::from(*v).to_le_bytes()))?;
     block(out, cells, (1..=cells as i64).map(|n| (4 * n).to_le_bytes()))?;
     block(out, cells, std::iter::repeat_n([VTK_TETRA], cells))?;
     out.write_all(appended::END)

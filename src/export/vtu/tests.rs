@@ -25,7 +25,10 @@ fn two() -> Two {
             field("rate <&\"> of\tx", 1, Association::Cell),
             field("u", 3, Association::Point),
         ],
-        mesh: RawMesh { points: points.map(DVec3::from_array).to_vec(), tets: vec![[0, 1, 2, 3], [4, 3, 2, 1]] },
+        mesh: RawMesh {
+            points: points.map(DVec3::from_array).to_vec(),
+            cells: vec![[0, 1, 2, 3], [4, 3, 2, 1]].into(),
+        },
         missing: 0,
     }
 }
@@ -50,7 +53,8 @@ impl SeriesSource for Two {
     }
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
         let Component::Index(c) = component else { panic!("whole fields are written") };
-        let count = if field.association == Association::Point { self.mesh.points.len() } else { self.mesh.tets.len() };
+        let count =
+            if field.association == Association::Point { self.mesh.points.len() } else { self.mesh.cells.tets.len() };
         out.clear();
         out.extend((0..count - self.missing).map(|i| value(field, c, step, i)));
         Ok(())
@@ -209,7 +213,7 @@ fn what_the_source_lacks_or_contradicts_is_named_and_nothing_is_left() {
     assert!(with(&|_, o| o.fields = vec!["V".to_owned()]).contains("field 'V': does not exist; choose from T, "));
     assert!(with(&|_, o| o.steps = Some(vec![3])).contains("step 3: does not exist"));
     assert!(with(&|s, _| s.missing = 1).contains("4 values at step 0 where the mesh needs 5"));
-    assert!(with(&|s, _| s.mesh.tets[1][2] = 5).contains("cell 1: has a vertex beyond"));
+    assert!(with(&|s, _| s.mesh.cells.tets[1][2] = 5).contains("cell 1: has a vertex beyond"));
     assert!(with(&|s, _| s.times.values[1] = f64::NAN).contains("step 1: has the time NaN"));
     assert!(with(&|s, _| s.fields[0].name = "a\0b".to_owned()).contains("rename the field"));
     for name in ["", "..", "a/b", "a\\b", "a\nb\0"] {

@@ -128,11 +128,11 @@ impl XdmfStep {
         let place = self.document.place(grid.topology.id);
         reader.check_room(self.path(), &place, grid.points, grid.topology.cells)?;
         let first_point = reader.mesh.points.len();
-        let tets_before = reader.mesh.tets.len();
+        let tets_before = reader.mesh.cells.tets.len();
         self.add_points(reader, &grid.geometry)?;
         self.add_cells(reader, grid, first_point)?;
         reader.cells += grid.topology.cells;
-        if reader.mesh.tets.len() > tets_before && matches!(grid.geometry, Geometry::Together(_, 2)) {
+        if reader.mesh.cells.tets.len() > tets_before && matches!(grid.geometry, Geometry::Together(_, 2)) {
             let problem = "the mesh is flat: GeometryType=\"XY\" with tetrahedra";
             return Err(self
                 .document

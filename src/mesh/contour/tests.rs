@@ -142,7 +142,7 @@ fn a_sphere_has_its_area_and_volume_to_second_order_and_is_one_closed_piece() {
 
 #[test]
 fn every_case_of_a_single_cell_faces_lower_values_and_halves_the_edges() {
-    let raw = RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], tets: vec![[0, 1, 2, 3]] };
+    let raw = RawMesh { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], cells: vec![[0, 1, 2, 3]].into() };
     for mask in 0..16_u32 {
         let is_above = |p: DVec3| mask >> (p.dot(DVec3::new(1.0, 2.0, 3.0)) as u32) & 1 == 1;
         let field = Field::new(raw.clone(), |p| if is_above(p) { 1.0 } else { -1.0 });
@@ -227,7 +227,7 @@ fn a_mesh_far_away_has_the_surface_that_it_has_nearby() {
 fn an_edge_longer_than_the_largest_number_is_cut() {
     let raw = RawMesh {
         points: [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|p| (2.0 * p - 1.0) * 2_f64.powi(1023)).to_vec(),
-        tets: vec![[0, 1, 2, 3]],
+        cells: vec![[0, 1, 2, 3]].into(),
     };
     let surface = Field::new(raw, |p| if p.x > 0.0 { 1.0 } else { 0.0 }).contour(0.5);
     assert_eq!(surface.triangles.len(), 1);

@@ -224,7 +224,11 @@ fn parts_of_a_step_are_joined() {
     let source = import::open(&write_pvd(folder.path(), &entries)).expect("opens");
     let mesh = source.mesh().expect("reads");
     assert_eq!(mesh.points.len(), 10);
-    assert_eq!(mesh.tets, [[0, 1, 2, 3], [1, 2, 3, 4], [6, 7, 8, 9]], "the ghost is a copy of another part's cell");
+    assert_eq!(
+        mesh.cells.tets,
+        [[0, 1, 2, 3], [1, 2, 3, 4], [6, 7, 8, 9]],
+        "the ghost is a copy of another part's cell"
+    );
     assert_eq!(read(source.as_ref(), 1, 0), Ok(vec![10.0, 20.0, 40.0]));
     assert_eq!(source.times().values, [3.0]);
     let notes = source.notes().join("\n");

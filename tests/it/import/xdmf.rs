@@ -36,7 +36,7 @@ fn assert_is_the_series(name: &str, source: &dyn SeriesSource, expected: &Value,
     let mesh = source.mesh().unwrap();
     let points: Vec<u64> = mesh.points.iter().flat_map(|p| p.to_array().map(f64::to_bits)).collect();
     assert_eq!(points, numbers(&expected["points"][width]), "{name}: points");
-    let tets: Vec<u64> = mesh.tets.iter().flatten().map(|&v| v.into()).collect();
+    let tets: Vec<u64> = mesh.cells.tets.iter().flatten().map(|&v| v.into()).collect();
     assert_eq!(tets, expected["tets"].as_array().unwrap().iter().flat_map(numbers).collect::<Vec<_>>(), "{name}: tets");
     for field in fields {
         for step in 0..3 {

@@ -238,7 +238,7 @@ fn a_part_of_one_pixel_with_nothing_before_or_behind_it_is_never_missed() {
             let y = (0.5 * SIZE.1 as f64 - row as f64 - 0.5 - down) * pixel;
             let small = tet_around(DVec3::new(x, y, 0.0), 0.45 * pixel);
             let points = [tet_around(DVec3::new(-1.4, 0.0, 0.0), 0.4), small].concat();
-            let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3], [4, 5, 6, 7]] }));
+            let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3], [4, 5, 6, 7]].into() }));
             let scalars = vec![0.5; mesh.positions.local.len()];
             let table = table(&[(0.0, [1.0, 0.6, 0.2], 40.0), (1.0, [1.0, 0.6, 0.2], 40.0)]);
             let job = job(&mesh, scalars, &camera(DVec3::new(0.0, 0.0, 10.0), projection), SIZE, table);

@@ -130,7 +130,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
         Arc::new(table_of(&[0.0], &[0.0], &[0.0, 1.0], |_, _, layer| [0.9, 0.4, 0.1, 0.2 + 2.0 * layer as f32]));
     let jobs = [5, 6].map(|cells| {
         let mut raw = grid(1, 0.0, 1, |_| true);
-        raw.tets.truncate(cells);
+        raw.cells.tets.truncate(cells);
         let mesh = Arc::new(build(raw));
         let camera = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
         let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), (**table.projection()).clone());

@@ -56,8 +56,8 @@ fn rays_walk_through_active_cells_only_and_through_each_once() {
         |(cell, tet): (usize, &[u32; 4])| noise(7, cell as u64) > -0.2 || tet.iter().any(|&v| is_at_corner(v));
     let kept: Vec<bool> = tets.iter().enumerate().map(is_kept).collect();
     let points = (0..all.positions.local.len()).map(|v| all.positions.world(v)).collect();
-    let left = tets.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tet, _)| *tet).collect();
-    let part = Arc::new(build(RawMesh { points, tets: left }));
+    let left: Vec<_> = tets.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tet, _)| *tet).collect();
+    let part = Arc::new(build(RawMesh { points, cells: left.into() }));
     let mut among_all = job(&all, sample(&all, wave), &view, (48, 48), dense());
     let mut active = CellSet::none(tets.len());
     (0..).zip(&kept).for_each(|(cell, &kept)| active.set(cell, kept));

@@ -73,7 +73,7 @@ impl Scene {
             _ => noise(self.seed, (c * 1e3).as_ivec3().element_sum() as u64) > -0.4,
         };
         let mut raw = grid(self.cells, self.jitter, self.seed, keep);
-        if raw.tets.is_empty() {
+        if raw.cells.tets.is_empty() {
             raw = grid(self.cells, self.jitter, self.seed, |_| true);
         }
         for p in &mut raw.points {

@@ -306,14 +306,14 @@ fn a_source_that_fails_or_is_cancelled_midway_leaves_the_old_store() {
 fn a_mesh_that_moved_or_was_refined_is_refused_by_name() {
     let remedy = "moved or was refined";
     fails(|source| source.mesh.points[9].x += 1e-9, &["point 9 is at", "instead of at", "s.zarr", remedy]);
-    fails(|source| source.mesh.tets.swap(3, 4), &["cell ", " joins points ", remedy]);
-    fails(|source| _ = source.mesh.tets.pop(), &["65 points and 163 cells instead of 65 and 164", remedy]);
+    fails(|source| source.mesh.cells.tets.swap(3, 4), &["cell ", " joins points ", remedy]);
+    fails(|source| _ = source.mesh.cells.tets.pop(), &["65 points and 163 cells instead of 65 and 164", remedy]);
     fails(|source| source.mesh.points.push(glam::DVec3::ZERO), &["66 points", remedy]);
     // The flat cell becomes one with a volume, of points that are there.
     fails(
         |source| {
-            let flat = source.mesh.tets.len() - 2;
-            source.mesh.tets[flat] = [1, 2, 5, 23];
+            let flat = source.mesh.cells.tets.len() - 2;
+            source.mesh.cells.tets[flat] = [1, 2, 5, 23];
         },
         &["other cells are flat", remedy],
     );

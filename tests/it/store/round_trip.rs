@@ -118,7 +118,7 @@ fn times_come_back_in_all_their_bits() {
 fn naive_average(source: &Formulas, store: &Store, name: &str, component: usize, step: usize) -> Vec<f32> {
     let mesh = store.mesh().unwrap();
     let mean = |&vertex: &u32| {
-        let kept = mesh.cell_source.iter().filter(|&&cell| source.mesh.tets[cell as usize].contains(&vertex));
+        let kept = mesh.cell_source.iter().filter(|&&cell| source.mesh.cells.tets[cell as usize].contains(&vertex));
         let values: Vec<f64> = kept.map(|&c| f64::from((source.value)(name, component, step, c as usize))).collect();
         (values.iter().sum::<f64>() / values.len() as f64) as f32
     };
@@ -128,7 +128,7 @@ fn naive_average(source: &Formulas, store: &Store, name: &str, component: usize,
 #[test]
 fn cell_values_become_the_mean_over_the_kept_cells_around_a_vertex() {
     let mut source = sample(2);
-    let flat = source.mesh.tets.len() - 2;
+    let flat = source.mesh.cells.tets.len() - 2;
     // What is dropped must not count: the flat cell and the duplicate are NaN.
     source.value = Box::new(move |name, c, s, i| if i >= flat { f32::NAN } else { super::distinct(name, c, s, i) });
     let (_dir, store) = store_of(&source, &IngestOptions::default());
@@ -143,7 +143,7 @@ fn cell_values_become_the_mean_over_the_kept_cells_around_a_vertex() {
 fn a_cell_that_is_not_finite_reaches_its_vertices_and_no_others() {
     let mut source = sample(1);
     source.value = Box::new(|_, _, _, i| if i == 20 { f32::NAN } else { 2.5 });
-    let corners = source.mesh.tets[20];
+    let corners = source.mesh.cells.tets[20];
     let (_dir, store) = store_of(&source, &IngestOptions { fields: vec![selector("p")], ..Default::default() });
     let values = decode(&store.field(&selector("p")).unwrap(), 0);
     for (value, vertex) in values.iter().zip(store.mesh().unwrap().vertex_source) {
@@ -335,6 +335,6 @@ fn a_source_without_steps_fields_or_components_is_refused() {
     refused(&|s| s.times.values[2] = s.times.values[1], "step 1 is at 0.1, step 2 at 0.1");
     refused(&|s| s.fields.clear(), "no field");
     refused(&|s| s.fields[1].components = 0, "'velocity' has no components");
-    refused(&|s| s.mesh.tets.clear(), "no cells");
-    refused(&|s| s.mesh.tets[3][1] = 4_000_000, "cell 3");
+    refused(&|s| s.mesh.cells.tets.clear(), "no cells");
+    refused(&|s| s.mesh.cells.tets[3][1] = 4_000_000, "cell 3");
 }

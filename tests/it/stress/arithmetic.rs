@@ -16,7 +16,7 @@ fn column(cubes: usize) -> RawMesh {
     let points = (0..4 * (cubes + 1)).map(corner).collect();
     let paths = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
     let cube = |c: usize| paths.map(|path| [0, path[0], path[1], 7].map(|v| (4 * c + v) as u32));
-    RawMesh { points, tets: (0..cubes).flat_map(cube).collect() }
+    RawMesh { points, cells: (0..cubes).flat_map(cube).collect::<Vec<_>>().into() }
 }
 
 const CUBES: usize = 3400;

@@ -36,7 +36,8 @@ fn ball(splits: usize) -> RawMesh {
     }
     let centre = points.len() as u32;
     points.push(DVec3::ZERO);
-    RawMesh { points, tets: triangles.iter().map(|t| [centre, t[0] as u32, t[1] as u32, t[2] as u32]).collect() }
+    let tets: Vec<_> = triangles.iter().map(|t| [centre, t[0] as u32, t[1] as u32, t[2] as u32]).collect();
+    RawMesh { points, cells: tets.into() }
 }
 
 /// Planes of the boundary's faces: unit normals outwards, and distances from the middle.

@@ -15,9 +15,13 @@ fn points_without_cells_and_cells_without_volume_are_refused_and_said_so() {
     let points = |n: usize| (0..n).map(|i| DVec3::new(i as f64, 0.0, 0.0)).collect::<Vec<_>>();
     for (name, raw, expected) in [
         ("nothing", RawMesh::default(), MeshError::NoCells),
-        ("one vertex", RawMesh { points: points(1), tets: vec![] }, MeshError::NoCells),
-        ("one vertex four times", RawMesh { points: points(1), tets: vec![[0; 4]] }, MeshError::AllFlat(1)),
-        ("four points of a line", RawMesh { points: points(4), tets: vec![[0, 1, 2, 3]; 2] }, MeshError::AllFlat(2)),
+        ("one vertex", RawMesh { points: points(1), cells: vec![].into() }, MeshError::NoCells),
+        ("one vertex four times", RawMesh { points: points(1), cells: vec![[0; 4]].into() }, MeshError::AllFlat(1)),
+        (
+            "four points of a line",
+            RawMesh { points: points(4), cells: vec![[0, 1, 2, 3]; 2].into() },
+            MeshError::AllFlat(2),
+        ),
     ] {
         let error = Mesh::build(raw).unwrap_err();
         assert_eq!(error, expected, "{name}");
@@ -44,7 +48,7 @@ fn no_active_cells_and_no_faces_make_a_clear_image_on_every_path() {
 fn one_cell(squash: f64) -> Case {
     let points = [[-1.0, -1.0, -1.0], [1.0, -0.9, -0.8], [-0.8, 1.0, -0.9], [-0.9, -0.8, 1.0]];
     let points = points.map(|[x, y, z]| DVec3::new(x, y, squash * z)).to_vec();
-    let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     let scalars = (0..4).map(|v| wave(mesh.positions.world(v) / DVec3::new(1.0, 1.0, squash)) as f32).collect();
     let name = format!("one cell, squashed by {squash:.0e}");
     Case::new(name, &mesh, scalars, dense_per(squash))
@@ -66,7 +70,7 @@ fn two_cells_that_share_a_face_an_edge_or_a_vertex_agree() {
     let beyond = [DVec3::new(1.0, 0.9, 0.8), DVec3::new(0.2, 1.0, 0.7), DVec3::new(0.7, 0.1, 1.0)];
     for (name, other) in [("face", [1, 2, 3, 4]), ("edge", [1, 2, 4, 5]), ("vertex", [1, 4, 5, 6])] {
         let points = apex.into_iter().chain(beyond).collect();
-        let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3], other] }));
+        let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3], other].into() }));
         run([Case::new(format!("two cells with one {name}"), &mesh, sample(&mesh, wave), dense())]);
     }
 }

@@ -50,17 +50,17 @@ fn run_beside_clean(case: &Case) -> (f64, f64) {
 #[test]
 fn cells_without_volume_are_dropped_and_the_image_is_that_of_the_clean_mesh() {
     let mut raw = clean();
-    let cells = raw.tets.len() as u64;
+    let cells = raw.cells.tets.len() as u64;
     let m = 6;
-    for tet in raw.tets.clone().iter().step_by(7) {
+    for tet in raw.cells.tets.clone().iter().step_by(7) {
         // A vertex named twice; and twice again.
-        raw.tets.push([tet[0], tet[1], tet[2], tet[2]]);
-        raw.tets.push([tet[0], tet[0], tet[0], tet[3]]);
+        raw.cells.tets.push([tet[0], tet[1], tet[2], tet[2]]);
+        raw.cells.tets.push([tet[0], tet[0], tet[0], tet[3]]);
     }
     // Four corners of a side of the box, which are in one plane.
-    raw.tets.extend((0..m - 1).map(|i| [i, i + 1, i + m, i + m + 1]));
+    raw.cells.tets.extend((0..m - 1).map(|i| [i, i + 1, i + m, i + m + 1]));
     // Four points in a line: an edge of the box.
-    raw.tets.push([0, 1, 2, 3]);
+    raw.cells.tets.push([0, 1, 2, 3]);
     let (case, report) = built("cells without volume", raw);
     assert_eq!((report.cells_out, report.zero_volume), (cells, report.cells_in - cells));
     assert!(report.zero_volume > 100);
@@ -70,9 +70,9 @@ fn cells_without_volume_are_dropped_and_the_image_is_that_of_the_clean_mesh() {
 #[test]
 fn cells_given_twice_are_dropped_and_the_image_is_that_of_the_clean_mesh() {
     let mut raw = clean();
-    let cells = raw.tets.len() as u64;
-    let again: Vec<_> = raw.tets.iter().map(|&[a, b, c, d]| [c, a, d, b]).collect();
-    raw.tets.extend(again);
+    let cells = raw.cells.tets.len() as u64;
+    let again: Vec<_> = raw.cells.tets.iter().map(|&[a, b, c, d]| [c, a, d, b]).collect();
+    raw.cells.tets.extend(again);
     let (case, report) = built("cells given twice", raw);
     assert_eq!((report.cells_out, report.duplicate_cells), (cells, cells));
     assert_eq!(run_beside_clean(&case), (0.0, 0.0));
@@ -83,7 +83,7 @@ fn inverted_cells_are_turned_and_the_image_is_that_of_the_clean_mesh() {
     let mut raw = clean();
     let all_right = built("clean", raw.clone()).1.flipped;
     let mut inverted = 0;
-    for tet in raw.tets.iter_mut().step_by(3) {
+    for tet in raw.cells.tets.iter_mut().step_by(3) {
         tet.swap(0, 1);
         inverted += 1;
     }
@@ -99,8 +99,8 @@ fn torn() -> (RawMesh, usize) {
     let first = raw.points.len();
     raw.points.extend(raw.points.clone());
     let middle = |tet: &[u32; 4]| tet.iter().map(|&v| raw.points[v as usize].x).sum::<f64>() / 4.0;
-    let far: Vec<bool> = raw.tets.iter().map(|tet| middle(tet) > 0.2).collect();
-    for (tet, _) in raw.tets.iter_mut().zip(far).filter(|(_, far)| *far) {
+    let far: Vec<bool> = raw.cells.tets.iter().map(|tet| middle(tet) > 0.2).collect();
+    for (tet, _) in raw.cells.tets.iter_mut().zip(far).filter(|(_, far)| *far) {
         *tet = tet.map(|v| v + first as u32);
     }
     (raw, first)
@@ -121,11 +121,11 @@ fn coincident_points_are_kept_and_touching_parts_are_drawn_as_one() {
 fn coincident_cells_are_kept_and_drawn_once() {
     // Every fifth cell again, with points of its own at the same places: two cells, not one given twice.
     let mut raw = clean();
-    let again: Vec<_> = raw.tets.iter().copied().step_by(5).collect();
+    let again: Vec<_> = raw.cells.tets.iter().copied().step_by(5).collect();
     for tet in &again {
         let first = raw.points.len() as u32;
         raw.points.extend(tet.map(|v| raw.points[v as usize]));
-        raw.tets.push([first, first + 1, first + 2, first + 3]);
+        raw.cells.tets.push([first, first + 1, first + 2, first + 3]);
     }
     let (case, report) = built("coincident cells", raw);
     assert_eq!((report.duplicate_cells, report.coincident_points), (0, 4 * again.len() as u64));
@@ -140,7 +140,7 @@ fn overlapping_cells_are_counted_and_composited_once() {
     let alone = built("alone", raw.clone()).0;
     let first = raw.points.len() as u32;
     raw.points.extend(clean().points.iter().map(|&p| p + DVec3::new(0.31, 0.17, 0.23)));
-    raw.tets.extend(clean().tets.iter().map(|tet| tet.map(|v| v + first)));
+    raw.cells.tets.extend(clean().cells.tets.iter().map(|tet| tet.map(|v| v + first)));
     let both = built("overlapping", raw).0;
     // Constant: which of two overlapping cells has a point does not matter.
     let homogeneous = |case: Case| Case { scalars: vec![0.5; case.scalars.len()], ..case };
@@ -154,12 +154,12 @@ fn overlapping_cells_are_counted_and_composited_once() {
 #[test]
 fn all_defects_at_once_are_repaired() {
     let (mut raw, _) = torn();
-    let cells = raw.tets.clone();
+    let cells = raw.cells.tets.clone();
     for (i, tet) in (0u64..).zip(&cells) {
         match (8.0 * noise(5, i)) as i32 {
-            3 => raw.tets.push([tet[1], tet[1], tet[2], tet[3]]),
-            4 => raw.tets.push([tet[3], tet[0], tet[2], tet[1]]),
-            5 => raw.tets[i as usize].swap(1, 2),
+            3 => raw.cells.tets.push([tet[1], tet[1], tet[2], tet[3]]),
+            4 => raw.cells.tets.push([tet[3], tet[0], tet[2], tet[1]]),
+            5 => raw.cells.tets[i as usize].swap(1, 2),
             6 => raw.points.push(DVec3::splat(f64::NAN)),
             _ => {}
         }

@@ -59,8 +59,8 @@ fn random_mesh(random: &mut SplitMix64, flatness: i32) -> Option<Arc<Mesh>> {
     let mut point =
         || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), flat * random.between(-1.0, 1.0));
     let points = (0..20).map(|_| point()).collect();
-    let tets = (0..12).map(|_| std::array::from_fn(|_| random.below(20) as u32)).collect();
-    Mesh::build(RawMesh { points, tets }).ok().map(|(mesh, _)| Arc::new(mesh))
+    let tets: Vec<_> = (0..12).map(|_| std::array::from_fn(|_| random.below(20) as u32)).collect();
+    Mesh::build(RawMesh { points, cells: tets.into() }).ok().map(|(mesh, _)| Arc::new(mesh))
 }
 
 /// Meshes and views: near, within, far away, from the edge of a flat mesh, in both projections.

@@ -39,7 +39,7 @@ mod tests {
     fn beside_a_cell_that_rounding_may_turn_inside_out_nothing_is_left_out() {
         for (height, expected) in [(1.0, true), (1e-6, true), (1e-12, false)] {
             let points = vec![DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::new(0.0, 0.1, height)];
-            let mesh = Mesh::build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }).unwrap().0;
+            let mesh = Mesh::build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }).unwrap().0;
             let view = Camera::default_for((DVec3::NEG_ONE, DVec3::ONE)).unwrap().view(8, 8).unwrap();
             assert_eq!(may_be_left_out(&mesh, &view, &[0]), expected, "{height}");
             assert!(may_be_left_out(&mesh, &view, &[]));

@@ -136,8 +136,8 @@ fn random_mesh(random: &mut SplitMix64, flatness: i32) -> Option<Arc<Mesh>> {
     let mut point =
         || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), flat * random.between(-1.0, 1.0));
     let points = (0..20).map(|_| point()).collect();
-    let tets = (0..12).map(|_| std::array::from_fn(|_| random.below(20) as u32)).collect();
-    Mesh::build(RawMesh { points, tets }).ok().map(|(mesh, _)| Arc::new(mesh))
+    let tets: Vec<_> = (0..12).map(|_| std::array::from_fn(|_| random.below(20) as u32)).collect();
+    Mesh::build(RawMesh { points, cells: tets.into() }).ok().map(|(mesh, _)| Arc::new(mesh))
 }
 
 /// A regular grid of n^3 cubes in [-1, 1]^3, six cells each.
@@ -158,8 +158,8 @@ fn grid(n: i32) -> Arc<Mesh> {
             tet
         })
     };
-    let tets = all(n).flat_map(cube).collect();
-    Arc::new(Mesh::build(RawMesh { points, tets }).unwrap().0)
+    let tets: Vec<_> = all(n).flat_map(cube).collect();
+    Arc::new(Mesh::build(RawMesh { points, cells: tets.into() }).unwrap().0)
 }
 
 fn camera(position: DVec3, focal_point: DVec3, projection: Projection) -> Camera {

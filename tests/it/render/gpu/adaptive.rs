@@ -139,7 +139,7 @@ fn layers(size: (usize, usize)) -> RenderJob {
     for z in [-0.5, 0.1, 0.7] {
         let first = raw.points.len() as u32;
         raw.points.extend([[-3.0, -3.0, z], [3.0, -3.0, z], [0.0, 3.0, z], [0.0, 0.0, z - 0.4]].map(DVec3::from_array));
-        raw.tets.push([first, first + 1, first + 2, first + 3]);
+        raw.cells.tets.push([first, first + 1, first + 2, first + 3]);
     }
     let mesh = Arc::new(build(raw));
     job(&mesh, sample(&mesh, wave), &camera(DVec3::new(0.12, 0.07, 4.0), PERSPECTIVE), size, dense())

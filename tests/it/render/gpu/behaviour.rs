@@ -19,7 +19,7 @@ fn scene(size: (usize, usize)) -> RenderJob {
 fn one_tet(size: (usize, usize)) -> RenderJob {
     let points = [[-1.0, -1.0, -1.0], [1.0, -0.9, -0.8], [-0.8, 1.0, -0.9], [-0.9, -0.8, 1.0]];
     let points = points.map(DVec3::from_array).to_vec();
-    let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     let camera = Camera {
         position: DVec3::new(1.4, 1.5, 1.3),
         focal_point: DVec3::splat(-0.6),
@@ -36,7 +36,7 @@ fn layers(size: (usize, usize)) -> RenderJob {
     for z in [-0.5, 0.1, 0.7] {
         let first = raw.points.len() as u32;
         raw.points.extend([[-3.0, -3.0, z], [3.0, -3.0, z], [0.0, 3.0, z], [0.0, 0.0, z - 0.4]].map(DVec3::from_array));
-        raw.tets.push([first, first + 1, first + 2, first + 3]);
+        raw.cells.tets.push([first, first + 1, first + 2, first + 3]);
     }
     let mesh = Arc::new(build(raw));
     job(&mesh, sample(&mesh, wave), &camera(DVec3::new(0.12, 0.07, 4.0), PERSPECTIVE), size, dense())
@@ -278,12 +278,12 @@ fn a_mesh_that_fits_in_part_leaves_nothing_behind() {
     for i in 0..20 {
         let vertex = raw.points.len() as u32;
         raw.points.extend([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|p| 0.5 * p + f64::from(i)));
-        raw.tets.push([vertex, vertex + 1, vertex + 2, vertex + 3]);
+        raw.cells.tets.push([vertex, vertex + 1, vertex + 2, vertex + 3]);
     }
     let mesh = Arc::new(build(raw));
     let too_large = job(&mesh, sample(&mesh, wave), &camera(DVec3::X, PERSPECTIVE), (16, 16), dense());
     let points = (0..4).map(|v| DVec3::new(1.0, -1.0, 0.8) * first.mesh.positions.world(v)).collect();
-    let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     let next = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(2.0, -3.0, 2.0), PERSPECTIVE), (16, 16), dense());
     assert!(difference(&raycast(&next), &raycast(&first)).1 > 1e-2);
     assert_refused(&mut renderer, too_large, "view vertices", &next);

@@ -25,7 +25,7 @@ fn slabs(count: usize, share: f64) -> RawMesh {
         let pitch = 2.0 / count as f64;
         let middle = -1.0 + (slab as f64 + 0.5) * pitch;
         all.points.extend(one.points.iter().map(|p| DVec3::new(middle + 0.5 * share * pitch * p.x, p.y, p.z)));
-        all.tets.extend(one.tets.iter().map(|tet| tet.map(|v| v + first)));
+        all.cells.tets.extend(one.cells.tets.iter().map(|tet| tet.map(|v| v + first)));
     }
     all
 }

@@ -126,7 +126,7 @@ fn a_near_part_behind_in_the_list_is_not_lost_when_rays_are_opaque() {
         raw.points.push(p);
     }
     raw.points.push(DVec3::new(40.0, 0.0, -90.0));
-    raw.tets.push([first, first + 1, first + 2, first + 3]);
+    raw.cells.tets.push([first, first + 1, first + 2, first + 3]);
     let (mesh, _) = Mesh::build(raw).unwrap();
     let scalars = mesh.vertex_source.iter().map(|&v| if v < first { 0.0 } else { 1.0 }).collect();
     let opaque = table(&[(0.0, [0.2, 0.2, 1.0], 60.0), (1.0, [1.0, 0.2, 0.1], 3.0)]);
@@ -227,7 +227,7 @@ fn other_optics_have_the_same_errors_as_in_the_ray_caster() {
 #[test]
 fn one_cell_that_fills_many_tiles_agrees_with_the_ray_caster() {
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     for (eye, focal) in [
         (DVec3::new(0.4, 0.35, 0.45), DVec3::ZERO),
         (DVec3::new(0.2, 0.2, 0.2), DVec3::X),
@@ -247,9 +247,9 @@ fn overlapping_cells_agree_with_the_ray_caster() {
     let mut raw = grid(4, 0.16, 3, |_| true);
     let moved: Vec<DVec3> = raw.points.iter().map(|&p| p + DVec3::new(0.31, 0.17, 0.23)).collect();
     let first = raw.points.len() as u32;
-    let again: Vec<_> = raw.tets.iter().map(|tet| tet.map(|v| v + first)).collect();
+    let again: Vec<_> = raw.cells.tets.iter().map(|tet| tet.map(|v| v + first)).collect();
     raw.points.extend(moved);
-    raw.tets.extend(again);
+    raw.cells.tets.extend(again);
     let mesh = Arc::new(build(raw));
     let job = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (48, 48), dense());
     let frame = havs(&with_all_faces(&job));

@@ -244,7 +244,7 @@ fn large_faces_agree_with_the_cpu() {
         return;
     }
     let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let one = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let one = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     let cube = Arc::new(build(grid(1, 0.0, 1, |_| true)));
     let mut worst = Worst::default();
     for (mesh, eye, focal, angle) in [

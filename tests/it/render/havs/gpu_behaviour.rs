@@ -29,7 +29,7 @@ fn scene(size: (usize, usize)) -> RenderJob {
 fn one_tet(size: (usize, usize)) -> RenderJob {
     let points = [[-1.0, -1.0, -1.0], [1.0, -0.9, -0.8], [-0.8, 1.0, -0.9], [-0.9, -0.8, 1.0]];
     let points = points.map(DVec3::from_array).to_vec();
-    let mesh = Arc::new(build(RawMesh { points, tets: vec![[0, 1, 2, 3]] }));
+    let mesh = Arc::new(build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }));
     let focal_point = DVec3::splat(-0.6);
     let camera = Camera { focal_point, ..camera(DVec3::new(1.4, 1.5, 1.3), PERSPECTIVE) };
     with_all_faces(&job(&mesh, sample(&mesh, wave), &camera, size, dense()))
@@ -137,7 +137,7 @@ fn pieces_that_find_no_room_are_given_room_and_the_frame_is_begun_again() {
     for i in 0..8 {
         let (first, z) = (raw.points.len() as u32, -0.9 + 0.2 * f64::from(i));
         raw.points.extend([[-3.0, -3.0, z], [3.0, -3.0, z], [0.0, 3.0, z], [0.0, 0.0, z - 0.1]].map(DVec3::from_array));
-        raw.tets.push([first, first + 1, first + 2, first + 3]);
+        raw.cells.tets.push([first, first + 1, first + 2, first + 3]);
     }
     let mesh = Arc::new(build(raw));
     let eye = camera(DVec3::new(0.12, 0.07, 4.0), PERSPECTIVE);

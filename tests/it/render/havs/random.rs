@@ -20,7 +20,7 @@ proptest! {
         // Cubes left out at random, flattened by up to 2^-24 along z.
         let cube = |c: DVec3| (c * 1000.0).as_ivec3().to_array().iter().fold(7u64, |h, &v| h.wrapping_mul(31).wrapping_add(v as u64));
         let mut raw = grid(cubes, 0.16, seed, |c| 0.5 + 0.5 * noise(seed, cube(c)) < kept);
-        prop_assume!(!raw.tets.is_empty());
+        prop_assume!(!raw.cells.tets.is_empty());
         let squash = 2f64.powi(-flatness);
         raw.points.iter_mut().for_each(|p| p.z *= squash);
         let mesh = Arc::new(build(raw));
