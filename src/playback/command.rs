@@ -136,7 +136,7 @@ impl Settings {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// For the first invalid number.
+    /// The first invalid number.
     pub fn check(&self) -> Result<(), CommandError> {
         check_speed(self.frames_per_second)?;
         self.time_per_second.map_or(Ok(()), check_speed)?;

@@ -23,7 +23,7 @@ const LIFE: u32 = 250;
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
     ln_ms: [f64; FRAMES],
-    /// Number of measurements; the next index, modulo [`FRAMES`].
+    /// Number of measurements; the next one replaces that at `next`.
     count: usize,
     next: usize,
     /// Frames measured since the last one.

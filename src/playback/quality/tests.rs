@@ -297,7 +297,7 @@ fn at_rest_all_is_drawn_or_the_faces_that_were_chosen() {
     assert_eq!(control.choose(&faces), Quality::Exact, "all cells are no dearer");
     assert_eq!(control.choose(&Wanted { or_exact: false, ..faces }), Quality::Faces(0.8));
     assert_eq!(control.choose(&Wanted { faces: Some(0.1), ..faces }), Quality::Faces(0.1));
-    // The same while something moves.
+    // The choice is the same while something moves.
     let moving = Wanted { target_ms: Some(200.0), ..faces };
     assert_eq!(control.choose(&moving), Quality::Exact);
     assert!(
