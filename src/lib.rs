@@ -1,8 +1,8 @@
 //! tetreel plays time-varying scalar fields on tetrahedral meshes.
 //!
-//! A series is imported once into a store, then every displayed frame is *decode -> order -> render*, judged by a
-//! float64 reference. The modules are floors of a house: each imports only from floors below its own
-//! (`tests/it/floors.rs` reads this table and every import).
+//! A series is imported once into a store, then every displayed frame is *decode -> order -> render*, checked against a float64 reference.
+//! Modules are layered in floors: each imports only from floors below its own (`tests/it/floors.rs` checks this table against every
+//! import).
 //!
 //! | floor | modules |
 //! |---|---|

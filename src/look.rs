@@ -1,4 +1,4 @@
-//! [`Look`]: what frames of a field have in common, and the requests for them.
+//! [`Look`]: the settings that frames of a field share, and the requests for them.
 
 use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
@@ -14,35 +14,35 @@ use crate::transfer::{
 use crate::visibility::Skip;
 use std::sync::Arc;
 
-/// The transfer function of those who do not choose one: that of [`FirstLook`].
+/// The transfer function if none is chosen: that of [`FirstLook`].
 pub const DEFAULT_TF: &str = "auto";
 
-/// All that frames of a field have in common.
+/// The settings that frames of a field share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
-    /// Where from.
+    /// Viewpoint and projection.
     pub camera: Camera,
-    /// Colours and opacities.
+    /// Colours and opacities over the range.
     pub tf: TransferFunction,
-    /// Scalars that they cover.
+    /// Scalars that the transfer function covers.
     pub range: RangePolicy,
-    /// What opacities mean.
+    /// How opacities are defined.
     pub opacity_kind: OpacityKind,
-    /// The length that they refer to, and that of the longest path.
+    /// The length that opacities refer to, and the longest path through the mesh.
     pub lengths: Lengths,
-    /// Which renderer.
+    /// Renderer for the volume.
     pub mode: RenderMode,
-    /// Which faces are drawn, where faces are.
+    /// Which faces a face renderer draws.
     pub faces: FaceDetail,
-    /// Where it runs.
+    /// Device that renders.
     pub backend: Backend,
     /// How segments are integrated.
     pub optics: OpticsKind,
     /// Isosurfaces, and whether the volume is drawn.
     pub surfaces: SurfaceLook,
-    /// What may be left out.
+    /// Which unneeded work may be skipped.
     pub skip: Skip,
-    /// What a project says instead, if there is one.
+    /// Which settings a project overrides, if there is one.
     pub followed: Followed,
 }
 
@@ -52,24 +52,24 @@ pub enum EnsembleChoice {
     /// The ensembles of the timeline, or the one that the look names.
     #[default]
     Project,
-    /// This one, counted from 0, at all times.
+    /// The ensemble of this index (from 0), at all times.
     One(usize),
-    /// None: the user's own colours and opacities.
+    /// No ensemble: the user's own colours and opacities.
     Own,
 }
 
-/// What is shown as a project has it; of the rest, the user's.
+/// Which settings come from the project; the others are the user's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Followed {
-    /// Which of its ensembles.
+    /// Ensembles of the project.
     pub ensembles: EnsembleChoice,
-    /// The path of its camera.
+    /// Camera path of the project.
     pub camera: bool,
-    /// Its levels of detail.
+    /// Levels of detail of the project.
     pub lod: bool,
     /// The isovalues and cuts of its timeline.
     pub surfaces: bool,
-    /// Its changes of how segments are integrated.
+    /// Integration of segments over time.
     pub optics: bool,
 }
 
@@ -82,28 +82,28 @@ impl Default for Followed {
 /// Colours and extinctions of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Colors {
-    /// Over the scalar, or over other quantities, too, if a member of an ensemble keeps its axes.
+    /// Table over the scalar, or also over other quantities if a member of an ensemble keeps its axes.
     pub table: TransferTable,
-    /// What the table was made from, unless members are of more than the scalar.
+    /// Source of the table; `None` if members are defined on more than the scalar.
     pub formula: Option<Arc<TransferSource>>,
 }
 
-/// What a project says of a moment; `None`: nothing.
+/// The settings of a project at one time; `None`: not set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Keyed {
-    /// Colours and extinctions of its ensembles.
+    /// Colours and extinctions of the ensembles.
     pub colors: Option<Colors>,
-    /// Where from.
+    /// Viewpoint and projection.
     pub camera: Option<Camera>,
     /// Level of detail.
     pub lod: Option<f64>,
-    /// Where surfaces and cuts are.
+    /// Isovalues, opacities and positions of cuts.
     pub surfaces: KeyedSurfaces,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
 
-/// The scalars that a transfer function covers at a moment of a field ([`FrameTime::scalar_ranges`]).
+/// The scalars that a transfer function covers at a time of a field ([`FrameTime::scalar_ranges`]).
 ///
 /// # Errors
 /// As [`RangePolicy::resolve`], and if percentiles are asked for and a step cannot be read.
@@ -113,7 +113,7 @@ pub fn mapped_range(series: &Series, policy: &RangePolicy, time: FrameTime) -> R
 }
 
 impl Look {
-    /// A mesh framed, the range of all steps, opacities per 1 % of the diagonal of its box.
+    /// The default look: the mesh framed, the range of all steps, opacities per 1 % of the diagonal of the mesh's box.
     ///
     /// # Errors
     /// If the mesh has no extent that a camera can frame.
@@ -145,12 +145,12 @@ impl Look {
         Ok(Self { range, ..Self::default_for(series, tf)? })
     }
 
-    /// Whether colours, opacities and range are those.
+    /// Whether the range and transfer function are those of `first`.
     pub fn is_first(&self, first: &FirstLook) -> bool {
         (self.range, &self.tf) == (first.range, &first.tf)
     }
 
-    /// What the table over a range is made from.
+    /// The source of the table over a range.
     pub fn source(&self, range: &MappedRange) -> TransferSource {
         let content = TransferContent::Function { function: self.tf.clone(), range: *range };
         TransferSource { content, kind: self.opacity_kind, lengths: self.lengths }
@@ -172,16 +172,16 @@ impl Look {
         Ok(Colors { table: Arc::new(self.table(range)?).into(), formula: Some(Arc::new(self.source(range))) })
     }
 
-    /// The level of detail at a moment of a project.
+    /// The level of detail: the project's if it is set and followed, else the look's.
     pub fn lod_at(&self, keyed: &Keyed) -> f64 {
         keyed.lod.filter(|_| self.followed.lod).unwrap_or(self.faces.lod)
     }
 
-    /// The request for a frame of `size_px` pixels: what a project says of the moment comes before the look where the look follows it.
-    /// `own` makes the look's own colours, and is asked only if the moment has none.
+    /// The request for a frame of `size_px` pixels: the project's settings replace those of the look where the look follows them. `own`
+    /// makes the look's own colours, and is called only if the project sets none.
     ///
     /// # Errors
-    /// That of `own`.
+    /// The error of `own`.
     pub fn request<E>(
         &self,
         time: FrameTime,

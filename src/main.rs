@@ -11,8 +11,8 @@ fn main() -> ExitCode {
     run()
 }
 
-/// Whether Mesa's device-select layer would look for a Wayland session where there is none, and libwayland complain of that on standard
-/// error whenever GPUs are looked for. tetreel chooses its adapter itself (`--adapter`).
+/// Whether Mesa's device-select layer would look for a Wayland session where there is none, and libwayland report that on standard error at
+/// each GPU enumeration. tetreel chooses its adapter itself (`--adapter`).
 #[cfg(feature = "gpu")]
 fn asks_wayland_in_vain() -> bool {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());

@@ -1,4 +1,4 @@
-//! [`Scene`]: a field of a store, what its frames look like, and what a project says of them over time.
+//! [`Scene`]: a field of a store, the look of its frames, and a project that changes it over time.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -26,21 +26,21 @@ use std::time::Duration;
 
 /// A series, ready to be asked for frames.
 pub struct Scene {
-    /// Renders them.
+    /// Renders the frames.
     pub pipeline: Pipeline,
-    /// What they have in common.
+    /// Settings that the frames share.
     pub look: Look,
-    /// The transfer function of the look in words, as files say it.
+    /// The transfer function of the look as text, as written in files.
     pub tf_text: String,
-    /// Width and height.
+    /// Width and height of a frame, pixels.
     pub size_px: (usize, usize),
-    /// Whether they have planes of normals and numbers of surfaces.
+    /// Whether frames have planes of normals and surface numbers.
     pub guides: bool,
     /// The pixels that rays are cast for.
     pub samples: SampleSet,
-    /// The image that is rendered in place of each frame, if there is one.
+    /// The smaller image that is rendered and enlarged to a frame, if any.
     pub upsampling: Option<Upsampling>,
-    /// What a project says, in place of the look.
+    /// The project, whose settings replace those of the look.
     animation: Option<Animation>,
     /// Colours of the last request.
     last: Option<LastColors>,
@@ -49,10 +49,10 @@ pub struct Scene {
 
 /// Colours of a request.
 struct LastColors {
-    /// The scalars that they cover; `None` if the field has no finite value.
+    /// The scalars that the colours cover; `None` if the field has no finite value.
     range: Option<MappedRange>,
     colors: Colors,
-    /// Whether they are those of ensembles, not of the look.
+    /// Whether the colours are those of a project's ensembles, not of the look.
     of_project: bool,
 }
 
@@ -65,7 +65,7 @@ pub enum SceneError {
     /// The mesh has no extent that a camera can frame.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The look has no colours at the moment.
+    /// The look has no colours at the time of the request.
     #[error("field {field}: {problem}")]
     Colors {
         /// Name of the field.
@@ -76,29 +76,29 @@ pub enum SceneError {
     /// The look has no table over a range.
     #[error(transparent)]
     Table(#[from] TransferError),
-    /// The project has nothing to show at the moment.
+    /// The project cannot be evaluated at the time of the request.
     #[error(transparent)]
     Project(#[from] ProjectError),
     /// The frame could not be rendered.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// Somebody asked to stop.
+    /// The scene's `cancel` was raised.
     #[error("cancelled")]
     Cancelled,
 }
 
 impl SceneError {
-    /// Whether nothing is wrong but that somebody asked to stop.
+    /// Whether the only reason is a cancel.
     pub fn is_cancelled(&self) -> bool {
         matches!(self, Self::Cancelled | Self::Pipeline(PipelineError::Cancelled))
     }
 }
 
 impl Scene {
-    /// Width and height of those who do not choose them.
+    /// Default width and height, pixels.
     pub const SIZE_PX: (usize, usize) = (1280, 720);
 
-    /// A series with a look; `cancel` ends what takes long.
+    /// A series with a look; raising `cancel` ends long operations.
     pub fn new(pipeline: Pipeline, look: Look, cancel: &Cancel) -> Self {
         Self {
             pipeline,
@@ -126,7 +126,7 @@ impl Scene {
         Ok(Self { tf_text: text, ..Self::new(pipeline, look, &cancel) })
     }
 
-    /// Shows what a project says from now on; of the rest, the look.
+    /// Overrides the look with a project from now on.
     pub fn set_project(&mut self, project: Arc<Project>) {
         let Look { opacity_kind, lengths, .. } = self.look;
         self.animation = Some(Animation::new(project, self.pipeline.series().clone(), opacity_kind, lengths));
@@ -137,12 +137,12 @@ impl Scene {
         self.animation.as_ref().map(Animation::project)
     }
 
-    /// What ends that which takes long.
+    /// The flag that ends long operations.
     pub fn cancel(&self) -> &Cancel {
         &self.cancel
     }
 
-    /// Renders a step, or a moment between two.
+    /// Renders a step, or a time between two steps.
     ///
     /// # Errors
     /// As [`Self::request`] and [`Pipeline::render`].
@@ -151,16 +151,16 @@ impl Scene {
         Ok(self.pipeline.render_unless(&request, &self.cancel)?)
     }
 
-    /// The request for a step, or for a moment between two.
+    /// The request for a step, or for a time between two steps.
     ///
     /// # Errors
-    /// If the look or the project has nothing to show there, or somebody cancels.
+    /// If the look has no colours or the project cannot be evaluated there, or the scene is cancelled.
     pub fn request(&mut self, time: impl Into<FrameTime>) -> Result<FrameRequest, SceneError> {
         let time = time.into();
         self.request_at(time, time.time(self.pipeline.times()))
     }
 
-    /// The request for a moment of the series at a time `at` of the project's timeline, in the unit of the series.
+    /// The request for `time` of the series, with the project's timeline at `at`, in the unit of the series.
     ///
     /// # Errors
     /// As [`Self::request`].
@@ -176,7 +176,7 @@ impl Scene {
         let keyed = keyed.transpose()?.unwrap_or_default();
         match &keyed.colors {
             Some(colors) => {
-                // What a legend shows.
+                // The range of the legend.
                 let range = mapped_range(self.pipeline.series(), &RangePolicy::Series, 0.into()).ok();
                 self.last = Some(LastColors { range, colors: colors.clone(), of_project: true });
             }
@@ -193,7 +193,7 @@ impl Scene {
         })
     }
 
-    /// Makes the look's own colours of a moment, unless those of the last request are made from the same.
+    /// Makes the look's own colours at a time, unless those of the last request have the same source.
     fn find_colors(&mut self, time: FrameTime) -> Result<(), SceneError> {
         let field = &self.pipeline.field().name;
         let failed = |problem| SceneError::Colors { field: field.clone(), problem: Box::new(problem) };
@@ -213,7 +213,7 @@ impl Scene {
         self.last.as_ref().is_some_and(|last| last.of_project)
     }
 
-    /// What gives the last request its colours, in words.
+    /// A text that describes the transfer function of the last request.
     pub fn transfer_function(&self) -> String {
         match self.project().filter(|_| self.shows_ensembles()).map(|project| project.ensembles.len()) {
             Some(1) => "an ensemble".to_owned(),
@@ -227,7 +227,7 @@ impl Scene {
         self.last.as_ref().and_then(|last| last.range)
     }
 
-    /// What the colours of the last request mean.
+    /// The colour map and scalar range of the last request.
     pub fn color_scale(&self) -> Option<(ColorMap, MappedRange)> {
         let LastColors { range, colors, of_project } = self.last.as_ref()?;
         let range = (*range)?;
@@ -246,14 +246,14 @@ fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
     ColorMap::new("ensemble", points, None).ok()
 }
 
-/// How often a wait looks for a cancel.
+/// Interval at which a wait checks for a cancel.
 const TICK: Duration = Duration::from_millis(50);
 
-/// Does something on a thread of its own that looks at no flag and writes nothing; `None`: `cancel` was raised before it ended. A panic
-/// goes on here.
+/// Runs `work` on a new thread; returns `None` if `cancel` is raised before it ends. `work` sees no flag, continues after a cancel and must
+/// write nothing. A panic of `work` resumes on the caller.
 pub fn unless_cancelled<T: Send + 'static>(cancel: &Cancel, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     let (say, heard) = bounded(1);
-    // Nobody listens any more after a cancel.
+    // After a cancel the receiver is gone.
     let thread = std::thread::spawn(move || _ = say.send(work()));
     loop {
         match heard.recv_timeout(TICK) {
@@ -262,7 +262,7 @@ pub fn unless_cancelled<T: Send + 'static>(cancel: &Cancel, work: impl FnOnce() 
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => match thread.join() {
                 Err(panic) => std::panic::resume_unwind(panic),
-                Ok(()) => return None, // not reached: who ends without a panic has said something
+                Ok(()) => return None, // not reached: a thread that ends without a panic has sent
             },
         }
     }
@@ -307,7 +307,7 @@ mod tests {
         let request = FrameRequest::new(1, look.camera, table, (32, 24));
         assert_eq!(pipeline.render(&request).unwrap().planes.color, frame);
 
-        // The look is the user's: what it is made into follows it.
+        // The user may change the look: derived colours follow it.
         scene.look.tf = TransferFunction::parse("gray@0:0.5,1:0.5").unwrap();
         let colored = scene.render(1).unwrap().planes.color.clone();
         assert_ne!(colored, frame);

@@ -1,4 +1,4 @@
-//! `tetreel import --append`: adds what is new, once or again and again.
+//! `tetreel import --append`: adds new steps, once or repeatedly.
 
 use super::import;
 use super::progress::Terminal;
@@ -12,10 +12,10 @@ use crate::task::Progress;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How often a pause looks for Ctrl-C.
+/// Interval between checks for Ctrl-C during a pause.
 const TICK: Duration = Duration::from_millis(50);
 
-/// What is to be added where, and what the store is or becomes.
+/// An append: the sources, the store, and its codec and fields.
 pub(super) struct Job<'a> {
     pub(super) sources: &'a [PathBuf],
     pub(super) output: &'a Path,
@@ -26,14 +26,14 @@ pub(super) struct Job<'a> {
     pub(super) json: bool,
 }
 
-/// What a look at the source has brought.
+/// Report of a store created or appended to.
 enum Done {
     Created(Box<IngestReport>),
     Appended(Box<AppendReport>),
 }
 
 impl Job<'_> {
-    /// Says what would be added.
+    /// Prints what would be added.
     pub(super) fn plan(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let series = import::open(self.sources)?;
         let steps = steps::within_series(self.steps, series.times().len(), terminal);
@@ -42,14 +42,14 @@ impl Job<'_> {
         Ok(Outcome::Done)
     }
 
-    /// Adds what is new.
+    /// Adds new steps.
     pub(super) fn once(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let done = self.look(steps::within_series, terminal).map_err(source::ended)?;
         self.print(&done)?;
         Ok(Outcome::Done)
     }
 
-    /// Adds what is new whenever there is something, until Ctrl-C.
+    /// Adds new steps as they come, until Ctrl-C.
     pub(super) fn follow(&self, pause: Duration, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let mut seen = None;
         let mut complained_of: Option<PathBuf> = None;
@@ -58,7 +58,7 @@ impl Job<'_> {
         loop {
             let now = fingerprint(self.sources);
             if now.is_none() || now != seen {
-                // What the source lacks by now may come later.
+                // Steps that the source lacks now may come later.
                 match self.look(|steps, count, _| steps::cut(steps, count), terminal) {
                     Ok(done) => {
                         complained_of = None;
@@ -67,7 +67,7 @@ impl Job<'_> {
                         }
                     }
                     Err(error) if error.may_be_half_written() => {
-                        // Once for a file: at the next look another byte of it may be the last one.
+                        // Reported once per file: at the next check another byte of it may be the last one.
                         let path = error.path().map(Path::to_owned);
                         if complained_of != path {
                             terminal.say(&format!("not yet: {error}"));
@@ -90,7 +90,7 @@ impl Job<'_> {
         }
     }
 
-    /// Adds what is new; `cut` leaves out of the steps what lies behind the last one that the source has.
+    /// Adds new steps; `cut` limits the range to the steps that the source has.
     fn look(
         &self,
         cut: impl FnOnce(StepRange, usize, &Terminal) -> StepRange,
@@ -111,7 +111,7 @@ impl Job<'_> {
             let options = IngestOptions { fields, units, steps, codec, overwrite: false };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
-                // Somebody else was faster.
+                // Another process has created the store.
                 Err(_) if exists() && !terminal.cancel.is_cancelled() => add(),
                 created => created.map(|report| Done::Created(Box::new(report))),
             }
@@ -135,8 +135,8 @@ impl Job<'_> {
     }
 }
 
-/// Size and time of change of every file of the sources; `None` if they cannot be told, or one was written so lately that
-/// another change might bear the same time.
+/// Size and modification time of every file of the sources; `None` if unknown, or if a file was written so recently that another change
+/// might have the same time.
 fn fingerprint(sources: &[PathBuf]) -> Option<Vec<(PathBuf, u64, SystemTime)>> {
     /// Coarser than the clocks of file systems are (2 s on FAT).
     const SETTLED: Duration = Duration::from_secs(3);

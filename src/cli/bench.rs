@@ -61,7 +61,7 @@ enum Suite {
 }
 
 impl Suite {
-    /// What moves in the runs of the suite, and whether they are judged.
+    /// Motions of the suite's runs, and whether errors are measured.
     fn runs(self) -> Vec<(Motion, bool)> {
         match self {
             Self::Frame => MOTIONS.map(|m| (m, false)).to_vec(),
@@ -158,7 +158,7 @@ fn run_held_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal)
     Ok(measured?)
 }
 
-/// A rate that the player could be asked for.
+/// Parses a frame rate that the player accepts.
 fn target_fps(text: &str) -> Result<f64, String> {
     let fps = text.parse().ok().filter(|fps| TARGET_FPS.contains(fps));
     fps.ok_or_else(|| {
@@ -181,7 +181,7 @@ fn dataset_name(path: &Path) -> String {
     path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned())
 }
 
-/// Segments of each length, method and transfer function.
+/// Number of segments for each length, method and transfer function.
 const INTEGRATION_SEGMENTS: usize = 500;
 
 /// The report as a table.
@@ -228,7 +228,7 @@ fn heading(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     )
 }
 
-/// Moving time over time that moves half as often, with both sides, and seeks.
+/// Rows of the playback suite: moving time against time moving half as often, and seeks.
 fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     let [width, height] = run.size;
     writeln!(f, "{}, {} cells, {width}x{height}, {}, codec {}", run.dataset, run.cells, run.backend, run.codec)?;
@@ -242,7 +242,7 @@ fn playback_rows(f: &mut fmt::Formatter<'_>, run: &PlaybackRun) -> fmt::Result {
     writeln!(f, "  seeks: {:.1} ms, {:.3} of all its stages ({quartiles})", ms.median, ratio.median)
 }
 
-/// How a rate was held, and what was chosen for it.
+/// Rows of the motion suite: how the rate was held, and the qualities chosen.
 fn held_rows(f: &mut fmt::Formatter<'_>, run: &HeldRun) -> fmt::Result {
     let ([width, height], HeldRun { target_ms, exact_ms, ms, .. }) = (run.size, run);
     writeln!(f, "{}, {} cells, {width}x{height}, {}, {target_ms:.1} ms a frame", run.dataset, run.cells, run.backend)?;

@@ -1,4 +1,4 @@
-//! `tetreel compare`: how far two images are apart.
+//! `tetreel compare`: the difference of two images.
 
 use super::progress::Terminal;
 use super::{Outcome, print_result};
@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     Ok(if failed { Outcome::CheckFailed } else { Outcome::Done })
 }
 
-/// The differences between planes that both images have.
+/// Compares planes that both images have.
 fn of_both<P, M>(
     a: &Plane<P>,
     b: &Plane<P>,

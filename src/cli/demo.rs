@@ -1,4 +1,4 @@
-//! `tetreel demo`: from nothing to a picture.
+//! `tetreel demo`: generates a series and shows it.
 
 #[cfg(feature = "gui")]
 use super::play::{self, Playing};
@@ -35,7 +35,7 @@ pub(super) struct Args {
     no_window: bool,
 }
 
-/// Steps generated; the contact sheet shows every other one, from the second on (the jet starts from nothing).
+/// Steps generated; the contact sheet shows every other one, from the second on (the jet is empty at first).
 const STEPS: usize = 24;
 /// Columns and rows of the contact sheet: half of the steps.
 const SHEET: (usize, usize) = (3, STEPS / 2 / 3);

@@ -41,7 +41,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Which surface.
+/// Options of surfaces.
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct SurfaceArgs {
@@ -66,7 +66,7 @@ fn plane(text: &str) -> Result<Cut, String> {
 }
 
 impl SurfaceArgs {
-    /// The surface, if one was asked for.
+    /// The surface, if requested.
     fn shape(&self) -> anyhow::Result<Option<Shape>> {
         if let Some(twice) = self.iso.iter().enumerate().find_map(|(i, v)| self.iso[..i].contains(v).then_some(v)) {
             bail!("--iso {twice} is there twice; leave one out");
@@ -137,7 +137,7 @@ impl fmt::Display for Written<'_> {
     }
 }
 
-/// The same of surfaces.
+/// The report of surfaces as a line.
 struct WrittenSurfaces<'a>(&'a SurfaceReport);
 
 impl fmt::Display for WrittenSurfaces<'_> {

@@ -17,7 +17,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Shortest and longest pause between two looks at a source that is followed, in seconds.
+/// Shortest and longest pause between two checks of a followed source, in seconds.
 const FOLLOW_MIN: f64 = 0.01;
 const FOLLOW_MAX: f64 = 86_400.0;
 
@@ -113,7 +113,7 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     Ok(Outcome::Done)
 }
 
-/// Opens what is named.
+/// Opens the sources.
 pub(super) fn open(sources: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     match sources {
         [one] => import::open(one),
@@ -126,14 +126,14 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| format!("'{text}' is no number of seconds from {FOLLOW_MIN} to {FOLLOW_MAX}"))
 }
 
-/// How values can be stored.
+/// Help text of the codecs.
 fn codec_help() -> String {
     let all: Vec<String> = CODECS.iter().map(|codec| format!("{}, {}", codec.name(), codec.about())).collect();
     let first = CODECS.first().map_or("", |codec| codec.name());
     format!("How values are stored: {} [default: {first}, or that of the store with --append]", all.join("; "))
 }
 
-/// The codec that the options name; the first if they name none.
+/// The codec named by the options; by default the first.
 fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
     let entries = args.entries.map(|entries| entries.to_string());
     let relative = args.relative.then_some("true");
@@ -150,7 +150,7 @@ fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
     codec.choose(&given).map_err(anyhow::Error::msg)
 }
 
-/// What `--dry-run` says.
+/// Report of `--dry-run`.
 #[derive(Serialize)]
 struct Plan {
     source: String,

@@ -1,4 +1,4 @@
-//! `tetreel info`: what a store holds.
+//! `tetreel info`: contents of a store.
 
 use super::progress::Terminal;
 use super::{Outcome, print_result, source};

@@ -1,4 +1,4 @@
-//! `tetreel manual`: man pages and shell completions, from the same table as `--help`.
+//! `tetreel manual`: man pages and shell completions, from the definitions of `--help`.
 
 use super::{Cli, Outcome};
 use anyhow::Context;

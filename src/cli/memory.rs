@@ -1,28 +1,28 @@
-//! Whether there is memory for images of a size: said before anything is rendered.
+//! Checks that there is memory for images of a size, before rendering.
 
 use super::scene::SizePx;
 use anyhow::ensure;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
-/// Bytes of a pixel of a frame: accumulators and depth.
+/// Bytes per pixel of a frame: accumulators and depth.
 const FRAME: u64 = (size_of::<[f32; 4]>() + size_of::<f32>()) as u64;
-/// Bytes of a pixel of a file in the making: an EXR has its planes once as numbers and once as it is written; others take less.
+/// Bytes per pixel of a file being written: an EXR has its planes once as numbers and once encoded; others take less.
 const FILE: u64 = 2 * FRAME;
-/// Frames that a run has in the making, and copies of frames that wait to be written, if it has as many.
+/// Largest number of frames being rendered, and of copies waiting to be written.
 const IN_THE_MAKING: usize = 4;
 const TO_BE_WRITTEN: usize = 3;
 
-/// Refuses images for which the memory that is free now does not suffice.
+/// Refuses images that exceed the free memory.
 pub(super) fn check(size: SizePx, frames: usize) -> anyhow::Result<()> {
     let of_memory = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
-    // A system that does not say how much there is says so when it is taken.
+    // If the system does not report its memory, allocation may fail later.
     let Ok(system) = System::new_with_specifics(of_memory) else { return Ok(()) };
-    // Of what a group of processes has taken, files that are kept in memory can go.
+    // The page cache in a control group's usage can be freed.
     let of_group = system.cgroup_limits().map_or(u64::MAX, |limits| limits.total_memory);
     check_against(size, frames, system.available_memory().min(of_group))
 }
 
-/// The same, if so many bytes are free.
+/// Like `check`, with this many bytes free.
 fn check_against(SizePx(width, height): SizePx, frames: usize, free: u64) -> anyhow::Result<()> {
     let per_pixel = FRAME * (frames.min(IN_THE_MAKING) + frames.min(TO_BE_WRITTEN)) as u64 + FILE;
     let needed = (width as u64).saturating_mul(height as u64).saturating_mul(per_pixel);

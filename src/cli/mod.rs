@@ -1,7 +1,7 @@
 //! The command line, one file per subcommand.
 //!
-//! [`Cli`] is the one table from which help, man pages and completions come. Exit codes: 0 done, 1 done but a check
-//! failed, 2 bad usage or input, 130 interrupted.
+//! [`Cli`] is the one source of help, man pages and completions. Exit codes: 0 done, 1 done but a check failed, 2 bad usage or input, 130
+//! interrupted.
 
 mod append;
 mod bench;
@@ -34,12 +34,12 @@ use std::process::ExitCode;
 const EXIT_INTERRUPTED: u8 = 130;
 /// Exit code for bad usage or input.
 const EXIT_BAD_INPUT: u8 = 2;
-/// Exit code of a run that did its work and found a check failing.
+/// Exit code of a completed run with a failed check.
 const EXIT_CHECK_FAILED: u8 = 1;
 
 /// Heading of the options that all commands have.
 const COMMON: &str = "Common options";
-/// More threads than any machine has cores; starting far more hangs.
+/// Largest number of threads, more than any machine has cores; starting far more hangs.
 const THREADS_MAX: i64 = 1024;
 
 /// Plays time-varying scalar fields on tetrahedral meshes.
@@ -49,7 +49,7 @@ const THREADS_MAX: i64 = 1024;
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// The words that it was read from.
+    /// The words of the command line.
     #[arg(skip)]
     words: Vec<OsString>,
     /// Threads to compute with (0: one per core)
@@ -65,7 +65,7 @@ pub struct Cli {
 }
 
 impl Cli {
-    /// The command line of these words, the first of which is the program's name. Help and mistakes end the program.
+    /// Parses these words, the first of which is the program's name. Help and errors end the program.
     pub fn of(words: impl IntoIterator<Item = OsString>) -> Self {
         let words: Vec<OsString> = words.into_iter().collect();
         Self { words: words.clone(), ..Self::parse_from(words) }
@@ -87,16 +87,16 @@ enum Command {
     Manual(manual::Args),
 }
 
-/// What a command ended with, if not with an error.
+/// Result of a command without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// All went well.
+    /// Success.
     Done,
-    /// The work is done, and a check that was asked for failed.
+    /// The work is done, but a requested check failed.
     CheckFailed,
 }
 
-/// The run was interrupted; there is nothing more to say.
+/// The run was interrupted; nothing more is printed.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("interrupted")]
 struct Interrupted;
@@ -136,12 +136,12 @@ pub fn run(cli: Cli) -> ExitCode {
     }
 }
 
-/// Whether Ctrl-C ended the work.
+/// Whether the error comes from Ctrl-C.
 fn is_interruption(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(PipelineError::Cancelled))
 }
 
-/// Whether the reader of our output has gone (`tetreel info X | head -1`): no error of ours.
+/// Whether the reader of stdout has closed it (`tetreel info X | head -1`), which is no error.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }

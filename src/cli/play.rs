@@ -51,16 +51,16 @@ pub(super) struct Args {
     background: Option<[f32; 3]>,
 }
 
-/// The shape that a camera frames the mesh for, until the window has its own.
+/// Image size for which a camera frames the mesh, until the window has its own.
 const FRAMING: SizePx = SizePx(1280, 800);
 
-/// A window needs a colour.
+/// Parses a colour; a window cannot be transparent.
 fn parse_color(text: &str) -> Result<[f32; 3], String> {
     let problem = "a window is not transparent; write #rrggbb, black, white or gray";
     text.parse::<Background>()?.color().ok_or_else(|| problem.to_owned())
 }
 
-/// Plays what the command says; `words` are those of the whole command line, which come before what a project says.
+/// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     match &*args.paths {
         [path] if project::is_project(path) => {
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
 }
 
 fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
-    // What cannot work fails here, before there is a window.
+    // Invalid options fail here, before there is a window.
     if args.scene.tf != DEFAULT_TF {
         TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf.display()))?;
     }
@@ -111,7 +111,7 @@ fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal:
     Ok(Outcome::Done)
 }
 
-/// Whether what a project shows first can be had. Members that need histograms are left to the window: these may have to be counted.
+/// Checks that a project's first frame can be evaluated. Members that need histograms are left to the window: these may have to be counted.
 fn check(project: &Project, series: &Arc<Series>, look: &Look) -> anyhow::Result<()> {
     let Some(&first) = series.times().values.first() else { return Ok(()) };
     let mut project = project.clone();
@@ -123,7 +123,7 @@ fn check(project: &Project, series: &Arc<Series>, look: &Look) -> anyhow::Result
     Ok(())
 }
 
-/// Opens a store and the field of it that is shown.
+/// Opens a store and its chosen field.
 pub(super) fn open_store(path: &Path, scene: &SceneArgs) -> anyhow::Result<Opened> {
     let store = Arc::new(Store::open(path)?);
     let series = scene.series(&store)?;
@@ -132,24 +132,24 @@ pub(super) fn open_store(path: &Path, scene: &SceneArgs) -> anyhow::Result<Opene
     Ok(Opened { store, series, path, name, origin: Origin::Store })
 }
 
-/// How a window is shown.
+/// Options of the window.
 pub(super) struct Playing {
-    /// Behind the volume; `None`: as it was last.
+    /// Colour behind the volume; `None`: the saved one.
     pub(super) background: Option<[f32; 3]>,
-    /// Whether steps that are added to the store are taken up.
+    /// Whether steps added to the store are shown.
     pub(super) follows: bool,
-    /// In points; `None`: as it was last.
+    /// Size in points; `None`: the saved one.
     pub(super) size: Option<SizePx>,
     /// Whether it plays at once, in a loop.
     pub(super) plays: bool,
-    /// What is shown of it, from moment to moment.
+    /// The project, which overrides the look over time.
     pub(super) project: Option<Arc<Project>>,
 }
 
 /// Shows a window until it is closed.
 ///
 /// # Errors
-/// If the system shows none, or Ctrl-C closed it.
+/// If the system opens no window, or Ctrl-C closed it.
 pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal: &Terminal) -> anyhow::Result<()> {
     let (args, project) = (scene.clone(), playing.project.clone());
     let &Playing { background, follows, size, plays, .. } = playing;
@@ -159,7 +159,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
             Ok(look)
         });
         let look = look.map_err(|error| format!("{error:#}"))?;
-        // A camera that only says how wide it looks still frames the mesh.
+        // A camera without a position or scale still frames the mesh.
         let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
         let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);
         Ok(Dressed { look, camera_is_chosen, project: project.clone() })
@@ -187,7 +187,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
     Ok(())
 }
 
-/// Whether there is a screen to show a window on.
+/// Whether there is a display for a window.
 pub(super) fn has_display() -> bool {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     cfg!(any(windows, target_os = "macos")) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")

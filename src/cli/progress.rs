@@ -1,4 +1,4 @@
-//! Progress bars and messages on stderr, and the end of a run by Ctrl-C.
+//! Progress bars and messages on stderr, and interruption by Ctrl-C.
 
 use super::Interrupted;
 use crate::scene::unless_cancelled;
@@ -6,12 +6,12 @@ use crate::task::{Cancel, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Mutex, PoisonError};
 
-/// What a command talks to: bars and messages on stderr, and the flag that Ctrl-C raises.
+/// Terminal of a command: bars and messages on stderr, and the flag that Ctrl-C raises.
 pub(super) struct Terminal {
     quiet: bool,
     verbose: bool,
     bar: Mutex<Option<ProgressBar>>,
-    /// Raised by Ctrl-C; work looks at it between two units.
+    /// Raised by Ctrl-C; checked between two units of work.
     pub(super) cancel: Cancel,
 }
 
@@ -20,8 +20,8 @@ impl Terminal {
     pub(super) fn new(quiet: bool, verbose: bool) -> Self {
         let cancel = Cancel::new();
         let flag = cancel.clone();
-        // Without a handler Ctrl-C ends the process at once and leaves temporary files: worth a word, no reason to stop.
-        // A second one ends it at once, for those who cannot wait.
+        // Without a handler Ctrl-C ends the process at once and leaves temporary files: reported, but not fatal. A second Ctrl-C ends the
+        // process at once.
         let on_signal = move || {
             if flag.is_cancelled() {
                 std::process::exit(i32::from(super::EXIT_INTERRUPTED));
@@ -34,14 +34,14 @@ impl Terminal {
         Self { quiet, verbose, bar: Mutex::new(None), cancel }
     }
 
-    /// A line for the user, unless `--quiet`.
+    /// Prints a line, unless `--quiet`.
     pub(super) fn say(&self, line: &str) {
         if !self.quiet {
             self.above_bar(line);
         }
     }
 
-    /// A line for the curious, with `--verbose`.
+    /// Prints a line with `--verbose`.
     pub(super) fn detail(&self, line: &str) {
         if self.verbose {
             self.above_bar(line);
@@ -61,7 +61,7 @@ impl Terminal {
     }
 }
 
-/// Does something on a thread of its own that looks at no flag and writes nothing. Ctrl-C ends the wait for it, and then the process.
+/// Runs `work` on a new thread. It checks no flag and must write nothing: Ctrl-C ends the wait for it, and then the process.
 pub(super) fn unless_interrupted<T: Send + 'static>(
     cancel: &Cancel,
     work: impl FnOnce() -> T + Send + 'static,

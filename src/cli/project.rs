@@ -1,4 +1,4 @@
-//! Projects on the command line: what a project says are options that come before those that the user gives.
+//! Projects on the command line: the settings of a project become options, overridden by the user's.
 
 use super::Cli;
 use crate::export::movie::MovieFormat;
@@ -15,12 +15,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::Value;
 
-/// A project, and what it makes of a command.
+/// A project, and the command's arguments with it.
 pub(super) struct Opened<A> {
     pub(super) project: Arc<Project>,
-    /// What it shows: a store or a source.
+    /// Its store or source.
     pub(super) source: PathBuf,
-    /// The options, the user's before the project's.
+    /// The options; the user's override the project's.
     pub(super) args: Box<A>,
 }
 
@@ -33,7 +33,7 @@ pub(super) enum Taker {
 }
 
 impl Taker {
-    /// The word on the command line.
+    /// Name of the subcommand.
     fn word(self) -> &'static str {
         match self {
             Self::Render => "render",
@@ -43,15 +43,15 @@ impl Taker {
     }
 }
 
-/// Options that a key of the timeline would change from frame to frame: who gives one means all frames.
+/// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
 const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
 
-/// Whether a path is that of a project.
+/// Whether a path names a project file.
 pub(super) fn is_project(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Reads the project that a command was given, and the options again with those of the project.
+/// Reads the project, and parses the options again with those of the project.
 pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
     let mut project = Project::read(path)?;
     let (word, wrong) = (taker.word(), "a project is for another command");
@@ -68,10 +68,10 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
         }
     }
     if says("mode") && matches!(given.get_one("mode"), Some(RenderMode::Raycast | RenderMode::Reference)) {
-        // These draw all cells.
+        // These modes draw all cells.
         (timeline.lod, project.look.lod) = Default::default();
     }
-    // Options that are given several times add to what is there.
+    // Repeatable options would add to the project's.
     if says("iso") {
         project.look.iso.clear();
         (project.timeline.isovalue, project.timeline.iso_opacity) = Default::default();
@@ -85,7 +85,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     if says("cut") {
         (project.look.cut, project.timeline.cut) = Default::default();
     }
-    // The first word is the program's, which may be called anything.
+    // The first word is the program's name, which is arbitrary.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };
     let (before, after) = words.split_at(at + 1);
     if says("range") && !project.ensembles.is_empty() {
@@ -106,7 +106,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     Ok(Opened { project: Arc::new(project), source, args })
 }
 
-/// The error with the project's file, if it is about what the project says.
+/// Adds the project's file to the error, if it concerns the project.
 pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::Error {
     match project.filter(|_| error.is::<ProjectError>()) {
         Some(file) => error.context(file.display().to_string()),
@@ -114,8 +114,8 @@ pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::E
     }
 }
 
-/// Takes out of what a project says of its output what is about another kind of file than the user asks for, or about how the
-/// frames are spread over time if the user names the steps.
+/// Removes output settings of the project that are for another kind of file than the user's, or that spread frames over time if the user
+/// names the steps.
 fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
     let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
     if says("steps") && !says("duration") {
@@ -142,7 +142,7 @@ fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
     }
 }
 
-/// What a project says of what is seen, as options.
+/// The look of a project, as options.
 fn scene_options(project: &Project) -> anyhow::Result<Vec<OsString>> {
     // Ensembles have no option.
     let look = LookSettings { ensemble: None, ..project.look.clone() };
@@ -150,7 +150,7 @@ fn scene_options(project: &Project) -> anyhow::Result<Vec<OsString>> {
     Ok(field.into_iter().chain(options(&look)?).collect())
 }
 
-/// What a project says of what `render` writes, as options.
+/// The output settings of a project, as options.
 fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsString>> {
     let mut options = options(&Output { output: None, ..project.output.clone() })?;
     if let Some(output) = &project.output.output {
@@ -161,7 +161,7 @@ fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsStri
     Ok(options)
 }
 
-/// The keys of a table as options of the same names: one that is true alone, each value of a list with its name.
+/// The keys of a table as options of the same names: a key that is true without a value, a list as repeated options.
 fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
     fn add(options: &mut Vec<OsString>, name: &str, value: &Value) {
         match value {
@@ -177,7 +177,7 @@ fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
     Ok(options)
 }
 
-/// A pattern of files in a folder, whose own name is none: a % in it is doubled.
+/// A file pattern in a folder; a % in the folder's name is doubled, as it is no pattern.
 fn within(folder: &Path, pattern: &Path) -> PathBuf {
     if pattern.is_absolute() {
         return pattern.to_owned();

@@ -1,4 +1,4 @@
-//! The options that say what is seen and how, shared by the commands that render.
+//! Options for data and look, shared by the commands that render.
 
 use super::Interrupted;
 use super::progress::unless_interrupted;
@@ -23,7 +23,7 @@ use std::ffi::OsString;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// What is seen and how.
+/// Options for data and look.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SceneArgs {
     /// Field to show: NAME, NAME:mag or NAME:0 (default: the first of the store)
@@ -71,7 +71,7 @@ pub(super) struct SceneArgs {
     pub(super) skip: Skip,
 }
 
-/// Which faces are drawn, and how they come into order.
+/// Options for faces and their order.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct FaceArgs {
     /// Level of detail: the share of interior faces that is drawn, 0 to 1
@@ -104,7 +104,7 @@ impl FaceArgs {
     }
 }
 
-/// How large its images are.
+/// Size of images.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct SizeArgs {
     /// Image size in pixels
@@ -112,7 +112,7 @@ pub(super) struct SizeArgs {
     pub(super) size: SizePx,
 }
 
-/// [`Series::BLOCK_BYTES`] as a user writes it.
+/// [`Series::BLOCK_BYTES`] as an option's text.
 const DEFAULT_BLOCK_MEMORY: &str = "256M";
 
 /// A number of bytes.
@@ -177,14 +177,14 @@ fn parse_length(text: &str) -> Result<f64, String> {
 /// The GPU of a scene.
 #[derive(Debug, Default)]
 pub(super) struct GpuReport {
-    /// Its name, once it was needed.
+    /// Name, once a GPU was needed.
     pub(super) adapter: Option<String>,
-    /// Why the last frame that it should have rendered was rendered elsewhere.
+    /// Why the last frame meant for the GPU was rendered elsewhere.
     pub(super) problem: Option<String>,
 }
 
 impl SceneArgs {
-    /// What frames of a series look like, in images of this size.
+    /// The look of a series, in images of this size.
     #[cfg(feature = "gui")]
     pub(super) fn look(&self, series: &Series, size: SizePx) -> anyhow::Result<Look> {
         let first = self.first_look(series, &Cancel::new());
@@ -195,12 +195,12 @@ impl SceneArgs {
         self.look_with(tf, range, series, size)
     }
 
-    /// What the values of the series suggest, if no transfer function is named.
+    /// The automatic look of the series, if no transfer function is named.
     fn first_look(&self, series: &Series, cancel: &Cancel) -> Option<FirstLook> {
         (self.tf == DEFAULT_TF).then(|| series.first_look(self.range, cancel))
     }
 
-    /// The same with the transfer function that the options name, and this range if they name none.
+    /// The look with the options' transfer function, and this range if they name none.
     fn look_with(
         &self,
         tf: Result<TransferFunction, TransferError>,
@@ -217,7 +217,7 @@ impl SceneArgs {
         if !draws_faces && faces != FaceDetail::default() {
             bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
         }
-        // A field of vectors is shown by its magnitude; a surface asks for more thought.
+        // A vector field is shown by its magnitude; for surfaces the user must choose.
         if let Some(FieldSelector { name, component: None }) = &self.field
             && self.surfaces.has_isosurfaces()
             && series.field().name != *name
@@ -248,7 +248,7 @@ impl SceneArgs {
         })
     }
 
-    /// Refuses a GPU by name where none renders. (A window is painted on one all the same.)
+    /// Refuses the name of a GPU if none renders. (A window is painted on one even then.)
     pub(super) fn check_adapter(&self) -> anyhow::Result<()> {
         #[cfg(feature = "gpu")]
         for (on_cpu, option) in
@@ -261,20 +261,20 @@ impl SceneArgs {
         Ok(())
     }
 
-    /// The field of a store.
+    /// The chosen field of a store.
     pub(super) fn series(&self, store: &Store) -> anyhow::Result<Arc<Series>> {
         let blocks = Arc::new(BlockCache::new(self.block_memory.0));
         Ok(Arc::new(Series::open_with(store, self.field.as_ref(), blocks)?))
     }
 
-    /// The GPU.
+    /// Options of the GPU.
     #[cfg(feature = "gpu")]
     pub(super) fn gpu(&self) -> ContextOptions {
         ContextOptions { adapter: self.adapter.clone(), ..Default::default() }
     }
 
-    /// The scene of the options, or with a project that of the project's timeline, rendered on the GPU of the options. What takes long,
-    /// then and later, ends when `cancel` is raised.
+    /// The scene of the options, or of the project's timeline, rendered on the chosen GPU. Raising `cancel` ends long operations, then and
+    /// later.
     pub(super) fn open(
         &self,
         store: &Store,
@@ -303,7 +303,7 @@ impl SceneArgs {
             scene.set_project(project.clone());
         }
         surfaces::check(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.series())?;
-        // What cannot work fails here, before anything is rendered.
+        // Invalid options fail here, before rendering.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
                 scene.request_at(0.into(), at).map_err(of_scene)?;
@@ -314,7 +314,7 @@ impl SceneArgs {
         Ok(scene)
     }
 
-    /// Another pipeline of the same series, set up alike.
+    /// Another pipeline of the same series, with the same options.
     pub(super) fn new_pipeline(&self, series: &Arc<Series>) -> Pipeline {
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut))]
         let mut pipeline = Pipeline::new(series.clone());
@@ -324,7 +324,7 @@ impl SceneArgs {
     }
 }
 
-/// What ends a command where a scene has an error: the cause itself, which is told apart from others.
+/// Converts the error of a scene to its cause, so that causes can be told apart.
 pub(super) fn of_scene(error: SceneError) -> anyhow::Error {
     match error {
         SceneError::Project(error) => error.into(),
@@ -333,7 +333,7 @@ pub(super) fn of_scene(error: SceneError) -> anyhow::Error {
     }
 }
 
-/// What is known of the GPU by now.
+/// The GPU used so far.
 pub(super) fn gpu_report(pipeline: &Pipeline) -> GpuReport {
     #[cfg(feature = "gpu")]
     return GpuReport {

@@ -36,7 +36,7 @@ pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
     Ok(store)
 }
 
-/// Imports with a progress bar; Ctrl-C ends it without leaving anything.
+/// Imports with a progress bar; Ctrl-C cancels and leaves no files.
 pub(super) fn run_ingest(
     source: &dyn SeriesSource,
     out: &Path,
@@ -50,7 +50,7 @@ pub(super) fn run_ingest(
     result.map_err(ended)
 }
 
-/// How a run ends with this error.
+/// Converts the error of an import.
 pub(super) fn ended(error: IngestError) -> anyhow::Error {
     match error {
         IngestError::Cancelled => Interrupted.into(),

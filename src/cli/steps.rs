@@ -1,10 +1,10 @@
-//! Ranges of steps on the command line that reach beyond the series.
+//! Step ranges on the command line that extend beyond the series.
 
 use super::progress::Terminal;
 use crate::ingest::StepRange;
 
-/// The range up to the last of `count` steps, which is said if the range goes on behind it. One that begins behind it stays
-/// as it is: that is a mistake.
+/// The range up to the last of `count` steps; reports steps beyond it. A range that begins beyond it stays unchanged, and is an error
+/// later.
 pub(super) fn within_series(range: StepRange, count: usize, terminal: &Terminal) -> StepRange {
     let cut = cut(range, count);
     if cut != range {
@@ -13,7 +13,7 @@ pub(super) fn within_series(range: StepRange, count: usize, terminal: &Terminal)
     cut
 }
 
-/// The range without what lies behind the last of `count` steps.
+/// The range without steps beyond the last of `count`.
 pub(super) fn cut(range: StepRange, count: usize) -> StepRange {
     let is_too_long = range.first < count && range.last.is_some_and(|last| last >= count);
     if is_too_long { StepRange { last: None, ..range } } else { range }

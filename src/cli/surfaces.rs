@@ -1,4 +1,4 @@
-//! The options that say which surfaces are seen.
+//! Options for surfaces.
 
 use crate::look::mapped_range;
 use crate::mesh::Mesh;
@@ -14,7 +14,7 @@ use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, Transf
 use anyhow::{Context, bail};
 use std::sync::Arc;
 
-/// Surfaces in the volume, and whether that is seen.
+/// Surfaces in the volume, and whether the volume is shown.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct SurfaceArgs {
     /// Isosurface at a value of the field, once for each (at most 32): VALUE[:COLOR[/BACK]][:OPACITY], COLOR as #rrggbb (default: that of
@@ -62,14 +62,14 @@ impl SurfaceArgs {
         !self.iso.is_empty()
     }
 
-    /// Whether surfaces have light that is found on the whole image.
+    /// Whether lighting of surfaces needs the whole image.
     pub(super) fn needs_whole_image(&self) -> bool {
         let is_of_screen = self.ao || matches!(self.shade, Normals::Screen | Normals::Depth);
         is_of_screen && !(self.iso.is_empty() && self.cut.iter().all(|of| of.cut.clips))
     }
 
-    /// What looks have of them: of a series, beside which other fields are, with a transfer function whose colours these have where none
-    /// are named.
+    /// The surfaces of a look: `series` is the field shown, beside which others are opened; `tf` gives its colours to surfaces without
+    /// their own.
     pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {
         let Self { iso, cut, crop, surface, parts, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
         let mut beside = Beside { series, tf, lengths, found: Vec::new(), colors: Vec::new() };
@@ -113,7 +113,7 @@ impl SurfaceArgs {
     }
 }
 
-/// Fields beside a series, as far as they were named.
+/// Fields opened beside a series.
 struct Beside<'a> {
     series: &'a Series,
     tf: &'a TransferFunction,
@@ -123,7 +123,7 @@ struct Beside<'a> {
 }
 
 impl Beside<'_> {
-    /// The place of a field, which it has from now on.
+    /// The index of a field, which is added if new.
     fn place(&mut self, by: Option<&ByField>) -> anyhow::Result<Option<u8>> {
         let Some(by) = by else { return Ok(None) };
         let place = match self.found.iter().position(|found| found == by) {
@@ -150,14 +150,14 @@ impl Beside<'_> {
     }
 }
 
-/// Whether all of it can be seen of a series: [`check_range`] and [`check_cuts`].
+/// Checks that all surfaces are visible in a series: [`check_range`] and [`check_cuts`].
 pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Series) -> anyhow::Result<()> {
     check_parts(look, series.mesh())?;
     check_range(look, project, series.field())?;
     check_cuts(look, project, series.mesh())
 }
 
-/// Whether the mesh has the parts that are shown.
+/// Checks that the mesh has the chosen parts.
 fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     if look.parts.is_empty() {
         return Ok(());
@@ -172,8 +172,7 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether all isosurfaces lie within the range of the whole series, that of the timeline at some time: one that does not is never
-/// seen.
+/// Checks that all isosurfaces lie within the range of the whole series, that of the timeline at some time: others are never visible.
 fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredField) -> anyhow::Result<()> {
     let name = &field.name;
     let moved = project.map_or(&[][..], |project| project.timeline.isovalue.keys());
@@ -181,7 +180,7 @@ fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredFiel
         look.isosurfaces.iter().zip(1..).map(|(surface, n)| (surface, n == look.isosurfaces.len()))
     {
         let value = Short(surface.value);
-        // Between its keys it has all values in between.
+        // Between keys all values in between occur.
         let values = moved.iter().map(|key| key.value).filter(|_| is_last);
         let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
             .map(|which| values.clone().reduce(which).unwrap_or(surface.value));
@@ -197,10 +196,10 @@ fn check_range(look: &SurfaceLook, project: Option<&Project>, field: &StoredFiel
     Ok(())
 }
 
-/// Whether cuts leave something of the mesh, at some time if the timeline moves one, and all sections meet what is left.
+/// Checks that cuts leave something of the mesh, at some time if the timeline moves one, and that all sections meet the rest.
 fn check_cuts(look: &SurfaceLook, project: Option<&Project>, mesh: &Mesh) -> anyhow::Result<()> {
     let keys = project.map_or(&[][..], |project| project.timeline.cut.keys());
-    // Between its keys the last cut has all places in between.
+    // Between keys the last cut has all positions in between.
     let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
         .map(|which| keys.iter().map(|key| key.value).reduce(which).unwrap_or(0.0));
     let places = look.cuts.iter().enumerate().map(|(at, cut)| match at + 1 == look.cuts.len() {
@@ -223,7 +222,7 @@ fn check_cuts(look: &SurfaceLook, project: Option<&Project>, mesh: &Mesh) -> any
         bail!("{options} nothing: {bounds}; move a plane, or turn its normal around");
     }
     for [least, most] in sections {
-        // What lies neither before all of its places nor behind them.
+        // The part neither before all of its positions nor behind them.
         let turned = Cut { normal: least.normal.map(|x| -x), ..least };
         let between = [most, turned].map(|cut| Cut { clips: true, ..cut });
         if !leave_something(&[&clips[..], &between].concat())? {

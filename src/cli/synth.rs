@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     }
 }
 
-/// The decay of the first step of a mesh from elsewhere.
+/// The decay of the first step of another series.
 fn faded(args: &Args, from: &Path, steps: usize) -> anyhow::Result<FadedSeries> {
     anyhow::ensure!(args.name == SeriesName::Decay, "--from goes with decay, not with {}", args.name);
     let source = import::open(from)?;

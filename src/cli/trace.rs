@@ -1,4 +1,4 @@
-//! `--trace`: when each thread did what, as a file for trace viewers.
+//! `--trace`: the activity of each thread over time, as a file for trace viewers.
 
 use crate::error::{FileError, FileResult};
 use crate::files;
@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 use tracing_chrome::{ChromeLayerBuilder, FlushGuard};
 use tracing_subscriber::layer::SubscriberExt;
 
-/// A trace that is being written, beside its place until it is complete.
+/// A trace being written, to a temporary file until it is complete.
 pub(super) struct Trace {
     place: PathBuf,
     file: NamedTempFile,
@@ -19,10 +19,10 @@ pub(super) struct Trace {
     failed: Failure,
 }
 
-/// The first error of writing.
+/// The first write error.
 type Failure = Arc<Mutex<Option<io::Error>>>;
 
-/// Keeps the first error instead of returning it: the thread that writes the trace would panic.
+/// A writer that keeps the first error instead of returning it: the thread that writes the trace would panic.
 struct Patient {
     file: File,
     failed: Failure,
@@ -64,7 +64,7 @@ impl Trace {
         Ok(Self { place: place.to_owned(), file, guard, failed })
     }
 
-    /// Waits until all is written, and moves the file to its place.
+    /// Waits until everything is written, and renames the file.
     pub(super) fn end(self) -> FileResult<()> {
         let Self { place, file, guard, failed } = self;
         drop(guard);

@@ -1,4 +1,4 @@
-//! The clock itself: commands and time in, the frame that is due out.
+//! The clock: commands and times in, due frames out.
 
 mod growth;
 
@@ -12,8 +12,8 @@ use crate::pipeline::FrameTime;
 use serde::Serialize;
 use std::time::Duration;
 
-/// An interval counts as over when all but this share of it has passed, but a millisecond at most: a caller that comes at the
-/// frame rate itself is not sent away because of a rounding. The next interval begins when this one should have ended.
+/// An interval counts as over when all but this share of it, at most a millisecond, has passed: a caller that polls at the frame rate is
+/// not refused because of rounding. The next interval begins when this one should have ended.
 const EARLY: f64 = 1e-3;
 
 /// The playback of one series. See [the module](super) for what it promises.
@@ -32,45 +32,45 @@ pub struct Clock {
     rate: RateMeter,
 }
 
-/// How time goes on between two steps.
+/// Progress of time between two steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// Not at all; this share of the way has passed.
+    /// Time stands still at this share of the interval.
     Resting { progress: f64 },
-    /// It does, since it left the step.
+    /// Time runs; the stopwatch started when the step was left.
     Running { left: Stopwatch },
-    /// Not until the frame is on the screen. `due`: since it should have been there, in the modes that wait for each.
+    /// Time stands still until the frame is on the screen. `due`: time since the frame was due, in the modes that show each step.
     Waiting { progress: f64, due: Option<Stopwatch> },
 }
 
-/// What to do now.
+/// The frame to show now, and when to ask again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Due {
-    /// What to show, unless it is on the screen: the same at each call until [`Clock::frame_shown`], or something newer.
+    /// The frame to show; `None` if it is on the screen. Repeated at each call, or replaced by a newer one, until [`Clock::frame_shown`].
     pub frame: Option<FrameTime>,
-    /// After so long there may be something else to show; `None`: not before a command or [`Clock::frame_shown`]. Zero while
-    /// steps are mixed: with every refresh of the screen.
+    /// Time until another frame may be due; `None`: not before a command or [`Clock::frame_shown`]. Zero while steps are interpolated: a
+    /// new frame with every refresh of the screen.
     pub wait: Option<Duration>,
     /// Steps passed over between the frame that was shown last and `frame`. Always 0 unless in [`Mode::RealTime`].
     pub dropped: u64,
 }
 
-/// Where a playback is, for display.
+/// State of a playback, for display.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct State {
     /// Whether time goes on, or would if there were more than one step.
     pub playing: bool,
-    /// Whether it came to the end, with the last frame on the screen.
+    /// Whether playback reached the end, with the last frame on the screen.
     pub ended: bool,
-    /// What is or should be on the screen; `None` if there are no steps.
+    /// The frame that is or should be on the screen; `None` if there are no steps.
     pub frame: Option<FrameTime>,
     /// The time in the file's unit; in [`Mode::RealTime`] it runs on while a step is held.
     pub time: Option<f64>,
     /// Number of steps of the series.
     pub steps: usize,
-    /// Which way it goes at the moment: other than in `settings` on the way back of ping-pong.
+    /// Current direction: differs from `settings` on the way back of ping-pong.
     pub heading: Direction,
-    /// The speed in the unit of the mode; `None` as fast as possible.
+    /// Speed in the unit of the mode; `None` in [`Mode::AsFastAsPossible`].
     pub speed: Option<f64>,
     /// Frames per second actually shown in the last two seconds of playing.
     pub frames_per_second: Option<f64>,
@@ -81,15 +81,15 @@ pub struct State {
 }
 
 impl Clock {
-    /// At the first step, paused; its frame is due.
+    /// A clock paused at the first step, whose frame is due.
     pub fn new(times: TimeAxis) -> Self {
         Self::ready(times, Settings::default())
     }
 
-    /// The same with other settings; backwards, at the last step.
+    /// A clock with other settings; if they play backwards, it is at the last step.
     ///
     /// # Errors
-    /// If a speed or the stride is none.
+    /// If a speed or the stride is invalid.
     pub fn with_settings(times: TimeAxis, settings: Settings) -> Result<Self, CommandError> {
         let settings = settings.checked(times.len())?;
         Ok(Self::ready(times, settings))
@@ -112,10 +112,10 @@ impl Clock {
         clock
     }
 
-    /// Follows a command at the caller's monotonic time `now`.
+    /// Carries out a command at the caller's monotonic time `now`.
     ///
     /// # Errors
-    /// If a number in it makes no sense; the clock is then as if it had not been given.
+    /// If a number in the command is invalid; the clock is then unchanged.
     pub fn apply(&mut self, command: Command, now: Duration) -> Result<(), CommandError> {
         command.check()?;
         self.elapsed.tick(now, self.wait());
@@ -139,7 +139,7 @@ impl Clock {
         Ok(())
     }
 
-    /// What is to be shown at the caller's monotonic time `now`.
+    /// The frame to show at the caller's monotonic time `now`.
     pub fn due(&mut self, now: Duration) -> Due {
         self.elapsed.tick(now, self.wait());
         match self.settings.mode {
@@ -154,7 +154,7 @@ impl Clock {
         Due { frame, wait: self.wait(), dropped }
     }
 
-    /// `frame` is on the screen at the caller's monotonic time `now`. One that a seek has overtaken may be told as well.
+    /// Reports that `frame` is on the screen at the caller's monotonic time `now`, even if a seek has superseded it.
     pub fn frame_shown(&mut self, frame: FrameTime, now: Duration) {
         self.elapsed.tick(now, self.wait());
         if self.screen.show(frame) && self.playing {
@@ -163,7 +163,7 @@ impl Clock {
         self.settle();
     }
 
-    /// Where the playback is, as of the last call.
+    /// State as of the last call.
     pub fn state(&self) -> State {
         let score = self.score();
         State {
@@ -184,19 +184,19 @@ impl Clock {
         }
     }
 
-    /// The next `n` steps, fewer if the end is before: what is played after [`State::frame`] if nothing changes and nothing is
-    /// dropped. While paused, what [`Command::Play`] would bring, except that it brings nothing at the end. For prefetching.
+    /// The next `n` steps, fewer at the end: what is played after [`State::frame`] if nothing changes and nothing is dropped. While paused,
+    /// what [`Command::Play`] would play, but nothing at the end. For prefetching.
     pub fn upcoming(&self, n: usize) -> impl Iterator<Item = FrameTime> {
         let score = self.score();
         let mut course = self.course;
         if let Some(score) = score.filter(|score| !self.playing && !score.sequence.covers(course.from)) {
-            // Reached by a jump that leaves the way back, if it is on one.
+            // The start is reached by a jump, which ends the way back of ping-pong.
             let step = Course::start(&score).from;
             course.next = Some(Successor { step, jump: true, turned: course.returning });
         }
         let next = move || {
             let score = score?;
-            // Only the step that is held after a turn is reached without a change; then comes another.
+            // Only the step held after a turn is reached without a change; another follows it.
             while course.next.is_some() {
                 if course.arrive(&score) {
                     return Some(course.held.into());
@@ -207,7 +207,7 @@ impl Clock {
         std::iter::from_fn(next).take(n)
     }
 
-    /// Changes what the command says; returns the share of the way that has passed then.
+    /// Changes what the command asks for; returns the share of the interval that has passed then.
     fn follow(&mut self, command: Command) -> f64 {
         let progress = self.progress();
         match command {
@@ -293,7 +293,7 @@ impl Clock {
         }
         self.settings.mode = mode;
         let Some(score) = self.score() else { return 0.0 };
-        // The step that is held begins its interval anew, once it is on the screen.
+        // The interval of the held step begins anew, once it is on the screen.
         self.jump_to(Course::at_step(self.course.held, self.course.returning, &score), 0.0)
     }
 
@@ -307,7 +307,7 @@ impl Clock {
         self.jump_to(course, progress)
     }
 
-    /// Exactly at a step, or the last one.
+    /// Jumps exactly to a step, at most the last one.
     fn place(&mut self, step: usize) -> f64 {
         let Some(score) = self.score() else { return 0.0 };
         let step = step.min(self.times.len().saturating_sub(1));
@@ -329,8 +329,8 @@ impl Clock {
         progress
     }
 
-    /// Changes the order of steps. What is on the screen stays there until the next step of the new order is reached; in real
-    /// time that is when its time comes, otherwise after the rest of the interval.
+    /// Changes the order of steps. The frame on the screen stays until the next step of the new order is reached: in real time at that
+    /// step's time, otherwise after the rest of the interval.
     fn reroute(&mut self, progress: f64, change: impl FnOnce(&mut Self)) -> f64 {
         let real_time = self.settings.mode == Mode::RealTime;
         let jumped = self.course.next.is_some_and(|next| next.jump);
@@ -357,7 +357,7 @@ impl Clock {
         }
     }
 
-    /// What follows from a frame being on the screen: waiting ends, and so does the playback.
+    /// Updates the phase after a frame is on the screen: waiting ends, and so may the playback.
     fn settle(&mut self) {
         let on_screen = self.frame().is_none_or(|frame| self.screen.shows(frame));
         if !on_screen {
@@ -366,7 +366,7 @@ impl Clock {
         if let Phase::Waiting { progress, due } = self.phase {
             self.screen.caught_up();
             self.phase = match (self.resting_or_running(progress), due, self.duration_secs()) {
-                // A frame that came late is made up for, up to one interval: sooner or later by turns is still the rate.
+                // A late frame is compensated for, up to one interval: frames alternately early and late keep the rate.
                 (Phase::Running { .. }, Some(due), Some(duration)) => {
                     Phase::Running { left: self.elapsed.stopwatch(self.elapsed.secs(due).min(duration)) }
                 }
@@ -379,7 +379,7 @@ impl Clock {
         }
     }
 
-    /// The modes that show each step: at the end of the interval one step on, and time stands still until it is shown.
+    /// In the modes that show each step: advances one step at the end of the interval, then waits until it is shown.
     fn next_step(&mut self) {
         let (Phase::Running { left }, Some(score)) = (self.phase, self.score()) else { return };
         let mut course = self.course;
@@ -393,10 +393,10 @@ impl Clock {
         }
     }
 
-    /// Real time: all steps whose time has come.
+    /// In real time: passes all steps whose time has come.
     ///
-    /// Whole rounds of a loop are not walked: a place seen before ends one. The place to compare with is renewed after 1, 2, 4,
-    /// 8, .. steps (Brent's way), since the first ones may not belong to the round.
+    /// Whole rounds of a loop are not walked: a state seen before ends one. The state to compare with is renewed after 1, 2, 4, 8, .. steps
+    /// (Brent's algorithm), since the first ones may not belong to the round.
     fn pass_steps(&mut self) {
         let (Phase::Running { left }, Some(score)) = (self.phase, self.score()) else { return };
         let (mut course, mut passed, mut walked) = (self.course, 0_u64, 0_u64);
@@ -438,7 +438,7 @@ impl Clock {
         Some(self.course.frame(self.progress(), &self.score()?))
     }
 
-    /// The share of the way that has passed.
+    /// Share of the interval that has passed.
     fn progress(&self) -> f64 {
         match self.phase {
             Phase::Resting { progress } | Phase::Waiting { progress, .. } => progress,
@@ -456,7 +456,7 @@ impl Clock {
             return Some(Duration::ZERO);
         }
         let rest = self.course.duration_secs(&score)? - self.elapsed.secs(left);
-        // Rounded up: what is due then must not be a nanosecond away.
+        // Rounded up: the frame must be due then, not a nanosecond later.
         Some(
             Duration::try_from_secs_f64(rest.max(0.0)).unwrap_or(Duration::MAX).saturating_add(Duration::from_nanos(1)),
         )

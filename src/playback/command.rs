@@ -1,52 +1,53 @@
-//! What a clock is told, and how it is set: plain data, for keys, scripts, traces and project files alike.
+//! Commands and settings of a clock: plain data, for keys, scripts, traces and project files alike.
 
 use crate::short::Short;
 use serde::{Deserialize, Serialize};
 
-/// Everything that a playback can be told. As JSON `"play"`, `{"step": -1}`, `{"speed": 0.5}`.
+/// A command to a playback. As JSON `"play"`, `{"step": -1}`, `{"speed": 0.5}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Command {
-    /// Plays on. At the end of what is to be played, or outside of the range, it begins again at its start.
+    /// Resumes. At the end or outside of the range, playback begins again at the start.
     Play,
-    /// Stands still; the time already spent on the frame is kept.
+    /// Pauses; the time already spent on the frame is kept.
     Pause,
     /// [`Command::Pause`] while playing, else [`Command::Play`].
     Toggle,
-    /// Pauses at the start of what is to be played: its first step, backwards its last.
+    /// Pauses at the start: the first step to be played, backwards the last.
     Stop,
-    /// Pauses, and goes so many steps later in time (negative: earlier), whatever direction and stride are; at the ends of
-    /// the series it stays there. From between two steps, the first of them counts as one.
+    /// Pauses, and moves this many steps later in time (negative: earlier), whatever direction and stride are, stopping at the ends of the
+    /// series. From between two steps, the first step reached counts as one.
     Step(i64),
-    /// Goes to a step; beyond the last one, to the last. Playing goes on from there.
+    /// Seeks to a step; beyond the last one, to the last. Playing goes on from there.
     SeekStep(usize),
-    /// Goes to a time in the file's unit; beyond the ends of the series, to its ends. In real-time mode to that very time, else
-    /// to the step that holds it. Playing goes on from there.
+    /// Seeks to a time in the file's unit, clamped to the series. In real-time mode to that very time, else to the step shown then. Playing
+    /// goes on from there.
     SeekTime(f64),
-    /// How fast, in the unit of the present mode ([`Mode`]); above 0, finite. In the mode without a speed it is kept for
+    /// Sets the speed, in the unit of the current mode ([`Mode`]); above 0, finite. In the mode without a speed it is kept for
+    /// [`Mode::EveryStep`].
     /// [`Mode::EveryStep`].
     Speed(f64),
-    /// Which way the series is played.
+    /// Sets the direction.
     Direction(Direction),
-    /// Turns round: from what ping-pong does at the moment, if it is on its way back.
+    /// Reverses the current direction, which on the way back of ping-pong is not the one that was set.
     Reverse,
-    /// What happens at the ends.
+    /// Sets what happens at the ends.
     Loop(Loop),
-    /// The part of the series to be played, or all of it.
+    /// Restricts playback to a range, or to the whole series.
     Range(Option<StepRange>),
-    /// Only every so many-th step, counted from the first of the range in both directions; 1 or more.
+    /// Plays only every n-th step, counted from the first of the range in both directions; 1 or more.
     Stride(usize),
-    /// What leads: the frames or the time.
+    /// Sets whether frames or time lead.
     Mode(Mode),
-    /// Whether [`Mode::RealTime`] shows linear mixtures of two steps in between.
+    /// Whether [`Mode::RealTime`] interpolates linearly between steps.
     Interpolate(bool),
 }
 
-/// What leads the playback, the frames or the time.
+/// Whether frames or time lead the playback.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// Each step is shown, none is dropped; a renderer that does not keep up slows the playback. Speed: frames per second.
+    /// Each step is shown, none is dropped; a slow renderer slows the playback. Speed: frames per second.
     #[default]
     EveryStep,
     /// The file's times lead, uniform or not; steps are dropped if the renderer does not keep up. Speed: units of the file's
@@ -56,19 +57,19 @@ pub enum Mode {
     AsFastAsPossible,
 }
 
-/// Which way in time.
+/// Direction in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
-    /// Later.
+    /// To later times.
     #[default]
     Forward,
-    /// Earlier.
+    /// To earlier times.
     Backward,
 }
 
 impl Direction {
-    /// The other one.
+    /// The opposite direction.
     pub fn reversed(self) -> Self {
         match self {
             Self::Forward => Self::Backward,
@@ -84,11 +85,11 @@ pub enum Loop {
     /// Playback of the range (if there is none, of the series) ends with its last frame.
     #[default]
     Off,
-    /// The whole series, again and again, whatever the range.
+    /// The whole series repeats, whatever the range.
     All,
-    /// The range again and again; the series if there is none.
+    /// The range repeats; the series if there is none.
     Range,
-    /// The range, or the series, forth and back; the steps at the turns are shown once.
+    /// The range, or the series, is played forth and back; the steps at the turns are shown once.
     PingPong,
 }
 
@@ -96,9 +97,9 @@ pub enum Loop {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StepRange {
-    /// One end. The lesser one once a clock has taken it.
+    /// One end; the smaller one once a clock has taken it.
     pub a: usize,
-    /// The other.
+    /// The other end.
     pub b: usize,
 }
 
@@ -106,23 +107,23 @@ pub struct StepRange {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
 pub struct Settings {
-    /// What leads.
+    /// Whether frames or time lead.
     pub mode: Mode,
     /// Speed of [`Mode::EveryStep`].
     pub frames_per_second: f64,
     /// Speed of [`Mode::RealTime`] in the file's unit per second; `None` lets the whole series last
     /// [`Settings::DEFAULT_DURATION_SECS`].
     pub time_per_second: Option<f64>,
-    /// Which way.
+    /// Direction in time.
     pub direction: Direction,
     /// What happens at the ends.
     #[serde(rename = "loop")]
     pub repeat: Loop,
-    /// Which part.
+    /// Steps to be played; `None`: all.
     pub range: Option<StepRange>,
-    /// Every so many-th step.
+    /// Only every n-th step is played.
     pub stride: usize,
-    /// Mixtures of two steps in [`Mode::RealTime`].
+    /// Whether [`Mode::RealTime`] interpolates between steps.
     pub interpolate: bool,
 }
 
@@ -132,17 +133,17 @@ impl Settings {
     /// Speed of [`Mode::EveryStep`] unless another is asked for.
     pub const DEFAULT_FRAMES_PER_SECOND: f64 = 25.0;
 
-    /// Whether its numbers make sense.
+    /// Checks the numbers.
     ///
     /// # Errors
-    /// The first that does not.
+    /// The first invalid number.
     pub fn check(&self) -> Result<(), CommandError> {
         check_speed(self.frames_per_second)?;
         self.time_per_second.map_or(Ok(()), check_speed)?;
         check_stride(self.stride)
     }
 
-    /// Itself for a series of so many steps: the range in order and within the series.
+    /// The settings for a series of this many steps: the range sorted and clamped.
     pub(super) fn checked(mut self, steps: usize) -> Result<Self, CommandError> {
         self.check()?;
         self.range = self.range.and_then(|range| range.within(steps));
@@ -166,17 +167,17 @@ impl Default for Settings {
 }
 
 impl StepRange {
-    /// In order and within a series of so many steps; `None` if there are none.
+    /// The range sorted, and clamped to this many steps; `None` if there are none.
     pub(super) fn within(self, steps: usize) -> Option<Self> {
         let last = steps.checked_sub(1)?;
         Some(Self { a: self.a.min(self.b).min(last), b: self.a.max(self.b).min(last) })
     }
 }
 
-/// A command that cannot be followed; the clock is as it was.
+/// A refused command; the clock is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CommandError {
-    /// Not a speed.
+    /// A speed that is not finite or not above 0.
     #[error(
         "a speed of {} cannot be played; give a finite one above 0 (pause, or reverse the direction, for the rest)",
         Short(.0)
@@ -185,16 +186,16 @@ pub enum CommandError {
     /// A stride of 0.
     #[error("a stride of 0 never moves; give 1 or more")]
     Stride,
-    /// Not a time.
+    /// A time that is NaN.
     #[error("there is no time {0} to go to")]
     Time(f64),
-    /// Times that are not those of the series and more.
+    /// Times that do not begin with those of the series.
     #[error("the times do not begin with those of the series that is played; open it anew")]
     OtherSeries,
 }
 
 impl Command {
-    /// Whether its numbers make sense.
+    /// Checks the numbers.
     pub(super) fn check(&self) -> Result<(), CommandError> {
         match *self {
             Self::Speed(speed) => check_speed(speed),

@@ -1,16 +1,16 @@
-//! Where a playback is between two steps, and where it goes.
+//! The position of a playback between two steps, and the next step.
 
 use super::command::{Direction, Mode, Settings};
 use super::sequence::{Sequence, Successor};
 use crate::field::TimeAxis;
 use crate::pipeline::FrameTime;
 
-/// An interval lasts so long at least and at most, in seconds, whatever the times and the speed: what is divided and summed
-/// stays finite. The one is below any frame's cost, the other thirty million years.
+/// Shortest and longest interval, in seconds, whatever the times and the speed: quotients and sums stay finite. The first is below any
+/// frame's cost, the second thirty million years.
 const INTERVAL_SECS: (f64, f64) = (1e-9, 1e15);
 
-/// A mixture with a smaller weight than this is the step: it would change no f32 by more than its rounding unit, unless the two
-/// steps differ by a factor of 64.
+/// An interpolation weight below this counts as 0: it would change no f32 by more than its rounding unit, unless the two steps differ by a
+/// factor of 64.
 const SMALLEST_WEIGHT: f64 = 1e-9;
 
 /// A series and how it is played.
@@ -22,41 +22,41 @@ pub struct Score<'a> {
 }
 
 impl Score<'_> {
-    /// Whether two steps are mixed.
+    /// Whether steps are interpolated.
     pub fn mixes(&self) -> bool {
         self.settings.mode == Mode::RealTime && self.settings.interpolate
     }
 }
 
-/// The way from one step to the next.
+/// The interval from one step to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Course {
-    /// The step on the screen unless steps are mixed: the last one that was reached. Another than `from` after a turn in
-    /// between two steps, until the next one is reached.
+    /// The step on the screen unless steps are interpolated: the last one reached. Differs from `from` after a turn in between two steps,
+    /// until the next one is reached.
     pub held: usize,
     pub from: usize,
-    /// `None` at the end, or if there is nowhere to go.
+    /// The next step; `None` at the end, or if there is no other step.
     pub next: Option<Successor>,
-    /// On the way back of ping-pong.
+    /// Whether ping-pong is on its way back.
     pub returning: bool,
 }
 
 impl Course {
-    /// Exactly at a step.
+    /// A course exactly at a step.
     pub fn at_step(step: usize, returning: bool, score: &Score<'_>) -> Self {
         let next = score.sequence.after(step, heading(score.settings, returning));
         Self { held: step, from: step, next, returning }
     }
 
-    /// Where playing begins.
+    /// The course where playing begins.
     pub fn start(score: &Score<'_>) -> Self {
         Self::at_step(score.sequence.start(score.settings.direction), false, score)
     }
 
-    /// At a time of the series, and how much of the way has passed. `held` stays on the screen until a step is reached; with
-    /// `None` it is the step that holds the time.
+    /// The course at a time of the series, and the share of the interval that has passed. `held` stays on the screen until a step is
+    /// reached; with `None` it is the step shown at that time.
     ///
-    /// In between, the way is from one step of the lattice to the next: mixtures are of steps that are played.
+    /// The interval is between neighbouring steps of the lattice: only steps that are played are interpolated.
     pub fn at_time(time: f64, held: Option<usize>, returning: bool, score: &Score<'_>) -> (Self, f64) {
         let values = &score.times.values;
         let step = values.partition_point(|&t| t <= time).saturating_sub(1);
@@ -77,7 +77,7 @@ impl Course {
         (Self { held: held.unwrap_or(step), from, next, returning }, progress)
     }
 
-    /// Reaches the next step, if there is one; whether it shows another one than before.
+    /// Advances to the next step, if there is one; returns whether the shown step changed.
     pub fn arrive(&mut self, score: &Score<'_>) -> bool {
         let Some(next) = self.next else { return false };
         let changed = next.step != self.held;
@@ -85,7 +85,7 @@ impl Course {
         changed
     }
 
-    /// How long the way lasts, in seconds; `None` if there is nowhere to go.
+    /// Duration of the interval in seconds; `None` if there is no next step.
     ///
     /// In real time, the interval between the two times of the file; a jump takes as long as the interval before it.
     pub fn duration_secs(&self, score: &Score<'_>) -> Option<f64> {
@@ -99,11 +99,11 @@ impl Course {
                 half_interval / (0.5 * speed(score))
             }
         };
-        // In this order a NaN, from times that are none, becomes the shortest.
+        // In this order a NaN, from times that are NaN, becomes the shortest.
         Some(duration.max(INTERVAL_SECS.0).min(INTERVAL_SECS.1))
     }
 
-    /// The step a stride before `from`; at the end of the series the one a stride behind it.
+    /// The step one stride before `from`; at the end of the series the one a stride after it.
     fn step_before(&self, score: &Score<'_>) -> usize {
         let last = score.times.len().saturating_sub(1);
         let stride = score.settings.stride;
@@ -115,24 +115,24 @@ impl Course {
         if before == self.from { behind } else { before }
     }
 
-    /// The file's time after a share of the way; that of the step unless it is real time.
+    /// The file's time after a share of the interval; outside of real time, that of the step.
     pub fn time(&self, progress: f64, score: &Score<'_>) -> f64 {
         let from = time_of(self.from, score);
         let moves = progress > 0.0 && score.settings.mode == Mode::RealTime;
         let Some(next) = self.next.filter(|next| moves && !next.jump) else { return from };
         let to = time_of(next.step, score);
-        // Two roundings could lead out of the series.
+        // Rounding could leave the interval.
         (from * (1.0 - progress) + to * progress).max(from.min(to)).min(from.max(to))
     }
 
-    /// What to show after a share of the way.
+    /// The frame to show after a share of the interval.
     pub fn frame(&self, progress: f64, score: &Score<'_>) -> FrameTime {
         if !score.mixes() {
             return self.held.into();
         }
         match self.next.filter(|next| !next.jump) {
             Some(next) if progress > 1.0 - SMALLEST_WEIGHT => next.step.into(),
-            // The earlier step comes first, so that a mixture is the same from either side.
+            // The earlier step comes first, so that interpolation is the same in both directions.
             Some(next) if progress > SMALLEST_WEIGHT && self.from < next.step => {
                 FrameTime::between(self.from, next.step, progress)
             }
@@ -142,7 +142,7 @@ impl Course {
     }
 }
 
-/// Which way it goes at the moment.
+/// Current direction.
 pub fn heading(settings: &Settings, returning: bool) -> Direction {
     if returning { settings.direction.reversed() } else { settings.direction }
 }

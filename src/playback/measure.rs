@@ -1,20 +1,20 @@
-//! Time as the clock counts it, and the rate at which frames were shown.
+//! Elapsed time of a playback, and the rate of shown frames.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A gap between two calls that is so much longer than the clock had said it could wait is not a renderer at work but a machine
-/// that slept or a process that was stopped: no time passes in it.
+/// A gap between two calls that exceeds the announced wait by this much means that the machine or process was suspended: no time passes in
+/// it.
 const SUSPENDED: Duration = Duration::from_secs(10);
 
-/// Started at some moment, at so many seconds. What it says is exact however long the clock has run before.
+/// A stopwatch with an initial reading. Its reading is exact however long the clock has run before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stopwatch {
     started: Duration,
     ahead_secs: f64,
 }
 
-/// Time that has passed, from the caller's, which may jump.
+/// Elapsed time, derived from the caller's, which may jump.
 #[derive(Clone, Debug, Default)]
 pub struct Elapsed {
     last: Option<Duration>,
@@ -22,8 +22,8 @@ pub struct Elapsed {
 }
 
 impl Elapsed {
-    /// The caller's time is `now`. Time that goes back stands still, and goes on from there; so does time that leaps by more
-    /// than the wait expected and [`SUSPENDED`]. With `None` it may take as long as it likes.
+    /// Advances to the caller's time `now`. Time that goes back counts as no time, and so does a leap of more than the expected wait and
+    /// [`SUSPENDED`]. With `None` a gap may be of any length.
     pub fn tick(&mut self, now: Duration, expected_wait: Option<Duration>) {
         let passed = now.saturating_sub(self.last.unwrap_or(now));
         self.last = Some(now);
@@ -37,42 +37,42 @@ impl Elapsed {
         self.total
     }
 
-    /// A stopwatch that says `ahead_secs` now.
+    /// A stopwatch that reads `ahead_secs` now.
     pub fn stopwatch(&self, ahead_secs: f64) -> Stopwatch {
         Stopwatch { started: self.total, ahead_secs }
     }
 
-    /// What a stopwatch says now.
+    /// Current reading of a stopwatch, seconds.
     pub fn secs(&self, stopwatch: Stopwatch) -> f64 {
         self.total.saturating_sub(stopwatch.started).as_secs_f64() + stopwatch.ahead_secs
     }
 }
 
-/// How many frames a second were shown lately.
+/// Measures the recent frame rate.
 #[derive(Clone, Debug, Default)]
 pub struct RateMeter {
     shown: VecDeque<Duration>,
 }
 
-/// The last frames that took at least so long count. One screen refresh at 60 Hz, which a frame may be late for, is less than a
+/// The rate is over the last frames that span at least this long. One screen refresh at 60 Hz, which a frame may be late by, is less than a
 /// hundredth of it.
 const WINDOW: Duration = Duration::from_secs(2);
 
-/// So many frames count at most.
+/// Largest number of frames in the window.
 const WINDOW_FRAMES: usize = 1024;
 
 impl RateMeter {
-    /// A frame was shown.
+    /// Counts a shown frame.
     pub fn frame(&mut self, now: Duration) {
         self.shown.push_back(now);
-        // The first one is needed as long as the others have not taken long enough.
+        // The oldest frame is needed until the others span the window.
         let old = |shown: &VecDeque<Duration>| shown.get(1).is_some_and(|second| now.saturating_sub(*second) >= WINDOW);
         while self.shown.len() > 2 && (old(&self.shown) || self.shown.len() > WINDOW_FRAMES) {
             self.shown.pop_front();
         }
     }
 
-    /// What was shown up to here does not count.
+    /// Forgets earlier frames.
     pub fn restart(&mut self) {
         self.shown.clear();
     }

@@ -1,7 +1,7 @@
 //! The playback clock: which frame is due.
 //!
 //! [`Clock`] is a pure state machine. Keys, buttons, scripts and tests send it the same [`Command`]s; the caller passes the time
-//! (`now`, from any monotonic origin), asks [`Clock::due`] what to show, and tells [`Clock::frame_shown`] when that is on the
+//! (`now`, from any monotonic origin), asks [`Clock::due`] which frame to show, and calls [`Clock::frame_shown`] when it is on the
 //! screen. It has no thread, reads no clock and touches no file.
 //!
 //! ```
@@ -10,7 +10,7 @@
 //! use tetreel::playback::{Clock, Command};
 //!
 //! let mut clock = Clock::new(TimeAxis { values: vec![0.0, 0.1, 0.4] });
-//! let mut now = Duration::ZERO; // or that of an Instant
+//! let mut now = Duration::ZERO; // or from an Instant
 //! clock.apply(Command::Speed(10.0), now)?;
 //! clock.apply(Command::Play, now)?;
 //! let mut played = Vec::new();
@@ -29,14 +29,13 @@
 //!
 //! # Modes
 //!
-//! | mode | speed | what it promises |
+//! | mode | speed | guarantee |
 //! |---|---|---|
 //! | [`Mode::EveryStep`] | frames per second, 25 unless told | each step once, the first included; if a frame comes late, the next ones wait |
-//! | [`Mode::RealTime`] | file time per second; unless told, the series lasts 10 s | each step when its time has come; those that no frame can show are dropped and counted |
+//! | [`Mode::RealTime`] | file time per second; unless told, the series lasts 10 s | each step at its time; those that the renderer cannot keep up with are dropped and counted |
 //! | [`Mode::AsFastAsPossible`] | none | each step once, as soon as the one before is shown |
 //!
-//! Each mode keeps its speed. A speed that is not finite and above 0 is refused: a playback that stands still is paused, one
-//! that goes back has [`Direction::Backward`].
+//! Each mode keeps its speed. A speed that is not finite and above 0 is refused: use [`Command::Pause`] or [`Direction::Backward`].
 //!
 //! # What happens when
 //!
@@ -45,21 +44,21 @@
 //! - **The end.** Without a loop, the last frame ends the playback ([`State::ended`]); [`Command::Play`] begins again. Going back
 //!   to the start of a loop takes as long as the interval before it, so that the last step is seen.
 //! - **Backwards** a step is held, as forwards, from when its time is reached until the next one's is.
-//! - **Ping-pong** goes 0 1 2 1 0 1. [`State::heading`] says which way at the moment; the direction asked for stays.
-//! - **The range** bounds what is played with every loop except [`Loop::All`]; seeking goes anywhere. In front of the range, or
-//!   behind it in a loop, playing goes on with its start (ping-pong: with the nearer end); [`Command::Play`] goes there at once.
+//! - **Ping-pong** goes 0 1 2 1 0 1. [`State::heading`] is the current direction; the one that was set stays.
+//! - **The range** bounds playback with every loop except [`Loop::All`]; seeking goes anywhere. From before the range, or from after it in
+//!   a loop, playing goes on with its start (ping-pong: with the nearer end); [`Command::Play`] goes there at once.
 //! - **The stride** counts from A in both directions; if it does not divide the range, B is not shown.
 //! - **One step** in a loop: nothing to show after it, but the playback goes on, so that the range can be dragged open again.
 //! - **Changes while playing** keep the frame and the share of its interval that has passed (speed), or the time
 //!   reached (direction, loop, range, stride in real time); a change of mode begins the interval anew.
-//! - **Late frames** are made up for up to one interval: the rate holds although a screen refreshes at its own times. No debt is
-//!   piled up beyond that.
-//! - **A series that grows** ([`Clock::extend`]): what is shown and all settings stay. Playing goes on into the new steps from the
-//!   old last one, instead of back to the start of a loop or round; a playback that had ended does so at the next
-//!   [`Command::Play`]. A range stays as it is.
-//! - **Mixtures** are of steps that are played, and only in real time; a loop does not mix its last step with its first.
-//! - **Time that goes back** stands still; a leap of 10 s more than the clock had said it could wait is a machine that slept, and
-//!   no time passes in it.
+//! - **Late frames** are compensated for, up to one interval: the rate holds although a screen refreshes at its own times. No further delay
+//!   accumulates.
+//! - **A series that grows** ([`Clock::extend`]): the frame on the screen and all settings stay. From the old last step, playing goes on
+//!   into the new ones, instead of returning to the start of a loop or turning round; a playback that had ended does so at the next
+//!   [`Command::Play`].
+//! - **Interpolation** is only in real time, between steps that are played; a loop does not interpolate from its last step to its first.
+//! - **Time that goes back** stands still; a leap of 10 s more than the announced wait is taken for a suspended machine, and no time passes
+//!   in it.
 
 mod clock;
 mod command;

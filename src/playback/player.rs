@@ -1,8 +1,7 @@
-//! A clock and a pipeline: what is due is asked for in time, and shown when it is.
+//! A clock and a pipeline: frames are requested ahead of time, and shown when due.
 //!
-//! A player asks for what is due and for the next two moments, shows frames when their time has come, and after a command that goes
-//! elsewhere never one from before. In real-time mode on a slow machine it finishes the frame at hand, shows it, and goes on with what is
-//! due then.
+//! A player requests the due frame and the next two, and after a seek never shows one from before it. In real-time mode on a slow machine
+//! it finishes the frame being rendered, shows it, and goes on with the one due then.
 
 use super::{Clock, Command, CommandError, Mode};
 use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined, Series};
@@ -10,40 +9,40 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Frames that are rendered before their time: the next one, and one so that the renderer never waits.
+/// Frames rendered ahead: the next one, and another so that the renderer never waits.
 const AHEAD: usize = 2;
 
 /// Steps whose blocks are read ahead: four blocks of 64 steps.
 const EXPECTED: usize = 256;
 
-/// Plays a series: turns the clock's moments into requests, and hands out frames when their time has come.
+/// Plays a series: turns the clock's times into requests, and hands out frames when they are due.
 ///
-/// Call [`Player::tick`] whenever a frame is delivered, a command was given, or the time that it named is over. It never waits.
+/// Call [`Player::tick`] whenever a frame is delivered, a command was given, or [`Tick::wait`] is over. It never blocks.
 ///
-/// - After a command that goes elsewhere, no frame from before is shown any more.
+/// - After a seek, no frame from before is shown any more.
 /// - In the modes that show each step, frames come in order, each once, none before its time.
-/// - In [`Mode::RealTime`] on a machine that is too slow, the frame being rendered is finished and shown although its time has
-///   passed; the next one is the one that is due then.
+/// - In [`Mode::RealTime`] on a machine that is too slow, the frame being rendered is finished and shown late; the next one is the one that
+///   is due then.
 pub struct Player {
     clock: Clock,
     pipelined: Pipelined,
-    /// Counts the changes of what frames look like.
+    /// Number of times that the look of frames has changed.
     look: u64,
-    /// That of the frame on the screen.
+    /// `look` of the frame on the screen.
     shown_look: u64,
-    /// The number of its moment: moments are counted in the order in which they are to be shown, the same one with different
-    /// looks once. Whatever has a lesser one comes too late.
+    /// Number of the frame on the screen, in the order of showing; a frame redrawn with another look keeps it. A frame with a smaller
+    /// number is too late.
     shown_number: u64,
-    /// Asked for, in order, not delivered yet.
+    /// Requested frames not delivered yet, in order.
     asked: VecDeque<Asked>,
-    /// Delivered, in order, not shown yet.
+    /// Delivered frames not shown yet, in order.
     ready: VecDeque<Ready>,
-    /// Delivered, of a frame that is still on its way.
+    /// Preview of a frame that is not delivered yet.
     preview: Option<Ready>,
-    /// A command may have gone elsewhere since the last tick.
+    /// Whether a command may have moved the clock since the last tick.
     is_redirected: bool,
-    /// What was due when nobody knew yet what it looks like. It comes first when that is known: the clock may be past it by then,
-    /// and past every other moment when that one's time comes.
+    /// A due time for which no request was known yet. It comes first once there is one: by then the clock may be past it, and past every
+    /// later time when that one's request is known.
     unknown: Option<FrameTime>,
 }
 
@@ -63,19 +62,19 @@ struct Ready {
     number: u64,
 }
 
-/// What a tick brings.
+/// Result of a tick.
 #[derive(Debug, Default)]
 pub struct Tick {
-    /// Shown from now on; `None`: what was.
+    /// The new frame on the screen; `None`: no change.
     pub shown: Option<Delivery>,
-    /// Tick again after so long, or when a frame is delivered; `None`: only then, or after a command.
+    /// Tick again after this time, or when a frame is delivered; `None`: only then, or after a command.
     pub wait: Option<Duration>,
     /// Steps passed over since the frame before.
     pub dropped: u64,
 }
 
 impl Player {
-    /// A player of what `pipelined` renders. The first frame is due at once.
+    /// A player of the frames of `pipelined`. The first frame is due at once.
     pub fn new(clock: Clock, pipelined: Pipelined) -> Self {
         Self {
             clock,
@@ -91,51 +90,51 @@ impl Player {
         }
     }
 
-    /// The clock, to be read.
+    /// Read access to the clock.
     pub fn clock(&self) -> &Clock {
         &self.clock
     }
 
-    /// The pipeline, to be read.
+    /// Read access to the pipeline.
     pub fn pipelined(&self) -> &Pipelined {
         &self.pipelined
     }
 
-    /// The pipeline, for another use; requests on their way are not wanted any more.
+    /// Returns the pipeline for another use; pending requests are cancelled.
     pub fn into_pipelined(self) -> Pipelined {
         self.pipelined.clear();
         self.pipelined
     }
 
-    /// Follows a command at the caller's monotonic time `now`.
+    /// Carries out a command at the caller's monotonic time `now`.
     ///
     /// # Errors
-    /// If a number in it makes no sense; nothing has changed then.
+    /// If a number in the command is invalid; nothing has changed then.
     pub fn apply(&mut self, command: Command, now: Duration) -> Result<(), CommandError> {
         self.clock.apply(command, now)?;
         self.is_redirected = true;
         Ok(())
     }
 
-    /// Frames look different from now on (camera, colours, size): what is on the screen is asked for again. A frame that is
-    /// being rendered is still shown, so that there is something to see while a slow renderer follows a mouse.
+    /// Requests the frame on the screen again after its look has changed (camera, colours, size). A frame being rendered is still shown, as
+    /// feedback while a slow renderer follows a mouse.
     pub fn redraw(&mut self) {
         self.look += 1;
     }
 
-    /// Another series with as many steps is played from now on, at the same place; nothing of the one before is shown any
-    /// more.
+    /// Plays another series with as many steps, at the same position; no frame of the old one is shown any more.
     pub fn set_series(&mut self, series: Arc<Series>) {
         self.forget_all();
         self.pipelined.set_series(series);
         self.redraw();
     }
 
-    /// The series has grown: `series` has the same steps and more ([`Store::refreshed`](crate::store::Store::refreshed),
+    /// Replaces a series that has grown: `series` has the same steps and more ([`Store::refreshed`](crate::store::Store::refreshed),
+    /// [`Series::reopened`]). The frame on the screen is requested again: its step may have been encoded anew.
     /// [`Series::reopened`]). What is on the screen is asked for again: its step may have been encoded anew.
     ///
     /// # Errors
-    /// If it is another series; nothing has changed then.
+    /// If `series` is another series; nothing has changed then.
     pub fn grow(&mut self, series: Arc<Series>) -> Result<(), CommandError> {
         self.clock.extend(series.times().clone())?;
         self.pipelined.set_series(series);
@@ -143,8 +142,8 @@ impl Player {
         Ok(())
     }
 
-    /// Shows what is due at the caller's monotonic time `now`, and asks for what comes next; `request` says what a moment
-    /// looks like. `None`: that is not known yet; tick again when it is.
+    /// Shows the frame due at the caller's monotonic time `now`, and requests the next ones; `request` makes the request for a time. If it
+    /// returns `None`, that is not known yet; tick again when it is.
     pub fn tick(&mut self, now: Duration, request: &mut dyn FnMut(FrameTime) -> Option<FrameRequest>) -> Tick {
         self.collect();
         let due = self.clock.due(now);
@@ -155,7 +154,7 @@ impl Player {
         self.preview = None;
         (self.shown_look, self.shown_number) = (look, number);
         self.clock.frame_shown(delivery.request.time, now);
-        // The next one is asked for at once; if it is due and there already, it waits for the next tick.
+        // The next frame is requested at once; if it is already due and ready, it waits for the next tick.
         let next = self.clock.due(now);
         self.ask(next.frame, next.dropped, request);
         self.expect();
@@ -167,13 +166,13 @@ impl Player {
         }
     }
 
-    /// Waits until a frame that was asked for is there, `longest` at most; whether one came.
+    /// Waits for a requested frame, at most `longest`; returns whether one came.
     pub fn wait(&mut self, longest: Duration) -> bool {
         let delivery = self.pipelined.wait(longest);
         delivery.map(|delivery| self.receive(delivery)).is_some()
     }
 
-    /// Takes what has been delivered: no more than was asked for.
+    /// Takes all delivered frames.
     fn collect(&mut self) {
         while let Some(delivery) = self.pipelined.take() {
             self.receive(delivery);
@@ -186,7 +185,7 @@ impl Player {
             self.preview = asked.map(|asked| Ready { delivery, look: asked.look, number: asked.number });
             return;
         }
-        // Those before it were dropped on their way.
+        // Earlier requests were dropped by the pipeline.
         while let Some(asked) = self.asked.pop_front_if(|asked| asked.id <= delivery.id) {
             if asked.id == delivery.id {
                 self.ready.push_back(Ready { delivery, look: asked.look, number: asked.number });
@@ -195,7 +194,7 @@ impl Player {
         }
     }
 
-    /// Asks for what is due, or for what is on the screen if that looks different now, and for what comes after it.
+    /// Requests the due frame, or the one on the screen if its look changed, and those after it.
     fn ask(
         &mut self,
         due: Option<FrameTime>,
@@ -209,15 +208,15 @@ impl Player {
         let due = unknown.or(due);
         let wanted = due.or(state.frame.filter(|_| self.shown_look != self.look));
         let is_mixing = state.settings.mode == Mode::RealTime && state.settings.interpolate;
-        // Who comes late has no use for what comes later.
+        // When late, nothing is rendered ahead.
         let ahead = if state.playing && !is_mixing && !is_late && dropped == 0 { AHEAD } else { 0 };
         let expected: Vec<FrameTime> = wanted.into_iter().chain(self.clock.upcoming(ahead)).take(1 + ahead).collect();
-        // What is on the screen keeps its number when it is asked for again.
+        // A redrawn frame on the screen keeps its number.
         let first_number = self.shown_number + u64::from(due.is_some() || wanted.is_none());
         let mut on_their_way: Vec<(FrameTime, u64)> =
             self.ready.iter().map(|r| (r.delivery.request.time, r.look)).collect();
         on_their_way.extend(self.asked.iter().map(|asked| (asked.time, asked.look)));
-        // What comes before the first that is expected is late, or looks as before.
+        // Frames before the first expected one are late or have an old look.
         let is_first = |&(time, look): &(FrameTime, u64)| look == self.look && Some(&time) == expected.first();
         let before = on_their_way.iter().position(is_first).unwrap_or(on_their_way.len());
         let fitting = &on_their_way[before..];
@@ -262,7 +261,7 @@ impl Player {
         }
     }
 
-    /// A preview of what is on its way, unless that looks different now. The clock goes by frames: to it nothing has been shown.
+    /// The preview of a pending frame, if its look is current. The clock counts frames only, not previews.
     fn preview_to_show(&mut self) -> Option<Delivery> {
         let Ready { delivery, look, number } = self.preview.take()?;
         let is_on_its_way = self.asked.iter().any(|asked| asked.id == delivery.id);
@@ -276,23 +275,23 @@ impl Player {
         self.ready.clear();
     }
 
-    /// The frame to show, of those that are ready: the one that is due, or if it is not there the newest one that is late.
+    /// The ready frame to show: the one that is due, else the newest one that is late.
     fn next_to_show(&mut self, due: Option<FrameTime>) -> Option<Ready> {
         let on_screen = self.clock.state().frame;
         let look = self.look;
         let shown_number = self.shown_number;
         self.ready.retain(|r| {
-            // What is not due yet but looks as before will be asked for again, too.
+            // Frames ahead of time with the old look will be requested again.
             let is_of_use = r.look == look || Some(r.delivery.request.time) == on_screen || due.is_some();
             r.number >= shown_number && is_of_use
         });
         let at = match due {
             Some(due) => match self.ready.iter().rposition(|r| r.delivery.request.time == due) {
                 Some(at) => at,
-                // Those that come after the one that is due are not late.
+                // Frames after the due one are not late.
                 None => self.ready.iter().rposition(|r| r.number <= shown_number + 1)?,
             },
-            // What was drawn again; others are ahead of their time.
+            // Only the redrawn frame; others are ahead of their time.
             None if self.shown_look != self.look => {
                 self.ready.iter().rposition(|r| Some(r.delivery.request.time) == on_screen)?
             }
@@ -301,7 +300,7 @@ impl Player {
         self.ready.drain(..=at).next_back()
     }
 
-    /// Has the blocks read ahead that will be needed.
+    /// Tells the pipeline which steps to read ahead.
     fn expect(&self) {
         let present = self.clock.state().frame;
         let moments = present.into_iter().chain(self.clock.upcoming(EXPECTED));

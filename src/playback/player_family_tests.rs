@@ -1,4 +1,4 @@
-//! What gives up quality for time may change while a picture is under way: all that is shown are whole pictures.
+//! Quality families may change while a frame is under way: only whole images are shown.
 
 use super::super::Settings;
 use super::super::quality::Quality;
@@ -10,14 +10,14 @@ use crate::pipeline::test_series::jet;
 use crate::pipeline::{FaceDetail, Pipeline, PipelinedOptions, ResidualBase, ResidualRequest};
 use crate::render::{Contrast, Planes};
 
-/// Rows enough for the rays of one contrast to be shown before the next ones are there.
+/// Enough rows for the rays of one contrast to be shown before the next are ready.
 const SIZE_PX: (usize, usize) = (240, 180);
 
-/// A paused player, and what its moment looks like.
+/// A paused player and its request.
 struct Stage {
     player: Player,
     request: FrameRequest,
-    /// Frames that were rendered alone.
+    /// Frames rendered by a pipeline of their own.
     alone: Vec<(FrameRequest, Planes)>,
 }
 
@@ -40,13 +40,13 @@ impl Stage {
         Self { player: Player::new(clock, pipelined), request, alone: Vec::new() }
     }
 
-    /// Whatever looks different from now on.
+    /// Changes the request and redraws.
     fn draw(&mut self, request: &FrameRequest) {
         self.request = request.clone();
         self.player.redraw();
     }
 
-    /// The next picture that is shown.
+    /// The next image shown.
     fn next_shown(&mut self) -> Delivery {
         loop {
             let request = self.request.clone();
@@ -58,7 +58,7 @@ impl Stage {
         }
     }
 
-    /// What a pipeline renders that has never seen another request.
+    /// The planes from a pipeline that has never seen another request.
     fn alone(&mut self, request: &FrameRequest) -> &Planes {
         let at = self.alone.iter().position(|(known, _)| known == request).unwrap_or_else(|| {
             let series = self.player.pipelined().series().clone();
@@ -70,14 +70,14 @@ impl Stage {
     }
 }
 
-/// Whether an image of a view that is full of cells has all of its pixels.
+/// Whether an image of a view full of cells has all of its pixels.
 fn is_complete(planes: &Planes, size_px: (usize, usize)) -> bool {
     let (color, depth) = (&planes.color, &planes.depth);
     let has_size = (color.width, color.height) == size_px && (depth.width, depth.height) == size_px;
     has_size && color.pixels.iter().all(|p| p[3] > 0.0) && depth.pixels.iter().all(|depth| depth.is_finite())
 }
 
-/// In full with previews, and what each family makes of it.
+/// `exact` in full with previews, and by each family.
 fn families(exact: &FrameRequest, base: ResidualBase) -> [FrameRequest; 5] {
     let contrast = |contrast| Contrast::new(contrast).unwrap();
     let of = |quality: Quality| quality.of_request(exact.clone(), FaceDetail::ALL);
@@ -104,7 +104,7 @@ fn a_change_of_family_never_shows_a_half_filled_image() {
     for (from, to) in families.iter().flat_map(|from| families.iter().map(move |to| (from, to))) {
         let others = families.iter().filter(|other| *other != from && *other != to);
         for (pictures, other) in others.enumerate() {
-            // Another look before, of which nothing is waited for: then so many pictures of the first family, and a change.
+            // First another look, of which no frame is awaited; then some images of the first family, and a change.
             stage.draw(other);
             let mut shown: Vec<Delivery> = Vec::new();
             stage.draw(from);

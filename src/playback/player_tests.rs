@@ -1,4 +1,4 @@
-//! What is shown is what is due, whatever was commanded.
+//! After any commands, the frame shown is the one that is due.
 
 use super::super::{Direction, Loop, Settings};
 use super::*;
@@ -13,17 +13,17 @@ use std::sync::Arc;
 
 const LONG: Duration = Duration::from_secs(60);
 
-/// A player of a fake series whose step s has the value s, its fake time, and what it has shown.
+/// A player of a synthetic series whose step s has the value s, its fake time, and the frames it has shown.
 struct Theatre {
     player: Player,
     log: Log,
     now: Duration,
-    /// Fake time that a frame takes which has to be waited for.
+    /// Fake time to wait for a frame.
     cost: Duration,
     base: FrameRequest,
     shown: Vec<(Duration, FrameTime)>,
     dropped: u64,
-    /// How often what a moment looks like is asked in vain, and how often it was.
+    /// How many calls for a request return `None` first, and how many calls there were.
     in_vain: usize,
     tries: Vec<(FrameTime, usize)>,
 }
@@ -55,7 +55,7 @@ impl Theatre {
         self.player.apply(command, self.now).unwrap();
     }
 
-    /// One tick; the frame that it shows, if any, is that of its request.
+    /// One tick; checks that the shown frame is that of its request.
     fn tick(&mut self) -> Tick {
         let Self { base, tries, in_vain, .. } = self;
         let tick = self.player.tick(self.now, &mut |time| {
@@ -74,14 +74,14 @@ impl Theatre {
         tick
     }
 
-    /// Ticks, and lets time pass as the player says, until `end` or until nothing more happens.
+    /// Ticks, and lets time pass as the player asks, until `end` or until nothing more happens.
     fn run_until(&mut self, end: Duration) {
         while self.now < end {
             let tick = self.tick();
             if tick.shown.is_some() && tick.wait.is_none_or(|wait| wait.is_zero()) {
                 continue;
             }
-            // What is due and not there is waited for; that costs time.
+            // A due frame that is not ready is waited for; that costs time.
             let is_due = self.player.clock.due(self.now).frame.is_some();
             if (is_due || tick.wait.is_none()) && self.player.wait(LONG) {
                 self.now += self.cost;
@@ -145,8 +145,8 @@ fn while_moments_become_known_more_slowly_than_time_passes_there_is_still_someth
             theatre.player.wait(LONG);
             theatre.now += Duration::from_millis(50);
         }
-        // 40 steps pass. A moment is asked for once or twice a tick, and is known with the tenth time: after 5 to 10 ticks of 80,
-        // of which one more shows it.
+        // 40 steps pass. A time is asked for once or twice a tick, and is known at the tenth call: after 5 to 10 ticks of 80, of which one
+        // more shows it.
         assert!((7..=16).contains(&theatre.shown.len()), "{:?}", theatre.shown);
         let axis = TimeAxis { values: (0..100_u8).map(f64::from).collect() };
         let times: Vec<f64> = theatre.shown.iter().map(|(_, time)| time.time(&axis)).collect();
@@ -216,8 +216,8 @@ fn real_time_follows_the_files_times_and_drops_what_a_slow_renderer_cannot_show(
     theatre.run_until(LONG);
     let steps = theatre.steps();
     assert!(steps.is_sorted() && steps.len() < 30 && steps.last() == Some(&99), "{steps:?}");
-    // Never further behind than what it takes to render one frame, the one that was under way, and those ahead: real threads had
-    // these ready long before the fake time that they take.
+    // Never further behind than rendering takes for one frame, the one under way, and those ahead: real threads had these ready long before
+    // the fake time that they take.
     for &(at, time) in &theatre.shown[1..] {
         let due = (at.as_secs_f64() - theatre.shown[0].0.as_secs_f64()) * 10.0;
         assert!(time.step() == 99 || due - time.step() as f64 <= (2 + AHEAD) as f64 * 9.0 + 1.0, "{at:?} {time:?}");
@@ -237,7 +237,7 @@ fn frames_that_take_longer_to_prepare_than_they_are_due_are_shown_nevertheless()
         let mut theatre = Theatre::uniform(100, settings);
         theatre.log.take(Duration::from_millis(20));
         theatre.apply(Command::Play);
-        // Something else is due at every tick.
+        // Another frame is due at every tick.
         for _ in 0..400 {
             theatre.tick();
             theatre.now += Duration::from_millis(11);
@@ -267,7 +267,7 @@ fn mixtures_follow_the_refreshes_of_the_screen() {
     for &(at, time) in &theatre.shown {
         let shown = time.mix(time.step() as f64, |next| next as f64);
         let lag = at.as_secs_f64() - shown;
-        // Asked for at one refresh, shown at the next, after a first frame that time waited for: three refreshes at most.
+        // Requested at one refresh, shown at the next, after a first frame that time waited for: three refreshes at most.
         assert!((-1e-9..0.05).contains(&lag) || shown == 3.0, "{at:?} {time:?}");
     }
 }
@@ -307,7 +307,7 @@ fn a_paused_player_shows_previews_ends_on_the_exact_frame_and_asks_for_nothing_m
     let alone = Pipeline::new(theatre.player.pipelined().series().clone()).render(&exact).unwrap().planes.clone();
     let mut previews = 0;
     for round in 0..20 {
-        // Another look, so that it is drawn again: the first and the last of them are the same.
+        // A change of look forces a redraw: the first and last looks are the same.
         theatre.base.size_px = (80 + round, 60);
         theatre.player.redraw();
         theatre.run_until(LONG);
@@ -429,7 +429,7 @@ proptest! {
                     theatre.apply(command);
                     let mut clock = theatre.player.clock().clone();
                     let due = clock.due(theatre.now).frame.or(clock.state().frame);
-                    // Never a frame from before: it is the one that is due, or none.
+                    // Never a frame from before: only the due one, or none.
                     if let Some(delivery) = theatre.tick().shown {
                         prop_assert_eq!(Some(delivery.request.time), due);
                         last = Some(delivery.request);

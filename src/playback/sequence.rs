@@ -1,18 +1,18 @@
-//! The order of steps: what comes after a step, given range, stride and loop. No time in here.
+//! The order of steps: which step follows another, given range, stride and loop. Independent of time.
 //!
-//! Stride and range make a lattice A, A + S, A + 2 S, .. <= B, the same in both directions. From a step that is not on it (after
-//! a seek) playing goes on with the next that is.
+//! Stride and range make a lattice A, A + S, A + 2 S, .. <= B, the same in both directions. From a step off the lattice (after a seek)
+//! playing goes on with the next one on it.
 
 use super::command::{Direction, Loop, Settings};
 
 /// The steps to be played and what happens at their ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sequence {
-    /// A, the first of the lattice.
+    /// A, the first step of the lattice.
     first: usize,
-    /// The last of the lattice.
+    /// The last step of the lattice.
     last: usize,
-    /// B, at `last` or up to a stride behind it.
+    /// B: `last`, or less than a stride after it.
     end: usize,
     stride: usize,
     repeat: Loop,
@@ -21,26 +21,26 @@ pub struct Sequence {
 /// The step after another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Successor {
-    /// Which step.
+    /// Index of the step.
     pub step: usize,
-    /// It is not reached along the series: back to the start of a loop, or from outside into the range.
+    /// Whether it is reached by a jump: back to the start of a loop, or from outside into the range.
     pub jump: bool,
-    /// From it on, ping-pong goes the other way than before.
+    /// Whether ping-pong changes its direction there.
     pub turned: bool,
 }
 
 impl Sequence {
-    /// What `settings` play of a series of so many steps; `None` if there are none.
+    /// The sequence of `settings` in a series of this many steps; `None` if there are none.
     pub fn new(steps: usize, settings: &Settings) -> Option<Self> {
         let whole = (0, steps.checked_sub(1)?);
         let range = settings.range.filter(|_| settings.repeat != Loop::All).and_then(|range| range.within(steps));
         let (first, end) = range.map_or(whole, |range| (range.a, range.b));
-        // A longer stride is no different, and sums of steps and strides cannot overflow.
+        // A stride beyond `steps` is equivalent, and clamped so that sums cannot overflow.
         let stride = settings.stride.clamp(1, steps);
         Some(Self { first, last: end - (end - first) % stride, end, stride, repeat: settings.repeat })
     }
 
-    /// Where playing begins.
+    /// The step where playing begins.
     pub fn start(&self, heading: Direction) -> usize {
         match heading {
             Direction::Forward => self.first,
@@ -53,12 +53,12 @@ impl Sequence {
         (self.first..=self.end).contains(&step)
     }
 
-    /// Whether playback ends.
+    /// Whether playback ends after the last step.
     pub fn ends(&self) -> bool {
         self.repeat == Loop::Off
     }
 
-    /// What comes after `step`; `None` at the end, or if there is no other step to go to.
+    /// The step after `step`; `None` at the end, or if there is no other step.
     pub fn after(&self, step: usize, heading: Direction) -> Option<Successor> {
         let jump = !self.covers(step);
         if let Some(ahead) = self.ahead(step, heading) {
@@ -77,7 +77,7 @@ impl Sequence {
         }
     }
 
-    /// The nearest step of the lattice in a direction.
+    /// The nearest lattice step in a direction.
     fn ahead(&self, step: usize, heading: Direction) -> Option<usize> {
         match heading {
             Direction::Forward if step < self.first => Some(self.first),
@@ -91,7 +91,7 @@ impl Sequence {
         }
     }
 
-    /// The two steps of the lattice around the interval from `step` to the next of the series; `None` outside of it.
+    /// The two lattice steps around the interval from `step` to the next of the series; `None` outside of the lattice.
     pub fn around(&self, step: usize) -> Option<(usize, usize)> {
         let lower = self.first + step.checked_sub(self.first)? / self.stride * self.stride;
         (step < self.last).then_some((lower, lower + self.stride))
@@ -109,7 +109,7 @@ mod tests {
         Sequence::new(steps, &Settings { range, stride, repeat, ..Settings::default() }).unwrap()
     }
 
-    /// The first `count` steps behind `from`.
+    /// The first `count` steps after `from`.
     fn played(sequence: Sequence, from: usize, mut heading: Direction, count: usize) -> Vec<usize> {
         let mut step = from;
         let next = || {
@@ -174,7 +174,7 @@ mod tests {
         for repeat in [Loop::Off, Loop::All, Loop::Range, Loop::PingPong] {
             assert_eq!(sequence(1, None, 1, repeat).after(0, Forward), None);
             assert_eq!(sequence(9, Some((4, 4)), 3, repeat).after(4, Backward).map(|next| next.step), {
-                // The whole series is played, of which every third step.
+                // Every third step of the whole series is played.
                 (repeat == Loop::All).then_some(3)
             });
         }

@@ -1,4 +1,4 @@
-//! [`Animation`]: what a project comes to at a moment of a series.
+//! [`Animation`]: a project evaluated at a time of a series.
 
 use super::{Project, ProjectError};
 use crate::camera::Camera;
@@ -14,23 +14,23 @@ use crate::transfer::{
 };
 use std::sync::Arc;
 
-/// A project over a series. Colours are made anew only where something has changed.
+/// Evaluates a project over a series. Colours are recomputed only where something has changed.
 pub struct Animation {
     project: Arc<Project>,
     series: Arc<Series>,
     kind: OpacityKind,
     lengths: Lengths,
-    /// Of the series, once a member needs them.
+    /// Histograms of the series, once a member needs them.
     histograms: Option<Arc<[Histogram]>>,
     last: Option<(Shown, Colors)>,
 }
 
-/// All that a table depends on.
+/// All inputs of a table.
 #[derive(Clone, Debug, PartialEq)]
 struct Shown {
-    /// With the maps of the moment.
+    /// The ensemble, with its range maps at that time.
     ensemble: Ensemble,
-    /// The one that it goes over into, and its weight.
+    /// The ensemble that it blends into, and that one's weight.
     toward: Option<(Ensemble, f64)>,
     /// Smallest and largest scalar of the step, if a member asks for them.
     step: Option<(f64, f64)>,
@@ -43,7 +43,7 @@ impl Shown {
 }
 
 impl Animation {
-    /// A project over the field of a series, with the meaning of opacities and the lengths that tables are made for.
+    /// An animation of `project` over the field of a series, with the kind of opacities and the lengths of its tables.
     pub fn new(project: Arc<Project>, series: Arc<Series>, kind: OpacityKind, lengths: Lengths) -> Self {
         Self { project, series, kind, lengths, histograms: None, last: None }
     }
@@ -53,25 +53,25 @@ impl Animation {
         &self.project
     }
 
-    /// Another meaning of opacities, or other lengths, from now on.
+    /// Changes the kind of opacities and the lengths.
     pub fn set_opacities(&mut self, kind: OpacityKind, lengths: Lengths) {
         if (self.kind, self.lengths) != (kind, lengths) {
             (self.kind, self.lengths, self.last) = (kind, lengths, None);
         }
     }
 
-    /// Another project over the same field: what is known of the field stays.
+    /// Replaces the project by another over the same field; data of the field stay.
     pub fn set_project(&mut self, project: Arc<Project>) {
         self.project = project;
         self.last = None;
     }
 
-    /// What is shown of a moment of the series at a time of the timeline, in the unit of the series: mostly that of the moment; later,
-    /// while a step is held. If the store has no histograms and a member needs them they are counted first, which takes as long as
-    /// decoding every step; `cancel` ends that with an error.
+    /// The project's settings for the time `moment` of the series, at a time `at` of the timeline, in the unit of the series: mostly equal;
+    /// `at` is later while a step is held. If the store has no histograms and a member needs them they are counted first, which takes as
+    /// long as decoding every step; `cancel` ends that with an error.
     ///
     /// # Errors
-    /// If an ensemble cannot be evaluated over the field, or there is no view on the way between two cameras.
+    /// If an ensemble cannot be evaluated over the field, or the cameras interpolate to an invalid view.
     pub fn at(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Keyed, ProjectError> {
         let timeline = &self.project.timeline;
         let camera = match timeline.cameras.at(at) {
@@ -128,7 +128,7 @@ impl Animation {
         Ok(Some(colors))
     }
 
-    /// Counts of a kind, if they are known.
+    /// Joint histogram of a kind; `None` if not known.
     fn counts(&self, kind: &Kind<'_>) -> Option<&dyn Counts2d> {
         let at = Kind::ALL.iter().position(|other| other.name() == kind.name())?;
         self.histograms.as_ref()?.get(at)?.two().map(|counts| counts as &dyn Counts2d)
@@ -160,7 +160,7 @@ impl Animation {
         Ok(Colors { table: Arc::new(table).into(), formula: None })
     }
 
-    /// Which ensembles a moment shows; `None` if the project has none.
+    /// Inputs of the table at a time; `None` if the project has no ensemble.
     fn shown(&self, at: f64, of_step: (f64, f64), values: Option<&Distribution>) -> Option<Shown> {
         let project = &self.project;
         let named = |name: &String| project.ensemble(name);
@@ -187,7 +187,7 @@ impl Animation {
             ensemble.members.iter_mut().for_each(|member| member.range = member.range.settled(values));
         }
         for track in self.project.timeline.maps.iter().filter(|track| track.ensemble == ensemble.name) {
-            // A track without keys does not say.
+            // A track without keys changes nothing.
             let Some(map) = track.keys.map(at) else { continue };
             for member in ensemble.members.iter_mut().filter(|member| member.name == track.member) {
                 member.map.clone_from(&map);

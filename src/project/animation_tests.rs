@@ -1,4 +1,4 @@
-//! What a project comes to at moments of a series.
+//! A project evaluated at times of a series.
 
 use super::*;
 use crate::node_table::TransferTable;
@@ -44,7 +44,7 @@ fn extinctions_fade_to_nothing_and_back() {
     let extinction = |table: &TransferTable| table.over_scalars().eval(1e9).tau;
     for (names, expected) in [(["depths", "nothing"], [8.0, 6.0, 0.0]), (["nothing", "depths"], [0.0, 2.0, 8.0])] {
         let taus: Vec<f64> = tables(&keys(names), &[0.0, 0.25, 1.0]).iter().map(extinction).collect();
-        // Some roundings.
+        // A few rounding errors.
         assert!(std::iter::zip(&taus, expected).all(|(got, tau)| (got - tau).abs() < 1e-12), "{names:?}: {taus:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Changes of a project as commands, which can be taken back: no user interface in here.
+//! Changes of a project as commands that can be undone, independent of any user interface.
 
 use super::{Data, LookSettings, MapTrack, Output, Project, ProjectError};
 use crate::camera::Camera;
@@ -8,79 +8,79 @@ use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{ColorWeighting, Ensemble, Member, RangeMap};
 use serde::{Deserialize, Serialize};
 
-/// A change of a project. Places count from 0.
+/// A change of a project. Indices count from 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Edit {
     /// Shows another dataset or field.
     SetData(Data),
-    /// Draws it otherwise.
+    /// Replaces the look.
     SetLook(Box<LookSettings>),
-    /// Plays it otherwise.
+    /// Replaces the playback settings.
     SetPlayback(Settings),
-    /// Writes it otherwise.
+    /// Replaces the output settings.
     SetOutput(Box<Output>),
-    /// Adds an ensemble.
+    /// Inserts an ensemble.
     InsertEnsemble {
-        /// Its place.
+        /// Index of the element.
         index: usize,
-        /// What is added.
+        /// The new element.
         ensemble: Ensemble,
     },
-    /// Takes an ensemble out. One that a key or the look names cannot be.
+    /// Removes an ensemble; refused if a key or the look names it.
     RemoveEnsemble {
-        /// Its place.
+        /// Index of the element.
         index: usize,
     },
-    /// Gives an ensemble another name, wherever it is named.
+    /// Renames an ensemble and all references to it.
     RenameEnsemble {
-        /// Its place.
+        /// Index of the element.
         index: usize,
         /// The new name.
         name: String,
     },
-    /// Blends an ensemble's colours otherwise.
+    /// Changes how an ensemble blends colours.
     SetColors {
-        /// Place of the ensemble.
+        /// Index of the ensemble.
         ensemble: usize,
-        /// How.
+        /// Weighting of colours.
         colors: ColorWeighting,
     },
-    /// Adds a member to an ensemble.
+    /// Inserts a member into an ensemble.
     InsertMember {
-        /// Place of the ensemble.
+        /// Index of the ensemble.
         ensemble: usize,
-        /// Place in it.
+        /// Index of the member.
         index: usize,
-        /// What is added.
+        /// The new element.
         member: Box<Member>,
     },
-    /// Takes a member out of an ensemble.
+    /// Removes a member from an ensemble.
     RemoveMember {
-        /// Place of the ensemble.
+        /// Index of the ensemble.
         ensemble: usize,
-        /// Place in it.
+        /// Index of the member.
         index: usize,
     },
-    /// Puts another member in the place of one; its name is the new one wherever it is named.
+    /// Replaces a member; references follow its new name.
     SetMember {
-        /// Place of the ensemble.
+        /// Index of the ensemble.
         ensemble: usize,
-        /// Place in it.
+        /// Index of the member.
         index: usize,
-        /// What comes there.
+        /// The new member.
         member: Box<Member>,
     },
-    /// Moves a member to another place, which is where it is afterwards.
+    /// Moves a member to another index.
     MoveMember {
-        /// Place of the ensemble.
+        /// Index of the ensemble.
         ensemble: usize,
-        /// Where it is.
+        /// Index before.
         from: usize,
-        /// Where it comes.
+        /// Index afterwards.
         to: usize,
     },
-    /// Blends colours between two ensembles on the timeline otherwise.
+    /// Changes how colours blend between two ensembles on the timeline.
     SetTimelineColors(ColorWeighting),
     /// Changes which ensembles are shown when.
     Ensembles(TrackEdit<String>),
@@ -90,69 +90,69 @@ pub enum Edit {
     Lod(TrackEdit<f64>),
     /// Changes the isovalue of the last surface.
     Isovalue(TrackEdit<f64>),
-    /// Changes its opacity.
+    /// Changes the opacity of that surface.
     IsoOpacity(TrackEdit<f64>),
     /// Moves the last cut.
     Cut(TrackEdit<f64>),
-    /// Changes how segments are integrated when.
+    /// Changes how segments are integrated over time.
     Optics(TrackEdit<OpticsKind>),
     /// Changes the range maps of a member.
     Maps {
-        /// Place of the track.
+        /// Index of the track.
         track: usize,
-        /// How.
+        /// Change of its keys.
         edit: TrackEdit<RangeMap>,
     },
-    /// Adds a track of range maps.
+    /// Inserts a track of range maps.
     InsertMapTrack {
-        /// Its place.
+        /// Index of the element.
         index: usize,
-        /// What is added.
+        /// The new element.
         track: MapTrack,
     },
-    /// Takes a track of range maps out.
+    /// Removes a track of range maps.
     RemoveMapTrack {
-        /// Its place.
+        /// Index of the element.
         index: usize,
     },
 }
 
-/// A change of keys.
+/// A change of the keys of a track.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum TrackEdit<T> {
-    /// Adds a key, in place of one at the same time.
+    /// Inserts a key, replacing one at the same time.
     Insert(Key<T>),
-    /// Takes a key out.
+    /// Removes a key.
     Remove {
-        /// Its place.
+        /// Index of the element.
         index: usize,
     },
     /// Moves a key in time.
     Move {
-        /// Its place.
+        /// Index of the element.
         index: usize,
-        /// Where to.
+        /// The new time.
         time: f64,
     },
-    /// Changes how a key goes over into the next.
+    /// Changes the transition from a key to the next.
     SetTransition {
-        /// Its place.
+        /// Index of the element.
         index: usize,
-        /// How.
+        /// The new transition.
         transition: Transition,
     },
 }
 
 impl Edit {
-    /// Applies the change; returns the one that takes it back.
+    /// Applies the change; returns its inverse.
     ///
     /// # Errors
-    /// If there is nothing at a place, or the project would no longer hold together ([`Project::check`]). Nothing has changed then.
+    /// If an index is out of range, or the project would no longer be consistent ([`Project::check`]). Nothing has changed then.
     pub fn apply(self, project: &mut Project) -> Result<Edit, ProjectError> {
         let back = self.apply_unchecked(project)?;
         if let Err(error) = project.check() {
-            // It goes back where it was; that state was sound.
+            // The inverse restores the state before, which was consistent.
             back.apply_unchecked(project)?;
             return Err(error);
         }
@@ -223,7 +223,7 @@ impl Edit {
 }
 
 impl<T: Clone> TrackEdit<T> {
-    /// Applies the change to keys; returns the one that takes it back.
+    /// Applies the change to keys; returns its inverse.
     fn apply(self, keys: &mut Keyframed<T>) -> Result<Self, ProjectError> {
         let missing = |index| ProjectError::NoElement { what: "key", index };
         Ok(match self {
@@ -265,7 +265,7 @@ fn ensemble_at(project: &mut Project, index: usize) -> Result<&mut Ensemble, Pro
     project.ensembles.get_mut(index).ok_or(ProjectError::NoElement { what: "ensemble", index })
 }
 
-/// Another name for an ensemble, in the look and on the timeline too.
+/// Renames an ensemble, in the look and on the timeline too.
 fn rename_ensemble(project: &mut Project, index: usize, name: String) -> Result<Edit, ProjectError> {
     if project.ensembles.iter().enumerate().any(|(i, other)| i != index && other.name == name) {
         return Err(ProjectError::NameTaken(name));
@@ -280,7 +280,7 @@ fn rename_ensemble(project: &mut Project, index: usize, name: String) -> Result<
     Ok(Edit::RenameEnsemble { index, name: old })
 }
 
-/// Another member; tracks follow its name.
+/// Replaces a member; tracks follow its name.
 fn set_member(project: &mut Project, ensemble: usize, index: usize, member: Member) -> Result<Edit, ProjectError> {
     let of = ensemble_at(project, ensemble)?;
     let missing = ProjectError::NoElement { what: "member", index };
@@ -297,18 +297,18 @@ fn set_member(project: &mut Project, ensemble: usize, index: usize, member: Memb
     Ok(Edit::SetMember { ensemble, index, member: Box::new(old) })
 }
 
-/// Changes that can be taken back, and those that have been.
+/// The undo and redo lists.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// What takes changes back, the last one last; those of one gesture together.
+    /// Inverses of changes, the last one last; those of one gesture together.
     undo: Vec<Vec<Edit>>,
     redo: Vec<Vec<Edit>>,
-    /// The gesture that the last change belongs to.
+    /// The gesture of the last change.
     gesture: Option<u64>,
 }
 
 impl History {
-    /// Applies a change. What had been taken back before is forgotten.
+    /// Applies a change, and empties the redo list.
     ///
     /// # Errors
     /// As [`Edit::apply`].
@@ -316,7 +316,7 @@ impl History {
         self.apply_in(None, edit, project)
     }
 
-    /// Applies a change that is a part of a gesture, such as dragging: all changes of one number are taken back together.
+    /// Applies a change that is part of a gesture, such as dragging: all changes of one gesture number are undone together.
     ///
     /// # Errors
     /// As [`Edit::apply`].
@@ -331,17 +331,16 @@ impl History {
         Ok(())
     }
 
-    /// Takes the last change back; false if there is none.
+    /// Undoes the last change; false if there is none.
     ///
     /// # Errors
-    /// If the project has been changed by others so that it cannot be taken back; it stays as it is then, and so does what could be
-    /// taken back.
+    /// If the project has been changed otherwise so that the change cannot be undone; project and history then stay as they are.
     pub fn undo(&mut self, project: &mut Project) -> Result<bool, ProjectError> {
         self.gesture = None;
         turn_back(&mut self.undo, &mut self.redo, project)
     }
 
-    /// Applies what was taken back last; false if there is nothing.
+    /// Applies the last undone change again; false if there is none.
     ///
     /// # Errors
     /// As [`Self::undo`].
@@ -350,14 +349,14 @@ impl History {
         turn_back(&mut self.redo, &mut self.undo, project)
     }
 
-    /// How many changes can be taken back, and applied again.
+    /// Lengths of the undo and redo lists.
     pub fn lengths(&self) -> (usize, usize) {
         (self.undo.len(), self.redo.len())
     }
 }
 
-/// Applies the last changes of one list, from the last to the first, and puts what takes them back on the other; false if there are
-/// none. All of them or, after a fault, none.
+/// Applies the last changes of one list, from the last to the first, and puts their inverses on the other; false if there are none. All of
+/// them or, after an error, none.
 fn turn_back(from: &mut Vec<Vec<Edit>>, to: &mut Vec<Vec<Edit>>, project: &mut Project) -> Result<bool, ProjectError> {
     let Some(edits) = from.last() else { return Ok(false) };
     let mut changed = project.clone();

@@ -13,8 +13,8 @@ impl Project {
     /// Reads a project file and checks it. The source stays as it is written: relative to the file's folder.
     ///
     /// # Errors
-    /// If the file cannot be read; with line and column, if it is no TOML, has a key that is not known or a value that is none;
-    /// or if its parts do not belong together.
+    /// If the file cannot be read; with line and column, if it is not TOML or has an unknown key or an invalid value; or if its parts are
+    /// inconsistent.
     pub fn read(path: &Path) -> Result<Self, ProjectError> {
         files::check_kind(path)?;
         let text = std::fs::read_to_string(path).map_err(|e| FileError::io(path, "read the project", &e))?;
@@ -26,7 +26,7 @@ impl Project {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, ProjectError> {
-        // Before anything else: what is unknown in a file of another version may well be known there.
+        // The version comes first: keys unknown here may be known in another version.
         if let Ok(OfVersion { version }) = toml::from_str(text)
             && !Self::VERSIONS.contains(&version)
         {
@@ -59,11 +59,10 @@ impl Project {
         toml::to_string(self).map_err(|e| ProjectError::NoText(e.to_string()))
     }
 
-    /// Writes a project file: under a temporary name, which is then given its own, so that one that was there is replaced as a
-    /// whole or not at all.
+    /// Writes a project file: under a temporary name, then renamed, so that an existing file is replaced as a whole or not at all.
     ///
     /// # Errors
-    /// If the project has a fault that [`Self::check`] finds, or the file cannot be written.
+    /// If [`Self::check`] fails, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ProjectError> {
         self.check()?;
         let text = self.to_toml()?;
@@ -76,15 +75,15 @@ impl Project {
     }
 }
 
-/// What any version of a project file has.
+/// The part common to all versions of a project file.
 #[derive(Deserialize)]
 struct OfVersion {
     version: u32,
 }
 
-/// The first byte of a list that was not read to its end: lists of fixed length take what they need and leave the rest.
+/// The first byte of a list that is longer than what was read of it: lists of fixed length ignore the rest.
 fn other_length(written: &DeTable<'_>, read: &toml::Table) -> Option<usize> {
-    // ParaView's form of a colour map has an order and keys of its own; it is read by itself.
+    // ParaView's form of a colour map has its own order and keys; it is parsed separately.
     let known = written.iter().filter(|(key, _)| key.get_ref() != "color_map");
     known.filter_map(|(key, value)| Some((value, read.get(&**key.get_ref())?))).find_map(other_length_in)
 }

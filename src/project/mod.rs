@@ -1,7 +1,8 @@
-//! [`Project`]: what is shown of a series and how it changes over time, as a `.toml` file (`docs/projects.md`).
+//! [`Project`]: how a series is shown and how that changes over time, as a `.toml` file (`docs/projects.md`).
 //!
-//! A project names a dataset and a field, keeps ensembles of transfer functions, and on one timeline the keys of what changes:
-//! ensembles, range maps of their members, camera, level of detail, optics. [`Animation`] says what that comes to at a moment;
+//! A project names a dataset and a field, keeps ensembles of transfer functions, and on one timeline the keys of what changes: ensembles,
+//! range maps of their members, camera, level of detail, optics. [`Animation`] evaluates it at a time; [`Edit`] changes it, and [`History`]
+//! undoes changes.
 //! [`Edit`] changes it, and [`History`] takes changes back.
 
 mod animation;
@@ -27,24 +28,24 @@ use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
 use serde::{Deserialize, Serialize};
 
-/// All that a project file holds.
+/// The contents of a project file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Project {
     /// Version of the schema: [`Project::VERSION`].
     pub version: u32,
-    /// What is shown.
+    /// Dataset and field.
     pub data: Data,
-    /// How it is drawn, where the timeline does not say otherwise.
+    /// The look, where the timeline does not override it.
     #[serde(default)]
     pub look: LookSettings,
-    /// How it is played.
+    /// Playback settings.
     #[serde(default)]
     pub playback: Settings,
-    /// What `render` writes.
+    /// Options of `render`.
     #[serde(default)]
     pub output: Output,
-    /// What changes over time.
+    /// Keys of what changes over time.
     #[serde(default)]
     pub timeline: Timeline,
     /// Ensembles of transfer functions, told apart by their names.
@@ -57,7 +58,7 @@ impl Project {
     pub const VERSION: u32 = 1;
     const VERSIONS: std::ops::RangeInclusive<u32> = 1..=Self::VERSION;
 
-    /// A project of a dataset, with nothing else in it.
+    /// A project of a dataset, otherwise empty.
     pub fn new(data: Data) -> Self {
         Self {
             version: Self::VERSION,
@@ -80,11 +81,10 @@ impl Project {
         self.look.ensemble.as_ref().map_or(self.ensembles.first(), |name| self.ensemble(name))
     }
 
-    /// Checks that parts belong together: names that are taken twice, keys of what there is not, views that there are not,
-    /// speeds that are none.
+    /// Checks that the parts are consistent: no duplicate names, no keys of missing parts, no invalid views or speeds.
     ///
     /// # Errors
-    /// The first that is found.
+    /// The first inconsistency.
     pub fn check(&self) -> Result<(), ProjectError> {
         if !Self::VERSIONS.contains(&self.version) {
             return Err(ProjectError::Version(self.version));
@@ -143,7 +143,7 @@ impl Project {
         Ok(self.playback.check()?)
     }
 
-    /// A renderer that draws all cells has no use for levels of detail, nor one with optics of its own for others.
+    /// Refuses levels of detail for a renderer that draws all cells, and optics for one that has its own.
     fn check_mode(&self) -> Result<(), ProjectError> {
         let Some(mode) = self.look.mode else { return Ok(()) };
         let (lod, optics) = (self.timeline.lod.keys(), self.timeline.optics.keys());
@@ -157,7 +157,7 @@ impl Project {
         Ok(())
     }
 
-    /// Each track of range maps is of a member that there is, and the only one of it.
+    /// Checks that each track of range maps is the only one of an existing member.
     fn check_maps(&self) -> Result<(), ProjectError> {
         let tracks = &self.timeline.maps;
         for (i, track) in tracks.iter().enumerate() {
@@ -184,10 +184,10 @@ impl Project {
     }
 }
 
-/// Why a project cannot be had, changed, or shown.
+/// Why a project cannot be read, written, changed, or shown.
 #[derive(Debug, thiserror::Error)]
 pub enum ProjectError {
-    /// The file cannot be read, written, or is none.
+    /// The file cannot be read or written, or is not a project file.
     #[error(transparent)]
     File(#[from] FileError),
     /// A schema that this program does not know.
@@ -221,9 +221,9 @@ pub enum ProjectError {
     /// No element at that place.
     #[error("there is no {what} {index}")]
     NoElement {
-        /// What was to be there.
+        /// Kind of element.
         what: &'static str,
-        /// Its place.
+        /// The index asked for.
         index: usize,
     },
     /// No view through a camera.
@@ -234,27 +234,27 @@ pub enum ProjectError {
         /// What is wrong.
         problem: CameraError,
     },
-    /// A level of detail that is none.
+    /// A level of detail outside of 0 to 1.
     #[error("a level of detail of {}; it is a share, 0 to 1", Short(.0))]
     BadLod(f64),
-    /// An isosurface that is none.
+    /// An invalid isosurface.
     #[error("iso: {0}")]
     BadSurface(String),
     /// An isovalue on the timeline that is not finite.
     #[error("an isovalue of {0}; isovalues are finite")]
     BadIsovalue(f64),
-    /// A surface of the domain that is none.
+    /// An invalid surface of the domain.
     #[error("surface: {0}")]
     BadDomain(String),
-    /// A cut that is none.
+    /// An invalid cut.
     #[error("cut: {0}")]
     BadCut(String),
-    /// Movements on the timeline, of no cut.
+    /// Movements on the timeline without a cut.
     #[error(
         "the timeline moves a cut, but [look] has none; add cut = [\"point=x,y,z normal=x,y,z\"], or leave [[timeline.cut]] out"
     )]
     NoCut,
-    /// Isovalues on the timeline, of no surface.
+    /// Isovalues on the timeline without a surface.
     #[error(
         "the timeline has isovalues or their opacities, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] and [[timeline.iso-opacity]] out"
     )]
@@ -265,18 +265,18 @@ pub enum ProjectError {
     /// Optics on the timeline, for a renderer that has its own.
     #[error("the timeline has optics, but mode 'reference' has its own; leave the mode or [[timeline.optics]] out")]
     NoOptics,
-    /// An ensemble is at fault.
+    /// An invalid ensemble.
     #[error("ensemble '{ensemble}': {problem}")]
     Ensemble {
-        /// Its name.
+        /// Name of the ensemble.
         ensemble: String,
         /// What is wrong.
         problem: Box<TransferError>,
     },
-    /// A key is at fault.
+    /// An invalid key.
     #[error(transparent)]
     Timeline(#[from] TimelineError),
-    /// It cannot be played so.
+    /// Invalid playback settings.
     #[error("playback: {0}")]
     Playback(#[from] CommandError),
 }

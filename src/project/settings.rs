@@ -12,34 +12,34 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::PathBuf;
 
-/// What is shown.
+/// Dataset and field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Data {
     /// A store or a source, relative to the folder of the project file.
     pub source: PathBuf,
-    /// The field: `NAME`, `NAME:mag` or `NAME:0`; the first of the store if not said.
+    /// The field: `NAME`, `NAME:mag` or `NAME:0`; by default the first of the store.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "as_text")]
     pub field: Option<FieldSelector>,
 }
 
-/// How it is drawn. What is not said is as for `render`.
+/// The look. Settings left out are as for `render`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
 pub struct LookSettings {
     /// The ensemble that is shown where the timeline has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ensemble: Option<String>,
-    /// What opacities mean.
+    /// How opacities are defined.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub opacity_kind: Option<OpacityKind>,
     /// The length that opacities refer to, world units.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit_distance: Option<f64>,
-    /// Which renderer.
+    /// Renderer for the volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<RenderMode>,
-    /// Where it runs.
+    /// Device that renders.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub backend: Option<Backend>,
     /// How segments are integrated.
@@ -51,7 +51,7 @@ pub struct LookSettings {
     /// Planes through the cells, as `--cut` has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cut: Vec<String>,
-    /// The box that is left, as `--crop` has it.
+    /// The box to crop to, as `--crop` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub crop: Option<CropBox>,
     /// The surface of the domain, as `--surface` has it.
@@ -72,10 +72,10 @@ pub struct LookSettings {
     /// Where light on surfaces comes from, as `--light` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub light: Option<Light>,
-    /// Whether surfaces are darker where they are hidden by what is around them.
+    /// Whether surfaces have ambient occlusion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ao: Option<bool>,
-    /// Whether depths stay as they are where faces are left out.
+    /// Whether depths are not smoothed where faces are left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_smoothing: Option<bool>,
     /// Level of detail, 0 to 1.
@@ -84,10 +84,10 @@ pub struct LookSettings {
     /// Which faces are drawn first, as `--sampling` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sampling: Option<String>,
-    /// Fragments in order at a time, 2 to 32.
+    /// Number of fragments sorted at a time, 2 to 32.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub k: Option<u8>,
-    /// Where from, as `--camera` has it.
+    /// Viewpoint, as `--camera` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
 }
@@ -96,7 +96,7 @@ pub struct LookSettings {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
 pub struct Output {
-    /// Files, relative to the folder of the project file.
+    /// Output files, relative to the folder of the project file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub output: Option<PathBuf>,
     /// Width and height in pixels: `1024x768`.
@@ -111,13 +111,13 @@ pub struct Output {
     /// Frames per second.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fps: Option<String>,
-    /// Seconds.
+    /// Duration, seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duration: Option<f64>,
     /// Whether steps are interpolated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interpolate: Option<bool>,
-    /// Degrees that the camera turns by.
+    /// Degrees that the camera turns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub turntable: Option<f64>,
     /// Rays that are cast, as `--rays` has them.
@@ -126,16 +126,16 @@ pub struct Output {
     /// Size of the image that is rendered and then enlarged, as `--image-scale` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image_scale: Option<String>,
-    /// How it is enlarged, as `--upsample` has it.
+    /// Filter that enlarges it, as `--upsample` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upsample: Option<String>,
     /// Width of a joint filter, pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kernel: Option<u64>,
-    /// Differences of depth that are an edge.
+    /// Difference of depths at an edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma_depth: Option<f64>,
-    /// Layers of depth that are compared.
+    /// Number of depth layers compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<u64>,
     /// Colour behind the volume.
@@ -147,7 +147,7 @@ pub struct Output {
     /// Bits per channel of PNG files, or of colours in EXR files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit_depth: Option<u8>,
-    /// Colours of EXR files.
+    /// Colour format of EXR files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exr: Option<String>,
     /// Compression of EXR files.
@@ -155,18 +155,17 @@ pub struct Output {
     pub exr_compression: Option<String>,
 }
 
-/// What changes over time: keys at times in the unit of the series. Before the first key of a track and behind its last one
-/// their values hold.
+/// Keys of what changes, at times in the unit of the series. Values are constant before the first key and after the last one of a track.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
 pub struct Timeline {
-    /// Whether the colours of two ensembles are weighted by their opacities where one goes over into the other.
+    /// Whether colours are weighted by opacities where one ensemble blends into another.
     pub colors: ColorWeighting,
     /// Names of ensembles; between two keys their curves are blended (dissertation 7.4).
     pub ensembles: Keyframed<String>,
-    /// Range maps of members, one track each; they replace the member's own map. One without keys does not.
+    /// Range maps of members, one track each; they replace the member's own map. A track without keys does nothing.
     pub maps: Vec<MapTrack>,
-    /// Cameras: the path of the eye.
+    /// Camera path.
     pub cameras: Keyframed<Camera>,
     /// Levels of detail, 0 to 1.
     pub lod: Keyframed<f64>,
@@ -181,8 +180,7 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Moments at which all that the timeline names comes into sight: its keys of ensembles and cameras, and the middles between
-    /// two of them.
+    /// Times that show everything the timeline names: its keys of ensembles and cameras, and the midpoints between two of them.
     pub fn places(&self) -> Vec<f64> {
         let ensembles = times_of(&self.ensembles);
         let cameras = times_of(&self.cameras);
@@ -199,14 +197,14 @@ fn with_middles(times: Vec<f64>) -> Vec<f64> {
     [times, middles].concat()
 }
 
-/// A share that is none is refused where it is read: whoever reads a file knows the line.
+/// Refuses an invalid share while reading, so that the error names the line.
 fn share<'de, D: Deserializer<'de>>(data: D) -> Result<Option<f64>, D::Error> {
     let share = f64::deserialize(data)?;
     let wrong = || D::Error::custom(ProjectError::BadLod(share));
     if (0.0..=1.0).contains(&share) { Ok(Some(share)) } else { Err(wrong()) }
 }
 
-/// How the range map of one member changes.
+/// The range map of one member over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct MapTrack {
@@ -214,11 +212,11 @@ pub struct MapTrack {
     pub ensemble: String,
     /// Name of its member.
     pub member: String,
-    /// The maps.
+    /// Range maps at their times.
     pub keys: Keyframed<RangeMap>,
 }
 
-/// A value by its text.
+/// Serialises a value as its text.
 mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::fmt::Display;

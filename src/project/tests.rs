@@ -28,7 +28,7 @@ fn camera(x: f64) -> Camera {
     Camera { position: DVec3::new(x, -8.0, 3.0), ..Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap() }
 }
 
-/// A project in which everything is said.
+/// A project with every setting.
 fn whole() -> Project {
     let mut sharp = member("sharp", "viridis");
     (sharp.range, sharp.weight, sharp.blend) = (RangePolicy::LogManual(1e-3, 0.1 + 0.2), 1.0 / 3.0, Blend::Xor8);
@@ -88,7 +88,7 @@ fn a_file_reads_back_as_the_same_project() {
     for project in [whole(), Project::new(Data { source: "a b.zarr".into(), field: None })] {
         let text = project.to_toml().unwrap();
         assert_eq!(parse(&text).unwrap(), project, "{text}");
-        // And as the same text.
+        // The text is the same, too.
         assert_eq!(parse(&text).unwrap().to_toml().unwrap(), text);
     }
     let changed = whole().to_toml().unwrap().replace("0.30000000000000004", "0.3");
@@ -209,7 +209,7 @@ fn writing_replaces_a_file_as_a_whole_or_not_at_all() {
     assert!(Project::read(&nowhere).unwrap_err().to_string().contains("/nowhere"));
 }
 
-/// Changes of all kinds, some of which do not fit.
+/// Changes of all kinds, some of them invalid.
 fn edits() -> impl Strategy<Value = Edit> {
     let at = 0..4_usize;
     let time = prop_oneof![Just(0.0), Just(1.0 / 3.0), Just(4.0), -5.0..5.0_f64, Just(f64::NAN)];
@@ -289,7 +289,7 @@ fn a_gesture_is_taken_back_as_one() {
     assert_eq!(lod(&project), 0.4);
     assert!(history.undo(&mut project).unwrap());
     assert_eq!((lod(&project), history.undo(&mut project).unwrap()), (0.1, false));
-    // A change makes what was taken back be forgotten.
+    // A change empties the redo list.
     history.redo(&mut project).unwrap();
     history.apply(Edit::RemoveMapTrack { index: 0 }, &mut project).unwrap();
     assert_eq!((history.lengths(), history.redo(&mut project).unwrap()), ((2, 0), false));

@@ -1,4 +1,4 @@
-//! What a user can do, as plain data.
+//! User actions, as plain data.
 
 use crate::camera::Axis;
 use crate::field::FieldSelector;
@@ -10,94 +10,94 @@ use crate::playback::quality::Family;
 use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
 use glam::DVec2;
 
-/// Something done by a key, the mouse or a widget.
+/// An action triggered by a key, the mouse or a widget.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// To the clock.
+    /// Sends a command to the clock.
     Play(Command),
-    /// One notch faster.
+    /// Raises the speed by one notch.
     Faster,
-    /// One notch slower.
+    /// Lowers the speed by one notch.
     Slower,
-    /// The next kind of loop: off, all, range.
+    /// Switches to the next kind of loop: off, all, range.
     NextLoop,
-    /// Ping-pong, or no loop.
+    /// Switches between ping-pong and no loop.
     TogglePingPong,
-    /// Real time, which drops frames where it must, or every step.
+    /// Switches between real time, which may drop frames, and every step.
     ToggleDropping,
-    /// What is played begins with the step shown.
+    /// Starts the played range at the step shown.
     RangeFromHere,
-    /// What is played ends with the step shown.
+    /// Ends the played range at the step shown.
     RangeToHere,
-    /// The camera around its focal point, in heights of the image (x to the right, y upwards).
+    /// Orbits the camera around its focal point, in heights of the image (x to the right, y upwards).
     Orbit(DVec2),
-    /// What is seen shifts by so much, in plane coordinates (half heights of the image; see
+    /// Shifts the image, in plane coordinates (half heights of the image; see [`Camera::pan`](crate::camera::Camera::pan)).
     /// [`Camera::pan`](crate::camera::Camera::pan)).
     Pan(DVec2),
-    /// What is at `cursor` (plane coordinates) becomes `factor` times as large.
+    /// Magnifies by `factor` around `cursor` (plane coordinates).
     Zoom {
         /// Above 1: larger.
         factor: f64,
-        /// What stays where it is.
+        /// The fixed point.
         cursor: DVec2,
     },
-    /// The camera of the beginning.
+    /// Restores the initial camera.
     ResetView,
-    /// Along an axis.
+    /// Looks along an axis.
     ViewAlong {
-        /// Which.
+        /// The axis.
         axis: Axis,
-        /// From its positive end.
+        /// Whether to look from its positive end.
         from_positive: bool,
     },
-    /// Parallel projection, or perspective.
+    /// Switches between parallel and perspective projection.
     OtherProjection,
-    /// Ensembles of the project, or those of its timeline again and with them its levels of detail and optics.
+    /// Shows ensembles of the project, or those of its timeline again and with them its levels of detail and optics.
     Ensembles(EnsembleChoice),
-    /// Whether the camera goes along the path of the project.
+    /// Sets whether the camera follows the project's path.
     CameraPath(bool),
-    /// Another field of the store.
+    /// Shows another field of the store.
     Field(FieldSelector),
-    /// Other colours.
+    /// Sets the colour map.
     Colors(ColorMap),
-    /// Other opacities, as fractions of the range.
+    /// Sets the opacities, at fractions of the range.
     Opacities(Vec<OpacityPoint>),
-    /// Where the range of the colours comes from.
+    /// Sets how the range of the colours is found.
     Range(RangePolicy),
-    /// Display-referred colour behind the volume.
+    /// Sets the display-referred colour behind the volume.
     Background([f32; 3]),
-    /// Where frames are rendered.
+    /// Sets the device that renders.
     Backend(Backend),
-    /// Which renderer.
+    /// Sets the renderer.
     Renderer(RenderMode),
-    /// Draw this share of the interior faces, 0 to 1, where faces are drawn.
+    /// Sets the share of interior faces to draw, 0 to 1, for face renderers.
     LevelOfDetail(f64),
-    /// How segments of a ray are integrated.
+    /// Sets how segments of a ray are integrated.
     Optics(OpticsKind),
-    /// Isosurfaces, their light, and whether the volume is shown.
+    /// Sets isosurfaces, their light, and whether the volume is shown.
     Surfaces(SurfaceLook),
-    /// The next of volume, surfaces and both.
+    /// Shows the next of volume, surfaces and both.
     NextShown,
-    /// The last isosurface by so many hundredths of the field's range.
+    /// Moves the last isosurface by hundredths of the field's range.
     MoveIsovalue(f64),
-    /// The last cut along its normal, as far as the mouse has moved, in heights of the image (x to the right, y upwards).
+    /// Moves the last cut along its normal by a movement of the mouse, in heights of the image (x to the right, y upwards).
     MoveCut(DVec2),
-    /// Frames per second that are aimed at while something moves; `None`: all frames are drawn in full.
+    /// Sets the target frame rate while something moves; `None`: all frames are drawn in full.
     TargetRate(Option<f64>),
-    /// What is given up for that; `None`: what costs least.
+    /// Sets the family of lower qualities for that; `None`: the one with the least error.
     GiveUp(Option<Family>),
-    /// Pixels of the image per pixel of the screen, along a side.
+    /// Sets pixels of the image per pixel of the screen, along a side.
     ImageScale(f64),
-    /// The mouse is at this place of the picture, as shares of width and height from the left upper corner.
+    /// Moves the mouse to this position in the picture, as shares of width and height from the top left corner.
     PointAt(Option<(f64, f64)>),
-    /// The point under the mouse: its value over the series is wanted.
+    /// Picks the point under the mouse, to plot its value over the series.
     Pick,
-    /// That point is forgotten.
+    /// Forgets the picked point.
     ForgetPick,
-    /// What is on the screen, to a PNG file.
+    /// Saves the picture on the screen to a PNG file.
     Screenshot,
     /// Shows the help, or hides it.
     Help,
-    /// A message has been read.
+    /// Dismisses a message.
     Dismiss(usize),
 }

@@ -1,4 +1,4 @@
-//! A hand that drags for ten seconds: no frame is older than it should be.
+//! Dragging for ten seconds: no frame is older than it should be.
 
 use super::Action;
 use super::session_tests::{Desk, slow, store};
@@ -13,7 +13,7 @@ use std::time::Duration;
 /// Inputs of ten seconds, at 60 a second.
 const INPUTS: usize = 600;
 
-/// Frames that were shown: the number of the input that each shows, and of the newest one at that time.
+/// For each shown frame, the number of its input and of the newest one at that time.
 fn drag(desk: &mut Desk) -> Vec<[usize; 2]> {
     let mut inputs: Vec<Camera> = vec![desk.session.look().camera];
     let mut shown = Vec::new();
@@ -27,12 +27,12 @@ fn drag(desk: &mut Desk) -> Vec<[usize; 2]> {
                 let of = inputs.iter().rposition(|camera| *camera == desk.shown().request.camera);
                 shown.push([of.expect("a frame of an input"), input]);
             }
-            // The hand does not wait for frames: an input comes while some are on their way.
+            // The mouse does not wait for frames: inputs come while some are pending.
             if !is_new {
                 break;
             }
         }
-        // Often a frame is there before the next input, and often it is not.
+        // Some frames are ready before the next input, some are not.
         desk.session.player.wait(Duration::from_micros(200 * (input % 7) as u64));
     }
     shown
@@ -48,13 +48,13 @@ fn while_a_hand_drags_no_frame_is_older_than_the_input_by_more_than_two_frames()
     slow(&mut desk, 500.0);
     let shown = drag(&mut desk);
     assert!(shown.len() > 20, "{} frames", shown.len());
-    // A frame shows what was the newest input when the last but one came onto the screen, or something newer.
+    // A frame shows the newest input of when the last but one was shown, or a newer one.
     for frames in shown.windows(3) {
         let ([_, at], [of, now]) = (frames[0], frames[2]);
         assert!(of >= at, "input {of} is shown at {now}, and two frames before it was {at}: {frames:?}");
     }
     assert!(shown.array_windows().all(|[before, after]| before[0] <= after[0]), "no frame goes back");
-    // Dropped on the way, most of them.
+    // Most requests were dropped.
     assert!(shown.len() < INPUTS);
     desk.later(1000);
     desk.settle();

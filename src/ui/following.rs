@@ -1,6 +1,8 @@
-//! Watching a store that somebody adds steps to.
+//! Watches a store for added steps.
 //!
-//! A thread looks at the metadata of the store's root every second, and only if the file is another one asks
+//! A thread checks the metadata of the store's root every second, and only if the file has changed calls [`Store::refreshed`] (which opens
+//! the new store); every tenth time it does so in any case, for file systems with coarse times. A grown series is opened again and kept
+//! until taken.
 //! [`Store::refreshed`] (which opens the new store); every tenth time it does so in any case, for file systems with coarse
 //! times. What has grown is opened again and waits to be taken.
 
@@ -16,25 +18,25 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
-/// How often a store is looked at.
+/// Interval between checks of a store.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Every so many looks the metadata are not trusted.
+/// Number of checks after which unchanged metadata are not trusted.
 const LOOKS_TRUSTED: u32 = 10;
 
-/// A store that is no longer what it was.
+/// A store that has grown.
 #[derive(Clone, Debug)]
 pub struct Grown {
-    /// The store as it is now.
+    /// The reopened store.
     pub store: Arc<Store>,
-    /// The field of it that is followed, with the mesh and the blocks in memory of the series that it continues.
+    /// The followed field of the store, with the mesh and the blocks in memory of the series that it continues.
     pub series: Arc<Series>,
 }
 
-/// What is followed, and what was found.
+/// The followed series and the results not taken yet.
 struct State {
     series: Arc<Series>,
-    /// Counts changes of `series` from outside: what was found for an earlier one is not handed over.
+    /// Counts changes of `series` by the owner: results for an earlier one are discarded.
     generation: u64,
     /// The store that the owner has.
     held: Arc<Store>,
@@ -57,12 +59,12 @@ impl Shared {
 /// Follows a store until it is dropped.
 pub struct Follower {
     shared: Arc<Shared>,
-    /// A message: look at once. When it closes, the thread ends.
+    /// A message requests a check at once. When it closes, the thread ends.
     to_thread: Sender<()>,
 }
 
 impl Follower {
-    /// Follows a store, of which a field is open. `wake` is called, from another thread, when there is something to take.
+    /// Follows a store with an open field. `wake` is called, from another thread, when there is a result to take.
     pub fn start(store: Arc<Store>, series: Arc<Series>, wake: Wake) -> Self {
         Self::start_every(PAUSE, store, series, wake)
     }
@@ -89,7 +91,7 @@ impl Follower {
         Self { shared, to_thread }
     }
 
-    /// Another field of the store is played from now on: what is found is handed over for this one.
+    /// Switches to another field of the store: results are handed over for it from now on.
     pub fn set_field(&self, series: Arc<Series>) {
         let mut state = self.shared.state();
         state.series = series;
@@ -100,7 +102,7 @@ impl Follower {
         let _ = self.to_thread.send(());
     }
 
-    /// What has come since, or why nothing can: each once. The store and its series replace those that were given before.
+    /// New steps, or why there can be none: each once. The store and its series replace those that were given before.
     pub fn take(&self) -> Option<Result<Grown, String>> {
         let mut state = self.shared.state();
         if !state.problems.is_empty() {
@@ -120,7 +122,7 @@ fn complain(shared: &Shared, problem: String) {
 
 /// The work of the thread.
 fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Duration) {
-    // What went wrong lately and has been told.
+    // The last reported problem.
     let mut told: Option<String> = None;
     loop {
         match commands.recv_timeout(pause) {
@@ -128,7 +130,7 @@ fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Dur
             Ok(()) | Err(RecvTimeoutError::Timeout) => {}
         }
         match watch.look().and_then(|looked| hand_over(&watch.store, shared).map(|()| looked)) {
-            // A look that did not open anything says nothing about what failed before.
+            // A check that opened nothing does not clear an earlier problem.
             Ok(false) => {}
             Ok(true) => told = None,
             Err(error) => {
@@ -142,7 +144,7 @@ fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Dur
     }
 }
 
-/// Opens the field again, if its owner has not all that there is, nor is it there to be taken.
+/// Reopens the field, unless the owner has all steps or a result with them waits to be taken.
 fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     let (series, generation) = {
         let state = shared.state();
@@ -155,13 +157,13 @@ fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
         }
         (state.series.clone(), state.generation)
     };
-    // Stores have fields by their whole name.
+    // Stores list fields by their full name.
     let field = FieldSelector { name: series.field().name.clone(), component: None };
     let series = Arc::new(series.reopened(store, Some(&field))?);
-    // The window asks for ranges of percentiles, for which steps are decoded: here, not there. What cannot be read is named there.
+    // The window asks for percentiles, for which steps are decoded: here, not on its thread. It reports steps that cannot be read.
     let _ = series.distribution(&Cancel::new());
     let mut state = shared.state();
-    // Otherwise a message is under way that asks for the other field.
+    // Otherwise a pending message requests the other field.
     if state.generation == generation {
         state.found = Some(Grown { store: store.clone(), series });
         drop(state);
@@ -170,7 +172,7 @@ fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     Ok(())
 }
 
-/// What tells cheaply that a store was exchanged: length, time of change and number of its root's metadata.
+/// Cheap signs of an exchanged store: length, modification time and file number of its root's metadata.
 type Signs = Option<(u64, Option<SystemTime>, u64)>;
 
 fn signs(root: &Path) -> Signs {
@@ -182,7 +184,7 @@ fn signs(root: &Path) -> Signs {
     Some((metadata.len(), metadata.modified().ok(), number))
 }
 
-/// The newest store that was seen.
+/// The newest store seen, and its signs.
 struct Watch {
     store: Arc<Store>,
     seen: Signs,
@@ -191,18 +193,18 @@ struct Watch {
 
 impl Watch {
     fn new(store: Arc<Store>) -> Self {
-        // Nothing has been seen: between opening the store and now it may have grown.
+        // No signs yet: the store may have grown since it was opened.
         Self { store, seen: None, looks: 0 }
     }
 
-    /// Takes up what is new; whether the store itself was asked.
+    /// Refreshes the store if needed; returns whether it was opened for that.
     fn look(&mut self) -> FileResult<bool> {
         let now = signs(self.store.path());
         self.looks = (self.looks + 1) % LOOKS_TRUSTED;
         if now == self.seen && self.looks != 0 {
             return Ok(false);
         }
-        // Before it is asked: what comes meanwhile has other signs.
+        // Set before refreshing: later changes have other signs.
         self.seen = now;
         if let Some(newer) = self.store.refreshed()? {
             self.store = Arc::new(newer);

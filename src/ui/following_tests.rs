@@ -1,4 +1,4 @@
-//! What a follower hands over while somebody adds steps, and what it keeps quiet about.
+//! What a follower reports while steps are added, and what it does not.
 
 use super::*;
 use crate::ingest::{AppendOptions, CodecChoice, IngestOptions, append, ingest};
@@ -9,7 +9,7 @@ use std::sync::mpsc::{RecvTimeoutError as NotWoken, channel};
 
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_millis(1);
-/// Several looks of a follower that looks that often, also where a store is missing, which takes a quarter of a second each.
+/// Several checks of a follower at that interval, also where a store is missing, which takes a quarter of a second each.
 const QUIET: Duration = Duration::from_millis(600);
 const STEPS: usize = 8;
 
@@ -20,7 +20,7 @@ struct Growing {
 }
 
 impl Growing {
-    /// With the first three steps.
+    /// A store with the first three steps.
     fn new(codec: CodecChoice) -> Self {
         let source = generate(&SynthSpec { cells: 600, steps: STEPS, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
         let new = Self { dir: tempfile::tempdir().unwrap(), source };
@@ -46,7 +46,7 @@ impl Growing {
     }
 }
 
-/// A follower and what it has woken.
+/// A follower and its wake-ups.
 struct Following {
     follower: Follower,
     woken: std::sync::mpsc::Receiver<()>,
@@ -59,7 +59,7 @@ impl Following {
         Self { follower: Follower::start_every(SHORT, store.clone(), series.clone(), wake), woken }
     }
 
-    /// What comes next.
+    /// The next result.
     fn next(&self) -> Result<Grown, String> {
         loop {
             if let Some(found) = self.follower.take() {
@@ -69,13 +69,13 @@ impl Following {
         }
     }
 
-    /// That nothing more comes; wakes for what has been taken may still be under way.
+    /// Checks that no result comes; wake-ups for earlier ones may still be pending.
     fn stays_quiet(&self) {
         let wakes = (0..6).take_while(|_| self.woken.recv_timeout(QUIET).is_ok()).count();
         assert!(wakes < 6 && self.follower.take().is_none(), "{wakes} wakes");
     }
 
-    /// Takes until a series has so many steps.
+    /// Takes results until a series has this many steps.
     fn until(&self, steps: usize) -> Grown {
         loop {
             let grown = self.next().unwrap();
@@ -135,12 +135,12 @@ fn another_field_is_followed_as_soon_as_it_is_told() {
     while following.follower.shared.state().found.is_none() {
         following.woken.recv_timeout(LONG).unwrap();
     }
-    // It was found for the first field, and not taken.
+    // The result is for the first field, and was not taken.
     following.follower.set_field(other.clone());
     assert!(following.follower.take().is_none_or(|found| found.unwrap().series.field().name == other.field().name));
     growing.grow_to(6);
     assert_eq!(following.until(6).series.field().name, other.field().name);
-    // A field that was opened from a store of before.
+    // A field opened from an old store.
     following.follower.set_field(open.1.clone());
     assert_eq!(following.until(6).series.field().name, open.1.field().name);
 }

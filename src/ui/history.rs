@@ -1,18 +1,18 @@
-//! What the last frames cost, to be plotted.
+//! Costs of the last frames, to be plotted.
 
 use crate::pipeline::SharedFrame;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Frames that are remembered.
+/// Number of frames kept.
 pub const HISTORY_FRAMES: usize = 240;
 
-/// A frame that was shown.
+/// Cost of a shown frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
-    /// When, on the caller's clock.
+    /// Time on the caller's clock.
     pub at: Duration,
-    /// Milliseconds of decode, order and render; zeros for a frame that had been kept.
+    /// Milliseconds of decode, order and render; zeros for a cached frame.
     pub ms: [f64; 3],
     /// Milliseconds since the frame before.
     pub ms_between: f64,
@@ -25,7 +25,7 @@ pub struct History {
 }
 
 impl History {
-    /// A frame was shown.
+    /// Adds a shown frame.
     pub(super) fn add(&mut self, at: Duration, frame: &SharedFrame, is_kept: bool) {
         let stats = &frame.stats;
         let ms = if is_kept {

@@ -1,4 +1,4 @@
-//! What is known of a series beside its pictures: its values over time, what is under the mouse, small pictures of its steps.
+//! Data of a series beside its pictures: values over time, the point under the mouse, thumbnails.
 
 use super::picture::Picture;
 use super::probe::{Curve, Hover, HoverRequest, Prober};
@@ -15,38 +15,38 @@ use std::sync::Arc;
 pub struct Picked {
     /// World coordinates.
     pub position: DVec3,
-    /// Number of its cell in the source.
+    /// Index of its cell in the source.
     pub source_cell: u32,
-    /// Values at the point over the steps, as far as they have been read.
+    /// Values at the point over the steps read so far.
     pub curve: Option<Arc<Curve>>,
 }
 
-/// So far from the mouse, in pixels, what was found is still what is under it: while it moves, answers are for where it was.
+/// Distance from the mouse, in pixels, within which an answer still holds: while the mouse moves, answers are for where it was.
 const NEAR_PX: f64 = 6.0;
 
-/// A place of a picture, from shares of its width and height.
+/// A position in pixels, from shares of width and height.
 fn in_pixels((x, y): (f64, f64), shown: &FrameRequest) -> (f64, f64) {
     let (width, height) = shown.size_px;
     (x * width as f64, y * height as f64)
 }
 
-/// Whether two ask for the same place of the same picture.
+/// Whether two requests are for the same position in the same picture.
 fn is_same(a: &HoverRequest, b: &HoverRequest) -> bool {
     a.at_px == b.at_px && Arc::ptr_eq(&a.series, &b.series) && a.request == b.request
 }
 
-/// Finds out, on threads of its own.
+/// Finds these data on threads of its own.
 pub(super) struct Insight {
     wake: Arc<dyn Fn() + Send + Sync>,
     survey: Survey,
     prober: Prober,
     thumbnails: Thumbnails,
-    /// Where the mouse is, as shares of the picture's width and height from its left upper corner.
+    /// Position of the mouse, as shares of the picture's width and height from the top left corner.
     mouse: Option<(f64, f64)>,
     hover: Option<Hover>,
-    /// What was asked last.
+    /// The last request.
     asked: Option<HoverRequest>,
-    /// What is at this place is to be picked, once it is known. Until then nothing else is asked: the mouse may have gone on.
+    /// Request whose point is to be picked once known. Until then no other request is made: the mouse may have moved on.
     wants_pick: Option<HoverRequest>,
     picked: Option<(Probe, Option<Arc<Curve>>)>,
 }
@@ -68,7 +68,7 @@ impl Insight {
         })
     }
 
-    /// Another series is played from now on, of the same mesh: a point that was picked is one of it, too.
+    /// Switches to another series of the same mesh: a picked point stays.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -81,7 +81,7 @@ impl Insight {
         Ok(())
     }
 
-    /// Takes what was found; `shown` is what is on the screen.
+    /// Takes results; `shown` is the request of the frame on the screen.
     pub(super) fn take(&mut self, shown: Option<&FrameRequest>) {
         while let Some(hover) = self.prober.take_hover() {
             let is_same = |wanted: &HoverRequest| is_same(wanted, &hover.asked);
@@ -92,7 +92,7 @@ impl Insight {
             }
             self.hover = Some(hover);
         }
-        // What is elsewhere in the picture or of another picture is not what is under the mouse.
+        // An answer for another position or picture is not for the point under the mouse.
         let place = self.mouse.zip(shown).map(|(mouse, shown)| in_pixels(mouse, shown));
         let is_near = |at: (f64, f64)| place.is_some_and(|(x, y)| (x - at.0).hypot(y - at.1) <= NEAR_PX);
         let is_of_screen = |asked: &HoverRequest| shown == Some(&asked.request) && is_near(asked.at_px);
@@ -104,7 +104,7 @@ impl Insight {
         }
     }
 
-    /// The mouse is at this place of the picture `shown`, or another picture is under it.
+    /// Handles a new mouse position in the picture `shown`, or another picture under the mouse.
     pub(super) fn point_at(&mut self, place: Option<(f64, f64)>, series: &Arc<Series>, shown: Option<&FrameRequest>) {
         self.mouse = place;
         self.asked = place.zip(shown).map(|((x, y), shown)| HoverRequest {
@@ -117,24 +117,24 @@ impl Insight {
         }
     }
 
-    /// Another picture is on the screen.
+    /// Handles another picture on the screen.
     pub(super) fn repeat(&mut self, series: &Arc<Series>, shown: Option<&FrameRequest>) {
         if self.mouse.is_some() {
             self.point_at(self.mouse, series, shown);
         }
     }
 
-    /// Where the mouse is.
+    /// Position of the mouse in the picture.
     pub(super) fn mouse(&self) -> Option<(f64, f64)> {
         self.mouse
     }
 
-    /// What is under the mouse.
+    /// The answer for the point under the mouse.
     pub(super) fn hover(&self) -> Option<&Hover> {
         self.hover.as_ref()
     }
 
-    /// Picks the point that is under the mouse, as soon as it is known; nothing if there is none.
+    /// Picks the point under the mouse, as soon as it is known; no point if there is none.
     pub(super) fn pick(&mut self) {
         let Some(asked) = &self.asked else { return };
         match self.hover.clone().filter(|hover| is_same(asked, &hover.asked)) {
@@ -150,29 +150,29 @@ impl Insight {
         }
     }
 
-    /// No point is picked any more.
+    /// Drops the picked point.
     pub(super) fn forget_pick(&mut self) {
         self.prober.forget_pick();
         self.picked = None;
     }
 
-    /// The point that is picked.
+    /// The picked point.
     pub(super) fn picked(&self) -> Option<Picked> {
         let (probe, curve) = self.picked.as_ref()?;
         Some(Picked { position: probe.position, source_cell: probe.source_cell, curve: curve.clone() })
     }
 
-    /// The series as far as it is known.
+    /// The survey of the series so far.
     pub(super) fn survey(&self) -> Arc<Surveyed> {
         self.survey.snapshot()
     }
 
-    /// Rests while others need the processor.
+    /// Pauses or resumes the survey.
     pub(super) fn pause(&self, pauses: bool) {
         self.survey.pause(pauses);
     }
 
-    /// The small picture of a frame, or asks for it.
+    /// The thumbnail of a frame; requested if missing.
     pub(super) fn thumbnail(
         &self,
         series: &Arc<Series>,
@@ -183,7 +183,7 @@ impl Insight {
         self.thumbnails.get(request)
     }
 
-    /// Nobody looks at small pictures.
+    /// Drops pending thumbnails.
     pub(super) fn forget_thumbnails(&self) {
         self.thumbnails.forget_wanted();
     }

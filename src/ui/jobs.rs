@@ -1,4 +1,4 @@
-//! What takes a while and touches files, on threads of its own.
+//! Slow jobs that touch files, on threads of their own.
 
 use super::session::MotionError;
 use crate::error::{FileError, FileResult};
@@ -17,15 +17,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a job ended with.
+/// Result of a job.
 pub(super) enum Done {
-    /// An image is there.
+    /// An image was written.
     Screenshot(FileResult<PathBuf>),
-    /// A field is open, and how the one before it and this one are shown at first.
+    /// A field was opened; first looks of the field before it and of this one.
     Series(FileResult<(Arc<Series>, Box<[FirstLook; 2]>)>),
-    /// The last picture of a motion beside the one in full.
+    /// Error of the last picture of a motion against the one in full.
     Compared(MotionError),
-    /// It was not done, through a fault of this program or for want of a thread.
+    /// The job failed, through a fault of this program or for want of a thread.
     Failed(String),
 }
 
@@ -42,7 +42,7 @@ impl Jobs {
         Self { wake, to, done }
     }
 
-    /// What has been done since.
+    /// The next result.
     pub(super) fn take(&self) -> Option<Done> {
         self.done.try_recv().ok()
     }
@@ -65,7 +65,7 @@ impl Jobs {
         self.run(move || Done::Screenshot(shot.write(&folder)));
     }
 
-    /// Finds by how much a picture was off.
+    /// Computes the error of a picture.
     pub(super) fn compare(&self, found: impl FnOnce() -> MotionError + Send + 'static) {
         self.run(move || Done::Compared(found()));
     }
@@ -78,7 +78,7 @@ impl Jobs {
             let done = done.unwrap_or_else(|panic| {
                 Done::Failed(format!("tetreel failed: {}; please report this", panic_message(&*panic)))
             });
-            // Nobody waits for it any more if the window is closed.
+            // The receiver is gone if the window is closed.
             let _ = to.send(done);
             wake();
         };
@@ -96,7 +96,7 @@ pub(super) struct Screenshot {
 }
 
 impl Screenshot {
-    /// Of a frame of this request.
+    /// The image of a frame of this request.
     pub(super) fn of(
         frame: SharedFrame,
         request: &FrameRequest,
@@ -119,7 +119,7 @@ impl Screenshot {
         Self { frame, background, attributes }
     }
 
-    /// Writes a PNG that was not there before, and says which.
+    /// Writes a new PNG file, and returns its path.
     fn write(&self, folder: &Path) -> FileResult<PathBuf> {
         let path = claim(folder, &stem(&self.attributes.field, self.attributes.step))?;
         let frame = OutputFrame {
@@ -128,20 +128,20 @@ impl Screenshot {
         };
         let options = StillOptions { background: Background::Color(self.background), ..Default::default() };
         write_still(&path, &frame, &options).inspect_err(|_| {
-            // The empty file that held the name.
+            // The empty file that reserved the name.
             let _ = std::fs::remove_file(&path);
         })?;
         Ok(path)
     }
 }
 
-/// The name of an image without number and extension: field and step, in characters that every file system takes.
+/// File name of an image without number and extension: field and step, in characters valid in every file system.
 fn stem(field: &str, step: usize) -> String {
     let safe = |c: char| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '-' };
     format!("{}_step{step:04}", field.chars().map(safe).collect::<String>())
 }
 
-/// Makes the first file `stem.png`, `stem_2.png`, `stem_3.png`, .. that is not there, so that nobody else has the name.
+/// Creates the first of `stem.png`, `stem_2.png`, `stem_3.png`, .. that does not exist, to reserve its name.
 fn claim(folder: &Path, stem: &str) -> FileResult<PathBuf> {
     let mut number = 1_u64;
     loop {

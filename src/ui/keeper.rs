@@ -1,4 +1,4 @@
-//! Settings while they are used: changed at once, written a little later, on a thread of its own.
+//! Settings in use: changed at once, written a little later, on a thread of its own.
 
 use super::settings::{Settings, SettingsFile};
 use crossbeam::channel::{Receiver, Sender, unbounded};
@@ -6,16 +6,16 @@ use std::io;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Changes are written when there were none for so long.
+/// Time without changes after which settings are written.
 const QUIET: Duration = Duration::from_secs(1);
 
-/// Keeps settings; what was changed is written when it is dropped, at the latest.
+/// Keeps settings; changes are written on drop at the latest.
 #[derive(Debug)]
 pub struct SettingsKeeper {
     settings: Settings,
-    /// The settings that were last sent to be written.
+    /// The settings last sent to the writer.
     sent: Settings,
-    /// The settings at the last look, and since when they have been so.
+    /// The settings at the last tick, and when they last changed.
     seen: (Settings, Duration),
     to: Option<Sender<Settings>>,
     written: Receiver<(Settings, Option<String>)>,
@@ -23,7 +23,7 @@ pub struct SettingsKeeper {
 }
 
 impl SettingsKeeper {
-    /// Reads the file, and keeps it from now on. `wake` is called when something is to be told.
+    /// Reads the file and takes charge of it. `wake` is called when there is a message.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -35,7 +35,7 @@ impl SettingsKeeper {
             while let Ok(newest) = waiting.recv() {
                 let mut newest = waiting.try_iter().last().unwrap_or(newest);
                 let notice = file.save(&mut newest);
-                // Nobody listens any more when it is dropped.
+                // The receiver is gone after a drop.
                 let _ = tell.send((newest, notice));
                 wake();
             }
@@ -54,12 +54,12 @@ impl SettingsKeeper {
         &mut self.settings
     }
 
-    /// Has changes written that are old enough. Returns what the user should be told, and when to call again.
+    /// Writes changes that are old enough. Returns a message for the user, and when to call again.
     pub fn tick(&mut self, now: Duration) -> (Option<String>, Option<Duration>) {
         let mut told = None;
         while let Ok((written, notice)) = self.written.try_recv() {
             told = notice.or(told);
-            // What other windows have opened.
+            // Recent files and looks of other windows.
             if self.settings == self.sent {
                 self.settings = written;
                 (self.sent, self.seen.0) = (self.settings.clone(), self.settings.clone());
@@ -84,7 +84,7 @@ impl SettingsKeeper {
             && let Some(to) = &self.to
         {
             self.sent = self.settings.clone();
-            // A writer that is gone has said so.
+            // A writer that ended has reported why.
             let _ = to.send(self.sent.clone());
         }
     }

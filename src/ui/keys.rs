@@ -1,11 +1,11 @@
-//! The table of keys: what they do, and what the help says about them.
+//! The table of keys: actions and help texts.
 
 use super::Action;
 use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
 
-/// A key, as far as it matters here.
+/// A key of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Key {
     /// A letter, upper case, or another character that needs no shift.
@@ -16,26 +16,26 @@ pub enum Key {
     Left,
     /// Arrow to the right.
     Right,
-    /// To the beginning.
+    /// The Home key.
     Home,
-    /// To the end.
+    /// The End key.
     End,
 }
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Binding {
-    /// Which key.
+    /// The key.
     pub key: Key,
     /// Whether shift is held.
     pub shift: bool,
-    /// What it does.
+    /// Its action.
     pub action: Action,
-    /// What the help says; lines with the same text are one in the help.
+    /// Help text; bindings with the same text share a line.
     pub help: &'static str,
 }
 
-/// So many steps with shift.
+/// Steps moved with shift.
 pub const MANY_STEPS: i64 = 10;
 
 /// All keys.
@@ -91,7 +91,7 @@ const ISOVALUE_HELP: &str = "the isovalue a hundredth of the range down or up";
 
 const MANY_STEPS_HELP: &str = "ten steps back or on";
 
-/// What the mouse does in the picture.
+/// Mouse actions in the picture, for the help.
 pub const MOUSE: [(&str, &str); 7] = [
     ("drag", "turn"),
     ("middle drag, Shift drag", "shift"),
@@ -103,7 +103,7 @@ pub const MOUSE: [(&str, &str); 7] = [
 ];
 
 impl Binding {
-    /// The keys as they are written: `Shift Left`.
+    /// The key as written: `Shift Left`.
     pub fn name(&self) -> String {
         let key = match self.key {
             Key::Char(c) => c.to_string(),
@@ -117,7 +117,7 @@ impl Binding {
     }
 }
 
-/// The lines of the help: keys, and what they do.
+/// The lines of the help: keys and help texts.
 pub fn help() -> Vec<(String, &'static str)> {
     let mut lines: Vec<(String, &str)> = Vec::new();
     for binding in bindings() {
@@ -132,7 +132,7 @@ pub fn help() -> Vec<(String, &'static str)> {
     lines
 }
 
-/// What a key does.
+/// The action of a key.
 pub fn action(key: Key, shift: bool) -> Option<Action> {
     let found = bindings().into_iter().find(|b| b.key == key && b.shift == shift);
     found.map(|binding| binding.action)
@@ -169,7 +169,7 @@ mod tests {
         for line in &lines {
             assert!(guide.contains(line.as_str()), "docs/guide.md does not have the line {line}");
         }
-        // Two tables, each with a head of two lines.
+        // Two tables, each with a header of two lines.
         let rows = guide.lines().filter(|line| line.starts_with('|')).count();
         assert_eq!(rows, lines.len() + 4, "docs/guide.md has keys that are not in the table");
     }

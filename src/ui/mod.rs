@@ -1,46 +1,46 @@
 //! The player window.
 //!
-//! What the window *is* is plain data: a [`Session`] holds player, camera and colours, and everything that keys, mouse and
+//! The state of the window is plain data: a [`Session`] holds player, camera and colours, and everything that keys, mouse and
 //! widgets do to it is an [`Action`] ([`keys`] is the one table of keys, and the help). It has no window, and its tests need
 //! none. With the feature `gui`, `window` shows it.
 //!
-//! While nothing changes, nothing is asked of the pipeline and the window is not painted.
+//! While nothing changes, no frame is requested and the window is not painted.
 //!
 //! ```text
 //! keys, mouse, widgets -> Action -> Session -> Player -> frames -> Screen -> painted
 //!                                   Session -> Prober, Survey, Thumbnails, Jobs -> what they find, with the next tick
 //! ```
 //!
-//! - **The thread of the window** decodes, renders, converts and reads nothing, and waits for nothing but, a millisecond at most, what a
-//!   project shows. What takes a while has a thread: the pipeline; `picture` (pixels for the screen); `probe` (what is under the mouse: of
-//!   all cells on the ray the one that gives most to the pixel's opacity; and a point's value at every step); `survey` (means and
-//!   histograms, coarse to fine, which rests while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that
-//!   is imported to the cache first); `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner;
-//!   those that read data catch their panics and say what went wrong in a message.
-//! - **A project** is an `Animation` on a thread of its own (`ui/project_worker.rs`, the one place where tables of a project are made for the
-//!   window). Whoever asks waits a millisecond; a moment that takes longer is not asked of the pipeline until it is known (`Player::tick`),
-//!   and comes first then, so that a clock that goes on does not pass over all of them. Moments of the last frames are kept.
+//! - **The thread of the window** does not decode, render, convert or read; it waits a millisecond at most, for a project's table. Slow
+//!   work has threads: the pipeline; `picture` (pixels for the screen); `probe` (the point under the mouse: in the cell on the ray that
+//!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
+//!   while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
+//!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
+//!   panics and report them in a message.
+//! - **A project** is an `Animation` on a thread of its own (`ui/project_worker.rs`, the one place where tables of a project are made for
+//!   the window). A caller waits a millisecond; a frame whose table takes longer is not requested until that is known (`Player::tick`), and
+//!   comes first then, so that a running clock does not pass over all of them. Results of the last frames are kept.
 //! - **One core is the window's** while the user acts and for 250 ms after: renderers on the CPU ask `ThreadLimit` for a turn before each
-//!   tile, so that this also holds for the frame at hand. At all times the threads that render and prepare give way to it
+//!   tile, so that this also holds for the frame being rendered. At all times rendering and preparing threads give way to the window's
 //!   (`PipelinedOptions::give_way`).
-//! - **Painted once for each input.** What the user did is followed in the first layout of a pass; a second layout, before anything is
-//!   painted, shows it.
+//! - **Painted once for each input.** User actions are applied in the first layout of a pass; a second layout, before painting, shows their
+//!   effect.
 //! - **One device.** The window is painted with the device that frames are rendered on. `FrameRequest::for_window` leaves such a frame
 //!   there: a compute pass (`present.wgsl`) writes the accumulators, still premultiplied, in half precision to a texture that the window's
 //!   own shader (`picture.wgsl`) puts over the background. No pixel passes through the CPU, and another background costs nothing. A texture
 //!   comes back to the pool when the next one is bound: never while it is painted. A frame of the CPU becomes 8-bit pixels on the picture
 //!   thread.
-//! - **The last one asked for.** `Session::turns` counts commands that go elsewhere; a picture that was in the making before the last one
-//!   does not come onto the screen any more. Time and description over the picture are those of the picture, not of what was asked for.
-//! - **A device that is lost** fails the frame at hand, which another device renders; the window itself is closed and opened again with the
-//!   same session, since nothing that it has painted is there any more.
-//! - **While something moves**, `playback::quality` (no clock, no threads) is told what frames took and says how the next one is drawn: in
+//! - **Only the last request.** `Session::turns` counts commands that jump in time; a picture begun before the last one is not shown any
+//!   more. Time and description over the picture are those of the picture, not of the request.
+//! - **A lost device** fails the current frame, which another device renders; the window itself is closed and opened again with the same
+//!   session, since everything it has painted is lost.
+//! - **While something moves**, `playback::quality` (no clock, no threads) is given frame times and chooses how the next frame is drawn: in
 //!   full, by fewer rays, smaller, by few rays with details of an earlier step, or by fewer faces. **At rest** the request has previews
-//!   (`FrameRequest::previews`): the ray caster shows its image at falling contrasts on the way, and gives way to a newer request. Caches
-//!   and files take only what `Delivery::is_final` says to be final.
+//!   (`FrameRequest::previews`): the ray caster shows its image at falling contrasts on the way, and yields to a newer request. Caches and
+//!   files take only frames with `Delivery::is_final`.
 //!
-//! The package `tests/ui` is the only one with egui's test harness: things are found by their names in the accessibility tree, so that
-//! every control has one. `real_window` opens the window on a screen in memory and uses it through X, as a hand would.
+//! The package `tests/ui` is the only one with egui's test harness: it finds widgets by their names in the accessibility tree, so that
+//! every control has one. `real_window` opens the window on a virtual screen and operates it through X, as a user would.
 
 mod action;
 #[cfg(test)]

@@ -1,29 +1,29 @@
-//! Messages that stay until they have been read.
+//! Messages that stay until dismissed.
 
-/// What a message is about.
+/// Kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoticeKind {
     /// Something failed; the text says what to do.
     Error,
-    /// Something was done.
+    /// An action has succeeded.
     Done,
 }
 
 /// A message to the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
-    /// What it is about.
+    /// Kind of the message.
     pub kind: NoticeKind,
-    /// What it says.
+    /// Text of the message.
     pub text: String,
-    /// How often it was said.
+    /// Number of repetitions.
     pub count: u64,
 }
 
-/// More than these are not kept; the oldest go.
+/// Largest number of messages; the oldest are dropped.
 const NOTICES_MAX: usize = 4;
 
-/// Adds a message; one that is there already counts up, and of those that say that something was done the last one stays.
+/// Adds a message; a repeated one is counted, and only the last one of kind `Done` stays.
 pub(super) fn add(notices: &mut Vec<Notice>, kind: NoticeKind, text: String) {
     if let Some(known) = notices.iter_mut().find(|n| n.kind == kind && n.text == text) {
         known.count += 1;

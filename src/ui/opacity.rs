@@ -1,7 +1,7 @@
-//! Editing the opacity curve: what the mouse and the number boxes do to its points.
+//! Edits the points of the opacity curve, for the mouse and the number boxes.
 //!
-//! All functions give points that make a transfer function: positions in 0..=1 that do not fall, at most two at one place,
-//! values of 0 or more.
+//! All functions return valid points of a transfer function: ascending positions in 0..=1, at most two at one position, values of 0 or
+//! more.
 
 use crate::look::Look;
 use crate::transfer::{MappedRange, OpacityKind, OpacityPoint, OpacityValues, PositionKind};
@@ -19,13 +19,13 @@ pub fn relative_points(look: &Look, range: &MappedRange) -> Vec<OpacityPoint> {
     }
 }
 
-/// The highest value that the curve can be given: 1 for opacities, else twice what it has.
+/// Upper limit of values: 1 for opacities, else twice the curve's maximum.
 pub fn highest_value(look: &Look) -> f64 {
     let is_opacity = look.tf.values() == OpacityValues::Opacity && look.opacity_kind == OpacityKind::Alpha;
     if is_opacity { 1.0 } else { look.tf.points().iter().map(|p| 2.0 * p.value).fold(1.0, f64::max) }
 }
 
-/// Moves a point; it stays between its neighbours, and `value` between 0 and `highest`.
+/// Moves a point, clamped between its neighbours and between 0 and `highest`.
 pub fn moved(points: &[OpacityPoint], index: usize, to: OpacityPoint, highest: f64) -> Vec<OpacityPoint> {
     let mut points = points.to_vec();
     let before = index.checked_sub(1).and_then(|i| points.get(i)).map_or(0.0, |p| p.position);
@@ -40,7 +40,7 @@ pub fn moved(points: &[OpacityPoint], index: usize, to: OpacityPoint, highest: f
     without_triples(points)
 }
 
-/// Adds a point; which one it is.
+/// Adds a point; returns its index.
 pub fn inserted(points: &[OpacityPoint], at: OpacityPoint, highest: f64) -> (Vec<OpacityPoint>, usize) {
     let mut points = points.to_vec();
     let position = if at.position.is_finite() { at.position.clamp(0.0, 1.0) } else { 0.0 };
@@ -59,7 +59,7 @@ pub fn removed(points: &[OpacityPoint], index: usize) -> Vec<OpacityPoint> {
     points
 }
 
-/// The point next to a place, if it is within `reach` (in the same units, position and value / `highest`).
+/// The point nearest to a position, if it is within `reach` (in the same units, position and value / `highest`).
 pub fn nearest(points: &[OpacityPoint], at: OpacityPoint, highest: f64, reach: (f64, f64)) -> Option<usize> {
     let distance = |p: &OpacityPoint| {
         let (x, y) = ((p.position - at.position) / reach.0, (p.value - at.value) / (highest * reach.1));
@@ -69,7 +69,7 @@ pub fn nearest(points: &[OpacityPoint], at: OpacityPoint, highest: f64, reach: (
     nearest.filter(|(_, p)| distance(p) <= 1.0).map(|(index, _)| index)
 }
 
-/// Of three or more points at one place, the first and the last.
+/// Keeps the first and the last of three or more points at one position.
 fn without_triples(points: Vec<OpacityPoint>) -> Vec<OpacityPoint> {
     let is_inner = |i: usize| {
         let at = |i: usize| points.get(i).map(|p| p.position);
@@ -119,7 +119,7 @@ mod tests {
         ) {
             let mut curve = points(&[(0.0, 0.0), (1.0, 0.15)]);
             for (kind, index, position, value) in edits {
-                // Coarse places, so that points meet.
+                // Coarse positions, so that points meet.
                 let at = point((position * 4.0).round() / 4.0, value);
                 curve = match kind {
                     0 => inserted(&curve, at, 1.0).0,

@@ -13,17 +13,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Called when there is something new to take or to show.
+/// Callback for new results or progress.
 pub type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// How something is opened.
+/// Options of opening.
 #[derive(Clone, Debug)]
 pub struct OpeningOptions {
-    /// Where sources are imported to.
+    /// Cache that sources are imported to.
     pub cache: ImportCache,
     /// Bytes for blocks of steps.
     pub block_bytes: u64,
-    /// The field; none: the first.
+    /// The field; `None`: the first.
     pub field: Option<FieldSelector>,
 }
 
@@ -33,57 +33,57 @@ impl Default for OpeningOptions {
     }
 }
 
-/// What was opened.
+/// An opened series.
 #[derive(Debug)]
 pub struct Opened {
-    /// Where other fields come from.
+    /// Store of the series and other fields.
     pub store: Arc<Store>,
-    /// What is played.
+    /// The series to be played.
     pub series: Arc<Series>,
-    /// What opens the same again, absolute: the store or the source that was named; of several sources, the store in the cache.
+    /// Absolute path that opens the same again: the store or the source that was named; of several sources, the store in the cache.
     pub path: PathBuf,
-    /// What the user calls it, for the title: the name of the file, and how many more there were.
+    /// Name for the title: that of the file, and the number of further ones.
     pub name: String,
-    /// Whether it was imported, and how that went.
+    /// Whether the series was imported, and the report of that.
     pub origin: Origin,
 }
 
-/// How opening ended.
+/// Result of opening.
 #[derive(Debug)]
 pub enum OpeningEnd {
-    /// Well.
+    /// Success.
     Opened(Box<Opened>),
-    /// Somebody asked to stop; nothing half done is left.
+    /// Cancelled; nothing half done is left.
     Cancelled,
-    /// Why not, and what to do.
+    /// The problem and its remedy.
     Failed(String),
 }
 
-/// How far opening is. Neither `fraction` nor, within a stage, `done` ever goes back.
+/// Progress of opening. `fraction`, and within a stage `done`, never decrease.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpeningProgress {
-    /// What is done at the moment, for the user.
+    /// Current stage, for the user.
     pub stage: String,
-    /// Units of the stage that are done.
+    /// Completed units of the stage.
     pub done: u64,
-    /// Units of the stage; 0 if it has none that can be counted.
+    /// Units of the stage; 0 if they cannot be counted.
     pub total: u64,
-    /// What they are, in the plural.
+    /// Name of the units, in the plural.
     pub unit: String,
-    /// Share of the whole that is done, 0..=1; 1 at the end, however it ended.
+    /// Share of the whole that is done, 0..=1; 1 at the end, even after a failure.
     pub fraction: f64,
-    /// About how long it takes from here, once that can be told.
+    /// Estimated time left, once known.
     pub left: Option<Duration>,
 }
 
-/// Shares of the whole at which steps begin to be imported, and at which they all are. What comes before (the mesh) and after
-/// (statistics, opening the store) cannot be counted, and is short beside the steps of a long series.
+/// Shares of the whole at which the import of steps begins and ends. The work before (the mesh) and after (statistics, opening the store)
+/// cannot be counted, and is short beside the steps of a long series.
 const STEPS_SHARE: [f64; 2] = [0.05, 0.95];
 
-/// The window is woken for progress no more often than this.
+/// Shortest time between two wake-ups for progress.
 const WAKE_PAUSE: Duration = Duration::from_millis(50);
 
-/// What the thread and its owner share.
+/// State shared by the thread and its owner.
 struct Shared {
     state: Mutex<State>,
     wake: Wake,
@@ -91,14 +91,14 @@ struct Shared {
 
 struct State {
     now: OpeningProgress,
-    /// When the steps began.
+    /// Start of the import of steps.
     steps_begun: Option<Instant>,
     woken: Option<Instant>,
     end: Option<OpeningEnd>,
     is_over: bool,
 }
 
-/// Something that is being opened. Dropping it cancels it.
+/// An opening in progress. Dropping it cancels it.
 pub struct Opening {
     shared: Arc<Shared>,
     cancel: Cancel,
@@ -107,8 +107,8 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// Begins to open a store or a source, or several sources as one series. `wake` is called, from another thread, when there
-    /// is progress and at the end.
+    /// Starts to open a store or a source, or several sources as one series. `wake` is called, from another thread, on progress and at the
+    /// end.
     pub fn start(paths: Vec<PathBuf>, options: OpeningOptions, wake: Wake) -> Self {
         let opened = paths.clone();
         Self::start_job(paths, wake, move |shared, cancel| open(&opened, &options, shared, cancel))
@@ -149,36 +149,36 @@ impl Opening {
         Self { shared, cancel, paths, thread }
     }
 
-    /// What is being opened.
+    /// Paths that are being opened.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
 
-    /// How far it is.
+    /// Progress so far.
     pub fn progress(&self) -> OpeningProgress {
         self.shared.state().now.clone()
     }
 
-    /// How it ended, once; `None` before and after.
+    /// The result, once; `None` before and after.
     pub fn take(&self) -> Option<OpeningEnd> {
         self.shared.state().end.take()
     }
 
-    /// Whether it has ended.
+    /// Whether opening has ended.
     pub fn is_over(&self) -> bool {
         self.shared.state().is_over
     }
 
-    /// Asks it to stop: it ends soon, as [`OpeningEnd::Cancelled`], or well if it was about to end.
+    /// Requests a cancel: opening soon ends with [`OpeningEnd::Cancelled`], or with success if it was about to end.
     pub fn cancel(&self) {
         self.cancel.cancel();
     }
 
-    /// Cancels, and waits until nothing is left of it: before the process ends.
+    /// Cancels and joins the thread, before the process ends.
     pub fn cancel_and_wait(mut self) {
         self.cancel();
         if let Some(thread) = self.thread.take() {
-            // Its panics have been caught.
+            // Panics of the thread have been caught.
             let _ = thread.join();
         }
     }
@@ -195,7 +195,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes what is shown, and wakes who shows it, if that was long ago or is `urgent`.
+    /// Changes the progress, and wakes the window if the last wake-up was long ago or this is `urgent`.
     fn change(&self, urgent: bool, change: impl FnOnce(&mut State)) {
         let mut state = self.state();
         change(&mut state);
@@ -209,7 +209,7 @@ impl Shared {
         }
     }
 
-    /// A stage that cannot be counted.
+    /// Begins a stage without countable units.
     fn stage(&self, stage: String, fraction: f64) {
         self.change(true, |state| {
             let fraction = state.now.fraction.max(fraction);
@@ -256,7 +256,7 @@ impl Progress for Shared {
 
 /// The work of the thread.
 fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &Cancel) -> Result<Opened, CacheError> {
-    // Readers speak of the kind of a file before they look whether there is one.
+    // Readers would report the kind of a file before its absence.
     for path in paths {
         std::fs::metadata(path).map_err(|e| {
             let error = FileError::io(path, "open", &e);
@@ -274,7 +274,7 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
     shared.stage(format!("reading the mesh of {name}"), STEPS_SHARE[1]);
     let blocks = Arc::new(BlockCache::new(options.block_bytes));
     let series = Series::open_with(&store, options.field.as_ref(), blocks)?;
-    // What the window asks for first must not let it wait. Steps that cannot be read are named when they are shown.
+    // Computed here, so that the window need not wait. Steps that cannot be read are reported when shown.
     let _ = series.distribution(cancel);
     cancelled(cancel)?;
     let path = match paths {
@@ -289,7 +289,7 @@ fn cancelled(cancel: &Cancel) -> Result<(), CacheError> {
     if cancel.is_cancelled() { Err(crate::ingest::IngestError::Cancelled.into()) } else { Ok(()) }
 }
 
-/// Progress of an import, with the name of what is imported.
+/// Progress of an import, with the source's name.
 struct Named<'a> {
     shared: &'a Shared,
     name: &'a str,
@@ -313,7 +313,7 @@ impl Progress for Named<'_> {
     }
 }
 
-/// What a user calls these files.
+/// Name of these files for the user.
 fn name_of(paths: &[PathBuf]) -> String {
     let name = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     match paths {

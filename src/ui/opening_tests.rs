@@ -1,4 +1,4 @@
-//! What is opened in the background, what is seen of it meanwhile, and what it leaves.
+//! Opening in the background: results, progress and leftovers.
 
 use super::*;
 use crate::ingest::{IngestOptions, ingest};
@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, channel};
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data/tornado");
 const LONG: Duration = Duration::from_secs(120);
 
-/// A folder with a cache, and what wakes.
+/// A folder with a cache, and a wake callback.
 struct Place {
     dir: tempfile::TempDir,
     wake: Wake,
@@ -33,7 +33,7 @@ impl Place {
         Opening::start(paths.to_vec(), self.options(), self.wake.clone())
     }
 
-    /// Waits for the end; all progress that was seen meanwhile, the last one included.
+    /// Waits for the end; returns all progress seen, the last one included.
     fn watch(&self, opening: &Opening) -> (OpeningEnd, Vec<OpeningProgress>) {
         let mut seen = vec![opening.progress()];
         loop {
@@ -107,7 +107,7 @@ fn several_steps_are_one_series_that_opens_again_from_the_cache() {
 #[test]
 fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
     let place = Place::new();
-    // Whoever is woken when the steps begin is woken by the thread that imports them.
+    // The wake call when the steps begin is on the importing thread.
     let cell: Arc<OnceLock<(Arc<Shared>, Cancel)>> = Arc::default();
     let (inner, outer) = (cell.clone(), place.wake.clone());
     let wake: Wake = Arc::new(move || {

@@ -2,11 +2,11 @@
 
 use crate::playback::{Mode, State};
 
-/// Below this share of what was asked for it is said; what is shown is counted over two seconds, so a frame more or less is
-/// nothing.
+/// Below this share of the requested rate a shortfall is reported; the rate is measured over two seconds, so a frame more or less is
+/// negligible.
 const SHORT_OF: f64 = 0.9;
 
-/// What the machine cannot do of what was asked, if it plays and cannot: in [`Mode::RealTime`] steps are dropped, in
+/// A message if playback cannot keep up: in [`Mode::RealTime`] steps are dropped, in [`Mode::EveryStep`] it is slower.
 /// [`Mode::EveryStep`] it is slower.
 pub fn shortfall(state: &State) -> Option<String> {
     let shown = state.frames_per_second.filter(|_| state.playing)?;

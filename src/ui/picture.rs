@@ -1,10 +1,12 @@
-//! From raw accumulators to what a screen takes, on a thread of its own.
+//! Converts raw accumulators to pixels of the screen, on a thread of its own.
 
 use crate::pipeline::SharedFrame;
 use crossbeam::channel::{Receiver, Sender, bounded};
 use std::io;
 
-/// The colours of `pixels` (premultiplied accumulators) over an opaque background, as 8-bit RGBA. As
+/// The colours of `pixels` (premultiplied accumulators) over an opaque background, as 8-bit RGBA. Rounded as by
+/// [`write_png`](crate::image::write_png), except that values within an f32 rounding error of half a unit may be rounded up: exact rounding
+/// would take four times as long.
 /// [`write_png`](crate::image::write_png) rounds them, but that what is within a rounding of f32 of half a unit may be
 /// rounded up: rounding in the letter would take four times as long.
 pub fn over_background(pixels: &[[f32; 4]], background: [f32; 3]) -> Vec<[u8; 4]> {
@@ -26,17 +28,17 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Of a frame.
+    /// The picture of a frame.
     pub fn of(frame: &SharedFrame, background: [f32; 3]) -> Self {
         let color = &frame.planes.color;
         Self { size: [color.width, color.height], pixels: over_background(&color.pixels, background) }
     }
 }
 
-/// What it is called, a frame, and the colour behind it.
+/// The name, the frame, and the background colour.
 type Job<N> = (N, SharedFrame, [f32; 3]);
 
-/// Makes pictures of frames; of those that wait, only the newest. Each has a name `N` by which it is known again.
+/// Makes pictures of frames; of pending ones, only the newest. A name `N` identifies each.
 #[derive(Debug)]
 pub struct PictureMaker<N, T> {
     to: Sender<Job<N>>,
@@ -45,8 +47,7 @@ pub struct PictureMaker<N, T> {
 }
 
 impl<N: Send + 'static, T: Send + 'static> PictureMaker<N, T> {
-    /// Starts the thread, which ends with its maker. `form` makes of a picture what is to be taken; `made` is called whenever
-    /// it can be.
+    /// Starts the thread, which ends with its maker. `form` converts a picture to the result; `made` is called when there is one to take.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -64,18 +65,18 @@ impl<N: Send + 'static, T: Send + 'static> PictureMaker<N, T> {
         Ok(Self { to, waiting, done })
     }
 
-    /// Asks for the picture of a frame in place of those that have not been begun.
+    /// Requests the picture of a frame, replacing a pending request.
     pub fn make(&self, name: N, frame: SharedFrame, background: [f32; 3]) {
         send_newest(&self.to, &self.waiting, (name, frame, background));
     }
 
-    /// The newest picture, if one was made since.
+    /// The newest picture not taken yet.
     pub fn take(&self) -> Option<(N, T)> {
         self.done.try_recv().ok()
     }
 }
 
-/// Sends a value in place of the one that waits.
+/// Sends a value, replacing a waiting one.
 fn send_newest<T>(to: &Sender<T>, waiting: &Receiver<T>, mut value: T) {
     while let Err(error) = to.try_send(value) {
         if error.is_disconnected() {
@@ -109,7 +110,7 @@ mod tests {
             for (ours, expected) in ours.iter().zip(&expected) {
                 prop_assert_eq!(ours[3], 255);
                 for (&byte, &c) in ours.iter().zip(expected) {
-                    // Two operations on numbers below 256 are rounded, each by 2^-16 at most.
+                    // Two operations on numbers below 256, each with a rounding error of 2^-16 at most.
                     let exact = (c * 255.0).round() as u8;
                     prop_assert!(byte == exact || (to_half(c) <= 1.0 / 32768.0 && byte.abs_diff(exact) == 1));
                 }

@@ -1,4 +1,4 @@
-//! What is under the mouse, and how it changes over the series: on threads of their own.
+//! The point under the mouse, and its value over the series: on threads of its own.
 
 use super::worker::{BLOCK_BYTES, Slot, Worker};
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
@@ -10,23 +10,23 @@ use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A place in a frame.
+/// A request for the point at a position in a frame.
 #[derive(Clone, Debug)]
 pub struct HoverRequest {
-    /// What is played.
+    /// The series played.
     pub series: Arc<Series>,
-    /// The frame that is on the screen.
+    /// Request of the frame on the screen.
     pub request: FrameRequest,
-    /// Place in pixels of the request's size, from the left and from the top; pixel centres at + .5.
+    /// Position in pixels of the request's size, from the left and from the top; pixel centres at + .5.
     pub at_px: (f64, f64),
 }
 
-/// What is at a place in a frame.
+/// The answer to a [`HoverRequest`].
 #[derive(Clone, Debug)]
 pub struct Hover {
-    /// What was asked: the answer may come when the frame or the mouse is elsewhere.
+    /// The request: frame or mouse may have moved on since.
     pub asked: HoverRequest,
-    /// The point that is seen there, `None` if there is nothing; or why it cannot be known.
+    /// The visible point, `None` if there is none; or why it cannot be known.
     pub found: Result<Option<Probe>, String>,
 }
 
@@ -38,24 +38,24 @@ struct Pick {
     weights: [f64; 4],
 }
 
-/// The scalar of a point at every step of a series, as far as it is known.
+/// The scalar of a point at every step of a series, as far as read.
 #[derive(Clone)]
 pub struct Curve {
-    /// Whose steps.
+    /// The series.
     pub series: Arc<Series>,
-    /// The cell that the point is in.
+    /// Index of the point's cell.
     pub cell: u32,
-    /// Barycentric coordinates of the point in it.
+    /// Barycentric coordinates of the point in the cell.
     pub weights: [f64; 4],
-    /// One value per step of the series; NaN where it is not known yet, the point is in a hole, or the step cannot be read.
+    /// One value per step of the series; NaN if not read yet, if the point is in a hole, or if the step cannot be read.
     pub values: Vec<f32>,
-    /// Steps from the first on that have been looked at.
+    /// Number of steps processed, from the first on.
     pub done: usize,
-    /// How many of them could not be read.
+    /// Number of unreadable steps.
     pub failed: usize,
-    /// Why the first of these could not, or nothing at all.
+    /// Problem of the first unreadable step, or of the whole curve.
     pub problem: Option<String>,
-    /// Whether no more comes: the series is through, or there was a failure.
+    /// Whether the curve is final: complete, or failed.
     pub is_over: bool,
 }
 
@@ -66,10 +66,10 @@ impl fmt::Debug for Curve {
     }
 }
 
-/// How often a curve that grows is shown.
+/// Interval between snapshots of a growing curve.
 const SHOWN_EVERY: Duration = Duration::from_millis(50);
 
-/// Finds what is under the mouse, and values of a point over time. Nothing here waits.
+/// Finds the point under the mouse, and values of a point over time. No call blocks.
 pub struct Prober {
     hovers: Worker<HoverRequest>,
     hover: Arc<Slot<Hover>>,
@@ -78,7 +78,7 @@ pub struct Prober {
 }
 
 impl Prober {
-    /// Starts two threads, which end with the prober. `wake` is called when there is something new to take.
+    /// Starts two threads, which end with the prober. `wake` is called when there is a new result to take.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -123,9 +123,8 @@ impl Prober {
         Ok(Self { hovers, hover, picks, curve })
     }
 
-    /// Asks what is at a place, in place of what has been asked and not been begun; `None`: nothing is asked any more, and an
-    /// answer on its way is dropped. What has been begun is finished otherwise: while the mouse moves there are answers all
-    /// the time, each for where it was.
+    /// Requests the point at a position, replacing a pending request; `None`: drops pending requests and answers. A request in progress is
+    /// finished otherwise: while the mouse moves there are answers all the time, each for where it was.
     pub fn hover(&self, at: Option<HoverRequest>) {
         match at {
             Some(asked) => self.hovers.give(asked),
@@ -136,31 +135,31 @@ impl Prober {
         }
     }
 
-    /// The newest answer, if there was one since.
+    /// The newest answer not taken yet.
     pub fn take_hover(&self) -> Option<Hover> {
         self.hover.take()
     }
 
-    /// Begins to find the value of a point at every step of a series, in place of the last point. The point is a cell of the
-    /// series' mesh and weights of its vertices, as a [`Probe`] has them.
+    /// Starts to read the value of a point at every step of a series, replacing the last point. The point is a cell of the series' mesh and
+    /// weights of its vertices, as in a [`Probe`].
     pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4]) {
         self.forget_pick();
         self.picks.give(Pick { series, cell, weights });
     }
 
-    /// Nobody wants the curve any more.
+    /// Drops the curve.
     pub fn forget_pick(&self) {
         self.picks.stop();
         self.curve.clear();
     }
 
-    /// The curve of the last pick as far as it is known; `None` before its begin.
+    /// The curve of the last pick so far; `None` before it has begun.
     pub fn curve(&self) -> Option<Arc<Curve>> {
         self.curve.get()
     }
 }
 
-/// Finds points, and keeps what the last frames showed.
+/// Finds points, and caches data of the last frames.
 #[derive(Default)]
 struct Finder {
     pipeline: Option<(Arc<Series>, Pipeline)>,
@@ -171,8 +170,7 @@ impl Finder {
         let of_series = self.pipeline.take().filter(|(series, _)| Arc::ptr_eq(series, &asked.series));
         let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
         let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
-        // The scalars are needed here, wherever the frame was rendered.
-        // And so is every cell: what is under the mouse may be transparent.
+        // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
         let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
         let request = asked.request.clone().with_draw(TetDraw::Raycast);
         let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
@@ -183,14 +181,14 @@ impl Finder {
 }
 
 impl Curve {
-    /// Of which nothing is known yet.
+    /// A curve without values.
     fn of(pick: &Pick) -> Self {
         let Pick { series, cell, weights } = pick.clone();
         let values = vec![f32::NAN; series.times().len()];
         Self { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false }
     }
 
-    /// Follows the point from step to step, and shows now and then what is known.
+    /// Reads the point's value step by step, and calls `show` with snapshots.
     fn follow(mut self, cancel: &Cancel, show: &mut dyn FnMut(Self)) {
         let series = self.series.apart(BLOCK_BYTES);
         let Some(&tet) = series.mesh().topology.tets.get(self.cell as usize) else {

@@ -1,4 +1,4 @@
-//! What is found under the mouse, and curves of points.
+//! Points under the mouse, and curves of points.
 
 use super::super::worker::tests::{counted, wait_for};
 use super::*;
@@ -8,7 +8,7 @@ use crate::pipeline::FrameTime;
 use crate::pipeline::test_series::{jet, logged};
 use std::sync::atomic::Ordering;
 
-/// A frame in which everything between the least and the greatest value is seen.
+/// A frame in which all values between the least and the greatest are visible.
 fn frame(series: &Series, time: impl Into<FrameTime>) -> FrameRequest {
     let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
     let node = |scalar, tau| Node { scalar, rgb: [1.0, 0.5, 0.0], tau };
@@ -78,7 +78,7 @@ fn the_newest_place_is_answered_last() {
     (0..100).for_each(|step| prober.hover(Some(at_middle(&series, step))));
     log.hang(false);
     wait_for("last answer", || prober.take_hover().filter(|hover| hover.asked.request.time == 99.into()));
-    // The one that was at hand is finished, whichever it was; all between are never begun.
+    // The request in progress is finished; those between are never begun.
     assert!(log.decoded().len() <= 2 && log.decoded().last() == Some(&99), "{:?}", log.decoded());
 }
 
@@ -89,7 +89,7 @@ fn after_none_no_answer_comes() {
     log.hang(true);
     prober.hover(Some(at_middle(&series, 5)));
     prober.hover(None);
-    // The thread is done with the forgotten place when it answers the next one.
+    // The thread is done with the dropped request when it answers the next one.
     log.hang(false);
     prober.hover(Some(at_middle(&series, 7)));
     assert_eq!(answer(&prober).asked.request.time, 7.into());
@@ -184,7 +184,7 @@ fn a_curve_is_shown_while_it_grows() {
         assert!(value == expected || (value.is_nan() && expected.is_nan()), "{step}");
     }
     whole_curve(&prober);
-    // At the beginning, once at least on the way, and at the end, right after the curve is there.
+    // Calls come at the beginning, at least once on the way, and at the end, right after the curve is complete.
     wait_for("three calls", || (woken.load(Ordering::SeqCst) >= 3).then_some(()));
 }
 

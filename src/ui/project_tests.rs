@@ -1,4 +1,4 @@
-//! What a session shows of a project.
+//! Sessions with a project.
 
 use super::keys::{self, Key};
 use super::picture::over_background;
@@ -52,7 +52,7 @@ fn ensembles() -> String {
     ensemble("a", "viridis") + &ensemble("b", "gray") + &ensemble("c", "inferno")
 }
 
-/// Something of each kind changes from the first step to the last.
+/// A project with one setting of each kind changing from the first step to the last.
 fn keyed(series: &Series) -> Arc<Project> {
     let times = &series.times().values;
     let (first, last) = (times[0], times[times.len() - 1]);
@@ -69,7 +69,7 @@ fn keyed(series: &Series) -> Arc<Project> {
 
 fn open(series: &Arc<Series>, project: &Arc<Project>) -> Desk {
     let mut desk = Desk::with(series.clone(), Path::new("."), Some(project.clone()));
-    // The renderer that draws what the level of detail says.
+    // The renderer that uses the level of detail.
     desk.act(Action::Renderer(RenderMode::Havs));
     desk.settle();
     desk
@@ -120,7 +120,7 @@ fn every_frame_of_a_keyed_timeline_is_what_the_animation_says() {
     let project = keyed(&series);
     let (mut desk, mut animation) = (open(&series, &project), animation(&series, &project));
     let mut seen: Vec<Keyed> = Vec::new();
-    // Also played, and in any order.
+    // Also while playing, and in any order.
     for step in [0, 2, 1, 3] {
         go_to(&mut desk, step);
         seen.push(said(&desk.shown().request));
@@ -315,7 +315,7 @@ fn without_a_project_its_keys_do_nothing() {
     assert_eq!(*desk.session.look(), look);
 }
 
-/// Of members on more than the scalar.
+/// A project with members on more than the scalar.
 fn on_gradients() -> Arc<Project> {
     let widget = "rectangle = { x = [0.1, 1.0], y = [0.1, 1.0], rgb = [1.0, 0.5, 0.2], opacity = [0.1, 0.6] }";
     project(&format!(
@@ -355,7 +355,7 @@ fn nothing_waits_for_what_takes_long_to_work_out() {
     }
     assert!(desk.session.is_working_out() && desk.session.is_waiting());
     assert_eq!(desk.session.player.pipelined().wanted(), 0, "a frame is not asked for before its table is there");
-    // The user's own colours need none.
+    // The user's own colours need no histograms.
     desk.act(Action::Range(RangePolicy::Manual(0.0, 1.0)));
     log.hang(false);
     desk.settle();
@@ -372,7 +372,7 @@ fn nothing_waits_for_what_takes_long_to_work_out() {
 
 #[test]
 fn an_ensemble_that_cannot_be_had_is_said_and_shows_nothing() {
-    // Without histograms, and without a value.
+    // A series without histograms, and one without values.
     for (series, project, problem) in
         [(logged(3).0, on_gradients(), "histogram"), (without_values(3), project(&ensembles()), "values missing")]
     {

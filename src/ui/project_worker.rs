@@ -1,4 +1,4 @@
-//! What a project shows at each moment, worked out beside the thread of the window.
+//! Evaluates a project at times of a series, off the thread of the window.
 
 use super::worker::{BLOCK_BYTES, Worker};
 use crate::look::{EnsembleChoice, Keyed, Look};
@@ -11,18 +11,17 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// So long the window waits for what is shown: a table of a few members takes less, and whoever waits has it in the same pass. Any
-/// longer and it would be felt: a frame at 60 a second has 16 ms. Measured, medians between two ensembles of unlike members (a build
-/// for tests, four times as many busy threads as cores): 0.7 ms with one and two members, 1.2 ms with ten, 12 ms with ten on
-/// histograms.
+/// How long the window's thread may block for a table: one of a few members takes less, and is then shown in the same pass. Longer would be
+/// felt: a frame at 60 a second has 16 ms. Measured, medians between two ensembles of unlike members (a build for tests, four times as many
+/// busy threads as cores): 0.7 ms with one and two members, 1.2 ms with ten, 12 ms with ten on histograms.
 const PATIENCE: Duration = Duration::from_millis(1);
 
-/// ProjectWorker that are kept: those of the frames on their way, on the screen, and of a picture that is saved.
+/// Number of results kept: those of pending frames, of the one on the screen, and of a picture being saved.
 const KEPT: usize = 8;
 
-/// What is animated. The thread keeps what it knows of the field as long as the series is the same.
+/// Inputs of an animation. The thread keeps data of the field as long as the series is the same.
 struct Subject {
-    /// With the ensembles that were chosen.
+    /// The project, reduced to the chosen ensembles.
     project: Arc<Project>,
     choice: EnsembleChoice,
     series: Arc<Series>,
@@ -44,7 +43,7 @@ impl Subject {
             && self.lengths == look.lengths
     }
 
-    /// Whether an animation of the one is one of the other but for the project.
+    /// Whether two subjects differ in the project only.
     fn is_beside(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.series, &other.series) && self.kind == other.kind && self.lengths == other.lengths
     }
@@ -66,7 +65,7 @@ fn chosen(project: &Arc<Project>, choice: EnsembleChoice) -> Arc<Project> {
     Arc::new(project)
 }
 
-/// A moment to be worked out.
+/// A time to evaluate.
 #[derive(Clone)]
 struct Job {
     subject: Arc<Subject>,
@@ -79,17 +78,17 @@ impl Job {
     }
 }
 
-/// What is shown at a moment, or why that cannot be had.
+/// Settings at a time, or why they cannot be evaluated.
 type Made = Result<Keyed, String>;
 
-/// What was made and not taken yet, and whether somebody waits for it.
+/// Results not taken yet, and whether the owner waits for one.
 #[derive(Default)]
 struct Shelf {
     made: Vec<(Job, Made)>,
     is_awaited: bool,
 }
 
-/// The shelf, and what is told when something is put on it.
+/// The shelf, and a condition variable notified when it is filled.
 #[derive(Default)]
 struct Shared {
     shelf: Mutex<Shelf>,
@@ -102,19 +101,19 @@ impl Shared {
     }
 }
 
-/// Says what a project shows at moments of a series.
+/// Evaluates a project at times of a series.
 pub(super) struct ProjectWorker {
     project: Arc<Project>,
     worker: Worker<Job>,
     shared: Arc<Shared>,
     subject: Option<Arc<Subject>>,
-    /// Of the subject; those that were used last are last.
+    /// Results of the subject, the most recently used last.
     kept: VecDeque<(FrameTime, Made)>,
     wanted: Option<FrameTime>,
 }
 
 impl ProjectWorker {
-    /// Starts the thread, which ends with its owner. `wake` is called when a moment is known that was not at once.
+    /// Starts the thread, which ends with its owner. `wake` is called for a result that was not available at once.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -153,12 +152,12 @@ impl ProjectWorker {
         &self.project
     }
 
-    /// Whether something is being worked out.
+    /// Whether a result is pending.
     pub(super) fn is_waiting(&self) -> bool {
         self.wanted.is_some()
     }
 
-    /// What is shown at a moment, or why that cannot be had; `None`: it is not known yet.
+    /// The settings at a time, or why they cannot be evaluated; `None`: pending.
     pub(super) fn at(&mut self, look: &Look, series: &Arc<Series>, time: FrameTime) -> Option<Made> {
         let subject = self.turn_to(look, series);
         self.collect();
@@ -178,14 +177,14 @@ impl ProjectWorker {
         self.find(time)
     }
 
-    /// What is animated; of another one nothing is kept.
+    /// The current subject; if it changes, kept results are dropped.
     fn turn_to(&mut self, look: &Look, series: &Arc<Series>) -> Arc<Subject> {
         if let Some(subject) = self.subject.as_ref().filter(|subject| subject.is_of(look, series)) {
             return subject.clone();
         }
         let subject = Arc::new(Subject::of(&self.project, look, series));
         if self.subject.as_ref().is_some_and(|before| !before.is_beside(&subject)) {
-            // What is counted of another field is of no use.
+            // Counts over another field are of no use.
             self.worker.stop();
         }
         self.subject = Some(subject.clone());
@@ -193,7 +192,7 @@ impl ProjectWorker {
         subject
     }
 
-    /// Takes what has been worked out.
+    /// Takes finished results.
     pub(super) fn collect(&mut self) {
         let Some(subject) = &self.subject else { return };
         let made = std::mem::take(&mut self.shared.lock().made);

@@ -1,4 +1,4 @@
-//! The requests for frames of a window.
+//! Makes the requests for frames of a window.
 
 use super::project_worker::ProjectWorker;
 use super::session::Drawing;
@@ -13,29 +13,29 @@ use crate::transfer::{MappedRange, TransferError};
 use std::convert::Infallible;
 use std::sync::Arc;
 
-/// Tables made lately: with a range for each step, as many as frames on their way.
+/// Number of recent tables kept: with a range for each step, as many as pending frames.
 const TABLES_KEPT: usize = 4;
 
-/// Makes requests, and tables only when they change.
+/// Makes requests; rebuilds tables only when they change.
 #[derive(Default)]
 pub(super) struct Requests {
-    /// What a project says, if there is one.
+    /// The project, if there is one.
     project: Option<ProjectWorker>,
-    /// What the tables are for.
+    /// The look that the tables are for.
     tables_of: Option<Look>,
     tables: Vec<(MappedRange, Colors)>,
-    /// Why the last table could not be made.
+    /// Problem of the last table.
     pub(super) problem: Option<String>,
     /// Whether frames may stay on the GPU of the window.
     pub(super) for_window: bool,
-    /// Contrasts that are shown on the way to a picture in full.
+    /// Contrasts of the previews of a picture in full.
     pub(super) previews: Vec<Contrast>,
-    /// Details of earlier frames, while their view stays.
+    /// Details of earlier frames of the same view.
     pub(super) still: Option<Still>,
 }
 
 impl Requests {
-    /// With a project, which comes before looks.
+    /// Requests with a project, which overrides looks.
     pub(super) fn of(project: Option<ProjectWorker>) -> Self {
         Self { project, ..Self::default() }
     }
@@ -45,20 +45,20 @@ impl Requests {
         self.project.as_ref().map(ProjectWorker::project)
     }
 
-    /// Whether a moment of the project is being worked out.
+    /// Whether a result of the project is pending.
     pub(super) fn is_waiting(&self) -> bool {
         self.project.as_ref().is_some_and(ProjectWorker::is_waiting)
     }
 
-    /// Takes what has been worked out.
+    /// Takes finished results of the project.
     pub(super) fn collect(&mut self) {
         if let Some(project) = &mut self.project {
             project.collect();
         }
     }
 
-    /// The request for a moment; `None`: what the project says is not known yet. `size` is that of an image in full, `choose` says how it is
-    /// drawn. If there is no table for the moment, an empty one, and [`Self::problem`] says why.
+    /// The request for a time; `None`: the project's settings are pending. `size` is that of an image in full, `choose` returns the
+    /// quality. If the table cannot be made, it is empty, and [`Self::problem`] says why.
     pub(super) fn make(
         &mut self,
         look: &Look,
@@ -85,11 +85,11 @@ impl Requests {
             }
         };
         let Look { mode, faces, .. } = *look;
-        // The level of detail is that of the quality which is chosen below.
+        // The level of detail follows from the quality chosen below.
         let request = request.with_tets(|tets| tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces }));
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();
-        // Whoever may leave rays out may give them details, but on the surface of the domain.
+        // A request that may leave out rays may use details, but not with the surface of the domain.
         let is_of_cells = request.tets().is_some_and(|tets| tets.domain.is_empty());
         let has_details = has_rays && is_of_cells && self.still.as_ref().is_some_and(|still| still.is_of(&request));
         let quality = choose(Drawing { mode, lod, has_rays, has_details });

@@ -27,15 +27,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What a session begins with.
+/// Initial state of a session.
 pub struct SessionOptions {
-    /// Where other fields come from.
+    /// Store of the series and other fields.
     pub store: Arc<Store>,
-    /// What frames look like.
+    /// Settings of the frames.
     pub look: Look,
-    /// What is shown instead, from moment to moment.
+    /// The project, which overrides the look over time.
     pub project: Option<Arc<Project>>,
-    /// Whether somebody chose the camera; otherwise it frames the mesh in whatever window there is.
+    /// Whether the user chose the camera; otherwise it frames the mesh in any window.
     pub camera_is_chosen: bool,
     /// Display-referred colour behind the volume.
     pub background: [f32; 3],
@@ -43,57 +43,57 @@ pub struct SessionOptions {
     pub image_scale: f64,
     /// Frames per second to aim at while something moves, within [`TARGET_FPS`]; `None`: all frames are drawn in full.
     pub target_fps: Option<f64>,
-    /// What is given up for that; `None`: what costs least.
+    /// Family of lower qualities for that; `None`: the one with the least error.
     pub family: Option<Family>,
-    /// Where images go.
+    /// Folder for screenshots.
     pub screenshot_folder: PathBuf,
 }
 
 /// A frame on the screen.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// Its planes, counts and times.
+    /// Planes, counts and times.
     pub frame: SharedFrame,
-    /// What was asked for.
+    /// Request of the frame.
     pub request: FrameRequest,
-    /// Whether it was rendered earlier and kept.
+    /// Whether it came from the cache.
     pub is_kept: bool,
-    /// How it was drawn: a preview at its contrast.
+    /// Quality of the frame; of a preview, its contrast.
     pub quality: Quality,
-    /// How it will be drawn when nothing moves.
+    /// Quality when nothing moves.
     pub at_rest: Quality,
-    /// Whether nothing follows as an answer to the same request.
+    /// Whether no better frame follows for the same request.
     pub is_final: bool,
 }
 
-/// What frames are asked for anew if it changes.
+/// Inputs of requests; frames are requested again if they change.
 struct Asked {
     look: Look,
-    /// Of an image in full.
+    /// Size of an image in full.
     size_px: (usize, usize),
     quality: Quality,
 }
 
-/// A player, what its frames look like, and what the user is told.
+/// A player, the look of its frames, and the user's messages.
 ///
-/// [`Self::act`] follows the user, [`Self::tick`] brings the frame that is due. Neither waits but, with a project, a millisecond
-/// for what a moment shows. `now` is the caller's monotonic time, the same as the player's.
+/// [`Self::act`] applies user actions, [`Self::tick`] shows the due frame. Neither blocks, except a millisecond for a project's table.
+/// `now` is the caller's monotonic time, the same as the player's.
 pub struct Session {
     pub(super) player: Player,
     store: Arc<Store>,
     look: Look,
     requests: Requests,
-    /// Requests of small pictures.
+    /// Requests of thumbnails.
     previews: Requests,
-    /// What the frames on their way look like.
+    /// Inputs of the pending requests.
     asked: Option<Asked>,
     home: Camera,
     camera_is_chosen: bool,
-    /// While the camera moves: until when.
+    /// End of the current motion of the camera.
     moving_until: Option<Duration>,
-    /// What decided how the last moment that was asked for is drawn.
+    /// Inputs of the quality of the last request.
     drawing: Option<Drawing>,
-    /// The last picture while something moved.
+    /// The last frame shown while something moved.
     moved: Option<Shown>,
     motion_error: Option<MotionError>,
     viewport_px: Option<(usize, usize)>,
@@ -103,9 +103,9 @@ pub struct Session {
     kept_frames: u64,
     history: History,
     insight: Insight,
-    /// Counts commands that went elsewhere.
+    /// Number of commands that jumped in time.
     turns: u64,
-    /// Until then the user has a core for themselves.
+    /// Until this time one core is reserved for the window.
     busy_until: Duration,
     target_fps: Option<f64>,
     family: Option<Family>,
@@ -118,19 +118,18 @@ pub struct Session {
     opens_field: bool,
     wants_screenshot: bool,
     screenshot_folder: PathBuf,
-    /// Found when they are first asked for: cells of each connected part of the mesh.
+    /// Number of cells of each connected part of the mesh; computed at first use.
     part_sizes: OnceCell<Vec<usize>>,
 }
 
-/// Scales of the image that can be chosen.
+/// Valid image scales.
 pub const IMAGE_SCALES: std::ops::RangeInclusive<f64> = 0.25..=2.0;
 
-/// Wider or higher images are not asked for, whatever the screen and the scale.
+/// Largest width or height of a requested image, whatever the screen and the scale.
 const SIDE_MAX_PX: f64 = 8192.0;
 
 impl Session {
-    /// A session of a player whose first frame has not been asked for. `wake` is called when something that takes a while is
-    /// done.
+    /// A session of a player whose first frame has not been requested. `wake` is called when a background job is done.
     ///
     /// # Errors
     /// If the system gives no threads.
@@ -178,32 +177,32 @@ impl Session {
         })
     }
 
-    /// Where the playback is.
+    /// State of the playback.
     pub fn state(&self) -> State {
         self.player.clock().state()
     }
 
-    /// What is played.
+    /// The series played.
     pub fn series(&self) -> &Arc<Series> {
         self.player.pipelined().series()
     }
 
-    /// Number of cells of each connected part of the mesh, that with most cells first.
+    /// Number of cells of each connected part of the mesh, the largest first.
     pub fn part_sizes(&self) -> &[usize] {
         self.part_sizes.get_or_init(|| self.series().mesh().topology.parts().1)
     }
 
-    /// Where other fields come from.
+    /// Store of the series and other fields.
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    /// What frames look like.
+    /// Look of the frames.
     pub fn look(&self) -> &Look {
         &self.look
     }
 
-    /// What is shown instead, from moment to moment.
+    /// The project, which overrides the look over time.
     pub fn project(&self) -> Option<&Arc<Project>> {
         self.requests.project()
     }
@@ -214,19 +213,19 @@ impl Session {
         has_ensembles && self.look.followed.ensembles != EnsembleChoice::Own
     }
 
-    /// Whether the camera goes along the path of the project.
+    /// Whether the camera follows the project's path.
     pub fn follows_path(&self) -> bool {
         let has_path = self.project().is_some_and(|project| !project.timeline.cameras.keys().is_empty());
         has_path && self.look.followed.camera
     }
 
-    /// Where from: on the path of the project, as the picture on the screen.
+    /// The camera: on the project's path, that of the picture on the screen.
     pub fn camera(&self) -> Camera {
         let on_path = self.shown.as_ref().filter(|_| self.follows_path());
         on_path.map_or(self.look.camera, |shown| shown.request.camera)
     }
 
-    /// Whether what the project shows is being worked out.
+    /// Whether a result of the project is pending.
     pub fn is_working_out(&self) -> bool {
         self.requests.is_waiting()
     }
@@ -241,56 +240,55 @@ impl Session {
         self.image_scale
     }
 
-    /// What is on the screen.
+    /// The frame on the screen.
     pub fn shown(&self) -> Option<&Shown> {
         self.shown.as_ref()
     }
 
-    /// Whether a frame is on its way.
+    /// Whether a frame is pending.
     pub fn is_waiting(&self) -> bool {
         self.player.pipelined().wanted() > 0 || self.requests.is_waiting()
     }
 
-    /// How many frames were shown that had been kept.
+    /// Number of shown frames that came from the cache.
     pub fn kept_frames(&self) -> u64 {
         self.kept_frames
     }
 
-    /// What the last frames cost.
+    /// Costs of the last frames.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// Frames per second that are aimed at while something moves; `None`: all frames are drawn in full.
+    /// Target frame rate while something moves; `None`: all frames are drawn in full.
     pub fn target_fps(&self) -> Option<f64> {
         self.target_fps
     }
 
-    /// What is given up for that; `None`: what costs least.
+    /// Family of lower qualities for that; `None`: the one with the least error.
     pub fn family(&self) -> Option<Family> {
         self.family
     }
 
-    /// How often a command has gone elsewhere: no frame that was delivered before the last one may come onto the screen any
-    /// more.
+    /// Number of commands that jumped in time: no frame delivered before the last one may be shown any more.
     pub fn turns(&self) -> u64 {
         self.turns
     }
 
-    /// Whether frames may stay on the GPU of the window. What is on the screen is asked for again: the window may be another.
+    /// Sets whether frames may stay on the GPU of the window. The frame on the screen is requested again: the window may be another.
     pub fn use_window_gpu(&mut self, has_window_gpu: bool) {
         self.has_window_gpu = has_window_gpu;
         self.ask_again();
     }
 
-    /// What is on the screen is asked for again.
+    /// Requests the frame on the screen again.
     pub fn ask_again(&mut self) {
         if self.asked.is_some() {
             self.player.redraw();
         }
     }
 
-    /// Goes on with the series in its store, to which steps were added.
+    /// Continues with the grown series.
     pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>) {
         match self.player.grow(series) {
             Ok(()) => {
@@ -301,7 +299,7 @@ impl Session {
         }
     }
 
-    /// Another series is played.
+    /// Restarts the background work for another series.
     fn study(&mut self) {
         let series = self.series().clone();
         if let Err(error) = self.insight.turn_to(&series) {
@@ -309,7 +307,7 @@ impl Session {
         }
     }
 
-    /// What the user is told.
+    /// Messages to the user.
     pub fn notices(&self) -> &[Notice] {
         &self.notices
     }
@@ -324,18 +322,18 @@ impl Session {
         self.opens_field
     }
 
-    /// Says that something failed.
+    /// Adds an error message.
     pub fn fail(&mut self, text: String) {
         notice::add(&mut self.notices, NoticeKind::Error, text);
     }
 
-    /// The scalars that the colours of what is on the screen (or else will be) cover; `None` if there are none.
+    /// The scalars that the colours on the screen (or else the next ones) cover; `None` if there are none.
     pub fn shown_range(&self) -> Option<MappedRange> {
         let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
         mapped_range(self.series(), &self.look.range, time).ok()
     }
 
-    /// The surfaces and cuts of the look, the last ones where the timeline of a project has them on the screen.
+    /// Surfaces and cuts of the look, the last ones as the project's timeline has them on the screen.
     pub fn shown_surfaces(&self) -> SurfaceLook {
         let follows = self.look.followed.surfaces && self.project().is_some();
         let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
@@ -350,14 +348,14 @@ impl Session {
     /// The colour that the transfer function on the screen has at a scalar.
     pub fn color_at(&self, scalar: f64) -> [f64; 3] {
         let Some(tets) = self.shown.as_ref().and_then(|shown| shown.request.tets()) else { return [1.0; 3] };
-        // A table has no colours where it is transparent.
+        // The colours of a table are undefined where it is transparent.
         let formula = tets.formula.as_ref().and_then(|source| source.formula().ok());
         formula.map_or_else(|| tets.table.over_scalars().eval(scalar).rgb, |formula| formula.eval(scalar).0)
     }
 
     /// The scalars that a legend covers, and their colours by positions 0..=1.
     pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
-        // Members of ensembles have ranges of their own.
+        // Members of ensembles have their own ranges.
         let ensembles = self.shown.as_ref().filter(|_| self.shows_ensembles()).and_then(|shown| shown.request.tets());
         let series = || mapped_range(self.series(), &RangePolicy::Series, 0.into()).ok();
         let range = if ensembles.is_some() { series() } else { self.shown_range() }?;
@@ -368,7 +366,7 @@ impl Session {
         Some((range, colors))
     }
 
-    /// The place for the image has so many pixels of the screen; none: nothing is rendered.
+    /// Sets the size of the viewport in pixels of the screen; 0: nothing is rendered.
     pub fn set_viewport(&mut self, width_px: usize, height_px: usize) {
         let is_first = self.viewport_px.is_none();
         self.viewport_px = Some((width_px, height_px)).filter(|_| width_px > 0 && height_px > 0);
@@ -377,7 +375,7 @@ impl Session {
         }
     }
 
-    /// Width and height of images in full; those while something moves may be smaller.
+    /// Width and height of images in full; those in motion may be smaller.
     pub fn size_px(&self) -> Option<(usize, usize)> {
         let (width, height) = self.viewport_px?;
         let scale = self.image_scale.min(SIDE_MAX_PX / width.max(height) as f64);

@@ -1,4 +1,4 @@
-//! What the user does, and what becomes of it.
+//! User actions and their effects.
 
 use super::*;
 use crate::camera::{Axis, Camera, Projection};
@@ -32,7 +32,7 @@ pub(super) fn store() -> &'static Arc<Store> {
     store
 }
 
-/// A session and its time.
+/// A session and its clock.
 pub(super) struct Desk {
     pub(super) session: Session,
     pub(super) now: Duration,
@@ -91,7 +91,7 @@ impl Desk {
         self.session.act(action, self.now);
     }
 
-    /// Ticks until nothing more comes without time passing; how many new frames were shown.
+    /// Ticks until no more frames come without time passing; returns how many new frames were shown.
     pub(super) fn settle(&mut self) -> usize {
         let mut shown = 0;
         loop {
@@ -101,7 +101,7 @@ impl Desk {
                 if !self.session.is_waiting() {
                     return shown;
                 }
-                // What a project shows is being worked out.
+                // A result of the project is pending.
                 std::thread::sleep(Duration::from_millis(1));
             }
         }
@@ -205,10 +205,10 @@ fn images_have_the_size_of_the_viewport_times_the_scale() {
     assert_eq!(desk.session.size_px(), Some((8192, 1)));
 }
 
-/// As on a machine on which a frame in full takes so long.
+/// Simulates a machine on which a frame in full takes `ms`.
 pub(super) fn slow(desk: &mut Desk, ms: f64) {
     desk.session.quality.forget_all();
-    // The first one is put in place of what the view was.
+    // The first view replaces the initial one.
     desk.session.quality.set_view(40 * 20, desk.session.camera().half_height_at_focus().unwrap());
     (0..3).for_each(|_| desk.session.quality.measured(Quality::Exact, ms));
 }
@@ -223,7 +223,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
         desk.settle();
         desk.shown().clone()
     };
-    // Nobody asked for a rate.
+    // No target rate is set.
     slow(&mut desk, 160.0);
     assert_eq!(turn(&mut desk, 0.1).quality, Quality::Exact);
     for (family, expected) in [(None, "rays"), (Some(Family::Scaled), "image"), (Some(Family::Faces), "faces")] {
@@ -250,7 +250,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
         if family.is_none() {
             assert!(rest.frame.planes == whole, "the view is that of the beginning");
         }
-        // Both have been compared by then or a little later.
+        // Both comparisons are done by then or a little later.
         while desk.session.motion_error().is_none_or(|error| error.quality != shown.quality) {
             std::thread::yield_now();
             desk.session.tick(desk.now);
@@ -268,7 +268,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
     assert_eq!(desk.session.target_fps(), Some(*TARGET_FPS.end()));
 }
 
-/// A frame that is on the GPU of the window has no pixels here, which is not to say that they are transparent.
+/// A frame on the GPU of the window has no pixels on the CPU, which does not make it transparent.
 #[test]
 fn nothing_is_said_of_the_error_of_pictures_that_are_elsewhere() {
     let mut desk = Desk::open();
@@ -375,7 +375,7 @@ fn keys_play_the_series() {
     assert_eq!(desk.step(), 0);
     press(&mut desk, Key::Char(']'), false);
     press(&mut desk, Key::Char(']'), false);
-    // Two factors that are no powers of two. Measured: 7.1e-15, a unit of the last place.
+    // Two factors that are not powers of two. Measured: 7.1e-15, a unit of the last place.
     assert!((desk.session.state().speed.unwrap() - 50.0).abs() < 5e-14);
     press(&mut desk, Key::Char('['), false);
     let settings = |desk: &Desk| desk.session.state().settings;
@@ -510,13 +510,13 @@ fn a_rate_is_held_while_it_plays_and_not_at_rest() {
     desk.act(Action::Play(Command::Loop(Loop::All)));
     desk.act(Action::Renderer(RenderMode::Havs));
     desk.settle();
-    // As on a machine that is far too slow: then a few frames are not enough for the level to rise to 1 again.
+    // Simulates a machine that is far too slow: a few frames are not enough for the level to rise to 1 again.
     let play = |desk: &mut Desk| {
         desk.act(Action::Play(Command::Play));
         desk.settle();
         desk.session.quality.forget_all();
         (0..3).for_each(|_| desk.session.quality.measured(Quality::Faces(1.0), 1e9));
-        // The first ones may have been asked for before.
+        // The first frames may have been requested before.
         for _ in 0..5 {
             desk.later(1000);
             assert!(desk.settle() > 0);
@@ -537,7 +537,7 @@ fn a_rate_is_held_while_it_plays_and_not_at_rest() {
     assert!(lod < 1.0 && 0 < stats.faces_drawn && stats.faces_drawn < stats.faces_total, "{lod}");
     assert!(desk.session.lacks().is_some_and(|lacks| lacks.contains("fewer faces")));
     assert_eq!((rest(&mut desk), desk.session.lacks()), (1.0, None));
-    // What was chosen is the most that is drawn, whatever would be fast enough.
+    // The chosen level is the upper limit, however fast frames are.
     desk.act(Action::LevelOfDetail(0.25));
     desk.act(Action::LevelOfDetail(f64::NAN));
     desk.settle();

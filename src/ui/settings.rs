@@ -1,8 +1,8 @@
-//! What a window remembers from one run to the next: `settings.json` in the user's folder for such files.
+//! Settings that a window keeps between runs: `settings.json` in the user's folder for settings.
 //!
-//! The file is JSON with a version. It is replaced whole or not at all; a damaged one is renamed to `settings.json.bad`, and
-//! what can be read of it is kept. Nothing of this ever stops a window: what cannot be read or written is a notice. Of two
-//! windows that write, the last one wins, except that recent files and looks of both are kept.
+//! The file is JSON with a version. It is replaced whole or not at all; a damaged one is renamed to `settings.json.bad`, and its readable
+//! parts are kept. Problems never stop a window: they are reported as notices. Of two windows that write, the last one wins, except that
+//! recent files and looks of both are kept.
 
 use super::IMAGE_SCALES;
 use crate::camera::Camera;
@@ -26,45 +26,45 @@ pub const RECENT_MAX: usize = 10;
 pub const LOOKS_MAX: usize = 20;
 /// The version of the file that is written.
 const VERSION: u64 = 1;
-/// Longer files are none of ours.
+/// Longer files are refused.
 const BYTES_MAX: u64 = 4 << 20;
-/// Width and height of a window, points.
+/// Smallest and largest width or height of a window, points.
 const WINDOW_SIDE: [f32; 2] = [320.0, 16384.0];
-/// Frames a second that can be aimed at.
+/// Smallest and largest target frame rate.
 const TARGET_RATE: [f64; 2] = [1.0, 240.0];
-/// Bytes of frames that are kept, at most.
+/// Largest size of the frame cache, bytes.
 const FRAME_CACHE_MAX: u64 = 64 << 30;
 
 /// A file that was opened.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecentFile {
-    /// Absolute.
+    /// Absolute path.
     pub path: PathBuf,
-    /// When, in milliseconds since 1970.
+    /// Time of the last opening, milliseconds since 1970.
     pub opened_ms: u64,
 }
 
 impl RecentFile {
-    /// Whether it is still there; asks the file system.
+    /// Whether the file still exists; accesses the file system.
     pub fn exists(&self) -> bool {
         self.path.exists()
     }
 }
 
-/// What frames of a store looked like when it was closed.
+/// Look of a store when it was closed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedLook {
     /// The store or source, absolute.
     pub path: PathBuf,
-    /// When, in milliseconds since 1970.
+    /// Time of the last use, milliseconds since 1970.
     pub used_ms: u64,
     /// The field.
     pub field: String,
-    /// Where from.
+    /// Viewpoint and projection.
     pub camera: Camera,
     /// Colours and opacities.
     pub tf: TransferFunction,
-    /// Scalars that they cover.
+    /// Scalars that the transfer function covers.
     pub range: RangePolicy,
 }
 
@@ -75,14 +75,14 @@ impl SavedLook {
         look.tf = self.tf.clone();
     }
 
-    /// Whether it can be shown, and be written.
+    /// Whether the look can be shown and written.
     fn is_sound(&self) -> bool {
         self.camera.view(1, 1).is_ok()
             && self.range.to_string().parse().is_ok_and(|range: RangePolicy| range == self.range)
     }
 }
 
-/// What is remembered. Fields may have any value; what is read or written is within its bounds.
+/// The settings. Fields may have any value; reading and writing clamp them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Files that were opened, newest first.
@@ -97,13 +97,13 @@ pub struct Settings {
     pub background: [f32; 3],
     /// Pixels of the image per pixel of the screen, along a side.
     pub image_scale: f64,
-    /// Frames a second to aim at while something moves; 0: all frames are drawn in full.
+    /// Target frame rate while something moves; 0: all frames are drawn in full.
     pub target_rate: f64,
-    /// What is given up for that; `None`: what costs least.
+    /// Family of lower qualities for that; `None`: the one with the least error.
     pub gives_up: Option<Family>,
-    /// Bytes of rendered frames that are kept.
+    /// Size of the frame cache, bytes.
     pub frame_cache_bytes: u64,
-    /// Where the last image was saved to.
+    /// Folder of the last screenshot.
     pub screenshot_folder: Option<PathBuf>,
 }
 
@@ -126,7 +126,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Puts a file in front of the recent ones. A path that is no Unicode cannot be written to the file, and is left out.
+    /// Puts a file first in the recent ones. A path that is not Unicode cannot be written to the file, and is left out.
     pub fn remember_file(&mut self, path: &Path) {
         let path = absolute(path).unwrap_or_else(|_| path.to_owned());
         let newest = self.recent.iter().map(|file| file.opened_ms).max().map_or(0, |ms| ms.saturating_add(1));
@@ -134,12 +134,12 @@ impl Settings {
         *self = std::mem::take(self).within_bounds();
     }
 
-    /// Takes a file from the recent ones.
+    /// Removes a file from the recent ones.
     pub fn forget_file(&mut self, path: &Path) {
         self.recent.retain(|file| file.path != path);
     }
 
-    /// Remembers what a field of a store or source looks like.
+    /// Saves the look of a field of a store or source.
     pub fn remember_look(&mut self, path: &Path, field: &str, look: &Look) {
         let path = absolute(path).unwrap_or_else(|_| path.to_owned());
         let newest = self.looks.iter().map(|look| look.used_ms).max().map_or(0, |ms| ms.saturating_add(1));
@@ -149,7 +149,7 @@ impl Settings {
         *self = std::mem::take(self).within_bounds();
     }
 
-    /// What a store or source looked like.
+    /// The saved look of a store or source.
     pub fn look_of(&self, path: &Path) -> Option<&SavedLook> {
         let path = absolute(path).unwrap_or_else(|_| path.to_owned());
         self.looks.iter().find(|look| look.path == path)
@@ -184,7 +184,7 @@ impl Settings {
         self
     }
 
-    /// What the keys of a file say; those that cannot be read are left as they are, and named.
+    /// Settings from the keys of a file; unreadable ones keep their defaults, and are named.
     fn read(map: &Map<String, Value>) -> (Self, Vec<String>) {
         let mut settings = Self::default();
         let mut wrong = Vec::new();
@@ -202,7 +202,7 @@ impl Settings {
     }
 }
 
-/// Keeps the first of those with the same path.
+/// Removes later elements with the same path.
 fn retain_first_of<T>(list: &mut Vec<T>, path: impl Fn(&T) -> &PathBuf) {
     let mut seen = std::collections::BTreeSet::new();
     list.retain(|item| seen.insert(path(item).clone()));
@@ -221,31 +221,31 @@ fn now_ms() -> u64 {
     u64::try_from(now.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// The file of the settings. Reading and writing touch the disk: not for the thread of a window.
+/// The settings file. Reading and writing access the disk: not for the thread of a window.
 #[derive(Debug)]
 pub struct SettingsFile {
     folder: Option<PathBuf>,
-    /// Recent files of the file when this read or wrote it last: those that are missing since were removed by the user.
+    /// Recent files in the file when last read or written here: those missing since were removed by the user.
     known: Vec<RecentFile>,
-    /// What has been said since something was last written.
+    /// Problems reported since the last successful write.
     complaints: Vec<String>,
-    /// A newer program's file is left alone.
+    /// Whether the file is of a newer program, and left alone.
     is_frozen: bool,
 }
 
 impl SettingsFile {
-    /// The user's: in `$TETREEL_CONFIG`, else `$XDG_CONFIG_HOME/tetreel`, else `~/.config/tetreel` (on macOS `~/Library/Application
+    /// The user's file: in `$TETREEL_CONFIG`, else `$XDG_CONFIG_HOME/tetreel`, else `~/.config/tetreel` (on macOS `~/Library/Application
     /// Support/tetreel`, on Windows `%APPDATA%\tetreel`).
     pub fn of_user() -> Self {
         Self::new(folder_from(std::env::consts::OS, |name| std::env::var_os(name)))
     }
 
-    /// No file: nothing is remembered, and nobody complains.
+    /// No file: nothing is kept or reported.
     pub fn nowhere() -> Self {
         Self { is_frozen: true, ..Self::new(None) }
     }
 
-    /// In this folder, which is made when there is something to write.
+    /// The file in this folder, which is created at the first write.
     pub fn at(folder: impl Into<PathBuf>) -> Self {
         Self::new(Some(folder.into()))
     }
@@ -254,12 +254,12 @@ impl SettingsFile {
         Self { folder, known: Vec::new(), complaints: Vec::new(), is_frozen: false }
     }
 
-    /// Where the file is or will be, if there is a place.
+    /// Path of the file, which may not exist yet; `None` without a folder.
     pub fn path(&self) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join("settings.json"))
     }
 
-    /// What is remembered, and what the user should be told. No file is no problem.
+    /// The settings, and a message for the user. A missing file is no problem.
     pub fn load(&mut self) -> (Settings, Option<String>) {
         let Some(path) = self.path() else { return (Settings::default(), None) };
         let (map, notice) = self.read_map(&path);
@@ -268,8 +268,8 @@ impl SettingsFile {
         (settings, notice)
     }
 
-    /// Writes what is to be remembered, together with what other windows have written since; `settings` then has their recent
-    /// files and looks, too. Returns what the user should be told: each problem once.
+    /// Writes the settings, merged with those written by other windows since; `settings` then has their recent files and looks, too.
+    /// Returns a message for the user: each problem once.
     pub fn save(&mut self, settings: &mut Settings) -> Option<String> {
         let Some(path) = self.path() else {
             if self.is_frozen {
@@ -305,16 +305,16 @@ impl SettingsFile {
         Some(text)
     }
 
-    /// Adds what other windows have written.
+    /// Adds recent files and looks of other windows.
     fn merge(&self, mut ours: Settings, theirs: &Settings) -> Settings {
-        // What was known and is gone from ours was removed here.
+        // A known file missing from ours was removed here.
         let is_new = |file: &&RecentFile| !self.known.contains(file);
         ours.recent.extend(theirs.recent.iter().filter(is_new).cloned());
         ours.looks.extend(theirs.looks.iter().cloned());
         ours.within_bounds()
     }
 
-    /// The keys of the file; none if there is no file. A damaged one is moved aside, as is one with values that make no sense.
+    /// The keys of the file; none if there is no file. A damaged file is moved aside, as is one with invalid values.
     fn read_map(&mut self, path: &Path) -> (Map<String, Value>, Option<String>) {
         let (map, problem) = match read_text(path) {
             Ok(None) => return (Map::new(), None),
@@ -344,7 +344,7 @@ impl SettingsFile {
         let bad = path.with_extension("json.bad");
         let aside = match std::fs::rename(path, &bad) {
             Ok(()) => format!("it is now {}; what could be read is kept, the rest is as at first", bad.display()),
-            // Then neither can it be written, which is another notice.
+            // Then it cannot be written either, which is another notice.
             Err(error) => format!("it cannot be renamed: {error}; remove it"),
         };
         let text = format!("{}: {problem}; {aside}", path.display());
@@ -376,7 +376,7 @@ fn write(path: &Path, settings: &Settings, mut map: Map<String, Value>) -> FileR
     let text = serde_json::to_string_pretty(&map).map_err(json)? + "\n";
     let folder = files::parent_of(path);
     std::fs::create_dir_all(folder).map_err(|error| FileError::io(folder, "make the folder", &error))?;
-    // A link stays one: what it points to is replaced.
+    // A symbolic link stays: its target is replaced.
     let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     files::replace(&path, |file| {
         let written = std::io::Write::write_all(file, text.as_bytes()).and_then(|()| file.sync_all());
@@ -384,7 +384,7 @@ fn write(path: &Path, settings: &Settings, mut map: Map<String, Value>) -> FileR
     })
 }
 
-/// The user's folder for settings on a system, as these variables say.
+/// The user's folder for settings on a system, from these variables.
 fn folder_from(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     let variable = |name: &str| variable(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let home = || match system {

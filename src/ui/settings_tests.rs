@@ -1,4 +1,4 @@
-//! What is remembered, and that nothing that happens to the file is a disaster.
+//! Settings that are kept, and damage to the file.
 
 use super::*;
 use crate::transfer::{Lengths, OpacityPoint};
@@ -27,7 +27,7 @@ fn look(scale: f64) -> Look {
     }
 }
 
-/// Settings with something everywhere.
+/// Settings with every field set.
 fn full() -> Settings {
     let mut settings = Settings { image_scale: 0.5, target_rate: 30.0, shows_side: false, ..Default::default() };
     settings.screenshot_folder = absolute("pictures").ok();

@@ -1,23 +1,23 @@
-//! Details of earlier frames of a view that does not change but in time.
+//! Details of earlier frames of a view that only time changes.
 
 use crate::pipeline::{FrameRequest, ResidualBase, ResidualRequest, SharedFrame};
 use crate::render::residual::Details;
 use std::sync::Arc;
 
-/// What the last frame of all rays, and those with details since, say of a view.
+/// Details of a view, from the last frame of all rays and later frames with details.
 #[derive(Clone, Debug)]
 pub(super) struct Still {
     view: FrameRequest,
     base: ResidualBase,
-    /// For each group of bands that are made anew together, the number of the frame that has done it last.
+    /// For each group of bands that are renewed together, the number of the frame that last renewed it.
     renewed: Vec<u64>,
-    /// Frames that had details, and those that were asked for, of which some may be dropped.
+    /// Number of frames with details, and of requests for them, of which some may be dropped.
     frames: u64,
     asked: u64,
 }
 
 impl Still {
-    /// Of a frame of all rays, whose pixels are here.
+    /// Details of a frame of all rays, whose pixels are on the CPU.
     pub(super) fn of(request: &FrameRequest, frame: &SharedFrame) -> Self {
         let mut still = Self {
             view: request.clone(),
@@ -34,19 +34,20 @@ impl Still {
         Details::count(self.view.size_px)
     }
 
-    /// Bands that are made anew together.
+    /// Number of bands that are renewed together.
     fn group(&self) -> usize {
         Details::per_frame(self.view.size_px)
     }
 
-    /// Whether a request is for this view, at whatever moment.
+    /// Whether a request is for this view, at any time.
     pub(super) fn is_of(&self, request: &FrameRequest) -> bool {
         self.view.same_view(request)
     }
 
-    /// Details for the next frame, and which of them it makes anew: one of the half that have not been for longest.
+    /// Details for the next frame, and the bands that it renews: a group of the half not renewed for longest.
     pub(super) fn next(&mut self) -> ResidualRequest {
-        // Requests may be dropped, every other one, say. Multiples of the golden ratio come everywhere, and so does every other one of them.
+        // Requests may be dropped, every other one, say. Multiples of the golden ratio are evenly distributed, and so are every other one
+        // of them.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let mut oldest: Vec<usize> = (0..self.renewed.len()).collect();
         oldest.sort_by_key(|&group| self.renewed[group]);
@@ -57,7 +58,7 @@ impl Still {
         ResidualRequest { base: self.base.clone(), anew: first..(first + self.group()).min(self.bands()) }
     }
 
-    /// Takes over what a frame of this view has made anew.
+    /// Takes over the bands that a frame of this view has renewed.
     pub(super) fn renew(&mut self, request: &FrameRequest, frame: &SharedFrame) {
         let (Some(residual), Some(details)) = (&request.residual, &frame.details) else { return };
         if !self.is_of(request) {
@@ -70,7 +71,7 @@ impl Still {
         }
         match &mut self.base {
             ResidualBase::Details(ours) => Arc::make_mut(ours).take_over(residual.anew.clone(), details),
-            // The details of all rays of a moment, and of some rays of another.
+            // Details of all rays at one time, and of some rays at another.
             base @ ResidualBase::Exact(_) if residual.base == *base => *base = ResidualBase::Details(details.clone()),
             ResidualBase::Exact(_) => {}
         }
@@ -87,7 +88,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// A session on which a frame in full takes 160 ms, it seems, of 40 that there are.
+    /// A session on which a frame in full seems to take 160 ms, of 40 available.
     fn desk() -> Desk {
         let series = crate::pipeline::Series::open(store(), None).unwrap();
         let mut desk = Desk::of(Arc::new(series), Path::new("."));
@@ -127,7 +128,7 @@ mod tests {
             assert_eq!(shown.frame.planes.color.pixels[pixels.clone()], exact.pixels[pixels]);
             assert!(off.max < 1.0);
         }
-        // Six bands, of which half come into question.
+        // Six bands, of which half are eligible.
         let last = &anew[anew.len() - 20..];
         assert!((0..6).all(|band| last.contains(&(band..band + 1))), "{anew:?}");
         desk.act(Action::Play(Command::Pause));

@@ -1,9 +1,8 @@
-//! A field over the whole series, step by step and as a histogram: on a thread of its own.
+//! Statistics of a field over the series, per step and as a histogram: on a thread of its own.
 //!
-//! Ranges of all steps are in the store; means and histograms are not, and every step has to be decoded for them. The order of
-//! the steps is from coarse to fine, so that there is a picture of the whole series early: the first [`COARSE`] steps in
-//! bit-reversed order, the others a block of the codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are
-//! looked at, evenly over the series.
+//! Ranges of all steps are in the store; means and histograms are not, and need every step decoded. The order of the steps is from coarse
+//! to fine, so that an overview of the series comes early: the first [`COARSE`] steps in bit-reversed order, the others a block of the
+//! codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are read, evenly over the series.
 
 use super::worker::{BLOCK_BYTES, Slot, Worker};
 use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
@@ -13,19 +12,19 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Steps that are looked at, of a series of however many.
+/// Largest number of steps read of a series.
 pub const MOST_STEPS: usize = 1024;
 
-/// Steps that are looked at first, at the cost of a block each.
+/// Number of steps read first, at the cost of a block each.
 const COARSE: usize = 32;
 
-/// How often a survey that grows is shown.
+/// Interval between snapshots of a growing survey.
 const SHOWN_EVERY: Duration = Duration::from_millis(100);
 
-/// What one step holds.
+/// Statistics of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepSurvey {
-    /// Least and greatest finite value, and the number of others.
+    /// Least and greatest finite value, and the number of non-finite ones.
     pub summary: StepSummary,
     /// Mean of the finite values of all vertices, each counted once; NaN if there is none.
     pub mean: f64,
@@ -34,36 +33,36 @@ pub struct StepSurvey {
 impl StepSurvey {
     fn of(values: &[f32]) -> Self {
         let summary = StepSummary::of(values);
-        // In one order, and far from overflow: no sum of f32 leaves the range of f64.
+        // Summed in a fixed order, and far from overflow: no sum of f32 leaves the range of f64.
         let sum: f64 = values.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).sum();
         Self { summary, mean: sum / (values.len() as u64 - summary.nonfinite) as f64 }
     }
 }
 
-/// Bins of what has been looked at: a range of a hundredth of all values has some hundreds of them.
+/// Number of histogram bins: a range of a hundredth of all values has some hundreds of them.
 const BINS: usize = 1 << 16;
 
-/// No value yet, over the range of a series.
+/// An empty histogram over the range of a series.
 fn nothing(range: Option<[f32; 2]>) -> Histogram1d {
     Histogram1d::over(Bins::new(range, AxisScale::Linear, BINS))
 }
 
-/// What is known of a series.
+/// Statistics of a series so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surveyed {
-    /// One for each step of the series; `None` if it was not looked at, not yet or not at all, or cannot be read.
+    /// One for each step of the series; `None` if it was not read (yet), or is unreadable.
     pub steps: Vec<Option<Arc<StepSurvey>>>,
-    /// Of all steps that were looked at, over the range of the series.
+    /// Histogram of all steps read, over the range of the series.
     pub histogram: Histogram1d,
-    /// Steps that were looked at.
+    /// Number of steps read.
     pub done: usize,
-    /// Steps that will be: those of the series, or [`MOST_STEPS`] of them.
+    /// Number of steps to be read: those of the series, or [`MOST_STEPS`].
     pub total: usize,
-    /// How many could not be read.
+    /// Number of unreadable steps.
     pub failed: usize,
-    /// Why the first of these could not, or why the survey ended early.
+    /// Problem of the first unreadable step, or why the survey ended early.
     pub problem: Option<String>,
-    /// Whether no more comes.
+    /// Whether the survey is final.
     pub is_over: bool,
 }
 
@@ -82,7 +81,7 @@ impl Surveyed {
     }
 }
 
-/// Looks at a series, until it is dropped.
+/// Surveys a series, until it is dropped.
 pub struct Survey {
     worker: Worker<Arc<Series>>,
     gate: Arc<Gate>,
@@ -91,7 +90,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Starts a thread, which ends with the survey. `wake` is called when there is more to show, ten times a second at most.
+    /// Starts a thread, which ends with the survey. `wake` is called for new statistics, ten times a second at most.
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -118,13 +117,14 @@ impl Survey {
         Ok(Self { worker, gate, at_begin, slot })
     }
 
-    /// What is known so far: at first no step. The ranges of all steps are in
+    /// Statistics so far: at first no step. The ranges of all steps are in
+    /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
     /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
     pub fn snapshot(&self) -> Arc<Surveyed> {
         self.slot.get().unwrap_or_else(|| self.at_begin.clone())
     }
 
-    /// Whether to rest, after the step at hand: while the user waits for frames.
+    /// Pauses after the current step, or resumes: for while the user waits for frames.
     pub fn pause(&self, pauses: bool) {
         self.gate.set(pauses);
     }
@@ -132,13 +132,13 @@ impl Survey {
 
 impl Drop for Survey {
     fn drop(&mut self) {
-        // First, so that who comes out of the gate sees it.
+        // Raised first, so that a thread leaving the gate sees it.
         self.worker.stop();
         self.gate.set(false);
     }
 }
 
-/// What a thread waits at while it is closed.
+/// A gate that blocks a thread while closed.
 #[derive(Default)]
 struct Gate {
     is_closed: Mutex<bool>,
@@ -157,7 +157,7 @@ impl Gate {
     }
 }
 
-/// Looks at the steps of a series one after the other, and shows now and then what is known.
+/// Reads the steps of a series one after the other, and calls `show` with snapshots.
 fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut(Surveyed)) {
     let apart = series.apart(BLOCK_BYTES);
     let mut known = Surveyed::begin(series);
@@ -187,14 +187,14 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut
     show(known);
 }
 
-/// The numbers below `count`, so that any first part of them is spread over all: those of as many bits, last bit first.
+/// The numbers below `count` in bit-reversed order, so that every prefix is spread over all.
 fn bit_reversed(count: usize) -> impl Iterator<Item = usize> {
     let bits = count.next_power_of_two().trailing_zeros();
     let reversed = move |i: usize| if bits == 0 { i } else { i.reverse_bits() >> (usize::BITS - bits) };
     (0..count.next_power_of_two()).map(reversed).filter(move |&i| i < count)
 }
 
-/// The steps to look at of a series of `steps` that are coded `block` at a time, in order.
+/// The steps to read, in order, of a series of `steps` that are coded `block` at a time.
 fn order(steps: usize, block: usize) -> Vec<usize> {
     let spread: Vec<usize> = bit_reversed(steps).take(MOST_STEPS).collect();
     let (coarse, fine) = spread.split_at(COARSE.min(spread.len()));
@@ -300,7 +300,7 @@ mod tests {
         let survey = Survey::start(series, wake).unwrap();
         wait_for("begin", || Some(survey.snapshot()).filter(|known| known.done > 0));
         survey.pause(true);
-        // The step at hand is finished; after that nothing is decoded, however long one waits.
+        // The current step is finished; after that none is decoded, however long one waits.
         let at_rest = wait_for("rest", || {
             let before = log.decoded().len();
             std::thread::sleep(Duration::from_millis(50));

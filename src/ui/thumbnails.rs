@@ -1,4 +1,4 @@
-//! Small pictures of steps, as one hovers over the timeline: rendered on a thread of their own.
+//! Thumbnails of steps, for hovering over the timeline: rendered on a thread of their own.
 
 use super::picture::{Picture, over_background};
 use super::worker::{BLOCK_BYTES, Worker};
@@ -7,13 +7,13 @@ use crate::task::Cancel;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Width of pictures, unless another one is given.
+/// Default width of thumbnails, pixels.
 pub const WIDTH_PX: usize = 160;
 
-/// Pictures that are kept.
+/// Number of thumbnails kept.
 pub const KEPT: usize = 64;
 
-/// A picture to be made.
+/// A thumbnail to be made.
 #[derive(Clone)]
 struct Job {
     series: Arc<Series>,
@@ -21,34 +21,34 @@ struct Job {
     background: [f32; 3],
 }
 
-/// Makes small pictures and keeps those of one look. Nothing here waits.
+/// Makes thumbnails and keeps those of one look. No call blocks.
 pub struct Thumbnails {
     width_px: usize,
     worker: Worker<Job>,
     kept: Arc<Mutex<Kept>>,
 }
 
-/// Pictures of one look at one series.
+/// Thumbnails of one look at one series.
 #[derive(Default)]
 struct Kept {
     of: Option<Job>,
     pictures: Vec<Made>,
-    /// What is on its way.
+    /// The pending thumbnail.
     wanted: Option<FrameTime>,
     uses: u64,
 }
 
-/// A picture, or why there is none.
+/// A thumbnail, or why there is none.
 struct Made {
     time: FrameTime,
     picture: Result<Arc<Picture>, String>,
-    /// When it was last asked for, counted in uses.
+    /// Time of the last use, counted in uses.
     used: u64,
 }
 
 impl Thumbnails {
-    /// Starts the thread, which ends with its owner. `wake` is called when there is another picture. Pictures fit into a square
-    /// of [`WIDTH_PX`].
+    /// Starts the thread, which ends with its owner. `wake` is called when there is another thumbnail. Thumbnails fit into a square of
+    /// [`WIDTH_PX`].
     ///
     /// # Errors
     /// If the system gives no thread.
@@ -56,7 +56,7 @@ impl Thumbnails {
         Self::with_width(WIDTH_PX, wake)
     }
 
-    /// Starts as [`Self::start`] does, with pictures of another width in pixels.
+    /// Like [`Self::start`], with another width in pixels.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -82,8 +82,8 @@ impl Thumbnails {
         Ok(Self { width_px, worker, kept })
     }
 
-    /// Asks for the small picture of a frame, in place of any other that is not there yet. If look, series or background are
-    /// not those of the last call, all pictures are forgotten. Does nothing if the picture is there or on its way.
+    /// Requests the thumbnail of a frame, replacing a pending request. If look, series or background are not those of the last call, all
+    /// thumbnails are dropped. Does nothing if the thumbnail is there or pending.
     pub fn want(&self, series: &Arc<Series>, request: &FrameRequest, background: [f32; 3]) {
         let job = Job { series: series.clone(), request: self.reduced(request), background };
         let time = job.request.time;
@@ -101,19 +101,19 @@ impl Thumbnails {
         }
     }
 
-    /// Nobody wants what is not there yet.
+    /// Drops the pending request.
     pub fn forget_wanted(&self) {
         let mut kept = lock(&self.kept);
         self.worker.stop();
         kept.wanted = None;
     }
 
-    /// The small picture of a frame of the series that was last wanted, if it is there.
+    /// The thumbnail of a frame of the series that was last wanted, if it is there.
     pub fn get(&self, request: &FrameRequest) -> Option<Arc<Picture>> {
         self.made(request)?.ok()
     }
 
-    /// Why there will be no small picture of a frame.
+    /// Why there is no thumbnail of a frame.
     pub fn problem(&self, request: &FrameRequest) -> Option<String> {
         self.made(request)?.err()
     }
@@ -125,7 +125,7 @@ impl Thumbnails {
         kept.find(request.time)
     }
 
-    /// The request of the small picture: of the same shape, rendered on this thread.
+    /// The request of the thumbnail: with the same aspect ratio, rendered on this thread.
     fn reduced(&self, request: &FrameRequest) -> FrameRequest {
         let (width, height) = request.size_px;
         let scale = self.width_px as f64 / width.max(height).max(1) as f64;
@@ -151,7 +151,7 @@ impl Kept {
         Some(made.picture.clone())
     }
 
-    /// Keeps what was made, unless it is not wanted any more: that is told under the same lock.
+    /// Keeps a thumbnail, unless it was cancelled, which happens under the same lock.
     fn put(&mut self, time: FrameTime, picture: Result<Arc<Picture>, String>, cancel: &Cancel) {
         if cancel.is_cancelled() {
             return;
@@ -171,7 +171,7 @@ fn lock(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
     kept.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The picture of a job, with the pipeline of the last one if it is of the same series.
+/// Renders the thumbnail of a job, with the pipeline of the last one if it is of the same series.
 fn render(last: &mut Option<(Arc<Series>, Pipeline)>, job: &Job, cancel: &Cancel) -> Result<Picture, PipelineError> {
     let of_series = last.take().filter(|(series, _)| Arc::ptr_eq(series, &job.series));
     let new = || (job.series.clone(), Pipeline::new(job.series.apart(BLOCK_BYTES)));

@@ -1,4 +1,4 @@
-//! Threads beside the window: each works on the newest of what it is given.
+//! Background threads: each works on the newest job it is given.
 
 use crate::task::{Cancel, panic_message};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -9,8 +9,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// Bytes of blocks for a worker that reads steps: a few blocks of 64 steps of a million cells, or one larger block.
 pub(super) const BLOCK_BYTES: u64 = 32 << 20;
 
-/// One thread, which ends with its owner. It is the only one of a pool: what it runs in parallel runs on it alone, and never
-/// waits behind what a renderer has handed out.
+/// One thread, which ends with its owner. It is the only one of a rayon pool: parallel code runs on it alone, and never waits behind a
+/// renderer's tasks.
 pub(super) struct Worker<J> {
     shared: Arc<Shared<J>>,
     _pool: ThreadPool,
@@ -23,14 +23,14 @@ struct Shared<J> {
 
 struct State<J> {
     next: Option<J>,
-    /// Of the job that is being worked on, or was last.
+    /// Cancel flag of the current or last job.
     current: Cancel,
     is_over: bool,
 }
 
 impl<J: Clone + Send + 'static> Worker<J> {
-    /// Starts the thread. `begin` makes what works on jobs, and again after a panic, which is a fault of this program: `failed`
-    /// is then told what it said.
+    /// Starts the thread. `begin` makes the function that does jobs, and again after a panic, which is a fault of this program: `failed` is
+    /// then called with its message.
     pub(super) fn start<W: FnMut(J, &Cancel)>(
         name: &str,
         begin: impl Fn() -> W + Send + 'static,
@@ -56,7 +56,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
         Ok(Self { shared, _pool: pool })
     }
 
-    /// Gives a job in place of the one that waits. The one at hand is worked on to its end.
+    /// Gives a job, replacing a waiting one. The current one is finished.
     pub(super) fn give(&self, job: J) {
         self.shared.lock().next = Some(job);
         self.shared.changed.notify_all();
@@ -64,7 +64,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
 }
 
 impl<J> Worker<J> {
-    /// Drops the job that waits and cancels the one at hand.
+    /// Drops the waiting job and cancels the current one.
     pub(super) fn stop(&self) {
         let mut state = self.shared.lock();
         state.next = None;
@@ -85,7 +85,7 @@ impl<J> Shared<J> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The next job and its flag; `None` when it is over.
+    /// The next job and its cancel flag; `None` at the end.
     fn next(&self) -> Option<(J, Cancel)> {
         let mut state = self.lock();
         loop {
@@ -101,7 +101,7 @@ impl<J> Shared<J> {
     }
 }
 
-/// A place for the newest result.
+/// A slot for the newest result.
 #[derive(Debug)]
 pub(super) struct Slot<T>(Mutex<Option<T>>);
 
@@ -116,7 +116,7 @@ impl<T> Slot<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a result there, unless `cancel` is raised: who raises it and then clears the slot finds it empty from then on.
+    /// Stores a result, unless `cancel` is raised: if its owner raises it and then clears the slot, the slot stays empty.
     pub(super) fn put(&self, value: T, cancel: &Cancel) {
         let mut slot = self.lock();
         if !cancel.is_cancelled() {
@@ -146,7 +146,7 @@ pub(super) mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::time::{Duration, Instant};
 
-    /// Waits until something is so; a test that waits for what never comes fails.
+    /// Waits until `look` returns a value; fails after a time limit.
     pub(in crate::ui) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
         let begun = Instant::now();
         loop {
@@ -158,7 +158,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Counts how often somebody is woken.
+    /// A counter of wake-ups, and its callback.
     pub(in crate::ui) fn counted() -> (Arc<AtomicUsize>, Arc<dyn Fn() + Send + Sync>) {
         let count = Arc::new(AtomicUsize::new(0));
         let counter = count.clone();
@@ -170,7 +170,7 @@ pub(super) mod tests {
 
     type Sum = Arc<Slot<Result<u32, String>>>;
 
-    /// Adds up jobs and panics at 13. What it has is gone when its thread is.
+    /// Adds up jobs and panics at 13. The weak reference dies with its thread's state.
     fn adder() -> (Worker<u32>, Sum, std::sync::Weak<()>) {
         let slot = Arc::new(Slot::default());
         let (results, failures, alive) = (slot.clone(), slot.clone(), Arc::new(()));

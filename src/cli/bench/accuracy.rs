@@ -1,4 +1,4 @@
-//! The accuracy suite on the command line: opens all series, finds which belong together, and measures them.
+//! The accuracy suite on the command line: opens all series, finds the truth of each, and measures them.
 
 use super::super::progress::Terminal;
 use super::super::scene::gpu_report;
@@ -23,7 +23,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// One of the series.
+/// An opened series.
 struct Opened {
     name: String,
     scene: Scene,
@@ -32,7 +32,7 @@ struct Opened {
     backends: Vec<Backend>,
 }
 
-/// Checks what cannot work before anything is measured.
+/// Refuses impossible options before anything is measured.
 pub(super) fn check(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.plot {
         if !args.suite.has_accuracy() {
@@ -53,7 +53,7 @@ pub(super) fn check(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// All paths on all series: the runs, and the GPU if one was used.
+/// Measures all paths on all series; returns the runs, and the GPU if one was used.
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<(Vec<BenchRun>, Option<String>)> {
     let opened = args.stores.iter().map(|path| open(path, args, terminal));
     let mut all = opened.collect::<anyhow::Result<Vec<Opened>>>()?;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<(Vec<Bench
     Ok((runs, adapter))
 }
 
-/// Writes the plots if that was asked for, and says which had nothing to show.
+/// Writes the plots if a folder is given, and reports which had no data.
 pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Terminal) -> anyhow::Result<()> {
     let Some(folder) = folder else { return Ok(()) };
     let report = write_plots(folder, runs)?;
@@ -96,7 +96,7 @@ fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened>
     memory::check(args.image.size, 1)?;
     let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
     let backends = match args.scene.backend {
-        // One in software counts: it shows how wrong GPUs are, if not how fast.
+        // A GPU in software counts: it shows how accurate GPUs are, if not how fast.
         Backend::Auto if scene.pipeline.check_backend(Backend::Gpu).is_ok() => vec![Backend::Cpu, Backend::Gpu],
         Backend::Auto => vec![Backend::Cpu],
         one => vec![one],
@@ -112,7 +112,7 @@ fn ratio_of(store: &Store, scene: &Scene) -> anyhow::Result<Option<f64>> {
     Ok((bytes > 0).then(|| (values * size_of::<f32>()) as f64 / bytes as f64))
 }
 
-/// The series whose values are the truth for one: that which it was compressed from, if that is among them, else itself.
+/// The series whose values are the truth for one: its uncompressed source, if among them, else itself.
 fn truth_of(all: &[Opened], at: usize) -> usize {
     let series = |at: usize| &all[at].scene.pipeline;
     let of_values = |at: usize| (&series(at).field().name, series(at).times());
@@ -127,13 +127,13 @@ fn truth_of(all: &[Opened], at: usize) -> usize {
     raw_ones.filter(|&other| of_values(other) == of_values(at)).find(is_source).unwrap_or(at)
 }
 
-/// The scenes of a series, seen by the judge.
+/// Renders the scenes of a series with the reference.
 fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::Result<Judged> {
     let scene = &mut opened.scene;
     let (look, series, steps) = (&scene.look, scene.pipeline.series(), scene.pipeline.times().len());
     let is_given = args.scene.tf != DEFAULT_TF;
     let table = |name: &str, step: usize| -> anyhow::Result<_> {
-        // A path in it may be no Unicode.
+        // A path in the text may not be Unicode.
         let text = if is_given { args.scene.tf.as_os_str() } else { OsStr::new(name) };
         let tf = TransferFunction::parse(text).with_context(|| format!("--tf '{}'", text.display()))?;
         let range = mapped_range(series, &look.range, step.into())

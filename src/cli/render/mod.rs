@@ -85,18 +85,18 @@ pub(super) struct Args {
     /// Write when each stage worked on which frame to a JSON file for chrome://tracing or ui.perfetto.dev
     #[arg(long, value_name = "FILE.json")]
     trace: Option<PathBuf>,
-    /// The project that says what is not said here.
+    /// The project, which supplies options not given here.
     #[arg(skip)]
     project: Option<PathBuf>,
 }
 
 impl Args {
-    /// Where frames go.
+    /// The output files.
     fn target(&self) -> anyhow::Result<&Target> {
         self.output.as_ref().context("where to? Give -o frame_%04d.png, or -o movie.mp4")
     }
 
-    /// How images are written.
+    /// Options of written images.
     fn still_options(&self) -> anyhow::Result<StillOptions> {
         let file = self.target()?.path(0);
         let is = |format| StillFormat::of(&file) == Some(format);
@@ -121,14 +121,14 @@ impl Args {
         })
     }
 
-    /// The bits per channel that are asked for, if the files are of the format that has them.
+    /// The requested bits per channel, if the files have that format.
     fn bits<D: Default + FromStr<Err = String>>(&self, is_its_format: bool) -> anyhow::Result<D> {
         let asked = self.bit_depth.as_deref().filter(|_| is_its_format);
         let parse = |bits: &str| bits.parse().map_err(|e| anyhow!("--bit-depth {bits}: {e}"));
         asked.map_or(Ok(D::default()), parse)
     }
 
-    /// The image that is rendered in place of each frame, if there is one.
+    /// The smaller image that is rendered and enlarged to each frame, if any.
     fn upsampling(&self, project: Option<&Project>) -> anyhow::Result<Option<Upsampling>> {
         let SceneArgs { mode, faces, .. } = &self.scene;
         let draw = TetDraw::chosen(*mode, faces.detail());
@@ -144,7 +144,7 @@ impl Args {
         Ok(upsampling)
     }
 
-    /// Refuses what cannot be drawn with fewer rays.
+    /// Refuses options that need all rays.
     fn check_rays(&self, project: Option<&Project>) -> anyhow::Result<()> {
         let SceneArgs { mode, faces, surfaces, .. } = &self.scene;
         if self.rays.contrast().is_none() {
@@ -170,7 +170,7 @@ impl Args {
         Ok(())
     }
 
-    /// Files that are written beside the frames.
+    /// Files written beside the frames.
     fn side_files(&self) -> Vec<(&'static str, &Path)> {
         let files = [("--stats", &self.stats), ("--trace", &self.trace)];
         files.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?))).collect()
@@ -185,15 +185,15 @@ impl Args {
         inputs.extend(map.map(PathBuf::from));
         inputs.extend(self.project.clone());
         if !is_store(&self.store) {
-            // What is wrong with a source is said when it is opened.
+            // Problems of a source are reported when it is opened.
             inputs.extend(import::files(&self.store).unwrap_or_default());
         }
-        // Most transfer functions are no files.
+        // Most transfer functions are not files.
         inputs.retain(|input| input.exists());
         inputs
     }
 
-    /// Refuses what cannot work, before the store is opened or anything is imported. The ffmpeg of a movie.
+    /// Refuses impossible options, before the store is opened or anything is imported. Returns the ffmpeg of a movie.
     fn check(&self, project: Option<&Project>) -> anyhow::Result<Option<Ffmpeg>> {
         let output = self.target()?;
         let format = match output {
@@ -233,7 +233,7 @@ fn leaves_faces_out(project: Option<&Project>) -> bool {
     project.is_some_and(|project| project.timeline.lod.keys().iter().any(|key| key.value < 1.0))
 }
 
-/// A path without links; of a file that is not there yet, that of its folder with its name.
+/// A path without symbolic links; for a missing file, its folder's with its name.
 fn real(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok().or_else(|| Some(files::parent_of(path).canonicalize().ok()?.join(path.file_name()?)))
 }
@@ -248,7 +248,7 @@ fn is_within(path: &Path, other: &Path) -> bool {
     matches!((real(path), real(other)), (Some(path), Some(other)) if path.starts_with(&other))
 }
 
-/// Renders what the command says; `words` are those of the whole command line, which come before what a project says.
+/// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     if project::is_project(&args.store) {
         let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, Taker::Render)?;
@@ -310,7 +310,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     Ok(Outcome::Done)
 }
 
-/// Says what was chosen for the user, aloud if colours do not cover all values.
+/// Reports the automatic look, even without `--verbose` if colours do not cover all values.
 fn say_look(args: &Args, scene: &Scene, terminal: &Terminal) -> anyhow::Result<()> {
     let range = scene.look.range;
     terminal.detail(&format!("--tf {} --range {range}", scene.transfer_function()));
@@ -318,14 +318,14 @@ fn say_look(args: &Args, scene: &Scene, terminal: &Terminal) -> anyhow::Result<(
         && let RangePolicy::Manual(lo, hi) = scene.pipeline.series().settled(&range)?
     {
         let all = if matches!(range, RangePolicy::Percentile(..)) { "series" } else { "symmetric" };
-        // Percentiles are values as they are stored.
+        // Percentiles are stored f32 values.
         let (lo, hi) = (Short(lo as f32), Short(hi as f32));
         terminal.say(&format!("colours cover the 1st to 99th percentile, {lo} to {hi}; all values with --range {all}"));
     }
     Ok(())
 }
 
-/// What is drawn over the frames.
+/// The annotations of frames.
 fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
     let field = scene.pipeline.field();
     let about = AboutSeries {
@@ -342,12 +342,12 @@ fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
     Some(Annotator::new(args.annotate.as_ref()?, &about, background))
 }
 
-/// What people call the series.
+/// Name of the series for titles.
 fn dataset_name(store: &Path) -> String {
     store.file_stem().unwrap_or(store.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// What the movie says of itself.
+/// Metadata of the movie.
 fn movie_options(args: &Args, scene: &Scene) -> MovieOptions {
     let project = args.project.as_deref();
     let name = dataset_name(&args.store);
@@ -368,7 +368,7 @@ fn movie_options(args: &Args, scene: &Scene) -> MovieOptions {
     }
 }
 
-/// Says where frames were rendered, aloud if not as one would think.
+/// Reports the device that rendered, even without `--verbose` if it is unexpected.
 fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     let rendered = || records.iter().filter_map(|record| record.stats.as_ref());
     let on_gpu = rendered().filter(|stats| stats.on_gpu).count();
@@ -397,7 +397,7 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     }
 }
 
-/// The last word of a run.
+/// The closing line of a run.
 fn summary(output: &Output, records: &[FrameRecord]) -> String {
     let kept = records.iter().filter(|record| record.origin == Origin::Kept).count();
     let count = records.len();
@@ -422,7 +422,7 @@ fn summary(output: &Output, records: &[FrameRecord]) -> String {
     written + &empty
 }
 
-/// What ends a command where a run has an error: the cause itself, which is told apart from others.
+/// Converts the error of a run to its cause, so that causes can be told apart.
 pub(super) fn of_run(error: RunError) -> anyhow::Error {
     match error {
         RunError::Scene(error) => of_scene(*error),
@@ -431,7 +431,7 @@ pub(super) fn of_run(error: RunError) -> anyhow::Error {
     }
 }
 
-/// Writes the statistics beside their place and moves them there.
+/// Writes the statistics to a temporary file and renames it.
 fn write_stats(path: &Path, records: &[impl Serialize]) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(records)?;
     Ok(files::replace_with(path, text.as_bytes())?)

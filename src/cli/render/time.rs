@@ -1,4 +1,4 @@
-//! Options that say which moments a run shows, and from where.
+//! Options for the times that a run shows, and for the turning camera.
 
 use crate::cli::progress::Terminal;
 use crate::cli::steps;
@@ -7,7 +7,7 @@ use crate::export::run::Times;
 use crate::ingest::StepRange;
 use anyhow::{bail, ensure};
 
-/// Which moments are shown.
+/// Options for the times shown.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct TimeArgs {
     /// Steps A..B:S, zero-based, both ends included
@@ -33,7 +33,7 @@ pub(super) struct TimeArgs {
 }
 
 impl TimeArgs {
-    /// What these options come to.
+    /// The times of these options.
     pub(super) fn times(&self) -> Times {
         Times {
             steps: self.steps,
@@ -45,7 +45,7 @@ impl TimeArgs {
         }
     }
 
-    /// Refuses what has no meaning, whatever the series.
+    /// Refuses inconsistent options, whatever the series.
     pub(super) fn check(&self, is_movie: bool) -> anyhow::Result<()> {
         if self.fps.is_some() && !is_movie && self.duration.is_none() {
             bail!(
@@ -57,7 +57,7 @@ impl TimeArgs {
         Ok(())
     }
 
-    /// The same for a series of so many steps: steps behind its last one are left out, which is said.
+    /// The options for a series of `count` steps: steps beyond the last one are left out, which is reported.
     pub(super) fn within_series(self, count: usize, terminal: &Terminal) -> Self {
         Self { steps: steps::within_series(self.steps, count, terminal), ..self }
     }

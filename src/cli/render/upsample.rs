@@ -1,11 +1,11 @@
-//! Options of images that are rendered at another size than they are written.
+//! Options for images rendered at another size than written.
 
 use crate::image::upsample::MAX_KERNEL_PX;
 use crate::pipeline::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 use crate::render::cpu::layers::MAX_LAYERS;
 use anyhow::bail;
 
-/// How frames come to their size.
+/// Options of upsampling.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct UpsampleArgs {
     /// Size of the image that is rendered and then brought to full size, in each direction: 1, 1/2, 1/4 or 1/8 (docs/sampling.md)
@@ -32,7 +32,7 @@ fn parse_sigma(text: &str) -> Result<f64, String> {
 }
 
 impl UpsampleArgs {
-    /// What these options come to; `leaves_faces_out`: whether some frame is drawn by a part of the faces.
+    /// The upsampling of these options; `leaves_faces_out`: whether some frame omits faces.
     pub(super) fn upsampling(&self, leaves_faces_out: bool) -> anyhow::Result<Option<Upsampling>> {
         let Self { image_scale: scale, kernel, sigma_depth, layers, .. } = *self;
         let kind = match self.upsample {
@@ -58,7 +58,7 @@ impl UpsampleArgs {
         Ok(Some(Upsampling { scale, filter }))
     }
 
-    /// Refuses numbers of other filters than the one that is chosen.
+    /// Refuses parameters of filters that are not chosen.
     fn refuse_numbers(&self, kind: Option<UpsampleKind>) -> anyhow::Result<()> {
         let of_edges = [UpsampleKind::Joint, UpsampleKind::Joint2x2];
         for (option, is_given, takers) in [

@@ -5,18 +5,17 @@ use crate::field::TimeAxis;
 use crate::playback::{CommandError, Mode};
 
 impl Clock {
-    /// The series has grown to `times`, which begin with those that it had. What is shown, the mode, the range and all other
-    /// settings stay. From the old last step on, playing goes to the first new one, where it would have gone back to the start
-    /// of a loop or turned round; a playback that had come to its end stands there until [`Command::Play`], which goes on with
-    /// the new steps.
+    /// Replaces the times of a series that has grown; `times` begins with the old ones. The frame on the screen, mode, range and all other
+    /// settings stay. From the old last step, playing goes on to the first new one, where it would have returned to the start of a loop or
+    /// turned round; a playback that had ended waits for [`Command::Play`], which goes on with the new steps.
     ///
-    /// In [`Mode::RealTime`] without a speed of its own the whole series still lasts as long as before, so that it goes faster;
-    /// the share of the interval that has passed is kept, as after a change of the speed.
+    /// In [`Mode::RealTime`] without a speed of its own the whole series still lasts as long as before, so that playback is faster; the
+    /// share of the interval that has passed is kept, as after a change of the speed.
     ///
     /// [`Command::Play`]: crate::playback::Command::Play
     ///
     /// # Errors
-    /// If the series has fewer steps than before or another time at one of them; the clock is then as it was.
+    /// If the series has fewer steps than before or another time at one of them; the clock is then unchanged.
     pub fn extend(&mut self, times: TimeAxis) -> Result<(), CommandError> {
         let known = self.times.len();
         let bits = |time: &f64| time.to_bits();
@@ -33,7 +32,7 @@ impl Clock {
         }
         let Some(score) = self.score() else { return Ok(()) };
         let Course { held, from, next, returning } = self.course;
-        // A way along the series is gone to its end.
+        // An interval along the series is finished first.
         if next.is_none_or(|next| next.jump || next.turned) {
             self.course = Course { held, ..Course::at_step(from, returning, &score) };
             if self.settings.mode == Mode::RealTime && self.course.next != next {

@@ -1,32 +1,32 @@
-//! What frames took, and what others would.
+//! Measured and expected frame times.
 //!
 //! ```text
 //! cost(rung)   median of its last three measurements
 //! between two measured rungs of a family     share(rung) * ratio, the logarithm of the ratio linear between theirs
 //! beyond them                                share(rung) * ratio of the nearest
 //! ```
-//! `ratio` is a measured cost over the share that was expected. Frames get cheaper or dearer while the camera moves, all ways alike as a first
-//! guess: where a rung is measured again and again, the others' costs change by the same factor.
+//! `ratio` is a measured cost over the expected share. Frames get cheaper or dearer while the camera moves, all rungs alike as a first
+//! guess: where a rung is measured repeatedly, the costs of the others change by the same factor.
 
 use super::Family;
 use super::rungs::{EXACT, RUNGS, ladder};
 use std::collections::VecDeque;
 
-/// Measurements of a rung whose median counts: one slow frame changes nothing, a lasting step counts from the second.
+/// Measurements in the median of a rung: one slow frame changes nothing, a lasting step counts from the second.
 const FRAMES: usize = 3;
-/// Frames that say how dear others may be: a loop over a few steps comes back to the dearest.
+/// Frames that [`Costs::dearest`] looks back on: a loop over a few steps comes back to the dearest.
 const RECENT: usize = 16;
-/// What was measured so many frames ago is not known any more: it may have been one slow frame.
+/// A measurement expires after this many frames: it may have been one slow frame.
 const LIFE: u32 = 250;
 
-/// Milliseconds that a way to draw took, as logarithms.
+/// Last measurements of a rung, logarithms of milliseconds.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
     ln_ms: [f64; FRAMES],
-    /// How many of them there are, and where the next one goes.
+    /// Number of measurements; the next one replaces that at `next`.
     count: usize,
     next: usize,
-    /// Frames measured since.
+    /// Frames measured since the last one.
     age: u32,
 }
 
@@ -38,7 +38,7 @@ impl Measured {
         self.age = 0;
     }
 
-    /// The median; the lesser of two.
+    /// The median; the smaller one of two.
     fn median(&self) -> Option<f64> {
         let mut known = self.ln_ms;
         let known = &mut known[..self.count];
@@ -47,13 +47,13 @@ impl Measured {
     }
 }
 
-/// What is known of all ways to draw.
+/// Costs of all rungs.
 #[derive(Clone, Debug)]
 pub(super) struct Costs {
     rungs: [Measured; RUNGS.len()],
     /// The rung that was measured last.
     last: Option<usize>,
-    /// The last frames, the newest at the end.
+    /// Rungs and log milliseconds of the last frames, the newest at the end.
     recent: VecDeque<(usize, f64)>,
 }
 
@@ -64,7 +64,7 @@ impl Default for Costs {
 }
 
 impl Costs {
-    /// A frame took so many milliseconds; what is no positive number is no measurement.
+    /// Adds the milliseconds of a frame; ignores numbers that are not positive and finite.
     pub(super) fn add(&mut self, rung: usize, ms: f64) {
         if !(ms > 0.0 && ms.is_finite()) {
             return;
@@ -87,7 +87,7 @@ impl Costs {
         }
     }
 
-    /// Of the last frames, drawn in one way: how many took more than a limit, and how many did not.
+    /// How many of the last frames of a rung took more than a limit, and how many did not.
     pub(super) fn beyond(&self, rung: usize, limit_ms: f64) -> [usize; 2] {
         let of_rung = self.recent.iter().filter(|(of, _)| *of == rung);
         of_rung.fold([0; 2], |[beyond, within], (_, ln_ms)| match ln_ms.exp() > limit_ms {
@@ -96,7 +96,7 @@ impl Costs {
         })
     }
 
-    /// From now on a way to draw is taken to cost what the dearest of the last frames did that were drawn so.
+    /// Sets the expected cost of a rung to that of its dearest recent frame.
     pub(super) fn expect_dearest(&mut self, rung: usize) {
         let dearest = self.recent.iter().filter(|(of, _)| *of == rung).map(|(_, ln_ms)| *ln_ms).reduce(f64::max);
         if let Some(ln_ms) = dearest {
@@ -104,21 +104,20 @@ impl Costs {
         }
     }
 
-    /// How dear the dearest of the last frames were, over what their ways to draw are taken to cost: 1 at least. One of them alone changes
-    /// nothing.
+    /// Largest ratio of a recent frame's cost to the expected cost of its rung, the top one ignored as an outlier; at least 1.
     pub(super) fn dearest(&self) -> f64 {
         let over = self.recent.iter().filter_map(|&(rung, ln_ms)| Some(ln_ms - self.rungs[rung].median()?));
         let by_size = |[most, second]: [f64; 2], over: f64| [most.max(over), second.max(over.min(most))];
         over.fold([0.0; 2], by_size)[1].exp()
     }
 
-    /// All costs change by a factor: other pixels, say.
+    /// Scales all costs by a factor, for another pixel count, say.
     pub(super) fn scale(&mut self, factor: f64) {
         self.recent.iter_mut().for_each(|(_, ln_ms)| *ln_ms += factor.ln());
         self.rungs.iter_mut().flat_map(|measured| &mut measured.ln_ms).for_each(|ln_ms| *ln_ms += factor.ln());
     }
 
-    /// Forgets all but what was measured last: nothing else says how dear frames may be now.
+    /// Forgets all but the last measurement, the only hint at what frames cost now.
     pub(super) fn forget(&mut self) {
         let last = self.last.map(|at| (at, self.rungs[at]));
         *self = Self::default();
@@ -127,12 +126,12 @@ impl Costs {
         }
     }
 
-    /// Milliseconds that a way to draw took; `None` if that was not measured.
+    /// Milliseconds that a rung took; `None` if not measured.
     pub(super) fn measured(&self, rung: usize) -> Option<f64> {
         self.rungs[rung].median().map(f64::exp)
     }
 
-    /// Milliseconds that a way to draw of a family is expected to take; `None` if nothing is known that tells.
+    /// Milliseconds that a rung of a family is expected to take; `None` if neither the family nor the exact rung is measured.
     pub(super) fn expected(&self, family: Family, rung: usize) -> Option<f64> {
         let ratio = |at: usize| Some(self.rungs[at].median()? - RUNGS[at].share.ln());
         let steps = || ladder(family).enumerate();
@@ -148,7 +147,7 @@ impl Costs {
             (None, None) => ratio(EXACT)?,
         };
         let expected = (ratio + RUNGS[rung].share.ln()).exp();
-        // What is finer than the last frame takes no less.
+        // A finer rung than the last frame's takes no less.
         let last = self.last.filter(|&last| steps().skip(place as usize).any(|(_, at)| at == last));
         Some(last.and_then(|last| self.measured(last)).map_or(expected, |last| expected.max(last)))
     }

@@ -1,14 +1,14 @@
-//! By how much frames of few rays with details of an earlier one are off, beside what else could be drawn.
+//! Error of frames of few rays with details of an earlier one, compared to that of other rungs.
 
 use super::Quality;
 use crate::render::residual::RENEWAL_FRAMES;
 use std::collections::VecDeque;
 
-/// What was measured so many frames ago is not known any more.
+/// Measurements expire after this many frames.
 const LIFE: u32 = 250;
-/// Root mean square of an image of adaptive rays over its contrast, at the least (docs/sampling.md, *What it costs*: 0.0031 to 0.008).
+/// Lower bound of an adaptive image's root mean square error over its contrast (docs/sampling.md, *What it costs*: 0.0031 to 0.008).
 const LEAST_OF_CONTRAST: f64 = 0.0031;
-/// Once in use, details stay until they are off by so many times what the other way is.
+/// Once in use, details stay until their error exceeds the other rung's by this factor.
 const STAY: f64 = 1.25;
 /// The share of width and height that has as many rays as a frame with details.
 const SHARE: f64 = 0.25;
@@ -16,16 +16,16 @@ const SHARE: f64 = 0.25;
 /// Errors of the last frames with details.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DetailsError {
-    /// Root mean squares with details and without, the newest at the end: each of another part of the image, together of all of it.
+    /// Root mean square errors with details and without, the newest at the end: each of another part of the image, together of all of it.
     recent: VecDeque<[f64; 2]>,
-    /// Frames since the newest.
+    /// Frames since the newest error.
     age: u32,
-    /// Whether the last frame was drawn so.
+    /// Whether the last frame was drawn with details.
     pub(super) is_in_use: bool,
 }
 
 impl DetailsError {
-    /// A frame was off by so much; what is no number is no measurement.
+    /// Adds the errors of a frame; ignores errors that are not finite.
     pub(super) fn add(&mut self, rmse: [f64; 2]) {
         if !rmse.iter().all(|rmse| rmse.is_finite()) {
             return;
@@ -37,7 +37,7 @@ impl DetailsError {
         self.age = 0;
     }
 
-    /// A frame has passed, drawn in whatever way.
+    /// Counts a frame of any rung.
     pub(super) fn pass(&mut self) {
         self.age += 1;
         if self.age > LIFE {
@@ -45,7 +45,7 @@ impl DetailsError {
         }
     }
 
-    /// Whether frames with details are off by less than those drawn in another way are at the least, or nobody knows.
+    /// Whether frames with details have a smaller error than the least of `other`, or no error is known yet.
     pub(super) fn is_better_than(&self, other: Quality) -> bool {
         if self.recent.is_empty() {
             return !matches!(other, Quality::Faces(_));

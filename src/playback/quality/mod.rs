@@ -1,19 +1,20 @@
-//! Holds a frame rate while something moves, with the least error that it allows.
+//! Holds a frame rate while something moves, with the least error that allows it.
 //!
-//! A frame is drawn in full, or by one of the [families](Family): fewer rays, a smaller image, fewer faces, each with a number that goes from
-//! fine to coarse. [`QualityControl`] keeps what each of them took and says how the next frame is drawn. It has no clock and no threads.
+//! A frame is drawn in full, or by one of the [families](Family): fewer rays, a smaller image, fewer faces, each with a parameter from fine
+//! to coarse (its rungs). [`QualityControl`] records what each rung took and chooses that of the next frame. It has no clock and no
+//! threads.
 //!
 //! ```text
-//! fall    at once, if the way in use takes more than 0.92 of the time: to the finest one that takes at most 0.88 of it
-//! rise    to a way that is expected to take at most 0.85 of it, if frames were as dear as the second dearest of the last sixteen, and at most 1.6 times
+//! fall    at once, if the rung in use takes more than 0.92 of the target: to the finest one that takes at most 0.88 of it
+//! rise    to a rung that is expected to take at most 0.85 of it, if frames were as dear as the second dearest of the last sixteen, and at most 1.6 times
 //!         what the one in use takes or the next finer one, once that one has been measured
-//! rays    if some contrast is within the time; else smaller images. If neither is: the finest way that takes at most 1.1 times what the
+//! rays    if some contrast is within the target; else smaller images. If neither is: the finest rung that takes at most 1.1 times what the
 //!         cheapest does, for which the coarsest ways of both are tried, and finer ones as long as they take no more
-//! details where the camera stands still, in place of either: as soon as they have been measured to be off by less (`details.rs`)
+//! details where the camera stands still, in place of either: as soon as their measured error is smaller (`details.rs`)
 //! faces   where the user draws faces
 //! ```
-//! A frame is measured with the way in which it was drawn, so it may come late (frames are rendered in a pipeline). A finer way that took too
-//! long is remembered, and not tried again until its cost has changed with that of the others: nothing goes up and down.
+//! A measurement names the quality of its frame, so it may come late (frames are rendered in a pipeline). A finer rung that took too long
+//! is not tried again until its cost has changed with that of the others: the quality does not oscillate.
 
 mod costs;
 mod details;
@@ -32,21 +33,22 @@ use serde::{Deserialize, Serialize};
 /// How a frame is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
-    /// All there is.
+    /// In full: all rays or cells.
     #[default]
     Exact,
-    /// Only the rays that a contrast asks for ([`SampleSet::Adaptive`]).
+    /// Only the rays that a contrast needs ([`SampleSet::Adaptive`]).
     Rays(Contrast),
-    /// An image of this share of width and height, enlarged.
+    /// A smaller image, enlarged: this share of width and height.
     Scaled(f64),
     /// Rays at every fourth pixel, with details of an earlier frame ([`crate::pipeline::ResidualRequest`]).
     Details,
-    /// By faces: the share of those inside the volume that is drawn.
+    /// By faces: this share of the interior ones.
     Faces(f64),
 }
 
 impl Quality {
-    /// The request drawn like this; `faces` says how faces are, but for their number. Details are for who has them to add.
+    /// The request with this quality; `faces` are the settings of faces except their number. The caller adds the details of
+    /// [`Quality::Details`].
     #[must_use]
     pub fn of_request(self, request: FrameRequest, faces: FaceDetail) -> FrameRequest {
         match self {
@@ -62,22 +64,22 @@ impl Quality {
     }
 }
 
-/// What is given up for time.
+/// What is reduced to save time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Family {
-    /// Rays where neighbouring ones hardly differ.
+    /// Rays where neighbouring ones differ little.
     Rays,
-    /// Pixels.
+    /// Pixels of the image.
     Scaled,
-    /// Changes between rays, while the camera stands still.
+    /// Changes between sparse rays, while the camera stands still.
     Details,
-    /// Faces inside the volume.
+    /// Interior faces.
     Faces,
 }
 
 impl Family {
-    /// The ways to draw that the control chooses from, finest first.
+    /// The qualities that the control chooses from, finest first.
     pub fn qualities(self) -> impl Iterator<Item = Quality> {
         ladder(self).map(|at| RUNGS[at].quality)
     }
@@ -89,37 +91,37 @@ words!(
     ["rays" = Rays, "scaled" = Scaled, "details" = Details, "faces" = Faces]
 );
 
-/// What a frame is wanted for.
+/// Requirements on a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wanted {
-    /// Milliseconds that a frame may take, if something moves and a rate is to be held.
+    /// Target milliseconds per frame, if something moves and a rate is to be held.
     pub target_ms: Option<f64>,
-    /// What may be given up for it; `None`: what costs least.
+    /// The family to use; `None`: the one with the least error.
     pub family: Option<Family>,
-    /// Whether rays can be left out of the frame.
+    /// Whether the frame can be drawn with fewer rays.
     pub has_rays: bool,
     /// Whether there are details of an earlier frame of the same view.
     pub has_details: bool,
-    /// The share of faces that is drawn in full quality, if faces are what the user draws.
+    /// Share of faces in full quality, if the user draws faces.
     pub faces: Option<f64>,
-    /// Whether all cells may be drawn in place of those faces where that takes no longer.
+    /// Whether all cells may be drawn in place of faces where that takes no longer.
     pub or_exact: bool,
 }
 
-/// A way in use is left if it takes more than this share of the time.
+/// A rung is left if it takes more than this share of the target.
 const FALL: f64 = 0.92;
-/// It is also left, for the next coarser one, if more frames than these were late of the last sixteen, and as many were not: what is dear comes
-/// back.
+/// A rung is also left, for the next coarser one, if more than this many of the last sixteen frames were late, and as many were not: dear
+/// steps come back.
 const LATE: usize = 2;
-/// What it is left for takes at most this share.
+/// Its replacement takes at most this share.
 const AIM: f64 = 0.88;
-/// A finer way is taken that is expected to take at most this share.
+/// A finer rung is taken if it is expected to take at most this share.
 const RISE: f64 = 0.85;
-/// It takes at most so many times what the one in use does: what is not measured may be expected wrongly.
+/// It takes at most this many times what the one in use does: an unmeasured cost is uncertain.
 const RISE_BY: f64 = 1.6;
-/// Where nothing is within the time: so many times the least possible.
+/// Where no rung is within the target: at most this many times the least cost.
 const NEAR: f64 = 1.1;
-/// A view that is so many times nearer or farther costs something else.
+/// If the view is nearer or farther by this factor, costs are forgotten.
 const OTHER_ZOOM: f64 = 1.5;
 
 /// Chooses how frames are drawn from what the last ones took.
@@ -127,17 +129,17 @@ const OTHER_ZOOM: f64 = 1.5;
 pub struct QualityControl {
     costs: Costs,
     details: DetailsError,
-    /// The way in use, while something moves.
+    /// The rung in use, while something moves.
     in_use: Option<usize>,
-    /// Whether it has been measured since it is.
+    /// Whether it has been measured since it came into use.
     is_confirmed: bool,
-    /// Pixels of an image in full, and units of length in their height when costs were measured.
+    /// Pixels of an image in full, and the world units that its height showed when costs were measured.
     view: Option<(usize, f64)>,
 }
 
 impl QualityControl {
-    /// Frames have so many pixels in full, whose height shows so many units of length at what is looked at. Costs go with the pixels, and are
-    /// forgotten if that height has changed by a factor of more than 1.5.
+    /// Sets the pixels of a frame in full, and the world units that its height shows at the camera's target. Costs are proportional to the
+    /// pixels, and are forgotten if that height has changed by a factor of more than 1.5.
     pub fn set_view(&mut self, pixels: usize, height: f64) {
         let pixels = pixels.max(1);
         let Some((before, at)) = self.view else {
@@ -155,18 +157,18 @@ impl QualityControl {
         self.view = Some((pixels, if is_near { at } else { height }));
     }
 
-    /// Frames show something else (other colours, say): what they took counts no more, but for the last one as a first guess.
+    /// Forgets costs after a change of what is shown (other colours, say), except the last one as a first guess.
     pub fn forget(&mut self) {
         self.costs.forget();
         self.details = DetailsError::default();
     }
 
-    /// Frames are of another mesh: nothing is known.
+    /// Forgets everything: frames are of another mesh.
     pub fn forget_all(&mut self) {
         *self = Self::default();
     }
 
-    /// A frame drawn like this took so many milliseconds. Numbers that are not positive and finite are no measurements.
+    /// Adds the milliseconds of a frame with this quality. Numbers that are not positive and finite are ignored.
     pub fn measured(&mut self, drawn: Quality, ms: f64) {
         let rung = nearest(drawn);
         self.costs.add(rung, ms);
@@ -174,7 +176,7 @@ impl QualityControl {
         self.is_confirmed |= self.in_use == Some(rung);
     }
 
-    /// Pixels of a frame with details were off by so much, as a root mean square: with them, and without any.
+    /// Adds the root mean square errors of a frame: with details, and without.
     pub fn measured_details(&mut self, rmse: [f64; 2]) {
         self.details.add(rmse);
     }
@@ -184,7 +186,7 @@ impl QualityControl {
         self.costs.expected(Family::Rays, EXACT)
     }
 
-    /// How to draw the next frame.
+    /// Quality of the next frame.
     pub fn choose(&mut self, wanted: &Wanted) -> Quality {
         let Some(target_ms) = wanted.target_ms.filter(|ms| *ms > 0.0) else {
             self.in_use = None;
@@ -210,7 +212,7 @@ impl QualityControl {
         }
     }
 
-    /// Whether details are within the time, and off by less than what would be drawn otherwise, or nobody knows yet.
+    /// Whether details are within the target, and have a smaller error than `rung`, or that is not known yet.
     fn has_better_details(&mut self, rung: usize, wanted: &Wanted, target_ms: f64) -> bool {
         let is_asked = wanted.has_details && wanted.family.is_none() && rung != EXACT;
         let limit = if self.details.is_in_use { FALL } else { AIM };
@@ -219,19 +221,19 @@ impl QualityControl {
         self.details.is_in_use
     }
 
-    /// What is drawn when nothing is to be held: everything, or the faces that were chosen.
+    /// Quality when no rate is to be held: exact, or the faces that the user chose.
     fn at_rest(&self, wanted: &Wanted) -> Quality {
         let Some(most) = wanted.faces else { return Quality::Exact };
         let faces_ms = self.costs.expected(Family::Faces, nearest(Quality::Faces(most)));
         if faces_ms.is_some_and(|ms| self.is_exact_as_fast(wanted, ms)) { Quality::Exact } else { Quality::Faces(most) }
     }
 
-    /// Whether all cells may be drawn in place of faces, and took no longer than that.
+    /// Whether all cells may be drawn in place of faces, and took no longer than the limit.
     fn is_exact_as_fast(&self, wanted: &Wanted, limit_ms: f64) -> bool {
         wanted.or_exact && is_within(self.costs.measured(EXACT), limit_ms)
     }
 
-    /// From one frame to the next.
+    /// The next rung, given the current one.
     fn go_on(&mut self, at: usize, families: &[Family], target_ms: f64) -> usize {
         let family = family_of(at).filter(|family| families.contains(family)).unwrap_or(families[0]);
         let is_cheap = |coarser: &usize| is_within(self.costs.expected(family, *coarser), FALL * target_ms);
@@ -250,7 +252,7 @@ impl QualityControl {
         if !self.is_confirmed {
             return at;
         }
-        // A family that is named before this one, as soon as it is fast enough.
+        // An earlier family, as soon as it is fast enough.
         let before = families.iter().take_while(|&&of| of != family).filter(|_| at != EXACT);
         let limit = RISE * target_ms / self.costs.dearest();
         let coarsest = |&of: &Family| ladder(of).last().filter(|&last| is_within(expected(of, last), limit));
@@ -260,25 +262,25 @@ impl QualityControl {
         before.filter_map(coarsest).next().or_else(by_steps).unwrap_or(at)
     }
 
-    /// From all that there is, knowing what is known.
+    /// The first rung, from known costs.
     fn pick(&self, families: &[Family], target_ms: f64) -> usize {
         let is_unknown =
             |&family: &Family| ladder(family).next().is_none_or(|at| self.costs.expected(family, at).is_none());
         if families.iter().all(is_unknown) {
-            // Nobody knows yet.
+            // No cost is known yet.
             return ladder(families[0]).next().unwrap_or(EXACT);
         }
         let within = self.finest_within(AIM * target_ms, families);
         within.unwrap_or_else(|| self.cheapest(families))
     }
 
-    /// The finest way that takes no more than that, in the first family that has one.
+    /// The finest rung within the limit, in the first family that has one.
     fn finest_within(&self, limit_ms: f64, families: &[Family]) -> Option<usize> {
         let within = |family, at: &usize| is_within(self.costs.expected(family, *at), limit_ms);
         families.iter().find_map(|&family| ladder(family).find(|at| within(family, at)))
     }
 
-    /// Where nothing is within the time: what comes near to the cheapest, once it is known what that is.
+    /// Where no rung is within the target: a rung near the cheapest one, after trying the coarsest ones.
     fn nearest_to_target(&self, at: usize, family: Family, families: &[Family]) -> usize {
         if !self.is_confirmed {
             return at;
@@ -290,15 +292,15 @@ impl QualityControl {
         }
         let (all, in_use) = (self.least(families), self.costs.expected(family, at));
         if !is_within(in_use, NEAR * all) {
-            // What is in use stays while it is hardly worse.
+            // The rung in use stays while it is hardly dearer.
             return if is_within(in_use, NEAR * NEAR * all) { at } else { self.cheapest(families) };
         }
-        // A finer way may take no more: that shows when it is tried.
+        // A finer rung may take no more: it is tried.
         let finer = ladder(family).take_while(|&of| of != at).last();
         finer.filter(|finer| is_new(finer) || is_within(self.costs.measured(*finer), NEAR * all)).unwrap_or(at)
     }
 
-    /// The finest of the ways that are near to the cheapest; earlier families have less error, and may take a little longer.
+    /// The finest rung near the cheapest; earlier families have less error, and may take a little longer.
     fn cheapest(&self, families: &[Family]) -> usize {
         let all = self.least(families);
         let of_family =
@@ -306,20 +308,20 @@ impl QualityControl {
         families.iter().find_map(of_family).unwrap_or(EXACT)
     }
 
-    /// The least that a frame may be expected to take.
+    /// The least expected milliseconds.
     fn least(&self, families: &[Family]) -> f64 {
         let expected = |&family: &Family| ladder(family).filter_map(move |at| self.costs.expected(family, at));
         families.iter().flat_map(expected).fold(f64::INFINITY, f64::min)
     }
 }
 
-/// Whether a cost that is known is at most that.
+/// Whether a cost is known and at most the limit.
 fn is_within(ms: Option<f64>, limit: f64) -> bool {
     ms.is_some_and(|ms| ms <= limit)
 }
 
 impl Wanted {
-    /// What may be given up, what costs the least error first; one family at least.
+    /// The usable families, that of the least error first; at least one.
     fn families(&self) -> Vec<Family> {
         let rays = || self.has_rays.then_some(Family::Rays);
         match (self.family, self.faces) {

@@ -1,14 +1,13 @@
-//! The ways to draw a frame, family by family, from all there is to the coarsest; and what they cost before anything is measured.
+//! The rungs of quality, family by family from the finest to the coarsest, and their expected costs before any measurement.
 
 use super::{Family, Quality};
 use crate::render::Contrast;
 
-/// A way to draw a frame.
+/// A way to draw a frame, with its cost.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rung {
     pub(super) quality: Quality,
-    /// Its cost as a share of that of the first one of its family, as long as nobody knows better. It is rather too low: what is tried is
-    /// measured.
+    /// Cost relative to the first rung of its family until it is measured. Rather too low, so that the rung is tried and measured.
     pub(super) share: f64,
 }
 
@@ -29,10 +28,10 @@ const fn faces(level: f64) -> Rung {
     Rung { quality: Quality::Faces(level), share: 0.05 + 0.95 * level }
 }
 
-/// How many there are of each family but the exact one.
+/// Number of rungs of each family, without the exact one.
 const COUNTS: [usize; 4] = [12, 8, 1, 13];
 
-/// All of them: the exact one, then those of each family.
+/// All rungs: the exact one, then those of each family.
 pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]] = [
     Rung { quality: Quality::Exact, share: 1.0 },
     // Shares of all rays as measured on dense transfer functions (docs/sampling.md), below.
@@ -56,7 +55,7 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]
     scaled(0.25),
     scaled(0.1875),
     scaled(0.125),
-    // One ray in sixteen, dearer than one of a whole image, and all of them in one row of thirty-two.
+    // One ray in sixteen, each dearer than a ray of a whole image, and all rays in one row of thirty-two.
     Rung { quality: Quality::Details, share: 0.15 },
     faces(1.0),
     faces(0.75),
@@ -73,13 +72,13 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]
     faces(0.02),
 ];
 
-/// The number of the exact one.
+/// Index of the exact rung.
 pub(super) const EXACT: usize = 0;
 
-/// The number of the one with details.
+/// Index of the rung with details.
 pub(super) const DETAILS: usize = 1 + COUNTS[0] + COUNTS[1];
 
-/// The ways of a family, finest first. The exact one is the finest of all but faces.
+/// Indices of the rungs of a family, finest first. The exact one is the finest of all families but faces.
 pub(super) fn ladder(family: Family) -> impl Iterator<Item = usize> + Clone {
     let first = match family {
         Family::Rays => 1,
@@ -91,12 +90,12 @@ pub(super) fn ladder(family: Family) -> impl Iterator<Item = usize> + Clone {
     has_exact.then_some(EXACT).into_iter().chain(first..first + COUNTS[family as usize])
 }
 
-/// The family of a way to draw; `None` of the exact one.
+/// The family of a rung; `None` for the exact one.
 pub(super) fn family_of(rung: usize) -> Option<Family> {
     Family::ALL.into_iter().find(|&family| rung != EXACT && ladder(family).any(|of| of == rung))
 }
 
-/// The way that is nearest to one that was drawn.
+/// The rung nearest to a quality.
 pub(super) fn nearest(drawn: Quality) -> usize {
     let knob = |quality: Quality| match quality {
         Quality::Exact | Quality::Details => f64::INFINITY,

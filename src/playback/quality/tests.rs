@@ -1,15 +1,15 @@
-//! The control on machines that are not there.
+//! The quality control on simulated machines.
 
 use super::*;
 
-/// Milliseconds of a frame on a machine: in full, and as shares of that by contrast, share of the sides, and share of the faces.
+/// Costs of frames on a machine: milliseconds in full, and shares of that by contrast, share of the sides, and share of the faces.
 #[derive(Clone, Copy)]
 struct Machine {
     name: &'static str,
     rays: fn(f64) -> f64,
     scaled: fn(f64) -> f64,
     faces: fn(f64) -> f64,
-    /// By how much a frame may be off, and by how much each 50th is.
+    /// Relative noise of a frame, and of every 50th.
     noise: f64,
     hiccup: f64,
 }
@@ -91,7 +91,7 @@ fn wanted() -> Wanted {
 }
 
 impl Machine {
-    /// Milliseconds of frame number `frame` where one in full takes `exact_ms`.
+    /// Milliseconds of frame number `frame` if one in full takes `exact_ms`.
     fn ms(&self, quality: Quality, exact_ms: f64, frame: usize) -> f64 {
         let share = match quality {
             Quality::Exact => 1.0,
@@ -100,20 +100,20 @@ impl Machine {
             Quality::Details => 0.12,
             Quality::Faces(level) => (self.faces)(level),
         };
-        // A number between -1 and 1 that looks like any.
+        // A pseudorandom number between -1 and 1.
         let noise = ((frame as f64 * 12.9898).sin() * 43758.547).fract();
         let hiccup = if frame % 50 == 30 { self.hiccup } else { 1.0 };
         exact_ms * share * (1.0 + self.noise * noise) * hiccup
     }
 
-    /// The cheapest that there is, over that in full.
+    /// Cost of the cheapest rung over that in full.
     fn least(&self, wanted: &Wanted) -> f64 {
         let ways = wanted.families().into_iter().flat_map(ladder).map(|at| RUNGS[at].quality);
         ways.map(|quality| self.ms(quality, 1.0, 0)).fold(f64::INFINITY, f64::min) * (1.0 + 2.0 * self.noise)
     }
 
-    /// Moves for some frames after one in full at rest; `scale`: what frames in full take then, of `exact_ms`. Frames are measured `delay` frames
-    /// after they were asked for. What was drawn, and what it took.
+    /// Moves for some frames after one in full at rest; `scale`: factor on `exact_ms` by frame. Measurements arrive `delay` frames after
+    /// the request. Returns qualities and milliseconds.
     fn play(
         &self,
         control: &mut QualityControl,
@@ -137,15 +137,15 @@ impl Machine {
     }
 }
 
-/// Frames beyond the time after the first `settled`, and changes after the first hundred.
+/// Late frames after the first `settled`, and changes after the first hundred.
 fn late_and_changed(drawn: &[(Quality, f64)], settled: usize) -> (usize, usize) {
     let late = drawn[settled..].iter().filter(|(_, ms)| *ms > TARGET_MS).count();
     let changed = drawn[drawn.len().min(100)..].windows(2).filter(|pair| pair[0].0 != pair[1].0).count();
     (late, changed)
 }
 
-/// Frames in full from a fast one to one that takes seconds, on all machines: within the time in 95 % of the frames after the fifth, and
-/// nothing goes up and down.
+/// Frames in full from fast to several seconds, on all machines: within the target in 95 % of the frames after the fifth, and no
+/// oscillation.
 #[test]
 fn a_rate_that_can_be_held_is_held() {
     let (mut held, mut runs) = (0, 0);
@@ -165,11 +165,11 @@ fn a_rate_that_can_be_held_is_held() {
                             &drawn[..40]
                         )
                     };
-                    // Where the rate cannot be held, ways near to the cheapest are tried.
+                    // Where the rate cannot be held, rungs near the cheapest are tried.
                     assert!(changed <= 8, "{}", says());
                     if exact_ms * machine.least(&wanted) <= AIM * TARGET_MS {
                         held += 1;
-                        // A finer way that was forgotten is tried once in 250 frames and left again; and one rise.
+                        // A finer rung that was forgotten is tried once in 250 frames and left again; and one rise.
                         assert!(changed <= 3, "{}", says());
                         assert!(late * 20 <= drawn.len() - settled, "{}", says());
                     }
@@ -196,13 +196,13 @@ fn a_rate_is_held_while_costs_change() {
     }
 }
 
-/// A lasting step counts from its second frame, since one slow frame changes nothing. From then on only frames are late that try a way of
-/// which nobody knows the cost, and none where the ways are known.
+/// A lasting step counts from its second frame, since one slow frame changes nothing. From then on only frames are late that try a rung of
+/// unknown cost.
 #[test]
 fn it_falls_with_the_second_slow_frame() {
     let mut steps = 0;
     for (machine, by) in MACHINES.iter().flat_map(|machine| [1.5, 2.0, 4.0, 8.0, 20.0].map(|by| (machine, by))) {
-        // Where no way is within the time there is nothing to fall to.
+        // Where no rung is within the target there is nothing to fall to.
         if 30.0 * by * machine.least(&wanted()) > AIM * TARGET_MS {
             continue;
         }
@@ -247,13 +247,13 @@ fn it_rises_again() {
 
 #[test]
 fn where_nothing_is_within_the_time_no_more_is_given_up_than_helps() {
-    // Whatever is drawn, half of the frame stays: it is 200 ms of 400, and rays at a contrast of 0.05 are near to that.
+    // Half of the frame time is fixed: 200 ms of 400, and rays at a contrast of 0.05 are near that.
     let machine = MACHINES[3];
     let rays = Wanted { family: Some(Family::Rays), ..wanted() };
     let drawn = machine.play(&mut QualityControl::default(), &rays, 400.0, |_| 1.0, 0, 200);
     let Quality::Rays(contrast) = drawn[199].0 else { panic!("{:?}", drawn[199]) };
     assert!(drawn[199].1 <= 1.25 * 200.0 && contrast.get() < 0.1, "{:?}", drawn[199]);
-    // Small images would be cheaper, and are taken where they may be.
+    // Small images would be cheaper, and are used where allowed.
     let drawn = machine.play(&mut QualityControl::default(), &wanted(), 400.0, |_| 1.0, 0, 200);
     assert!(matches!(drawn[199].0, Quality::Scaled(_)), "{:?}", drawn[199]);
 }
@@ -297,7 +297,7 @@ fn at_rest_all_is_drawn_or_the_faces_that_were_chosen() {
     assert_eq!(control.choose(&faces), Quality::Exact, "all cells are no dearer");
     assert_eq!(control.choose(&Wanted { or_exact: false, ..faces }), Quality::Faces(0.8));
     assert_eq!(control.choose(&Wanted { faces: Some(0.1), ..faces }), Quality::Faces(0.1));
-    // The same while something moves.
+    // The choice is the same while something moves.
     let moving = Wanted { target_ms: Some(200.0), ..faces };
     assert_eq!(control.choose(&moving), Quality::Exact);
     assert!(
@@ -331,14 +331,14 @@ fn what_is_known_is_forgotten_when_it_is_of_something_else() {
         control.measured(Quality::Exact, ms);
     }
     assert!(is(control.exact_ms(), 400.0), "no measurements");
-    // What was measured long ago is not known any more, and the way in use always is.
+    // Old measurements expire, but that of the rung in use stays.
     for _ in 0..1000 {
         control.measured(Quality::Exact, 400.0);
     }
     assert!(control.costs.measured(nearest(Quality::Scaled(0.5))).is_none() && is(control.exact_ms(), 400.0));
 }
 
-/// Steps of a short loop cost different amounts: what is dear comes back.
+/// Steps of a short loop have different costs: dear ones come back.
 #[test]
 fn a_rate_is_held_in_a_loop_over_a_few_steps_of_different_cost() {
     const COSTS: [f64; 8] = [0.3, 0.45, 0.8, 1.1, 1.4, 1.6, 1.5, 1.2];
@@ -354,7 +354,8 @@ fn a_rate_is_held_in_a_loop_over_a_few_steps_of_different_cost() {
     }
 }
 
-/// Plays for some frames with details to be had; what was drawn. Details are off by `with`, plain interpolation by `without`.
+/// Plays for some frames with details available; returns the qualities. `with` and `without`: errors with details and with plain
+/// interpolation.
 fn play_with_details(exact_ms: f64, [with, without]: [f64; 2], frames: usize) -> Vec<Quality> {
     let (mut control, wanted) = (QualityControl::default(), Wanted { has_details: true, ..wanted() });
     control.measured(Quality::Exact, exact_ms);
@@ -373,7 +374,7 @@ fn play_with_details(exact_ms: f64, [with, without]: [f64; 2], frames: usize) ->
 #[test]
 fn details_are_drawn_where_they_are_within_the_time_and_measured_to_be_off_by_less() {
     let count = |drawn: &[Quality]| drawn.iter().filter(|&&quality| quality == Quality::Details).count();
-    // Rays at a contrast of some hundredths are within the time: off by 1e-4 or so.
+    // Rays at a contrast of some hundredths are within the target, with an error of about 1e-4.
     let good = play_with_details(200.0, [1e-6, 1e-3], 100);
     assert_eq!(count(&good), 100, "{good:?}");
     let bad = play_with_details(200.0, [1e-2, 1e-2], 600);

@@ -1,4 +1,4 @@
-//! The clock as a user meets it, with a fake time.
+//! Tests of the clock's public interface, with a fake time.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
 mod commands;
@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Times of the tests are sums of a few durations, each rounded to a nanosecond. Measured: 4e-9 of a time.
 const FEW_NANOSECONDS: f64 = 1e-8;
 
-/// The same time, or the same rate.
+/// Whether two times or rates are equal but for rounding.
 fn is_same(found: f64, expected: f64) -> bool {
     (found / expected - 1.0).abs() <= FEW_NANOSECONDS
 }
@@ -34,13 +34,13 @@ fn uniform(steps: usize) -> TimeAxis {
     TimeAxis { values: (0..steps).map(|step| step as f64).collect() }
 }
 
-/// A clock, a time, and a screen that shows what is due.
+/// A clock, a time, and a screen that shows the due frame.
 struct Player {
     clock: Clock,
     now: Duration,
-    /// What was shown and when.
+    /// Frames shown and their times.
     shown: Vec<(f64, FrameTime)>,
-    /// How long it takes to show a frame.
+    /// Time to render a frame.
     render: Duration,
 }
 
@@ -59,7 +59,7 @@ impl Player {
         self.clock.apply(command, self.now).unwrap();
     }
 
-    /// Shows what is due; how long there is nothing to do.
+    /// Shows the due frame; returns the clock's wait.
     fn refresh(&mut self) -> Option<Duration> {
         let due = self.clock.due(self.now);
         let Some(frame) = due.frame else { return due.wait };
@@ -69,7 +69,7 @@ impl Player {
         Some(Duration::ZERO)
     }
 
-    /// Looks every `period` for so many seconds; it sleeps instead if there is a wait and `period` is zero.
+    /// Refreshes every `period` for `duration_secs`; it sleeps instead if there is a wait and `period` is zero.
     fn run(&mut self, duration_secs: f64, period: Duration) {
         let end = self.now + secs(duration_secs);
         while self.now < end {
@@ -79,7 +79,7 @@ impl Player {
         }
     }
 
-    /// Sleeps as long as the clock says, until it has shown so many frames in all or there is nothing to come.
+    /// Sleeps as the clock asks, until it has shown `frames` frames in all or none is to come.
     fn show(&mut self, frames: usize) {
         while self.shown.len() < frames {
             let Some(wait) = self.refresh() else { break };

@@ -1,9 +1,9 @@
-//! Random playbacks against naive ones, and random commands.
+//! Random playbacks compared with naive ones, and random commands.
 
 use super::*;
 use proptest::prelude::*;
 
-/// What is played, as a user would write it down: the first `count` steps from the start.
+/// The naive order: the first `count` steps from the start.
 fn naive_order(steps: usize, settings: &Settings, count: usize) -> Vec<usize> {
     let range = settings.range.filter(|_| settings.repeat != Loop::All);
     let range = range.unwrap_or(StepRange { a: 0, b: steps - 1 });
@@ -23,12 +23,12 @@ fn naive_order(steps: usize, settings: &Settings, count: usize) -> Vec<usize> {
     }
 }
 
-/// When each of them is reached at a speed, from 0 on: the intervals summed up by hand.
+/// Times at which the steps are reached at a speed, from 0 on: the intervals summed up naively.
 fn naive_times(order: &[usize], times: &[f64], settings: &Settings, speed: f64) -> Vec<f64> {
     let mut at = vec![0.0];
     let adjacent = |a: usize, b: usize| a.abs_diff(b) == settings.stride;
     for (i, pair) in order.windows(2).enumerate() {
-        // Around the end of a loop of three steps or more, the step before says how long.
+        // At the end of a loop of three steps or more, the interval before counts.
         let wraps = settings.repeat != Loop::PingPong && i > 0 && (pair[1] > pair[0]) != (order[1] > order[0]);
         let (a, b) = if wraps { (order[i - 1], pair[0]) } else { (pair[0], pair[1]) };
         assert!(adjacent(a, b));
@@ -58,7 +58,7 @@ fn any_playback() -> impl Strategy<Value = (usize, Settings)> {
     (1usize..30).prop_flat_map(|steps| (Just(steps), any_settings(steps)))
 }
 
-/// Times with intervals from a thousandth to one, from an offset on.
+/// Times with intervals from a thousandth to one, with an offset.
 fn any_times(steps: std::ops::Range<usize>) -> impl Strategy<Value = Vec<f64>> {
     let offset = prop_oneof![Just(0.0), Just(-3.5), Just(1e9)];
     (offset, prop::collection::vec(0.001f64..1.0, steps)).prop_map(|(offset, intervals)| {
@@ -94,7 +94,7 @@ fn any_command() -> impl Strategy<Value = Command> {
     ]
 }
 
-/// What happens to a clock, besides commands.
+/// An input to a clock, commands included.
 #[derive(Clone, Debug)]
 enum Event {
     Command(Command),
@@ -121,7 +121,7 @@ fn any_event() -> impl Strategy<Value = Event> {
 /// Less than half of the shortest interval of [`any_times`] at the highest speed, 10.
 const ROUNDING_SECS: f64 = 2e-5;
 
-/// Compares what a clock shows in real time, asked at these moments, with what is naively due then.
+/// Compares the frames of a clock in real time, asked at these times, with the naively due ones.
 fn compare_with_naive(
     times: &[f64],
     played: &[f64],
@@ -130,7 +130,7 @@ fn compare_with_naive(
     pauses: &[f64],
 ) -> Result<(), TestCaseError> {
     let settings = Settings { mode: Mode::RealTime, time_per_second: Some(speed), ..*settings };
-    // Intervals of a thousandth at least: so many steps in all the time that passes.
+    // Intervals are a thousandth at least, which bounds the number of steps.
     let total: f64 = pauses.iter().sum();
     let order = naive_order(times.len(), &settings, (total * speed * 1000.0) as usize + 3);
     let reached = naive_times(&order, times, &settings, speed);
@@ -143,8 +143,8 @@ fn compare_with_naive(
         player.now += secs(pause);
         let now = player.now.as_secs_f64();
         let due_at = |now: f64| reached.partition_point(|&at| at <= now).saturating_sub(1);
-        // Moments are rounded to nanoseconds, sums of times at an offset of 1e9 to a tenth of a microsecond each; and the clock
-        // may be early by a thousandth of an interval or a millisecond.
+        // Times are rounded to nanoseconds, sums of times at an offset of 1e9 to a tenth of a microsecond each; and the clock may be early
+        // by a thousandth of an interval or a millisecond.
         let least = due_at(now - ROUNDING_SECS).max(last);
         let interval = reached.get(least + 1).map_or(0.0, |next| next - reached[least]);
         let most = due_at(now + (1e-3 * interval).min(1e-3) + ROUNDING_SECS);
@@ -153,7 +153,7 @@ fn compare_with_naive(
         let index = (least..=most).find(|&i| order[i] == frame.step());
         prop_assert!(index.is_some(), "at {now}: {frame:?}, not {:?}", &order[least..=most]);
         let index = index.unwrap();
-        // After whole rounds of a loop the frame is the one on the screen.
+        // After whole rounds of a loop the due frame is already on the screen.
         if due.frame.is_some() {
             prop_assert_eq!(due.dropped, (index - last).saturating_sub(1) as u64);
             last = index;
@@ -277,7 +277,7 @@ proptest! {
     }
 }
 
-/// From wherever a clock is, showing each frame at once plays what it announces.
+/// From any state of a clock, showing each frame at once plays the announced steps.
 fn announced_is_played(player: &mut Player) -> Result<(), TestCaseError> {
     player.apply(Command::Interpolate(false));
     if player.state().settings.mode == Mode::RealTime {

@@ -176,7 +176,7 @@ fn rounds_of_a_loop_that_nobody_can_see_are_counted_not_walked() {
         let due = player.clock.due(player.now);
         assert!((9e6 - 2.0..9e6 + 2.0).contains(&(due.dropped as f64)), "{due:?}");
     }
-    // Nothing moves faster than a step in a nanosecond: ten seconds of them, in no time.
+    // Speed is limited to a step per nanosecond: ten seconds of that take no time to compute.
     let mut player = playing(&uniform(5).values, &[Command::Loop(Loop::All), Command::Speed(f64::MAX)]);
     player.refresh();
     player.now = secs(9.0);

@@ -1,4 +1,4 @@
-//! What the user does to a session.
+//! Applies user actions to a session.
 
 use super::quality::SETTLE;
 use super::{IMAGE_SCALES, Session, TARGET_FPS};
@@ -10,16 +10,16 @@ use crate::transfer::{PositionKind, TransferError, TransferFunction};
 use crate::ui::Action;
 use std::time::Duration;
 
-/// One notch of speed: two of them are twice as fast.
+/// Factor of a notch of speed: two of them double it.
 const SPEED_NOTCH: f64 = std::f64::consts::SQRT_2;
 
-/// So long after an input the user has a core for themselves.
+/// Time after an input during which one core is reserved for the window.
 const BUSY: Duration = Duration::from_millis(250);
 
 impl Session {
-    /// Follows the user.
+    /// Applies a user action.
     pub fn act(&mut self, action: Action, now: Duration) {
-        // To look around costs nothing.
+        // Pointing does not reserve the core.
         if !matches!(action, Action::PointAt(_)) {
             self.busy_until = now.saturating_add(BUSY);
         }
@@ -147,7 +147,7 @@ impl Session {
     }
 
     fn change_speed(&mut self, speed: Option<f64>, factor: f64, now: Duration) {
-        // As fast as possible has none to change.
+        // The mode as fast as possible has no speed.
         if let Some(speed) = speed {
             self.command(Command::Speed(speed * factor), now);
         }
@@ -160,7 +160,7 @@ impl Session {
         self.command(Command::Range(Some(StepRange { a, b })), now);
     }
 
-    /// Follows the mouse: less is drawn meanwhile, if it takes too long. At the end of the world the camera stays where it is.
+    /// Moves the camera; a lower quality is used meanwhile if frames take too long. At the limits of coordinates the camera stays.
     fn move_camera(&mut self, moved: impl FnOnce(&Camera) -> Result<Camera, CameraError>, now: Duration) {
         if let Ok(camera) = moved(&self.camera()) {
             self.look.camera = camera;
@@ -189,14 +189,14 @@ impl Session {
         }
     }
 
-    /// Something is not as the project has it any more, if there is one.
+    /// Stops following some settings of the project, if there is one.
     fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
         if self.project().is_some() {
             change(&mut self.look.followed);
         }
     }
 
-    /// Nothing if the project has no such ensemble.
+    /// Chooses ensembles; does nothing if the project has no such ensemble.
     fn choose_ensembles(&mut self, choice: EnsembleChoice) {
         let count = self.project().map_or(0, |project| project.ensembles.len());
         let followed = &mut self.look.followed;
@@ -213,7 +213,7 @@ impl Session {
     }
 }
 
-/// Off, all, range, and off again; ping-pong has a key of its own.
+/// The loop after off, all, range, cyclically; ping-pong has its own key.
 fn next_loop(repeat: Loop) -> Loop {
     match repeat {
         Loop::Off => Loop::All,

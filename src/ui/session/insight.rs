@@ -1,4 +1,4 @@
-//! What a session knows beside its pictures.
+//! Data of a session beside its pictures.
 
 use super::{Drawing, Session};
 use crate::pipeline::FrameTime;
@@ -9,17 +9,17 @@ use crate::ui::survey::Surveyed;
 use std::sync::Arc;
 
 impl Session {
-    /// Where the mouse is in the picture, as [`PointAt`](crate::ui::Action::PointAt) has it.
+    /// Position of the mouse in the picture, as in [`PointAt`](crate::ui::Action::PointAt).
     pub fn mouse(&self) -> Option<(f64, f64)> {
         self.insight.mouse()
     }
 
-    /// What is under the mouse.
+    /// The answer for the point under the mouse.
     pub fn hover(&self) -> Option<&Hover> {
         self.insight.hover()
     }
 
-    /// The point whose value over the series is wanted.
+    /// The picked point.
     pub fn picked(&self) -> Option<Picked> {
         self.insight.picked()
     }
@@ -29,7 +29,7 @@ impl Session {
         self.insight.survey()
     }
 
-    /// A small picture of a step as it would be shown; asked for if it is not there yet. `None` also forgets what was asked for.
+    /// The thumbnail of a step; requested if missing. `None` also drops a pending request.
     pub fn thumbnail(&mut self, step: Option<usize>) -> Option<Arc<Picture>> {
         let Some((step, size)) = step.zip(self.size_px()) else {
             self.insight.forget_thumbnails();

@@ -1,4 +1,4 @@
-//! How frames are drawn while something moves, and at rest.
+//! Quality of frames in motion and at rest.
 
 use super::{Session, Shown};
 use crate::image::upsample::{Enlarging, bilinear};
@@ -10,27 +10,27 @@ use crate::render::Contrast;
 use crate::short::Short;
 use std::time::Duration;
 
-/// So long after the last motion the camera counts as still, and the image is drawn in full.
+/// Time after the last motion until the camera counts as still and the image is drawn in full.
 pub(super) const SETTLE: Duration = Duration::from_millis(200);
 
-/// Frames per second that are aimed at while something moves, unless somebody chooses.
+/// Default target frame rate while something moves.
 pub const DEFAULT_TARGET_FPS: f64 = 25.0;
 
-/// What can be chosen.
+/// Valid target frame rates.
 pub const TARGET_FPS: std::ops::RangeInclusive<f64> = 1.0..=120.0;
 
-/// Contrasts that are shown on the way to an image in full, if that takes longer than this.
+/// Contrasts of the previews of an image in full, if that takes longer than [`PREVIEWED_MS`].
 const PREVIEWS: [f32; 2] = [0.1, 0.02];
 const PREVIEWED_MS: f64 = 100.0;
-/// A preview has at most this share of the contrast of what is on the screen.
+/// Largest contrast of a preview relative to that on the screen.
 const BETTER: f32 = 0.5;
 
-/// What decides how a moment is drawn.
+/// Inputs of the choice of quality for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::ui) struct Drawing {
-    /// The renderer that was chosen.
+    /// The chosen renderer.
     pub(in crate::ui) mode: RenderMode,
-    /// The share of faces that is drawn at most.
+    /// Largest share of faces.
     pub(in crate::ui) lod: f64,
     /// Whether contrast may decide which rays are cast.
     pub(in crate::ui) has_rays: bool,
@@ -39,7 +39,7 @@ pub(in crate::ui) struct Drawing {
 }
 
 impl Drawing {
-    /// What the control of quality asks for, from how frames are drawn.
+    /// The requirements for the quality control.
     pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
         let Self { mode, lod, has_rays, has_details } = self;
         let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };
@@ -50,27 +50,27 @@ impl Drawing {
         Wanted { target_ms, family, has_rays, has_details, faces, or_exact: mode == RenderMode::Auto }
     }
 
-    /// How it is drawn at rest, whatever that takes.
+    /// Quality at rest, whatever its cost.
     pub(in crate::ui) fn at_rest(self) -> Quality {
         self.wanted(None, None).faces.map_or(Quality::Exact, Quality::Faces)
     }
 }
 
-/// By how much the last picture of a motion was off, and what it took.
+/// Error and cost of the last picture of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionError {
-    /// How it was drawn.
+    /// Quality of the picture.
     pub quality: Quality,
     /// Milliseconds of all stages.
     pub ms: f64,
-    /// The share of the rays that was cast, if contrast decided.
+    /// Share of the rays that was cast, with adaptive rays.
     pub rays: Option<f64>,
-    /// From the image in full, once enlarged; `None` if one of them is on the GPU.
+    /// Difference from the image in full, after enlarging; `None` if one of them is on the GPU.
     pub error: Option<RawDifference>,
 }
 
 impl Session {
-    /// The share of width and height, the contrast or the level of a frame that was asked for.
+    /// The quality of a request: its share of width and height, contrast or level.
     pub(super) fn quality_of(&self, request: &FrameRequest) -> Quality {
         if request.residual.is_some() {
             return Quality::Details;
@@ -82,24 +82,24 @@ impl Session {
         let share = self.size_px().map_or(1.0, |full| request.size_px.1 as f64 / full.1 as f64);
         match contrast {
             Some(contrast) => Quality::Rays(contrast),
-            // The nearest there is to a whole one.
+            // The largest share below the full size.
             None if share < 0.92 => Quality::Scaled(share),
             None => Quality::Exact,
         }
     }
 
-    /// Milliseconds that a frame may take now: while something moves, and nobody waits for the picture in full.
+    /// Target milliseconds per frame: while something moves and no picture in full is awaited.
     pub(super) fn target_ms(&self, state: &State, now: Duration) -> Option<f64> {
         let moves = (state.playing || self.rest(now).is_some()) && !self.wants_screenshot;
         self.target_fps.filter(|_| moves).map(|fps| 1e3 / fps)
     }
 
-    /// How long until the camera counts as still; `None` if it does.
+    /// Time until the camera counts as still; `None` if it does.
     pub(super) fn rest(&self, now: Duration) -> Option<Duration> {
         self.moving_until.and_then(|until| until.checked_sub(now)).filter(|rest| !rest.is_zero())
     }
 
-    /// What is shown on the way to a picture in full, better than what is on the screen.
+    /// Contrasts of previews, better than the picture on the screen.
     pub(super) fn previews(&self) -> Vec<Contrast> {
         if self.quality.exact_ms().is_none_or(|ms| ms < PREVIEWED_MS) {
             return Vec::new();
@@ -110,7 +110,7 @@ impl Session {
         PREVIEWS.into_iter().filter_map(Contrast::new).filter(is_better).collect()
     }
 
-    /// What the picture on the screen lacks, in words; `None` if it is what it will be at rest.
+    /// How the picture on the screen falls short of that at rest, as text; `None` if it does not.
     pub fn lacks(&self) -> Option<String> {
         let shown = self.shown.as_ref()?;
         match shown.quality {
@@ -124,12 +124,12 @@ impl Session {
         }
     }
 
-    /// By how much the last picture of the last motion was off.
+    /// Error of the last picture of the last motion.
     pub fn motion_error(&self) -> Option<MotionError> {
         self.motion_error
     }
 
-    /// A frame is on the screen: the last one of a motion is compared with the one in full, beside everything else.
+    /// Compares the last frame of a motion with the one in full that is on the screen, on another thread.
     pub(super) fn compare_with_motion(&mut self) {
         let Some(shown) = &self.shown else { return };
         if !shown.is_final {
@@ -165,7 +165,7 @@ impl MotionError {
         }
     }
 
-    /// How far an image, enlarged if it is smaller, is from the one in full; `None` if one of them is elsewhere, and has no pixels.
+    /// The difference of an image, enlarged if smaller, from the one in full; `None` if one of them is on the GPU.
     pub(in crate::ui) fn between(image: &RgbaImage, exact: &RgbaImage) -> Option<RawDifference> {
         if image.pixels.is_empty() || exact.pixels.is_empty() {
             return None;

@@ -1,4 +1,4 @@
-//! What a session does whenever its time comes.
+//! The periodic update of a session.
 
 use super::{Asked, Drawing, Session, Shown};
 use crate::look::Look;
@@ -11,15 +11,15 @@ use crate::ui::still::Still;
 use std::time::Duration;
 
 impl Session {
-    /// Shows what is due and asks for what comes next. Returns whether there is something new to show, and after how long to
-    /// call again at the latest (`None`: after an action, or when woken).
+    /// Shows the due frame and requests the next ones. Returns whether there is something new to show, and after how long to call again at
+    /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
         self.requests.collect();
         let (state, is_busy) = (self.state(), now < self.busy_until);
         self.player.pipelined().leave_a_core(is_busy);
         let Some(size) = self.size_px() else { return (false, None) };
-        // An image that is to be saved must be here.
+        // An image to be saved must be on the CPU.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
@@ -31,9 +31,9 @@ impl Session {
             *drawing = Some(of);
             quality.choose(&of.wanted(family, target_ms))
         };
-        // The moment that comes next is drawn as the last one, unless a project says otherwise.
+        // The next frame is drawn like the last one, unless a project says otherwise.
         let now_drawn = last.map_or_else(Quality::default, &mut choose);
-        // Frames of another quality are as good while more of them follow; at rest it is the one that was chosen.
+        // Frames of another quality suffice in motion; at rest the quality must be the chosen one.
         let moves = target_ms.is_some();
         let is_same = |asked: &mut Asked| {
             let before = std::mem::replace(&mut asked.quality, now_drawn);
@@ -41,7 +41,7 @@ impl Session {
         };
         if !asked.as_mut().is_some_and(is_same) || requests.for_window != for_window {
             requests.for_window = for_window;
-            // Before the first frame there is nothing to draw again.
+            // Before the first frame there is none to redraw.
             if asked.is_some() {
                 player.redraw();
             }
@@ -71,13 +71,13 @@ impl Session {
         (is_new, wait)
     }
 
-    /// A frame, or why there is none, comes onto the screen.
+    /// Shows a delivered frame, or reports its error.
     fn show(&mut self, delivery: Delivery, now: Duration) {
         let Delivery { request, frame, is_kept, is_final, .. } = delivery;
         let step = request.time.step();
         match frame {
             Ok(frame) => {
-                // One that was kept may be better than what was asked for.
+                // A cached frame may be better than requested.
                 let is_kept_whole = is_kept && frame.details.is_none();
                 let request = if is_kept_whole { FrameRequest { residual: None, ..request } } else { request };
                 let quality = self.quality_of(&request);
@@ -94,7 +94,7 @@ impl Session {
                 self.compare_with_motion();
             }
             Err(error) => {
-                // A picture of another moment would pass for this one.
+                // A picture of another time would be mistaken for this one.
                 self.shown = None;
                 self.wants_screenshot = false;
                 let (text, step) = (error.to_string(), format!("step {step}"));
@@ -103,7 +103,7 @@ impl Session {
         }
     }
 
-    /// Keeps what following frames of the same view may be given.
+    /// Keeps details for later frames of the same view.
     fn look_at_details(&mut self, request: &FrameRequest, frame: &SharedFrame, quality: Quality) {
         let still = &mut self.requests.still;
         match quality {
@@ -123,7 +123,7 @@ impl Session {
         }
     }
 
-    /// Costs are those of the view as it is, and of what is shown.
+    /// Adapts costs to the view and the look.
     fn look_at_costs(&mut self, size: (usize, usize)) {
         let camera = self.camera();
         if let Ok(height) = camera.half_height_at_focus() {
@@ -136,14 +136,14 @@ impl Session {
         }
     }
 
-    /// Of what is on the screen, once that is what it should be: in full, and of the camera as it is.
+    /// Saves the picture on the screen once it is in full, with the current camera.
     fn take_screenshot(&mut self) {
         let (Some(shown), Some(size)) = (&self.shown, self.size_px()) else { return };
         let series = self.series().clone();
         let time = shown.request.time;
         let wanted = self.requests.make(&self.look, &series, time, size, &mut Drawing::at_rest);
         let Some(wanted) = wanted else { return };
-        // All cells are as good as the faces that were chosen.
+        // All cells are at least as good as the chosen faces.
         let lod = shown.request.lod().max(wanted.lod());
         let draw = TetDraw::chosen(self.look.mode, FaceDetail { lod, ..self.look.faces });
         let wanted = FrameRequest { for_window: shown.request.for_window, ..wanted.with_draw(draw) };
@@ -173,14 +173,14 @@ impl Session {
                     match series {
                         Ok((series, looks)) => {
                             let [before, first] = *looks;
-                            // Whoever has chosen colours keeps them.
+                            // Colours chosen by the user are kept.
                             if self.look.is_first(&before) {
                                 (self.look.tf, self.look.range) = (first.tf, first.range);
                             }
                             self.player.set_series(series);
                             self.quality.forget_all();
                             (self.moved, self.motion_error) = (None, None);
-                            // A picture of another field would pass for one of this.
+                            // A picture of another field would be mistaken for this one.
                             (self.shown, self.requests.still) = (None, None);
                             self.study();
                         }

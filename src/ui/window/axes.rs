@@ -1,4 +1,4 @@
-//! Lines over the picture: the box of the mesh, and which way the axes go.
+//! Lines over the picture: the box of the mesh, and the directions of the axes.
 
 use crate::camera::{Camera, View};
 use eframe::egui;
@@ -14,12 +14,12 @@ const AXES: [(&str, DVec3, Color32); 3] = [
     ("z", DVec3::Z, Color32::from_rgb(90, 140, 255)),
 ];
 
-/// Draws the axes around `center`: which way they go, not where they are.
+/// Draws the directions of the axes around `center`.
 pub(super) fn orientation(painter: &Painter, center: Pos2, camera: &Camera, halo: Color32) {
     let Ok(view) = camera.view(1, 1) else { return };
     let tip = |axis: DVec3| DVec3::new(view.right.dot(axis), view.up.dot(axis), view.forward.dot(axis));
     let mut axes = AXES.map(|(name, axis, color)| (name, tip(axis), color));
-    // Those that point away first.
+    // Axes that point away come first.
     axes.sort_by(|a, b| b.1.z.total_cmp(&a.1.z));
     for (name, tip, color) in axes {
         let end = center + AXIS * vec2(tip.x as f32, -tip.y as f32);
@@ -33,7 +33,7 @@ pub(super) fn orientation(painter: &Painter, center: Pos2, camera: &Camera, halo
 /// Room that the axes need around their centre.
 pub(super) const ORIENTATION_ROOM: f32 = AXIS + 18.0;
 
-/// Draws the edges of a box of the world as `camera` sees them in `rect`.
+/// Draws the edges of a world-space box as seen by `camera` in `rect`.
 pub(super) fn bounding_box(painter: &Painter, rect: Rect, camera: &Camera, bounds: (DVec3, DVec3), ink: Color32) {
     let Ok(view) = camera.view(rect.width().max(1.0) as usize, rect.height().max(1.0) as usize) else { return };
     let corner = |i: usize| {
@@ -50,10 +50,10 @@ pub(super) fn bounding_box(painter: &Painter, rect: Rect, camera: &Camera, bound
     }
 }
 
-/// Where a line of view coordinates is in `rect`, without what is behind the eye.
+/// A line of view coordinates in `rect`, clipped to the part before the eye.
 fn on_screen(view: &View, rect: Rect, mut from: DVec3, mut to: DVec3) -> Option<[Pos2; 2]> {
     if view.perspective {
-        // Nearer than that, lines go beyond every screen.
+        // Nearer than that, lines extend beyond every screen.
         let nearest = 1e-3 * from.z.abs().max(to.z.abs());
         if from.z.max(to.z) <= nearest {
             return None;
@@ -73,7 +73,7 @@ fn on_screen(view: &View, rect: Rect, mut from: DVec3, mut to: DVec3) -> Option<
     Some([place(from), place(to)])
 }
 
-/// The place of `rect` where a world point is, if it is before the eye.
+/// The position in `rect` of a world point, if it is before the eye.
 pub(super) fn place_of(rect: Rect, camera: &Camera, world: DVec3) -> Option<Pos2> {
     let view = camera.view(rect.width().max(1.0) as usize, rect.height().max(1.0) as usize).ok()?;
     let at = view.to_view(world);

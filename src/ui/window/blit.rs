@@ -1,18 +1,17 @@
-//! Paints the picture of a step, and what is around it (`shaders/picture.wgsl`).
+//! Paints the picture of a step and its surroundings (`shaders/picture.wgsl`).
 //!
-//! The painter of the widgets could do it as well, but its one shader for everything is costly where a processor stands in for
-//! the GPU, and nearly all pixels of the window are these: without them a window of 1280 x 720 is painted in a third of the
-//! time there (docs/performance.md).
+//! The painter of the widgets could do it as well, but its one general shader is costly where a CPU emulates the GPU, and nearly all pixels
+//! of the window are these: this way a window of 1280 x 720 is painted in a third of the time there (docs/performance.md).
 
 use eframe::egui;
 use eframe::egui_wgpu::{self, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor, wgpu};
 use egui::{Color32, PaintCallback, PaintCallbackInfo, Rect};
 use std::sync::Arc;
 
-/// What the shader knows beside the texture, as it has it.
+/// The shader's uniforms, in its layout.
 type Place = [[f32; 4]; 4];
 
-/// What pictures are painted with on one device.
+/// The pipeline that paints pictures on one device.
 pub(super) struct Blit {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
@@ -20,15 +19,15 @@ pub(super) struct Blit {
     place: wgpu::Buffer,
 }
 
-/// What is behind the widgets of a window: rectangles in points.
+/// The area behind the widgets of a window: rectangles in points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Backdrop {
     pub(super) window: Rect,
-    /// Where the picture is shown, or a part of it.
+    /// Area of the picture, which may be cut off or smaller.
     pub(super) viewport: Rect,
-    /// In the viewport where no picture is.
+    /// Colour of the viewport outside of the picture.
     pub(super) background: Color32,
-    /// Around the viewport.
+    /// Colour around the viewport.
     pub(super) panels: Color32,
 }
 
@@ -83,7 +82,7 @@ impl Blit {
         }
     }
 
-    /// A texture that is to be painted: opaque, or premultiplied.
+    /// Binds a texture for painting: opaque, or premultiplied.
     pub(super) fn bind(self: &Arc<Self>, device: &wgpu::Device, texture: &wgpu::Texture) -> BoundPicture {
         let view = texture.create_view(&Default::default());
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
@@ -101,7 +100,7 @@ impl Blit {
 }
 
 impl BoundPicture {
-    /// Paints it where it is to be.
+    /// Paints the picture at `place`.
     pub(super) fn paint(self, backdrop: &Backdrop, place: Rect) -> PaintCallback {
         let Backdrop { window, viewport, background, panels } = *backdrop;
         let corners = |rect: Rect| {

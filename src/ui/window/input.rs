@@ -1,10 +1,10 @@
-//! Keys of the window and the table's.
+//! Translates keys of the window to those of the table.
 
 use crate::ui::Action;
 use crate::ui::keys::{self, Key};
 use eframe::egui;
 
-/// What the keys do that were pressed since, unless a widget or a menu listens to them.
+/// Actions of newly pressed keys, unless a widget or a menu has the focus.
 pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
     if ctx.egui_wants_keyboard_input() || egui::Popup::is_any_open(ctx) {
         return Vec::new();
@@ -25,13 +25,13 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
     actions
 }
 
-/// Whether a key that is held down goes on doing this.
+/// Whether the action repeats while its key is held.
 fn repeats(action: &Action) -> bool {
     use crate::playback::Command;
     matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower)
 }
 
-/// The key of the table that a key of egui is, and whether shift counts for it.
+/// The table's key for a key of egui, and whether shift counts for it.
 fn known(key: egui::Key, shift: bool) -> Option<(Key, bool)> {
     let key = match key {
         egui::Key::Space => Key::Space,
@@ -39,7 +39,7 @@ fn known(key: egui::Key, shift: bool) -> Option<(Key, bool)> {
         egui::Key::ArrowRight => Key::Right,
         egui::Key::Home => Key::Home,
         egui::Key::End => Key::End,
-        // Where it takes shift to write them.
+        // On layouts where these need shift.
         egui::Key::OpenBracket => return Some((Key::Char('['), false)),
         egui::Key::CloseBracket => return Some((Key::Char(']'), false)),
         egui::Key::Questionmark => return Some((Key::Char('?'), false)),

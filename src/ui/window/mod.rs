@@ -1,4 +1,4 @@
-//! The window: shows a [`Session`], and turns what the user does into [`Action`]s.
+//! The window: shows a [`Session`], and turns user input into [`Action`]s.
 
 mod axes;
 mod blit;
@@ -46,79 +46,79 @@ use std::time::Instant;
 use waker::Waker;
 use welcome::{PathBox, Wish};
 
-/// What a series looks like at first.
+/// Initial look of a series.
 pub struct Dressed {
-    /// What frames look like.
+    /// Settings of the frames.
     pub look: Look,
-    /// Whether the camera was chosen by the user: it is kept then, whatever shape the window has.
+    /// Whether the user chose the camera: it is kept then, whatever the window's aspect ratio.
     pub camera_is_chosen: bool,
-    /// What is shown instead, from moment to moment, and how it is played.
+    /// The project, which overrides the look over time and sets the playback.
     pub project: Option<Arc<Project>>,
 }
 
 impl From<Look> for Dressed {
-    /// With a camera that frames the mesh.
+    /// A look with a camera that frames the mesh.
     fn from(look: Look) -> Self {
         Self { look, camera_is_chosen: false, project: None }
     }
 }
 
-/// Says what a series looks like at first.
+/// Chooses the initial look of a series.
 pub type Dress = Arc<dyn Fn(&Series) -> Result<Dressed, String> + Send + Sync>;
 
-/// What is shown first.
+/// Initial content of a window.
 pub enum Start {
-    /// Nothing: the user is asked for a file.
+    /// Empty: the user is asked for a file.
     Nothing,
-    /// What these files hold, once they are open.
+    /// These files, once they are open.
     Open(Vec<PathBuf>),
-    /// What is open already.
+    /// An open series.
     Play(Box<Opened>),
 }
 
-/// What a window is opened with.
+/// Options of a window.
 pub struct WindowOptions {
-    /// What is shown first.
+    /// Initial content.
     pub start: Start,
-    /// How it looks.
+    /// Initial look.
     pub dress: Dress,
-    /// Whether camera, colours and range are those of the last time, if it was opened before.
+    /// Whether camera, colours and range are restored, if the series was opened before.
     pub restores: bool,
-    /// Whether steps that are added to a store are shown when they come.
+    /// Whether steps added to a store are shown.
     pub follows: bool,
-    /// Whether what is opened first plays at once, in a loop.
+    /// Whether the first series plays at once, in a loop.
     pub plays: bool,
-    /// How files are opened.
+    /// Options of opening files.
     pub opening: OpeningOptions,
     /// Threads of the pipeline.
     pub threads: PipelinedOptions,
-    /// Display-referred colour behind the volume; `None`: as it was last.
+    /// Display-referred colour behind the volume; `None`: the saved one.
     pub background: Option<[f32; 3]>,
-    /// Width and height in points; `None`: as it was last.
+    /// Width and height in points; `None`: the saved ones.
     pub size: Option<[f32; 2]>,
-    /// Where images go.
+    /// Folder for screenshots.
     pub screenshot_folder: PathBuf,
-    /// Which GPU the window is on, and its frames.
+    /// GPU of the window and its frames.
     pub gpu: ContextOptions,
-    /// What is remembered.
+    /// File of the saved settings.
     pub settings: SettingsFile,
 }
 
-/// A store that is followed.
+/// A followed store.
 struct Followed {
-    /// The field of it.
+    /// The followed field.
     series: Arc<Series>,
     follower: Follower,
 }
 
-/// The player window. [`Self::show`] is the whole of it, whatever shows it.
+/// The player window. [`Self::show`] lays it out in any host.
 pub struct PlayerWindow {
     session: Option<Session>,
     opening: Option<(Opening, Dress)>,
     followed: Option<Followed>,
     options: WindowOptions,
     keeper: SettingsKeeper,
-    /// What opens again what is played.
+    /// Path that opens the played series again.
     path: Option<PathBuf>,
     started: Instant,
     screen: Screen,
@@ -128,9 +128,9 @@ pub struct PlayerWindow {
     preview: preview::Preview,
     overlays: overlay::Overlays,
     path_box: PathBox,
-    /// What is not about what is played.
+    /// Messages that do not concern the session.
     notices: Vec<Notice>,
-    /// To be shown by the system, once.
+    /// New title of the system's window, sent once.
     title: Option<String>,
     /// Whether the panels around the picture have been laid out.
     is_laid_out: bool,
@@ -138,13 +138,13 @@ pub struct PlayerWindow {
     shows_side: bool,
 }
 
-/// A series as it looks when nobody has said anything.
+/// The default look of a series.
 fn plain(series: &Series) -> Result<Dressed, String> {
     Ok(Look::first_for(series, &Cancel::new()).map_err(|error| error.to_string())?.into())
 }
 
 impl PlayerWindow {
-    /// A window that is shown nowhere yet.
+    /// A window without a host yet.
     ///
     /// # Errors
     /// If the system gives no threads.
@@ -191,11 +191,11 @@ impl PlayerWindow {
         Ok(window)
     }
 
-    /// It is shown in this context from now on, which is woken up when there is something to show; frames that are rendered on
-    /// the GPU of `render_state` are shown from where they are.
+    /// Shows the window in this context from now on, which is woken when there is something to show; frames rendered on the GPU of
+    /// `render_state` are shown without a copy.
     pub fn attach(&mut self, ctx: &egui::Context, render_state: Option<&RenderState>) {
         self.waker.attach(ctx);
-        // Else the window is painted again and again as long as the mouse moves over a button.
+        // Otherwise the window is repainted as long as the mouse moves over a button.
         ctx.all_styles_mut(|style| style.interaction.show_tooltips_only_when_still = false);
         if let Some(name) = self.path.as_ref().and_then(|path| path.file_name()).filter(|_| self.title.is_none()) {
             self.title = Some(format!("{} - tetreel", name.to_string_lossy()));
@@ -209,17 +209,17 @@ impl PlayerWindow {
         }
     }
 
-    /// Width and height that it should have, in points.
+    /// Initial width and height, points.
     fn size(&self) -> [f32; 2] {
         self.options.size.unwrap_or(self.keeper.settings().window_size)
     }
 
-    /// What is shown.
+    /// The session, if a series is played.
     pub fn session(&self) -> Option<&Session> {
         self.session.as_ref()
     }
 
-    /// Whether what the session shows is on the screen, and nothing else is on its way.
+    /// Whether the session's frame is on the screen, and none is pending.
     pub fn is_up_to_date(&self) -> bool {
         let shown = self.session.as_ref().and_then(Session::shown).map(|shown| shown.request.time);
         let is_expected = self.session.as_ref().is_some_and(Session::is_waiting);
@@ -227,29 +227,29 @@ impl PlayerWindow {
         self.screen.is_up_to_date() && !is_expected && shown.is_some() && painted == shown
     }
 
-    /// What the user is told that is not about what is played.
+    /// Messages that do not concern the session.
     pub fn notices(&self) -> &[Notice] {
         &self.notices
     }
 
-    /// Whether the window's GPU was lost; nothing can be painted any more then.
+    /// The error if the window's GPU was lost; nothing can be painted any more then.
     fn lost(&self) -> Option<RenderError> {
         let context = self.screen.context()?;
-        // Losses wait for the next poll.
+        // Losses are reported by the next poll.
         let _ = context.device.poll(wgpu::PollType::Poll);
         context.check().err().filter(|error| matches!(error, RenderError::DeviceLost { .. }))
     }
 
-    /// Opens files in the background; what is played goes on meanwhile.
+    /// Opens files in the background, while the current series plays on.
     fn open_files(&mut self, paths: Vec<PathBuf>, dress: Dress) {
         let options = self.options.opening.clone();
-        // Other files need not have the field that the first one was asked for.
+        // Other files need not have the requested field.
         self.options.opening.field = None;
         let opening = Opening::start(paths, options, Arc::new(self.waker.wake()));
         self.opening = Some((opening, dress));
     }
 
-    /// Plays what was opened, in place of what was played.
+    /// Plays an opened series in place of the current one.
     fn play(&mut self, opened: Opened, dress: &Dress) {
         let (name, path) = (opened.name.clone(), opened.path.clone());
         match self.session_of(opened, dress) {
@@ -269,7 +269,7 @@ impl PlayerWindow {
                 let last = self.session.replace(session);
                 self.screen.forget();
                 self.notices.clear();
-                // Whose threads end and whose memory is freed in their own time.
+                // Joins its threads and frees its memory in the background.
                 std::thread::spawn(move || drop(last));
             }
             Err(problem) => self.fail(format!("{name}: {problem}")),
@@ -312,7 +312,7 @@ impl PlayerWindow {
         Ok((session, followed))
     }
 
-    /// The settings, as they are now.
+    /// Updates the settings to the current state.
     fn remember(&mut self, ctx: &egui::Context) {
         let settings = self.keeper.settings_mut();
         settings.shows_side = self.shows_side;
@@ -333,9 +333,9 @@ impl PlayerWindow {
         }
     }
 
-    /// What is played will look the same when it is opened again.
+    /// Saves the look of the current series.
     fn remember_look(&mut self) {
-        // A project says what it looks like.
+        // A project has its own look.
         let plain = self.session.as_ref().filter(|session| session.project().is_none());
         if let (Some(session), Some(path)) = (plain, &self.path) {
             self.keeper.settings_mut().remember_look(path, &session.series().field().name, session.look());
@@ -347,7 +347,7 @@ impl PlayerWindow {
         if self.options.restores { self.as_last(paths, dress) } else { dress }
     }
 
-    /// What was opened before looks as it did last.
+    /// Restores the saved look of files opened before.
     fn as_last(&self, paths: &[PathBuf], dress: Dress) -> Dress {
         let known = paths.first().filter(|_| paths.len() == 1).and_then(|path| self.keeper.settings().look_of(path));
         let known = known.cloned();
@@ -360,7 +360,7 @@ impl PlayerWindow {
         })
     }
 
-    /// Says that something failed.
+    /// Adds an error message.
     fn fail(&mut self, text: String) {
         match &mut self.session {
             Some(session) => session.fail(text),
@@ -368,7 +368,7 @@ impl PlayerWindow {
         }
     }
 
-    /// Lays out everything, follows the user, and says when it wants to be shown again.
+    /// Lays out the window, applies user input, and requests the next repaint.
     pub fn show(&mut self, ui: &mut egui::Ui) {
         let ctx = ui.ctx().clone();
         if let Some(title) = self.title.take() {
@@ -422,7 +422,7 @@ impl PlayerWindow {
         }
     }
 
-    /// Shows steps that were added to the store.
+    /// Shows steps added to the store.
     fn take_growth(&mut self) {
         let (Some(followed), Some(session)) = (&mut self.followed, &mut self.session) else { return };
         if !Arc::ptr_eq(&followed.series, session.series()) {
@@ -443,7 +443,7 @@ impl PlayerWindow {
     fn show_session(&mut self, ui: &mut egui::Ui, wish: &mut Option<Wish>) {
         let Some(session) = &mut self.session else { return };
         let ctx = ui.ctx().clone();
-        // Behind everything that follows, of which the places are not known yet.
+        // Behind all widgets, whose positions are not known yet.
         let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.available_rect_before_wrap());
         let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
         let mut actions = input::pressed(&ctx);
@@ -469,15 +469,14 @@ impl PlayerWindow {
         ui.painter().set(backdrop, self.screen.behind(&behind));
         popups::help(&ctx, session, &mut actions);
         if !self.is_laid_out {
-            // Panels do not know their sizes before they were laid out once, and a frame for a picture of another size would
-            // be thrown away.
+            // Panels do not know their sizes before their first layout, and a frame of another size would be discarded.
             self.is_laid_out = true;
             ctx.request_discard("panels have sizes now");
             ctx.request_repaint();
             return;
         }
         if ctx.current_pass_index() > 0 {
-            // The first pass has followed; this one is for what it has changed.
+            // The first pass has applied the input; this one shows the effect.
             return;
         }
         let size = (viewport.size() * ctx.pixels_per_point()).round().max(egui::Vec2::ZERO);
@@ -489,7 +488,7 @@ impl PlayerWindow {
         let Some(session) = &mut self.session else { return };
         let now = self.started.elapsed();
         if !actions.is_empty() {
-            // The widgets show what was: they are laid out again before they are painted, if there may be another pass.
+            // The widgets show the old state: they are laid out again before painting, if there may be another pass.
             ctx.request_discard("the user did something");
             if !ctx.will_discard() {
                 ctx.request_repaint();

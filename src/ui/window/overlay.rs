@@ -1,4 +1,4 @@
-//! What is written over the picture: the field and its error, the time, the meaning of the colours.
+//! Text over the picture: the field and its error, the time, the legend.
 
 use super::screen::Painted;
 use super::{axes, widgets};
@@ -15,11 +15,11 @@ const TEXT: f32 = 14.0;
 const LINE: f32 = 1.3 * TEXT;
 /// Width of the colour bar, and its height as a share of the picture's.
 const BAR: (f32, f32) = (16.0, 0.5);
-/// A legend needs so much room; in smaller pictures there is none.
+/// Smallest picture with a legend, points.
 const LEGEND_ROOM: (f32, f32) = (260.0, 160.0);
-/// So high must a picture be for legend and axes.
+/// Smallest height of a picture with legend and axes, points.
 const AXES_ROOM: f32 = 420.0;
-/// Longer names of fields are cut, over the picture and at the legend.
+/// Largest length of field names over the picture and at the legend; longer ones are cut.
 const NAME: (usize, usize) = (60, 20);
 
 /// Field and unit: `T [K]`.
@@ -30,7 +30,7 @@ fn title(field: &StoredField) -> String {
     }
 }
 
-/// At most so many characters.
+/// Shortens a text to at most `most` characters.
 pub(super) fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();
@@ -38,7 +38,7 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
     text.chars().take(most.saturating_sub(1)).chain(['…']).collect()
 }
 
-/// How far the values of a field are from those of the source.
+/// The error of a field's values against the source, as text.
 pub(super) fn quality(field: &StoredField) -> String {
     match &field.quality {
         Some(quality) => {
@@ -50,7 +50,7 @@ pub(super) fn quality(field: &StoredField) -> String {
     }
 }
 
-/// A number in few characters.
+/// A number as a short text.
 pub(super) fn number(x: f64) -> String {
     let size = x.abs();
     if x == 0.0 {
@@ -59,7 +59,7 @@ pub(super) fn number(x: f64) -> String {
     if !(1e-3..1e5).contains(&size) {
         return format!("{x:.3e}");
     }
-    // Four digits that count.
+    // Four significant digits.
     let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{x:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -75,14 +75,14 @@ fn moment(session: &Session, frame: FrameTime) -> String {
     }
 }
 
-/// The picture in words.
+/// A text that describes the picture.
 pub(super) fn description(session: &Session, painted: Option<Painted>) -> String {
     let field = session.series().field();
     let moment = painted.map_or("no step".to_owned(), |painted| moment(session, painted.time));
     format!("Picture of {}, {moment}, {}", title(field), quality(field))
 }
 
-/// What is drawn over the picture beside names and time.
+/// Optional overlays of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Overlays {
     pub(super) axes: bool,
@@ -92,7 +92,7 @@ pub(super) struct Overlays {
 
 impl Default for Overlays {
     fn default() -> Self {
-        // Of what is mostly transparent nothing else says where it ends.
+        // Only the box shows where a mostly transparent volume ends.
         Self { axes: true, bounding_box: true, legend: true }
     }
 }
@@ -143,7 +143,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     }
 }
 
-/// What the colours of a bar mean: numbers beside it, and above it what they are of and what they are to be multiplied by.
+/// The legend: a colour bar with numbers beside it, and above it the quantity and the numbers' common factor.
 fn legend(
     painter: &Painter,
     ink: Color32,
@@ -157,7 +157,7 @@ fn legend(
     for tick in &found.ticks {
         let y = bar.bottom() - range.position_of(tick.scalar).clamp(0.0, 1.0) as f32 * bar.height();
         painter.hline(bar.left() - 4.0..=bar.left(), y, Stroke::new(1.0, ink));
-        // Unless it would touch the one below it.
+        // Skipped if it would touch the number below.
         if y < free_below {
             write(pos2(bar.left() - 7.0, y), Align2::RIGHT_CENTER, &tick.label);
             free_below = y - LINE;
@@ -171,7 +171,7 @@ fn legend(
     }
 }
 
-/// Marks a place in the picture.
+/// Marks a position in the picture.
 pub(super) fn cross(ui: &Ui, rect: Rect, at: Pos2, background: [f32; 3]) {
     let painter = ui.painter().with_clip_rect(rect);
     let (ink, halo) = inks(background);
@@ -181,13 +181,13 @@ pub(super) fn cross(ui: &Ui, rect: Rect, at: Pos2, background: [f32; 3]) {
     }
 }
 
-/// What can be read over a background, and what is drawn around it.
+/// A text colour readable over a background, and its halo.
 fn inks([r, g, b]: [f32; 3]) -> (Color32, Color32) {
     let is_dark = 0.299 * r + 0.587 * g + 0.114 * b < 0.5;
     if is_dark { (Color32::WHITE, Color32::BLACK) } else { (Color32::BLACK, Color32::WHITE) }
 }
 
-/// A strip of colours from below.
+/// A strip of colours, upwards.
 fn vertical_strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3]) -> Shape {
     strip(rect, rgb, |position| {
         let y = rect.bottom() - position * rect.height();
@@ -195,7 +195,7 @@ fn vertical_strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3]) -> Shape {
     })
 }
 
-/// A strip of colours from the left.
+/// A strip of colours, from left to right.
 pub(super) fn horizontal_strip(rect: Rect, rgb: impl Fn(f64) -> [f64; 3]) -> Shape {
     strip(rect, rgb, |position| {
         let x = rect.left() + position * rect.width();

@@ -1,4 +1,4 @@
-//! The point under the mouse, and the one that was picked.
+//! The point under the mouse, and the picked point.
 
 use super::overlay::number;
 use super::widgets::{icon, still_plot};
@@ -11,7 +11,7 @@ use egui_plot::{Line, PlotBounds, VLine};
 /// Height of the curve in points.
 const PLOT: f32 = 130.0;
 
-/// What is under the mouse, in words.
+/// The point under the mouse, as text.
 pub(super) fn hovered(session: &Session) -> Option<String> {
     let hover = session.hover()?;
     Some(match &hover.found {
@@ -95,7 +95,7 @@ fn curve(ui: &mut Ui, session: &Session, picked: &Picked, actions: &mut Vec<Acti
     }
 }
 
-/// From the least to the greatest with a margin on both sides, as a share of their distance; if there is none, room around them.
+/// The interval from `lo` to `hi`, extended on both sides by this share of its length; if that is 0, by some room.
 fn span(lo: f64, hi: f64, margin: f64) -> [f64; 2] {
     let distance = hi - lo;
     let room = if distance > 0.0 && distance.is_normal() { margin * distance } else { 0.5 * lo.abs().max(1.0) };

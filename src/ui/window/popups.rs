@@ -1,11 +1,11 @@
-//! What lies over the window: messages, keys and mouse, where to drop files.
+//! Popups: messages, help for keys and mouse, hint for dropped files.
 
 use super::widgets;
 use crate::ui::notice::{Notice, NoticeKind};
 use crate::ui::{Action, Session, keys};
 use eframe::egui;
 
-/// Files over the window can be dropped.
+/// Hint while files are dragged over the window.
 pub(super) fn drop_hint(ctx: &egui::Context) {
     if ctx.input(|input| input.raw.hovered_files.is_empty()) {
         return;
@@ -22,7 +22,7 @@ pub(super) fn notices(ui: &mut egui::Ui, session: &Session, actions: &mut Vec<Ac
     actions.extend(read.map(Action::Dismiss));
 }
 
-/// Messages, each with a button that puts it away; which one was.
+/// Messages, each with a button to dismiss it; returns the dismissed one.
 pub(super) fn messages(ui: &mut egui::Ui, id: &'static str, notices: &mut Vec<Notice>) -> Option<usize> {
     if notices.is_empty() {
         return None;
@@ -41,7 +41,7 @@ pub(super) fn messages(ui: &mut egui::Ui, id: &'static str, notices: &mut Vec<No
     read
 }
 
-/// Below field and error, in points.
+/// Position of messages, below field and error, in points.
 const MESSAGES_AT: egui::Vec2 = egui::vec2(12.0, 56.0);
 
 fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) {
@@ -63,10 +63,10 @@ fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) 
     }
 }
 
-/// Room above and below the help, at least.
+/// Smallest margin above and below the help.
 const HELP_MARGIN: f32 = 8.0;
 
-/// Keys and mouse, from the tables that they work by.
+/// Help for keys and mouse, from their tables.
 pub(super) fn help(ctx: &egui::Context, session: &Session, actions: &mut Vec<Action>) {
     let mut is_open = session.help_is_open();
     let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false).resizable(false);

@@ -1,4 +1,4 @@
-//! The step under the mouse, over the timeline.
+//! Thumbnail of the step under the mouse, over the timeline.
 
 use super::overlay::number;
 use crate::ui::Session;
@@ -7,10 +7,10 @@ use eframe::egui;
 use egui::{ColorImage, PopupAnchor, TextureHandle, TextureOptions, Tooltip};
 use std::sync::Arc;
 
-/// The picture in words.
+/// Description of the thumbnail.
 const ALT_TEXT: &str = "Small picture of the step";
 
-/// The small picture of the step under the mouse.
+/// The thumbnail of the step under the mouse.
 #[derive(Default)]
 pub(super) struct Preview {
     step: Option<usize>,
@@ -42,7 +42,7 @@ impl Preview {
         });
     }
 
-    /// Brings a picture to the GPU, unless it is there.
+    /// Uploads a picture to the GPU, unless it is there.
     fn take(&mut self, over: &egui::Response, picture: &Arc<Picture>) {
         if self.shown.as_ref().is_some_and(|(shown, _)| Arc::ptr_eq(picture, shown)) {
             return;

@@ -1,4 +1,4 @@
-//! What of a project is shown: its ensembles and the path of its camera.
+//! Controls of a project: its ensembles and its camera path.
 
 use crate::look::EnsembleChoice;
 use crate::project::Project;
@@ -7,10 +7,10 @@ use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::Ui;
 
-/// Keys of the first ensembles.
+/// Number of ensembles with keys.
 const DIGITS: usize = 9;
 
-/// Shows the part of the side panel.
+/// Shows this part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, project: &Project, actions: &mut Vec<Action>) {
     if project.ensembles.is_empty() {
         ui.label("no ensembles");
@@ -25,7 +25,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, project: &Project, actions: &
     }
 }
 
-/// The ensembles by their names, the one that is shown marked.
+/// The ensembles by name, with the shown one marked.
 fn ensembles(ui: &mut Ui, session: &Session, project: &Project, actions: &mut Vec<Action>) {
     let shown = session.look().followed.ensembles;
     let mut row = |ui: &mut Ui, choice, text: &str, key: Option<usize>| {
@@ -48,16 +48,16 @@ fn ensembles(ui: &mut Ui, session: &Session, project: &Project, actions: &mut Ve
         EnsembleChoice::One(_) => "shown at all times".to_owned(),
         EnsembleChoice::Project => format!("shown: {}", on_timeline(session, project)),
     });
-    // While it plays the line would come and go with every step.
+    // While playing the line would flicker with every step.
     if session.is_working_out() && !session.state().playing {
         ui.label("working out the colours");
     }
 }
 
-/// Longer names are cut.
+/// Largest length of a name; longer ones are cut.
 const NAME: usize = 32;
 
-/// What the timeline has at the moment on the screen.
+/// The timeline's ensembles at the time on the screen.
 fn on_timeline(session: &Session, project: &Project) -> String {
     let at = session.shown().map(|shown| shown.request.time.time(session.series().times()));
     match at.and_then(|at| project.timeline.ensembles.at(at)) {

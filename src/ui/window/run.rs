@@ -1,4 +1,4 @@
-//! A window of the system, until it is closed.
+//! Runs a window of the system until it is closed.
 
 use super::{PlayerWindow, WindowOptions};
 use crate::render::gpu::context::{self, ContextOptions};
@@ -11,41 +11,41 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Why there is no window, or none any more.
+/// Why a window cannot be opened or kept.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
-    /// The system shows none.
+    /// The system opens no window.
     #[error("cannot open a window: {0}; `tetreel render` makes pictures without one")]
     NoWindow(String),
-    /// The GPU that it is painted on is lost again and again.
+    /// The window's GPU is lost again and again.
     #[error(
         "the window's GPU fails again and again: {0}; restart the machine or its driver, or use another with --adapter"
     )]
     Lost(String),
 }
 
-/// How often somebody looks whether the window is to be closed from outside.
+/// Interval between checks for a cancel.
 const CANCEL_CHECK: Duration = Duration::from_millis(100);
 
-/// A GPU that is lost more often is not worth another try.
+/// Largest number of GPU losses before giving up.
 const LOSSES_MAX: u32 = 5;
 
-/// What the window and those who open it have in common.
+/// State shared by the window and its opener.
 struct Shared {
     window: PlayerWindow,
-    /// Why it must be opened again.
+    /// Why the window must be opened again.
     lost: Option<String>,
     watch: Box<dyn FnMut(&PlayerWindow)>,
 }
 
-/// The window as the system sees it.
+/// The window as egui's application.
 struct App(Rc<RefCell<Shared>>);
 
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
         let Shared { window, lost, watch } = &mut *self.0.borrow_mut();
         if let Some(error) = window.lost() {
-            // Nothing that is laid out now could be painted.
+            // Nothing can be painted any more.
             *lost = Some(error.to_string());
             ui.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
@@ -59,12 +59,12 @@ impl eframe::App for App {
 /// again, and goes on where it was.
 ///
 /// # Errors
-/// If the system shows no window.
+/// If the system opens no window.
 pub fn run(options: WindowOptions, cancel: &Cancel) -> Result<(), WindowError> {
     run_watched(options, cancel, Box::new(|_| ()))
 }
 
-/// As [`run`]; `watch` sees the window after each pass, for programs that go by what is shown.
+/// As [`run`]; `watch` is called with the window after each pass, for programs that depend on what is shown.
 ///
 /// # Errors
 /// As [`run`].
@@ -82,7 +82,7 @@ pub fn run_watched(
         let mut state = shared.borrow_mut();
         let lost = state.lost.take().or_else(|| state.window.lost().map(|error| error.to_string()));
         match (shown, lost) {
-            // Painting on what is not there any more may fail in any way.
+            // Painting on a lost device may fail in any way.
             (_, Some(reason)) if !cancel.is_cancelled() => {
                 last_loss.clone_from(&reason);
                 state.window.fail(format!("{reason}; the window was opened again"));
@@ -100,7 +100,7 @@ fn show_until_closed(gpu: &ContextOptions, shared: &Rc<RefCell<Shared>>, cancel:
     let native = eframe::NativeOptions {
         viewport: viewport.with_min_inner_size([640.0, 400.0]),
         renderer: eframe::Renderer::Wgpu,
-        // Colours are as they were computed.
+        // Colours stay as computed.
         dithering: false,
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(gpu), ..Default::default() },
         ..Default::default()
@@ -123,7 +123,7 @@ fn show_until_closed(gpu: &ContextOptions, shared: &Rc<RefCell<Shared>>, cancel:
     shown.map_err(|error| WindowError::NoWindow(cause(&error.to_string()).to_owned()))
 }
 
-/// A device for the window that the renderers can use, too.
+/// The setup of a device for the window that renderers can use, too.
 fn setup(gpu: &ContextOptions) -> WgpuSetup {
     let (of_adapter, of_device) = (gpu.clone(), gpu.clone());
     let mut setup = WgpuSetupCreateNew::without_display_handle();
@@ -137,7 +137,7 @@ fn setup(gpu: &ContextOptions) -> WgpuSetup {
     setup.into()
 }
 
-/// What the system says, without the place in the source of a library: `...: os error at src/x.rs:12: no display`.
+/// The system's message, without source positions of a library: `...: os error at src/x.rs:12: no display`.
 fn cause(text: &str) -> &str {
     let after = text.rsplit_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
     after.map_or(text, |(_, cause)| cause)

@@ -1,4 +1,4 @@
-//! What is on the screen: a frame that was converted and sent there, or one that is on the window's GPU already.
+//! The picture on the screen: a frame that was converted and uploaded, or one already on the window's GPU.
 
 use super::blit::{Backdrop, Blit, BoundPicture};
 use super::viewport;
@@ -12,30 +12,30 @@ use egui::{Shape, Vec2, vec2};
 use std::io;
 use std::sync::Arc;
 
-/// The GPU of the window, where frames can be shown from.
+/// The GPU of the window.
 struct WindowScreen {
     render_state: RenderState,
     context: Arc<Context>,
     blit: Arc<Blit>,
-    /// Where pictures of frames of the CPU go.
+    /// Texture for pictures of CPU frames.
     cpu: Option<wgpu::Texture>,
 }
 
-/// Which frame a picture is of.
+/// The frame of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Source {
-    /// Frames are counted as they come.
+    /// Number of the frame, in order of arrival.
     number: u64,
-    /// [`Session::turns`] when it came.
+    /// [`Session::turns`] at its arrival.
     turns: u64,
     time: FrameTime,
 }
 
-/// The picture that is on the screen.
+/// The picture on the screen.
 struct Shown {
     painted: Painted,
     picture: BoundPicture,
-    /// One that is on the GPU is held until another is bound: its memory must not be rendered to while it is painted.
+    /// A frame on the GPU is held until another is bound: its memory must not be rendered to while it is painted.
     frame: Option<SharedFrame>,
 }
 
@@ -44,32 +44,32 @@ pub(super) struct Screen {
     pictures: PictureMaker<Source, Picture>,
     gpu: Option<WindowScreen>,
     shown: Option<Shown>,
-    /// What this pass was still laid out with.
+    /// The picture that this pass was laid out with.
     retired: Option<Shown>,
     newest: u64,
-    /// The number of the picture that was taken over last.
+    /// Number of the last picture taken over.
     taken: u64,
-    /// What the newest picture was made over.
+    /// Background of the newest picture.
     background: [f32; 3],
 }
 
 /// A picture to be painted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Painted {
-    /// In pixels of its own.
+    /// Size in its own pixels.
     pub(super) size: Vec2,
-    /// What it shows.
+    /// Time of its frame.
     pub(super) time: FrameTime,
 }
 
 impl Screen {
-    /// An empty screen; `made` is called when there is something to take over.
+    /// An empty screen; `made` is called when there is a picture to take over.
     pub(super) fn start(made: impl Fn() + Send + 'static) -> io::Result<Self> {
         let pictures = PictureMaker::start(|picture| picture, made)?;
         Ok(Self { pictures, gpu: None, shown: None, retired: None, newest: 0, taken: 0, background: [0.0; 3] })
     }
 
-    /// The window has this GPU: frames that are rendered on it are shown from where they are.
+    /// Sets the window's GPU: frames rendered on it are shown without a copy.
     pub(super) fn attach(&mut self, render_state: &RenderState, gpu: &WindowGpu) {
         let RenderState { adapter, device, queue, .. } = render_state;
         let context = Arc::new(Context::of_window(adapter, device.clone(), queue.clone()));
@@ -79,12 +79,12 @@ impl Screen {
         self.gpu = Some(WindowScreen { render_state: render_state.clone(), context, blit, cpu: None });
     }
 
-    /// The window is gone, and what was on its GPU.
+    /// Drops the window's GPU and its pictures.
     pub(super) fn detach(&mut self) {
         (self.gpu, self.shown) = (None, None);
     }
 
-    /// Shows nothing until something else comes.
+    /// Shows nothing until another frame comes.
     pub(super) fn forget(&mut self) {
         self.shown = None;
         self.newest += 1;
@@ -96,17 +96,17 @@ impl Screen {
         self.gpu.as_ref().map(|gpu| &gpu.context)
     }
 
-    /// Whether no picture is on its way.
+    /// Whether no picture is pending.
     pub(super) fn is_up_to_date(&self) -> bool {
         self.taken == self.newest
     }
 
-    /// What is to be painted.
+    /// The picture to be painted.
     pub(super) fn painted(&self) -> Option<Painted> {
         self.shown.as_ref().map(|shown| shown.painted)
     }
 
-    /// What is painted behind the widgets.
+    /// The shape painted behind the widgets.
     pub(super) fn behind(&self, backdrop: &Backdrop) -> Shape {
         let Backdrop { window, viewport, background, panels } = *backdrop;
         match &self.shown {
@@ -121,19 +121,19 @@ impl Screen {
         }
     }
 
-    /// Takes over what a session shows, after it has followed the user and before this pass is painted: no frame from before
-    /// a command that goes elsewhere gets here after it. `is_new`: the session shows another frame than before. Returns whether
-    /// the frame is to be asked for again: it is on a GPU that is not, or no longer, the window's.
+    /// Takes over the session's frame, after user actions are applied and before this pass is painted: no frame from before a jump in time
+    /// gets here after it. `is_new`: the session shows another frame than before. Returns whether the frame must be requested again: it is
+    /// on a GPU that is not, or no longer, the window's.
     pub(super) fn update(&mut self, ctx: &egui::Context, session: &Session, is_new: bool) -> bool {
-        // It was painted for the last time in the last pass.
+        // Last painted in the last pass.
         self.retired = None;
         let before = self.painted();
         let Some(shown) = session.shown() else {
             self.retired = self.shown.take();
             return false;
         };
-        // A picture that was made meanwhile, before another is asked for: where every pass brings a frame, the picture of the
-        // last one is shown while that of the next is made.
+        // A picture finished meanwhile is taken before another is requested: where every pass brings a frame, the picture of the last one
+        // is shown while that of the next is made.
         if let Some((source, image)) = self.pictures.take()
             && source.number > self.taken
             && (source.turns == session.turns() || session.state().frame == Some(source.time))
@@ -156,13 +156,13 @@ impl Screen {
         }
         self.background = background;
         if before != self.painted() {
-            // What is written over it was laid out for another picture.
+            // Text over it was laid out for another picture.
             ctx.request_discard("another picture");
         }
         is_elsewhere
     }
 
-    /// Shows a frame from where it is, if that is the window's GPU.
+    /// Shows a frame without a copy, if it is on the window's GPU.
     fn bind(&mut self, frame: &SharedFrame, time: FrameTime) -> bool {
         let Some(texture) = &frame.texture else { return false };
         let Some(gpu) = self.gpu.as_ref().filter(|gpu| Arc::ptr_eq(&gpu.context, texture.context())) else {
@@ -180,7 +180,7 @@ impl WindowScreen {
         Shown { painted, picture: self.blit.bind(&self.render_state.device, texture), frame }
     }
 
-    /// Sends a picture to the GPU, in the memory of the last one if it is as large.
+    /// Uploads a picture to the GPU, reusing the last texture if it has the same size.
     fn upload(&mut self, picture: &Picture, time: FrameTime) -> Shown {
         let [width, height] = picture.size.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };

@@ -1,4 +1,4 @@
-//! The side panel: what is shown and how.
+//! The side panel: controls of data and look.
 
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::transfer_editor::TransferEditor;
@@ -16,16 +16,16 @@ use eframe::egui;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 
-/// Width of the panel in points, unless it is dragged to be wider.
+/// Default width of the panel, points.
 pub(super) const WIDTH: f32 = 250.0;
 
-/// What the panel itself remembers.
+/// State of the panel itself.
 #[derive(Debug, Default)]
 pub(super) struct Side {
     editor: TransferEditor,
 }
 
-/// The kinds of ranges that can be chosen.
+/// The kinds of ranges to choose from.
 #[derive(Clone, Copy, PartialEq)]
 enum RangeKind {
     Series,
@@ -41,7 +41,7 @@ enum RangeKind {
 impl Side {
     /// Shows the panel.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
-        // The bar has a place of its own: what lies under it cannot be dragged.
+        // The bar has its own room: widgets under it could not be dragged.
         let scroll = &mut ui.spacing_mut().scroll;
         scroll.floating_allocated_width = scroll.bar_width + scroll.bar_inner_margin;
         egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
@@ -69,11 +69,11 @@ impl Side {
     }
 }
 
-/// Other files, above the panel's other parts.
+/// Opens other files, above the panel's other parts.
 pub(super) fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
     let mut wanted = None;
     ui.add_space(4.0);
-    // A path can be typed only in what stays open when it is clicked.
+    // Typing a path needs a menu that stays open when clicked.
     let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
     MenuButton::new("Open...").config(stays).ui(ui, |ui| {
         ui.label("Drop a file on the window, or name one:");
@@ -202,7 +202,7 @@ fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions:
         ui.label("to");
         number(ui, end(&mut to), "Upper end of the range");
     });
-    // Ends that are no range are not taken over.
+    // Invalid ends are not applied.
     let is_log = range.is_log();
     if (from, to) != (lo, hi) && MappedRange::new(from, to, is_log).is_ok() {
         actions.push(Action::Range(match is_log {
@@ -300,7 +300,7 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     }
 }
 
-/// What may be given up for a frame rate, and which rate: from pictures that are always exact to fast ones.
+/// Quality given up for a frame rate, and the rate: from always exact pictures to fast ones.
 fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let before = session.target_fps().unwrap_or(0.0);
     let mut fps = before;

@@ -1,4 +1,4 @@
-//! What the last frame cost, and how fast frames come.
+//! Cost of the last frame, and the frame rate.
 
 use super::widgets::still_plot;
 use crate::playback::Mode;
@@ -7,7 +7,7 @@ use eframe::egui;
 use egui::{Role, WidgetInfo};
 use egui_plot::Line;
 
-/// A table of them, and how they were lately.
+/// A table of the last costs, and a plot of recent ones.
 pub(super) fn show(ui: &mut egui::Ui, session: &Session) {
     plot(ui, session);
     ui.spacing_mut().item_spacing.y = 2.0;
@@ -18,7 +18,7 @@ pub(super) fn show(ui: &mut egui::Ui, session: &Session) {
                 ui.set_min_width(NAMES);
                 ui.label(name);
             });
-            // Long numbers go on in the next line: the panel keeps its width.
+            // Long numbers wrap: the panel keeps its width.
             ui.add(egui::Label::new(egui::RichText::new(value).monospace()).wrap());
         });
     }
@@ -46,7 +46,7 @@ fn plot(ui: &mut egui::Ui, session: &Session) {
         .include_x(0.0)
         .show_axes([false, true])
         .y_axis_formatter(|mark, _| format!("{} ms", super::overlay::number(mark.value)));
-    // Beside the curves, not over them.
+    // The legend is beside the curves, not over them.
     ui.horizontal(|ui| {
         for (stage, color) in STAGES {
             ui.colored_label(color, stage);

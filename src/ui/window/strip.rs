@@ -8,7 +8,7 @@ use egui::{Color32, Mesh, Pos2, Rangef, Rect, Shape, Stroke, Ui, pos2};
 /// Height of the strip in points.
 pub(super) const HEIGHT: f32 = 30.0;
 
-/// Of the steps in one column of pixels: least and greatest value, and the mean of their means.
+/// Values of the steps in one column of pixels: least and greatest, and the mean of their means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Column {
     lo: f64,
@@ -34,7 +34,7 @@ pub(super) fn draw(ui: &Ui, rect: Rect, way: Rangef, session: &Session) {
     let mut means: Vec<Pos2> = Vec::new();
     let flush = |band: &mut Mesh, means: &mut Vec<Pos2>| {
         if let [top, bottom] = &*band.vertices {
-            // A step alone between gaps.
+            // A single step between gaps.
             ui.painter().line_segment([top.pos, bottom.pos], Stroke::new(2.0, top.color));
         }
         ui.painter().add(Shape::mesh(std::mem::take(band)));
@@ -61,7 +61,7 @@ fn add_column(band: &mut Mesh, x: f32, ends: [f32; 2], color: Color32) {
     }
 }
 
-/// What is known of a step.
+/// Values of a step, as far as known.
 fn value(session: &Session, survey: &Surveyed, step: usize) -> Option<Column> {
     let field = session.series().field();
     let [lo, hi] = field.range_per_step.get(step).copied().flatten()?.map(f64::from);
@@ -69,7 +69,7 @@ fn value(session: &Session, survey: &Surveyed, step: usize) -> Option<Column> {
     Some(Column { lo, hi, mean: surveyed.map(|step| step.mean) })
 }
 
-/// The steps in at most `columns` columns: where each is, in steps, and what is in it.
+/// Groups steps into at most `columns` columns: position of each, in steps, and its values.
 fn columns_of(
     steps: usize,
     columns: usize,

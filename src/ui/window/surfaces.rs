@@ -1,4 +1,4 @@
-//! Isosurfaces and cuts: which are shown, where, and in which colours.
+//! Isosurfaces and cuts: values, positions and colours.
 
 use super::overlay;
 use super::widgets::{choice, color, icon, named, number, toggle};
@@ -10,7 +10,7 @@ use eframe::egui;
 use egui::{DragValue, Slider, Ui};
 use glam::DVec3;
 
-/// Shows the part of the side panel.
+/// Shows this part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let Some((lo, hi)) = session.range_of_field() else {
         ui.label("The field has no finite value");
@@ -19,7 +19,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let before = session.shown_surfaces();
     let mut look = before.clone();
     let kinds = [(Shown::Volume, "volume"), (Shown::Surfaces, "isosurfaces"), (Shown::Both, "volume and isosurfaces")];
-    // What else there is would take the room of what comes below, whoever needs it or not.
+    // Collapsed, since all parts would push down the controls below.
     let id = ui.scope_id().with("cuts are open");
     let mut is_open = ui.data(|data| data.get_temp(id)).unwrap_or(!look.cuts.is_empty() || !look.domain.is_empty());
     ui.horizontal(|ui| {
@@ -85,7 +85,7 @@ fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi):
     }
     let has_room = look.isosurfaces.len() < SURFACES_MAX;
     if ui.add_enabled(has_room, egui::Button::new("Add isosurface")).clicked() {
-        // Between the last one and the farther end of the range.
+        // Between the last value and the farther end of the range.
         let last = look.isosurfaces.last().map_or(lo, |surface| surface.value);
         let end = if last - lo > hi - last { lo } else { hi };
         look.isosurfaces.push(Isosurface::new(0.5 * last + 0.5 * end));
@@ -111,9 +111,9 @@ fn domain(ui: &mut Ui, look: &mut SurfaceLook) {
     }
 }
 
-/// The connected parts of the mesh, if there are several: those that are shown, none for all.
+/// The connected parts of the mesh, if there are several: the shown ones; empty: all.
 fn parts(ui: &mut Ui, sizes: &[usize], shown: &mut Vec<u32>) {
-    /// Smaller ones are not listed.
+    /// Number of largest parts listed.
     const LISTED: usize = 100;
     if sizes.len() < 2 {
         return;
@@ -143,7 +143,7 @@ fn parts(ui: &mut Ui, sizes: &[usize], shown: &mut Vec<u32>) {
     named(response.response, egui::Role::ComboBox, "Connected parts");
 }
 
-/// A plane is moved by its place between the ends of the mesh's box along its normal.
+/// Cuts; each is moved along its normal between the ends of the mesh's box.
 fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
     let (lo, hi) = session.series().mesh().positions.world_bounds();
     let middle = 0.5 * lo + 0.5 * hi;

@@ -1,4 +1,4 @@
-//! The timeline: steps, what of them is in memory, and how they are played.
+//! The timeline: steps, which of them are in memory, and playback controls.
 
 use super::preview::Preview;
 use super::strip;
@@ -8,10 +8,10 @@ use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Ui, WidgetInfo, pos2};
 
-/// Height of the strip that shows what is in memory, and of that which shows the range.
+/// Height of the strips for steps in memory and for the range.
 const STRIP: f32 = 4.0;
 
-/// Shows the timeline; `shows_side` is the side panel's switch.
+/// Shows the timeline; `shows_side` is toggled by its button.
 pub(super) fn show(
     ui: &mut Ui,
     session: &mut Session,
@@ -44,7 +44,7 @@ pub(super) fn show(
     ui.add_space(4.0);
 }
 
-/// The slider over all steps, and below it what is in memory and what is played.
+/// The slider over all steps, and below it the strips.
 fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Preview, actions: &mut Vec<Action>) {
     let last = state.steps.saturating_sub(1);
     let at = state.frame.map_or(0, |frame| frame.step());
@@ -53,7 +53,7 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
     let slider = Slider::new(&mut step, 0..=last.max(1)).show_value(false).step_by(1.0);
     let response = ui.add_enabled(last > 0, slider);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Step slider"));
-    // The handle's way is shorter than the slider by its size, as egui draws it.
+    // The handle's track is shorter than the slider by its size, as egui draws it.
     let inset = response.rect.height() / 2.5;
     let way = response.rect.x_range().shrink(inset);
     let size = egui::vec2(ui.available_width(), 2.0 * STRIP + strip::HEIGHT);
@@ -66,7 +66,7 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
         let share = ((at.x - way.min) / way.span().max(1.0)).clamp(0.0, 1.0);
         (f64::from(share) * last as f64).round() as usize
     };
-    // A slider only knows drags, and there is none if the button is released before the next pass.
+    // A slider only detects drags, and there is none if the button is released before the next pass.
     let click = ui.interact(response.rect, response.id.with("click"), egui::Sense::CLICK);
     let is_short = click.clicked() && last > 0 && !response.drag_stopped();
     let is_held = values.is_pointer_button_down_on() || values.clicked();
@@ -81,7 +81,7 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
     preview.show(session, under, &response.union(values));
 }
 
-/// What is in memory, and below it what is played; the first step is at the start of `way`, the last one at its end.
+/// Strips for steps in memory and for the played range; the first step is at the start of `way`, the last one at its end.
 fn strips(ui: &Ui, place: Rect, way: Rangef, session: &Session, state: &State) {
     let last = state.steps.saturating_sub(1);
     let x = |step: f64| egui::lerp(way, (step / last.max(1) as f64).clamp(0.0, 1.0) as f32);
@@ -103,7 +103,7 @@ fn strips(ui: &Ui, place: Rect, way: Rangef, session: &Session, state: &State) {
     }
 }
 
-/// Runs of steps that are in memory, first and last; of more steps than pixels, only as many are looked at.
+/// Runs of steps in memory, first and last; of more steps than pixels, only as many are checked.
 fn resident_runs(steps: usize, pixels: usize, is_resident: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let stride = steps.div_ceil(pixels.max(1)).max(1);
     let mut runs: Vec<(usize, usize)> = Vec::new();
@@ -117,7 +117,7 @@ fn resident_runs(steps: usize, pixels: usize, is_resident: impl Fn(usize) -> boo
     runs
 }
 
-/// First, back, reverse play, stop, play or pause, forward, last.
+/// Buttons: first, back, reverse play, stop, play or pause, forward, last.
 fn transport(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     let mut command = |command| actions.push(Action::Play(command));
     if symbol(ui, Symbol::First, "First step (Home)", false).clicked() {
@@ -150,7 +150,7 @@ fn transport(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     }
 }
 
-/// Step and time, to be read and to be typed.
+/// Boxes that show and edit step and time.
 fn place(ui: &mut Ui, session: &Session, state: &State, actions: &mut Vec<Action>) {
     let last = state.steps.saturating_sub(1);
     let at = state.frame.map_or(0, |frame| frame.step());
@@ -166,7 +166,7 @@ fn place(ui: &mut Ui, session: &Session, state: &State, actions: &mut Vec<Action
         let mut time = shown;
         ui.label("time");
         let speed = ((last - first) / 500.0).max(f64::MIN_POSITIVE);
-        // While it plays, the box would run away from under the mouse.
+        // While playing, the box would move away from the mouse.
         let value = DragValue::new(&mut time)
             .speed(speed)
             .range(*first..=*last)
@@ -178,7 +178,7 @@ fn place(ui: &mut Ui, session: &Session, state: &State, actions: &mut Vec<Action
     }
 }
 
-/// What leads, how fast, which steps, and what happens at the ends.
+/// Controls of mode, speed, stride and loop.
 fn pace(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     let settings = state.settings;
     let mut mode = settings.mode;
@@ -220,7 +220,7 @@ fn pace(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     }
 }
 
-/// The part that is played.
+/// Controls of the played range.
 fn range(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     if icon(ui, "A", "Play from here (I)", true).clicked() {
         actions.push(Action::RangeFromHere);

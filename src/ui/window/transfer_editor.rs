@@ -9,16 +9,16 @@ use egui::{DragValue, Mesh, Pos2, Rect, Role, Sense, Shape, Stroke, StrokeKind, 
 
 /// Height of the curve, and of the colours below it.
 const HEIGHT: (f32, f32) = (96.0, 12.0);
-/// Radius of a point, and how far from it the mouse still finds it.
+/// Radius of a point, and the distance within which the mouse grabs it.
 const POINT: (f32, f32) = (4.0, 9.0);
 
-/// The point that is held by the mouse.
+/// The editor, with the point held by the mouse.
 #[derive(Debug, Default)]
 pub(super) struct TransferEditor {
     held: Option<usize>,
 }
 
-/// From curve to screen and back.
+/// Transforms between curve and screen.
 struct Axes {
     rect: Rect,
     highest: f64,
@@ -60,7 +60,7 @@ impl TransferEditor {
         ui.collapsing("Points as numbers", |ui| boxes(ui, &points, axes.highest, actions));
     }
 
-    /// What the mouse makes of the points.
+    /// The points as edited by the mouse.
     fn edited(&mut self, response: &egui::Response, axes: &Axes, points: &[OpacityPoint]) -> Option<Vec<OpacityPoint>> {
         let at = response.interact_pointer_pos();
         if let Some(at) = at.filter(|_| response.secondary_clicked()) {
@@ -83,11 +83,10 @@ impl TransferEditor {
     }
 }
 
-/// Bars over the range that is shown.
+/// Number of bars over the shown range.
 const BARS: u32 = 256;
 
-/// How often which value of the range occurs in the series, as bars; counts are seen as their logarithms, since most volumes are mostly
-/// surroundings.
+/// Histogram of the series over the range, as bars of logarithmic height, since most volumes are mostly surroundings.
 fn bars(axes: &Axes, session: &Session, range: &MappedRange, color: egui::Color32) -> Mesh {
     let mut mesh = Mesh::default();
     let position = |bar: u32| f64::from(bar) / f64::from(BARS);

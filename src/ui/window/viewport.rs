@@ -1,4 +1,4 @@
-//! The picture, and what the mouse does in it.
+//! The picture, and mouse actions in it.
 
 use super::axes::place_of;
 use super::screen::Painted;
@@ -9,7 +9,7 @@ use egui::emath::GuiRounding;
 use egui::{Pos2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec2;
 
-/// Shows what goes over the picture in what is left of `ui`, and returns that place.
+/// Shows the overlays in the rest of `ui`, and returns the picture's rectangle.
 pub(super) fn show(
     ui: &mut Ui,
     session: &Session,
@@ -35,8 +35,8 @@ pub(super) fn show(
     rect
 }
 
-/// Where an image of this size goes: the view angle is vertical, so heights fit; sideways it is cut, or leaves room. A
-/// rounding to whole pixels is no reason to do either.
+/// Rectangle of an image of this size: the view angle is vertical, so heights fit; the sides are cut off or leave room, except for a
+/// rounding to whole pixels.
 pub(super) fn placed(rect: Rect, image: egui::Vec2) -> Rect {
     let width = rect.height() * image.x / image.y;
     // Half a pixel of either side of the image, seen in the width.
@@ -45,9 +45,9 @@ pub(super) fn placed(rect: Rect, image: egui::Vec2) -> Rect {
     Rect::from_center_size(rect.center(), vec2(width, rect.height()))
 }
 
-/// Says what is under the mouse; a click picks it.
+/// Reports the point under the mouse; a click picks it.
 fn point_at(response: &egui::Response, place: Option<Rect>, session: &Session, actions: &mut Vec<Action>) {
-    // A picture that moves with the mouse has nothing under it.
+    // A picture that moves with the mouse has no point under it.
     let at = response.hover_pos().filter(|_| !response.dragged()).zip(place);
     let share = |at: Pos2, place: Rect| {
         let from_corner = (at - place.min) / place.size();

@@ -1,9 +1,9 @@
-//! Wakes the window up, whichever it is at the moment.
+//! Wakes the current window.
 
 use eframe::egui;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Has the window painted again. A window that is opened again takes the place of the one before.
+/// Requests a repaint of the window. A reopened window replaces the one before.
 #[derive(Clone, Default)]
 pub(super) struct Waker(Arc<Mutex<Option<egui::Context>>>);
 
@@ -13,11 +13,11 @@ impl Waker {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(ctx.clone());
     }
 
-    /// For threads that have something to show.
+    /// The callback for threads with new results.
     pub(super) fn wake(&self) -> impl Fn() + Send + Sync + Clone + use<> {
         let waker = self.clone();
         move || {
-            // A copy: whoever holds the lock must not wait for the window.
+            // A copy, so that the lock is not held while the window is busy.
             let ctx = waker.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
             if let Some(ctx) = ctx {
                 ctx.request_repaint();

@@ -1,4 +1,4 @@
-//! What is shown when nothing is played, and while something is opened.
+//! The views without a series, and while one is opened.
 
 use super::widgets::icon;
 use crate::import::Format;
@@ -9,22 +9,22 @@ use egui::{Align, Layout, ProgressBar, Role, Ui, WidgetInfo};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What a user asks for here.
+/// A request of the user.
 pub(super) enum Wish {
-    /// To open these.
+    /// Open these files.
     Open(Vec<PathBuf>),
-    /// To stop opening.
+    /// Cancel opening.
     Stop,
 }
 
-/// A path that is typed.
+/// A box to type a path.
 #[derive(Debug, Default)]
 pub(super) struct PathBox {
     text: String,
 }
 
 impl PathBox {
-    /// Shows the box; what was typed, once that is done.
+    /// Shows the box; returns the path once entered.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<PathBuf> {
         let mut is_entered = false;
         ui.horizontal(|ui| {
@@ -33,19 +33,19 @@ impl PathBox {
             let response = ui.add(edit.desired_width(320.0));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Path to open"));
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-            // What is typed is meant for it, from the first letter on.
+            // Typing goes to the box, from the first letter on.
             if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
                 response.request_focus();
             }
             is_entered |= ui.button("Open").clicked();
         });
-        // Quotes are what a file manager's "copy path" leaves around it.
+        // A file manager's "copy path" adds quotes.
         let text = self.text.trim().trim_matches(['"', '\'']);
         (is_entered && !text.is_empty()).then(|| PathBuf::from(text))
     }
 }
 
-/// Files that were opened before; which one is wanted.
+/// Recent files; returns the chosen one.
 pub(super) fn recent(ui: &mut Ui, files: &[RecentFile]) -> Option<PathBuf> {
     let mut wanted = None;
     for path in files.iter().map(|file| &file.path) {
@@ -58,7 +58,7 @@ pub(super) fn recent(ui: &mut Ui, files: &[RecentFile]) -> Option<PathBuf> {
     wanted
 }
 
-/// What to do when nothing is open.
+/// The view when nothing is open.
 pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) -> Option<Wish> {
     let mut wish = None;
     ui.with_layout(Layout::top_down(Align::Center), |ui| {
@@ -82,7 +82,7 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
     wish
 }
 
-/// How far the opening of `paths` has come.
+/// Progress of opening `paths`.
 pub(super) fn opening(ui: &mut Ui, paths: &[PathBuf], progress: &OpeningProgress) -> Option<Wish> {
     let mut wish = None;
     ui.horizontal(|ui| {

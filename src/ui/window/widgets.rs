@@ -9,33 +9,33 @@ pub(super) fn color(rgb: [f32; 3]) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// A button with a picture on it, which is called `name`.
+/// A button with an icon, named `name`.
 pub(super) fn icon(ui: &mut Ui, symbol: &str, name: &str, enabled: bool) -> Response {
     let response = ui.add_enabled(enabled, egui::Button::new(symbol).min_size(egui::vec2(26.0, 22.0)));
     named(response, Role::Button, name)
 }
 
-/// A button that stays down or up.
+/// A toggle button.
 pub(super) fn toggle(ui: &mut Ui, symbol: &str, name: &str, is_on: bool) -> Response {
     let response = ui.add(egui::Button::selectable(is_on, symbol).min_size(egui::vec2(26.0, 22.0)));
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, name));
     response.on_hover_text(name)
 }
 
-/// Gives a widget a name, for those who do not see it and those who wonder.
+/// Names a widget, for screen readers and as a tooltip.
 pub(super) fn named(response: Response, role: Role, name: &str) -> Response {
     response.widget_info(|| WidgetInfo::labeled(role, response.enabled(), name));
     response.on_hover_text(name).on_disabled_hover_text(name)
 }
 
-/// A box for a number, which is called `name`.
+/// A number box, named `name`.
 pub(super) fn number(ui: &mut Ui, value: egui::DragValue<'_>, name: &str) -> Response {
     let response = ui.add(value);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
     response.on_hover_text(name)
 }
 
-/// A number to drag in a box of this width, whatever its digits.
+/// A number box of this width, whatever its digits.
 pub(super) fn wide_number(ui: &mut Ui, width: f32, value: egui::DragValue<'_>, name: &str) -> Response {
     let height = ui.spacing().interact_size.y;
     let response = ui.add_sized([width, height], value);
@@ -43,7 +43,7 @@ pub(super) fn wide_number(ui: &mut Ui, width: f32, value: egui::DragValue<'_>, n
     response.on_hover_text(name)
 }
 
-/// A choice of one of several. Whether another was chosen.
+/// A choice of one of several; returns whether it changed.
 pub(super) fn choice<T: Copy + PartialEq>(ui: &mut Ui, name: &str, value: &mut T, options: &[(T, &str)]) -> bool {
     let before = *value;
     let text = options.iter().find(|(option, _)| option == value).map_or("", |(_, text)| *text);
@@ -62,7 +62,7 @@ pub(super) fn choice<T: Copy + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     *value != before
 }
 
-/// What is drawn on a button of a player.
+/// A symbol on a button of the player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Symbol {
     First,
@@ -94,7 +94,7 @@ impl Symbol {
     }
 }
 
-/// A button with a symbol on it, which is called `name`.
+/// A button with a symbol, named `name`.
 pub(super) fn symbol(ui: &mut Ui, symbol: Symbol, name: &str, is_on: bool) -> Response {
     let response = ui.add(egui::Button::selectable(is_on, "").min_size(egui::vec2(28.0, 22.0)).frame(true));
     let (color, center) = (ui.style().interact_selectable(&response, is_on).text_color(), response.rect.center());
@@ -106,8 +106,8 @@ pub(super) fn symbol(ui: &mut Ui, symbol: Symbol, name: &str, is_on: bool) -> Re
     response.on_hover_text(name)
 }
 
-/// Lays out parts in the width that there is; what is wider is cut off. A panel grows with what is in it otherwise, and the picture
-/// beside it gets another size.
+/// Lays out widgets in the available width; wider ones are cut off. Otherwise a panel grows with its content, and the picture beside it
+/// changes its size.
 pub(super) fn within_width(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
     let room = ui.available_rect_before_wrap();
     let mut part = ui.new_child(egui::UiBuilder::new().max_rect(room));
@@ -117,7 +117,7 @@ pub(super) fn within_width(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
     ui.advance_cursor_after_rect(part.min_rect().with_max_x(room.right()).with_min_x(room.left()));
 }
 
-/// A plot that stays where it is, whatever the mouse does.
+/// A plot that ignores the mouse.
 pub(super) fn still_plot<'a>(id: &str) -> egui_plot::Plot<'a> {
     egui_plot::Plot::new(id)
         .allow_drag(false)
