@@ -115,7 +115,7 @@ pub struct FrameStats {
     pub ms_begin: f64,
     /// Milliseconds spent walking and compositing.
     pub ms_render: f64,
-    /// Milliseconds for surface guides: a pass for normals and ids, and shading with them. Not part of `ms_render`.
+    /// Milliseconds for surface guides: a pass for normals and surface numbers, and shading with them. Not part of `ms_render`.
     pub ms_guides: f64,
     /// Milliseconds for depth layers of the domain's boundary. Not part of `ms_render`.
     pub ms_depth_layers: f64,
