@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub struct TransferSource {
     /// The function, and the scalars that it covers.
     pub content: TransferContent,
-    /// What opacities mean.
+    /// Meaning of opacity values.
     pub kind: OpacityKind,
     /// The lengths for which the table is made.
     pub lengths: Lengths,

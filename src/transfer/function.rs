@@ -100,12 +100,12 @@ impl TransferFunction {
         &self.points
     }
 
-    /// What positions count in.
+    /// Unit of the positions.
     pub fn positions(&self) -> PositionKind {
         self.positions
     }
 
-    /// What values are.
+    /// Meaning of the values.
     pub fn values(&self) -> OpacityValues {
         self.values
     }

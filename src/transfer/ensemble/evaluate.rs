@@ -20,7 +20,7 @@ pub struct Context<'a> {
     pub series: (f64, f64),
     /// Smallest and largest scalar of the step shown.
     pub step: (f64, f64),
-    /// What opacities mean.
+    /// Meaning of opacity values.
     pub kind: OpacityKind,
     /// The unit distance of opacities, and the longest path.
     pub lengths: Lengths,

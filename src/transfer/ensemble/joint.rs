@@ -36,7 +36,7 @@ impl Ensemble {
 /// the union of their spaces (dissertation 7.4).
 ///
 /// # Errors
-/// Those of `curve_on`, and if a histogram is missing, the unit distance of the context is not usable, or there are too many places.
+/// The errors of `curve_on`, and if a histogram is missing, the unit distance of the context is not usable, or there are too many places.
 pub fn joint_table(
     ensembles: &[&Ensemble],
     context: &Context,
