@@ -232,7 +232,7 @@ impl BlockCache {
     /// Block `index` of a decoder, loaded if it is not in memory, and the bytes that this call has read for it.
     ///
     /// # Errors
-    /// Those of [`BlockLoader::load`].
+    /// The errors of [`BlockLoader::load`].
     pub fn get(&self, loader: &dyn BlockLoader, index: usize, cancel: &Cancel) -> Result<(Block, u64), Stop> {
         let key = BlockKey { decoder: loader.id(), index };
         loop {
@@ -274,7 +274,7 @@ impl BlockCache {
     /// call may load. Returns whether a block was loaded.
     ///
     /// # Errors
-    /// That of the block's file.
+    /// The error of the block's file.
     pub fn prefetch<'a>(
         &self,
         loader_of: impl Fn(DecoderId) -> Option<&'a dyn BlockLoader>,
