@@ -290,7 +290,7 @@ mod tests {
             let bound = 0.667 * a + 1e-6;
             assert!((w.near / (a / 2.0) - 1.0).abs() < bound && (w.far / (a / 2.0) - 1.0).abs() < bound, "{a} {w:?}");
         }
-        // What the definition says, evaluated as it stands, is nothing for a depth below the rounding of 1.
+        // The definition, evaluated naively, is 0 for a depth below the rounding of 1.
         let naive = |a: f32| 1.0 - (-a).exp();
         assert!((naive(1e-7) / 1e-7 - 1.0).abs() > 0.1 && naive(1e-8) == 0.0, "{:e}", naive(1e-7));
         // A ramp from nothing: Theta = b u^2, A = b / 3, B = 2 b / 3.
