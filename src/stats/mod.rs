@@ -68,7 +68,7 @@ pub struct FrameStats {
     /// the image. None if the image is known to be empty.
     pub rays_by_level: [u64; 4],
     /// Blocks between rays that were split because: their corners differ; the border of the domain crosses them; a face of it reaches into
-    /// them; a neighbour was split; a depth layer beside the cells begins or ends in them.
+    /// them; a neighbour was split; a request layer beside the cells begins or ends in them.
     pub blocks_split: [u64; 5],
     /// Blocks between rays whose pixels were filled.
     pub blocks_filled: u64,
