@@ -9,10 +9,10 @@ use std::path::PathBuf;
 /// Bytes of the checksum behind a chunk.
 const CHECKSUM_BYTES: u64 = 4;
 
-/// Bytes that are read and checked between two looks at whether to stop: a fraction of a millisecond.
+/// Bytes that are read and checked between two checks of the cancel flag: a fraction of a millisecond.
 pub(super) const PIECE_BYTES: usize = 1 << 20;
 
-/// Reads bytes of named objects: files of a folder today, of an object store later.
+/// Reads bytes of named objects: of files in a folder today, of an object store later.
 pub trait ReadRange: Send + Sync {
     /// Number of bytes of the object `key` (path segments joined by `/`).
     ///
@@ -20,10 +20,10 @@ pub trait ReadRange: Send + Sync {
     /// If there is no such object.
     fn size(&self, key: &str) -> FileResult<u64>;
 
-    /// Whether there is an object `key`. A chunk that is missing holds its array's fill value where a codec says so.
+    /// Whether there is an object `key`. A missing chunk holds its array's fill value where a codec says so.
     ///
     /// # Errors
-    /// If that cannot be found out.
+    /// If that cannot be determined.
     fn exists(&self, key: &str) -> FileResult<bool>;
 
     /// Fills `parts` one after the other with the bytes from `offset` on.
@@ -32,8 +32,8 @@ pub trait ReadRange: Send + Sync {
     /// If the object cannot be read or ends too early.
     fn read(&self, key: &str, offset: u64, parts: &mut [&mut [u8]]) -> FileResult<()>;
 
-    /// As [`ReadRange::read`], but calls `filled` with each part when it is filled, and stops if that says no. Returns
-    /// whether it never did. To be overridden where opening an object costs something.
+    /// As [`ReadRange::read`], but calls `filled` with each part once it is filled, and stops if that returns false. Returns whether it
+    /// never did. To be overridden where opening an object is expensive.
     ///
     /// # Errors
     /// As [`ReadRange::read`].
@@ -54,7 +54,7 @@ pub trait ReadRange: Send + Sync {
         Ok(true)
     }
 
-    /// What errors call the object.
+    /// Path of the object in error messages.
     fn path(&self, key: &str) -> PathBuf;
 }
 
@@ -102,9 +102,9 @@ impl ElementType {
     }
 }
 
-/// A number that arrays are made of.
+/// A number type of array elements.
 pub trait Element: bytemuck::Pod + Send + Sync {
-    /// Its type in the store.
+    /// The element type in the store.
     const TYPE: ElementType;
     /// The same number with its bytes reversed.
     #[must_use]
@@ -128,15 +128,15 @@ element!(f32 => F32, f64 => F64, i8 => I8, u8 => U8, u16 => U16, u32 => U32, u64
 /// How an array is cut into chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chunking {
-    /// One chunk holds everything.
+    /// One chunk for the whole array.
     Whole,
-    /// Each index of the first axis (a step, a block) has a chunk of its own.
+    /// One chunk for each index of the first axis (a step, a block).
     PerRow,
-    /// So many indices of the first axis share a chunk; the last one is filled up.
+    /// This many indices of the first axis share a chunk; the last chunk is padded.
     Rows(u64),
 }
 
-/// An array of the store: what its metadata says.
+/// Metadata of an array of the store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArraySpec {
     /// Name within the group of the field; `GROUP/NAME` for an array of a group of its own.
@@ -145,14 +145,14 @@ pub struct ArraySpec {
     pub element: ElementType,
     /// Length of each axis, slowest first.
     pub shape: Vec<u64>,
-    /// How it is cut.
+    /// Division into chunks.
     pub chunking: Chunking,
     /// Names of the axes.
     pub axes: Vec<&'static str>,
 }
 
 impl ArraySpec {
-    /// Length of each axis of a chunk; at least 1, which Zarr asks for even if an axis of the array is empty.
+    /// Length of each axis of a chunk; at least 1, as Zarr requires even if an axis of the array is empty.
     pub fn chunk_shape(&self) -> Vec<u64> {
         let mut shape: Vec<u64> = self.shape.iter().map(|&n| n.max(1)).collect();
         if let Some(first) = shape.first_mut() {
@@ -180,7 +180,7 @@ pub fn chunk_key(array: &str, row: u64, rank: usize) -> String {
     key
 }
 
-/// The array and the row of a key that [`chunk_key`] has made; `None` if it is another name.
+/// The array and the row of a key made by [`chunk_key`]; `None` for any other name.
 ///
 /// ```
 /// assert_eq!(tetreel::codec::parse_chunk_key("vq/mean/c/12/0"), Some(("vq/mean", 12)));
@@ -192,7 +192,7 @@ pub fn parse_chunk_key(key: &str) -> Option<(&str, u64)> {
     Some((array, row))
 }
 
-/// The bytes of elements in the store's order (little-endian).
+/// The bytes of elements in the store's byte order (little-endian).
 pub fn to_bytes<T: Element>(values: &[T]) -> Cow<'_, [u8]> {
     if cfg!(target_endian = "little") {
         Cow::Borrowed(bytemuck::cast_slice(values))
@@ -207,7 +207,7 @@ pub fn seal(payload: &[u8]) -> [u8; CHECKSUM_BYTES as usize] {
     crc32c::crc32c(payload).to_le_bytes()
 }
 
-/// Fills `out` from the chunk `key`, whose payload must be exactly as long; returns the bytes read.
+/// Fills `out` from the chunk `key`, whose payload must have exactly that length; returns the bytes read.
 ///
 /// # Errors
 /// If the chunk is missing, has another length, or does not match its checksum.
@@ -215,7 +215,7 @@ pub fn read_chunk<T: Element>(source: &dyn ReadRange, key: &str, out: &mut [T]) 
     uncancelled(|cancel| read_chunk_unless(source, key, out, cancel))
 }
 
-/// As [`read_chunk`], unless `cancel` is raised; looks at it after every piece. `out` is unspecified then.
+/// As [`read_chunk`], unless `cancel` is raised, which is checked after every piece; `out` is then unspecified.
 ///
 /// # Errors
 /// As [`read_chunk`], or `Cancelled`.
@@ -255,7 +255,7 @@ pub fn read_chunk_unless<T: Element>(
     Ok(expected)
 }
 
-/// Reads a chunk of `count` rows of N elements. The file's length is checked before any memory is asked for.
+/// Reads a chunk of `count` rows of N elements. The file's length is checked before memory is allocated.
 ///
 /// # Errors
 /// As [`read_chunk`], and if the chunk cannot be addressed on this machine.
@@ -283,7 +283,7 @@ pub fn read_rows_unless<T: Element, const N: usize>(
     Ok(rows)
 }
 
-/// Checks that a chunk of `count` elements has the right length, without reading it.
+/// Checks that a chunk of `count` elements has the right length, without reading its elements.
 ///
 /// # Errors
 /// If it is missing or has another length.

@@ -8,9 +8,9 @@ const CHUNK: usize = 16_384;
 
 /// Euclidean norm of each tuple: `out[v] = |(components[0][v], components[1][v], ..)|`.
 ///
-/// Squares are summed in f64 in the order of the components, so that neither large nor denormal components overflow or
-/// vanish and the result does not depend on who computes it. A NaN component gives NaN; otherwise an infinite one gives
-/// infinity, as does a norm beyond the largest f32.
+/// Squares are summed in f64 in the order of the components, so that neither large nor denormal components overflow or vanish and the
+/// result does not depend on the thread. A NaN component gives NaN; otherwise an infinite one gives infinity, as does a norm beyond the
+/// largest f32.
 ///
 /// # Panics
 /// If a component is shorter than `out`.
@@ -18,7 +18,7 @@ pub fn magnitude(components: &[&[f32]], out: &mut [f32]) {
     magnitude_unless(components, out, &Cancel::new());
 }
 
-/// As [`magnitude`], unless `cancel` is raised. Returns whether it was not; if it was, `out` is unspecified.
+/// As [`magnitude`], unless `cancel` is raised. Returns false if it was; `out` is then unspecified.
 ///
 /// # Panics
 /// As [`magnitude`].

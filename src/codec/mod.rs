@@ -1,20 +1,19 @@
 //! Encoding of one field over time, so that any step can be decoded.
 //!
-//! An [`Encoder`] takes the steps in order, keeps as many as a block of it needs, and hands finished chunks of bytes to a
-//! [`ChunkSink`] under the names that they have in the store. A [`Decoder`] reads bytes behind [`ReadRange`] (a folder
-//! today, an object store later) and decodes any step without state that another thread could see. Chunks are those of
-//! Zarr arrays, described by [`ArraySpec`]: little-endian elements and then their CRC-32C, which is what the stock codecs
-//! `bytes` and `crc32c` write. What decoders keep in memory lies in a [`BlockCache`], which several of them may share.
+//! An [`Encoder`] takes the steps in order, buffers those of a block, and hands finished chunks of bytes to a [`ChunkSink`] under their
+//! names in the store. A [`Decoder`] reads bytes behind [`ReadRange`] (a folder today, an object store later) and decodes any step without
+//! state that another thread could see. Chunks are those of Zarr arrays, described by [`ArraySpec`]: little-endian elements and then their
+//! CRC-32C, as the stock codecs `bytes` and `crc32c` write. Decoders keep blocks in a [`BlockCache`], which several of them may share.
 //!
-//! A further codec is a folder here and a line of [`CODECS`].
+//! To add a codec, add a folder here and a line to [`CODECS`].
 //!
 //! | layer | where |
 //! |---|---|
-//! | what arrays there are | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
+//! | arrays and their shapes | [`ArraySpec`], filled in by the encoder's [`Encoder::finish`] |
 //! | bytes of a chunk | [`seal`], [`read_chunk`] |
 //! | values of a step | [`raw`], [`vq`] |
 //! | blocks that stay in memory | [`blocks`] |
-//! | how far they are from the truth | [`ErrorTally`], [`Quality`] |
+//! | errors of decoded values | [`ErrorTally`], [`Quality`] |
 
 pub mod blocks;
 mod chunk;
@@ -43,7 +42,7 @@ use blocks::BlockLoader;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// What decoding a step cost.
+/// Cost of decoding a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecodeStats {
     /// Bytes read from the store.
@@ -52,26 +51,26 @@ pub struct DecodeStats {
     pub vertices_decoded: u64,
 }
 
-/// Which vertices of a step are to be decoded: some of its chunks.
+/// The vertices of a step to be decoded, by chunks.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'a> {
-    /// Vertices of a chunk (the last one may have fewer).
+    /// Vertices per chunk (the last one may have fewer).
     pub length: usize,
-    /// Whether each is wanted.
+    /// Whether each chunk is wanted.
     pub chunks: &'a [bool],
 }
 
 impl Wanted<'_> {
-    /// The chunks of `out` that are wanted, each with its first vertex.
+    /// The wanted chunks of `out`, each with its first vertex.
     pub(crate) fn of<T: Send>(self, out: &mut [T]) -> impl ParallelIterator<Item = (usize, &mut [T])> {
         let chunks = out.par_chunks_mut(self.length.max(1)).zip(self.chunks).enumerate();
         chunks.filter(|(_, (_, wanted))| **wanted).map(move |(at, (out, _))| (at * self.length, out))
     }
 
-    /// How many of `vertices` these are.
+    /// Number of wanted vertices among `vertices`.
     ///
     /// # Panics
-    /// If there is not one wish for each chunk.
+    /// If there is not one flag for each chunk.
     pub(crate) fn count(self, vertices: usize) -> u64 {
         assert_eq!(vertices.div_ceil(self.length), self.chunks.len(), "a wish for each chunk");
         let length = |at: usize| self.length.min(vertices.saturating_sub(at * self.length));
@@ -79,25 +78,25 @@ impl Wanted<'_> {
     }
 }
 
-/// Takes the finished chunks of an encoder.
+/// Receives the finished chunks of an encoder.
 pub trait ChunkSink {
-    /// Keeps `payload` (without its checksum) under `key`, as [`chunk_key`] makes it.
+    /// Stores `payload` (without its checksum) under `key`, as made by [`chunk_key`].
     ///
     /// # Errors
     /// If the chunk cannot be written.
     fn put(&mut self, key: &str, payload: &[u8]) -> FileResult<()>;
 }
 
-/// What an encoder has written once it is through.
+/// Result of a finished encoder.
 #[derive(Clone, Debug)]
 pub struct Encoded {
     /// The arrays whose chunks went to the sink.
     pub arrays: Vec<ArraySpec>,
-    /// Parameters of the codec, for the store's attributes.
+    /// Codec parameters, for the store's attributes.
     pub parameters: serde_json::Value,
-    /// What decoding gives back wrongly; `None` if it is exact by design.
+    /// Errors of decoded values; `None` if the codec is exact by design.
     pub errors: Option<ErrorTally>,
-    /// Of these, what does not change if steps are added later; `None` if there is nothing.
+    /// The part of `errors` that does not change if steps are added later; `None` if there is none.
     pub settled_errors: Option<ErrorTally>,
 }
 
@@ -106,7 +105,7 @@ pub trait Encoder: Send {
     /// Name of the codec in the store's attributes.
     fn name(&self) -> &'static str;
 
-    /// Takes the next step, one value per vertex, and writes what has become complete by it.
+    /// Takes the next step, one value per vertex, and writes chunks that it completes.
     ///
     /// # Errors
     /// If the sink fails.
@@ -118,22 +117,21 @@ pub trait Encoder: Send {
     /// If the sink fails.
     fn finish(self: Box<Self>, sink: &mut dyn ChunkSink) -> FileResult<Encoded>;
 
-    /// Whether the chunk `key` is final at this moment: it is there and not written again, however many steps follow. Of an
-    /// encoder that goes on with what another one left, the chunks that it does not replace.
+    /// Whether the chunk `key` is final: written, and not written again however many steps follow. A resumed encoder also counts the chunks
+    /// of its predecessor that it does not replace.
     fn is_settled(&self, key: &str) -> bool;
 }
 
 /// Decodes any step of one field, from several threads at once.
 pub trait Decoder: Send + Sync {
-    /// Decodes `step` into `out`, one value per vertex, unless `cancel` is raised: `None` then, within a few milliseconds,
-    /// and `out` is unspecified. Only those vertices need to be there that are wanted, if that is said; what the others hold is
-    /// unspecified.
+    /// Decodes `step` into `out`, one value per vertex, unless `cancel` is raised: `None` then, within a few milliseconds, and `out` is
+    /// unspecified. With `wanted`, only wanted vertices need to be decoded; the others are unspecified.
     ///
     /// # Errors
     /// If a chunk is missing, cut or damaged; the error names the file and the step. `out` is unspecified then.
     ///
     /// # Panics
-    /// If the length of `out` is not the number of vertices, or there is not one wish for each chunk.
+    /// If the length of `out` is not the number of vertices, or there is not one flag for each chunk.
     fn decode_step_unless(
         &self,
         step: usize,
@@ -142,7 +140,7 @@ pub trait Decoder: Send + Sync {
         cancel: &Cancel,
     ) -> FileResult<Option<DecodeStats>>;
 
-    /// The whole step, without a way to stop it.
+    /// Decodes the whole step, without cancellation.
     ///
     /// # Errors
     /// As [`Decoder::decode_step_unless`].
@@ -153,7 +151,7 @@ pub trait Decoder: Send + Sync {
         stop::uncancelled(|cancel| self.decode_step_unless(step, None, out, cancel)?.ok_or(Stop::Cancelled))
     }
 
-    /// The block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    /// The block of codec `vq` that contains `step`, for a decoder on another processor; `None` from other codecs.
     ///
     /// # Errors
     /// As [`Decoder::decode_step`].
@@ -161,7 +159,7 @@ pub trait Decoder: Send + Sync {
         Ok(None)
     }
 
-    /// How the blocks of this decoder are loaded into a [`BlockCache`] before they are needed; `None` if it keeps none.
+    /// The loader of this decoder's blocks into a [`BlockCache`] before they are needed; `None` if it caches none.
     fn blocks(&self) -> Option<&dyn BlockLoader> {
         None
     }

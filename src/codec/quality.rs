@@ -1,4 +1,4 @@
-//! How far decoded values are from what they were.
+//! Errors of decoded values.
 //!
 //! The signal-to-noise ratio is 10 log10(variance of the whole set / mean squared error): of all steps together, and the
 //! least and greatest of any single step, all against the variance of the whole set. Values that are not finite do not
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Vertices that one task compares; fixed, so that no sum depends on the number of threads.
 const TASK: usize = 4096;
 
-/// Errors of a step.
+/// Errors of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct StepError {
     squares: f64,
@@ -27,18 +27,17 @@ pub struct ErrorTally {
 }
 
 impl ErrorTally {
-    /// No step of a field with `vertices` values a step.
+    /// A tally without steps, of a field with `vertices` values a step.
     pub fn new(vertices: usize) -> Self {
         Self { steps: Vec::new(), vertices: vec![0.0; vertices] }
     }
 
-    /// The sums as numbers: for each step that of the squares, the number of values and the largest error; for each vertex
-    /// that of the squares.
+    /// The sums as numbers: for each step its sum of squares, number of values and largest error; for each vertex its sum of squares.
     pub fn parts(&self) -> (Vec<[f64; 3]>, &[f64]) {
         (self.steps.iter().map(|s| [s.squares, s.count as f64, s.largest]).collect(), &self.vertices)
     }
 
-    /// The sums that [`ErrorTally::parts`] gave, bit for bit; `None` if these are none.
+    /// The tally that [`ErrorTally::parts`] was taken from, bit for bit; `None` if the parts are not valid.
     pub fn from_parts(steps: &[[f64; 3]], vertices: Vec<f64>) -> Option<Self> {
         let sound = |x: f64| x.is_finite() && x >= 0.0;
         let step = |&[squares, count, largest]: &[f64; 3]| {
@@ -50,8 +49,8 @@ impl ErrorTally {
         vertices.iter().all(|&x| sound(x)).then_some(Self { steps, vertices })
     }
 
-    /// Takes the next `values.len() / vertices` steps. `decode(step, first, out)` fills `out` with the decoded values of
-    /// the vertices from `first` on; what it leaves non-finite does not count.
+    /// Adds the next `values.len() / vertices` steps. `decode(step, first, out)` fills `out` with the decoded values of the vertices from
+    /// `first` on; non-finite ones do not count.
     pub(super) fn add(&mut self, values: &[f32], decode: impl Fn(usize, usize, &mut [f32]) + Sync) {
         let vertices = self.vertices.len();
         if vertices == 0 {
@@ -88,7 +87,7 @@ impl ErrorTally {
         }
     }
 
-    /// The figures, given the statistics of the values as they were.
+    /// The error figures, given the statistics of the original values.
     pub fn quality(&self, statistics: &VertexStatistics) -> Quality {
         let squares: f64 = self.steps.iter().map(|s| s.squares).sum();
         let count: u64 = self.steps.iter().map(|s| s.count).sum();
@@ -125,7 +124,7 @@ impl ErrorTally {
     }
 }
 
-/// Variance of all finite values: that within the vertices and that of their means.
+/// Variance of all finite values: that within vertices plus that of their means.
 fn series_variance(statistics: &VertexStatistics) -> f64 {
     let each = || {
         let vertices = statistics.mean.iter().zip(&statistics.variance).zip(&statistics.finite_count);
@@ -136,14 +135,14 @@ fn series_variance(statistics: &VertexStatistics) -> f64 {
     each().map(|(m, variance, n)| n * (variance + (m - mean) * (m - mean))).sum::<f64>() / count
 }
 
-/// How far decoded values are from what they were. A ratio of signal to noise without noise is `None`.
+/// Errors of decoded values. Signal-to-noise ratios without noise are `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Signal-to-noise ratio of all values, in dB.
     pub snr_db: Option<f64>,
-    /// That of the step with the largest error.
+    /// Signal-to-noise ratio of the step with the largest error, in dB.
     pub snr_min_db: Option<f64>,
-    /// That of the step with the smallest error.
+    /// Signal-to-noise ratio of the step with the smallest error, in dB.
     pub snr_max_db: Option<f64>,
     /// Largest absolute error of a value.
     pub max_error: f64,
@@ -153,14 +152,14 @@ pub struct Quality {
     pub over_sigma: OverSigma,
 }
 
-/// Order statistics over the vertices that change. For how much of its own motion a vertex shows.
+/// Order statistics of the error, relative to its own variation, over the vertices that change.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OverSigma {
-    /// Half of the vertices are below.
+    /// Median over the vertices.
     pub median: f64,
-    /// 99 of 100 vertices are below.
+    /// 99th percentile over the vertices.
     pub p99: f64,
-    /// The worst vertex.
+    /// Maximum over the vertices.
     pub max: f64,
 }
 

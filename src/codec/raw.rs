@@ -1,4 +1,4 @@
-//! Codec `raw`: the steps as they are, f32, one chunk a step.
+//! Codec `raw`: uncompressed f32 steps, one chunk a step.
 
 use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedBlock};
 use super::stop::{go_on, unless_cancelled};
@@ -14,13 +14,13 @@ use rayon::prelude::*;
 use std::fmt;
 use std::sync::Arc;
 
-/// Values that one task copies: below that, threads cost more than they bring.
+/// Values that one task copies: below that, threads cost more than they save.
 const TASK: usize = 32_768;
 
 /// Name of the codec and of its array.
 pub const NAME: &str = "raw";
 
-/// The values as they are.
+/// The codec that stores values unchanged.
 #[derive(Clone, Copy, Debug)]
 pub struct Raw;
 
@@ -135,7 +135,7 @@ impl RawEncoder {
         Self::resume(vertices, 0)
     }
 
-    /// An encoder that goes on behind so many steps.
+    /// An encoder that continues after `steps` steps.
     pub fn resume(vertices: usize, steps: u64) -> Self {
         Self { steps, vertices: vertices as u64 }
     }
@@ -163,7 +163,7 @@ impl Encoder for RawEncoder {
     }
 }
 
-/// Reads a step straight into the caller's memory, or copies it from a cache into which it was loaded ahead.
+/// Reads a step directly into the caller's memory, or copies it from a cache into which it was loaded ahead.
 pub struct RawDecoder {
     source: Arc<dyn ReadRange>,
     array_key: String,
@@ -174,14 +174,13 @@ pub struct RawDecoder {
 }
 
 impl RawDecoder {
-    /// A decoder of the array `raw` in the group `group_key` of `source`, which keeps nothing in memory.
+    /// An uncached decoder of the array `raw` in the group `group_key` of `source`.
     pub fn new(source: Arc<dyn ReadRange>, group_key: &str, steps: usize, vertices: usize) -> Self {
         let array_key = format!("{group_key}/{NAME}");
         Self { source, array_key, steps, vertices, id: DecoderId::unique(), cache: None }
     }
 
-    /// The same, which looks into `cache` first. Decoding puts nothing there: a step that is decoded is in the caller's
-    /// memory already.
+    /// Makes the decoder look into `cache` first. Decoding puts nothing there: a decoded step is in the caller's memory already.
     #[must_use]
     pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
         self.cache = Some(cache);
@@ -256,7 +255,7 @@ impl BlockLoader for RawDecoder {
 }
 
 impl Decoder for RawDecoder {
-    /// A step that is read from its file is read whole: its checksum is over all of it.
+    /// Reads a step as a whole if it comes from its file: the checksum is over all of it.
     fn decode_step_unless(
         &self,
         step: usize,

@@ -1,4 +1,4 @@
-//! The codecs there are, and what each says of itself.
+//! The list of codecs, and the interface of each.
 
 use super::{ArraySpec, BlockCache, Decoder, Encoder, ErrorTally, ReadRange, raw, vq};
 use crate::error::FileResult;
@@ -6,84 +6,84 @@ use serde_json::Value;
 use std::fmt::{Debug, Display};
 use std::sync::Arc;
 
-/// All codecs, the one of those who choose none first. Help and messages name what is in this list.
+/// All codecs, the default one first. Help and messages list them from here.
 pub const CODECS: &[&dyn Codec] = &[&raw::Raw, &vq::Vq];
 
 /// A codec: a folder beside this file, and a line of [`CODECS`].
 pub trait Codec: Sync {
-    /// Its name on the command line and in stores.
+    /// Name on the command line and in stores.
     fn name(&self) -> &'static str;
 
-    /// What it does, for help.
+    /// Description for help.
     fn about(&self) -> &'static str;
 
     /// Names of the options that [`Codec::choose`] takes.
     fn options(&self) -> &'static [&'static str];
 
-    /// Steps that are coded together: those of a block, or 1.
+    /// Steps that are coded together: the length of a block, or 1.
     fn block_steps(&self) -> usize;
 
     /// Whether decoding gives back every bit.
     fn is_exact(&self) -> bool;
 
-    /// The codec with options, each with its value as text.
+    /// The codec with options, given as names and values in text.
     ///
     /// # Errors
-    /// What the user should read: an option is not one of [`Codec::options`], or a value not one of its own.
+    /// A message for the user: an option is not one of [`Codec::options`], or a value is not valid for it.
     fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String>;
 
-    /// How a field was coded that has these parameters in a store.
+    /// The coding of a field with these parameters in a store.
     ///
     /// # Errors
-    /// What the user should read: the parameters are not of this codec, or of a later version of it.
+    /// A message for the user: the parameters are not of this codec, or of a later version of it.
     fn coding(&self, parameters: &Value) -> Result<Arc<dyn Coding>, String>;
 }
 
-/// The codec of that name.
+/// The codec called `name`.
 pub fn codec_of(name: &str) -> Option<&'static dyn Codec> {
     CODECS.iter().find(|codec| codec.name() == name).copied()
 }
 
-/// What a user asks of a codec.
+/// A codec with its options, as chosen by a user.
 pub trait Encoding: Debug + Display + Send + Sync {
-    /// Whose.
+    /// The codec that the options belong to.
     fn codec(&self) -> &'static dyn Codec;
 
-    /// An encoder of a field with so many values a step.
+    /// An encoder of a field with `vertices` values a step.
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder>;
 
     /// Entries of each codebook; `None` without codebooks.
     fn entries(&self) -> Option<u64>;
 
-    /// The bytes of a field by the dissertation's formula (6.2.2); `None` from codecs that it does not have.
+    /// The bytes of a field by the dissertation's formula (6.2.2); `None` from codecs that it does not cover.
     fn paper_bytes(&self, vertices: u64, steps: u64) -> Option<u64>;
 }
 
-/// The codec of the fields of a store to be, with its options.
+/// The codec and options for the fields of a new store.
 #[derive(Clone, Debug)]
 pub struct CodecChoice(Arc<dyn Encoding>);
 
 impl CodecChoice {
-    /// These options.
+    /// The choice of this encoding.
     pub fn new(encoding: impl Encoding + 'static) -> Self {
         Self(Arc::new(encoding))
     }
 
-    /// What they are.
+    /// The chosen encoding.
     pub fn encoding(&self) -> &dyn Encoding {
         &*self.0
     }
 }
 
 impl Default for CodecChoice {
-    /// The values as they are.
+    /// The codec `raw`.
     fn default() -> Self {
         Self::new(raw::Raw)
     }
 }
 
 impl PartialEq for CodecChoice {
-    /// Compares what is written of them: the codec and all of its options.
+    /// Compares the text of both: the codec and all of its options.
     fn eq(&self, other: &Self) -> bool {
         self.to_string() == other.to_string()
     }
@@ -95,11 +95,11 @@ impl Display for CodecChoice {
     }
 }
 
-/// Where the values of a field are.
+/// Location and size of a field's values in a store.
 pub struct StoredValues<'a> {
     /// The store.
     pub source: Arc<dyn ReadRange>,
-    /// The group of the field in it.
+    /// The field's group in the store.
     pub group_key: &'a str,
     /// Number of steps.
     pub steps: usize,
@@ -107,28 +107,28 @@ pub struct StoredValues<'a> {
     pub vertices: usize,
 }
 
-/// How a field was coded.
+/// How a field of a store was coded.
 pub trait Coding: Debug + Send + Sync {
-    /// By which codec.
+    /// The field's codec.
     fn codec(&self) -> &'static dyn Codec;
 
-    /// What the codec was asked for; `None` if an older version did not write it down.
+    /// The options that the codec was given; `None` if an older version did not record them.
     fn choice(&self) -> Option<CodecChoice>;
 
-    /// The arrays of a field with as many steps and vertices.
+    /// The arrays of a field with this many steps and vertices.
     fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec>;
 
-    /// A decoder, with its blocks in `cache` if there is one.
+    /// A decoder, which keeps its blocks in `cache` if there is one.
     fn decoder(&self, values: &StoredValues<'_>, cache: Option<Arc<BlockCache>>) -> Box<dyn Decoder>;
 
-    /// Keys of the chunks that are replaced when steps are added, below the root of the store.
+    /// Keys, below the root of the store, of the chunks that are replaced when steps are added.
     fn unsettled_chunks(&self, values: &StoredValues<'_>) -> Vec<String>;
 
-    /// An encoder that goes on behind the complete blocks, whose errors are `errors` (of no meaning to an exact codec). It must first be
-    /// given again the steps behind them.
+    /// An encoder that continues after the complete blocks, whose errors are `errors` (ignored by an exact codec). The steps after these
+    /// blocks must be pushed again first.
     ///
     /// # Errors
-    /// If what it goes on from cannot be read, or there is no [`Coding::choice`].
+    /// If the stored data that it continues cannot be read, or there is no [`Coding::choice`].
     fn resume(&self, values: &StoredValues<'_>, errors: ErrorTally) -> FileResult<Box<dyn Encoder>>;
 }
 

@@ -1,4 +1,4 @@
-//! Work that ends early: because it failed, or because somebody no longer wants its result.
+//! Work that ends early, by failure or cancellation.
 
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
@@ -19,7 +19,7 @@ impl From<FileError> for Stop {
 }
 
 impl Stop {
-    /// Adds to an error where it was met.
+    /// Adds a location to a file error.
     #[must_use]
     pub(super) fn at(mut self, place: impl FnOnce() -> String) -> Self {
         if let Self::File(error) = &mut self {
@@ -29,7 +29,7 @@ impl Stop {
     }
 }
 
-/// `Cancelled` once `cancel` is raised.
+/// Fails with `Cancelled` once `cancel` is raised.
 pub(super) fn go_on(cancel: &Cancel) -> Result<(), Stop> {
     if cancel.is_cancelled() { Err(Stop::Cancelled) } else { Ok(()) }
 }
@@ -43,7 +43,7 @@ pub(super) fn unless_cancelled<T>(result: Result<T, Stop>) -> FileResult<Option<
     }
 }
 
-/// Runs work that nobody can cancel.
+/// Runs work that cannot be cancelled.
 pub(super) fn uncancelled<T>(work: impl FnOnce(&Cancel) -> Result<T, Stop>) -> FileResult<T> {
     match work(&Cancel::new()) {
         Ok(value) => Ok(value),

@@ -1,4 +1,4 @@
-//! Objects in memory for the tests of codecs: a sink and a source.
+//! In-memory objects for the tests of codecs: a sink and a source.
 
 use super::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};

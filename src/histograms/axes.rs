@@ -1,29 +1,29 @@
-//! What histograms are made over.
+//! Axes of histograms.
 
 use super::StepView;
 use crate::moments::AxisScale;
 
-/// Where values are.
+/// Whether values belong to vertices or cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// One for each vertex.
+    /// One value for each vertex.
     Vertices,
-    /// One for each cell.
+    /// One value for each cell.
     Cells,
 }
 
-/// Values of the vertices or cells of a step.
+/// A quantity at the vertices or cells of a step.
 pub trait Axis: Send + Sync {
-    /// A short name, unlike those of other axes: letters, digits and dashes, for it is part of a folder's name.
+    /// A short, unique name of letters, digits and dashes; part of a folder's name.
     fn name(&self) -> &str;
 
-    /// The unit of the values, if that of the scalar is `scalar`; empty if they have none.
+    /// Unit of the values, given the scalar's unit `scalar`; empty without a unit.
     fn unit(&self, scalar: &str) -> String;
 
-    /// Where the values are.
+    /// Whether the values belong to vertices or cells.
     fn place(&self) -> Place;
 
-    /// The value of the vertex or cell `index`; NaN if it has none.
+    /// The value of vertex or cell `index`; NaN if it has none.
     fn value(&self, step: &StepView<'_>, index: usize) -> f32;
 
     /// How the axis is divided.
@@ -31,22 +31,22 @@ pub trait Axis: Send + Sync {
         AxisScale::Linear
     }
 
-    /// Whether values of one step are not those of every other one.
+    /// Whether values differ from step to step.
     fn changes(&self) -> bool {
         true
     }
 
-    /// Whether this is the scalar itself, the range of which is known beforehand.
+    /// Whether this is the scalar itself, whose range is known beforehand.
     fn is_scalar(&self) -> bool {
         false
     }
 
-    /// The values from `first` on.
+    /// Fills `out` with the values from index `first` on.
     fn fill(&self, step: &StepView<'_>, first: usize, out: &mut [f32]) {
         out.iter_mut().zip(first..).for_each(|(out, index)| *out = self.value(step, index));
     }
 
-    /// The means over the vertices of the cells from `first` on, in f64, rounded once.
+    /// Fills `out` with the means over the vertices of the cells from `first` on, in f64, rounded once.
     fn fill_means(&self, step: &StepView<'_>, first: usize, out: &mut [f32]) {
         for (out, &[a, b, c, d]) in out.iter_mut().zip(&step.mesh.topology.tets[first..]) {
             let value = |v: u32| f64::from(self.value(step, v as usize));

@@ -1,4 +1,4 @@
-//! What transfer functions are drawn over: how often which values occur in a series (dissertation 7.1).
+//! Histograms of a series, over which transfer functions are edited (dissertation 7.1).
 //!
 //! | kind | a sample is | axes |
 //! |---|---|---|
@@ -7,13 +7,13 @@
 //! | `cov` | a vertex | its coefficient of variation over time |
 //! | `scalar_cov` | a vertex at a step | its scalar; its coefficient of variation over time |
 //!
-//! 256 bins along x, 64 along y. The scalar's bins are of equal width over the range of the series. Magnitudes of gradients and
-//! coefficients of variation are often 0 and span decades: in Utah's torso 99 % of all gradients are in the first of 64 equal bins,
-//! 68 % in that of 64 of equal roots, 9 % in the fullest of four bins an octave, which is what they have
-//! ([`AxisScale::Octaves`]); they end at the same value, whether a bin is a quarter or a sixteenth of an octave. Counts are exact: those of
-//! a direct count over the range of all steps, for any number of threads.
+//! 256 bins along x, 64 along y. The scalar's bins are of equal width over the range of the series. Gradient magnitudes and coefficients of
+//! variation are often 0 and span decades: in Utah's torso 99 % of all gradients are in the first of 64 equal bins, 68 % in that of 64 of
+//! equal roots, 9 % in the fullest of four bins an octave, which they therefore use ([`AxisScale::Octaves`]); their last edge is the same
+//! for a quarter and a sixteenth of an octave. Counts are exact: those of a direct count over the range of all steps, for any number of
+//! threads.
 //!
-//! Another kind is an [`Axis`], in a [`Kind`] with any other one; nothing else needs to know.
+//! To add a kind, implement [`Axis`] and use it in a [`Kind`]; no other code changes.
 
 mod axes;
 mod series;
@@ -27,13 +27,13 @@ use crate::mesh::Mesh;
 use crate::moments::{AxisScale, Bins, Histogram1d, Histogram2d, StepSummary};
 use rayon::prelude::*;
 
-/// Samples that a task takes at a time: values of both axes fit into the cache of a core.
+/// Samples that a task takes at a time: values of both axes fit into a core's cache.
 const CHUNK: usize = 4096;
 
-/// Samples below which no histogram of its own is worth while: a task that counts has one.
+/// Fewest samples of a task, which has its own histogram.
 const LEAST_SAMPLES: usize = 1 << 16;
 
-/// What is known of a step.
+/// Data of one step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepView<'a> {
     /// The mesh.
@@ -56,23 +56,23 @@ impl StepView<'_> {
 /// What a histogram counts: values along one axis, or pairs of two.
 #[derive(Clone, Copy)]
 pub struct Kind<'a> {
-    /// The axis of the bins, from left to right.
+    /// The horizontal axis.
     pub x: &'a dyn Axis,
-    /// The second one of pairs, upwards.
+    /// The vertical axis, for pairs.
     pub y: Option<&'a dyn Axis>,
 }
 
-/// The range of values along each of the axes of a kind.
+/// The ranges of values along the axes of a kind.
 pub type Ranges = [Option<[f32; 2]>; 2];
 
 impl Kind<'static> {
-    /// How often which scalar occurs.
+    /// Counts of scalars.
     pub const SCALAR: Self = Self { x: &Scalar, y: None };
-    /// Where scalars change in space, and how fast.
+    /// Counts of scalars and gradient magnitudes.
     pub const SCALAR_GRADIENT: Self = Self { x: &Scalar, y: Some(&GradientMagnitude) };
-    /// How many vertices change how much over time.
+    /// Counts of coefficients of variation over time.
     pub const COV: Self = Self { x: &CoefficientOfVariation, y: None };
-    /// Which scalars vertices have that change much over time.
+    /// Counts of scalars and coefficients of variation over time.
     pub const SCALAR_COV: Self = Self { x: &Scalar, y: Some(&CoefficientOfVariation) };
 
     /// The kinds that a store keeps.
@@ -93,20 +93,20 @@ impl<'a> Kind<'a> {
         std::iter::once(self.x).chain(self.y)
     }
 
-    /// Where the samples are: at cells if any axis has its values there. Values of vertices are then averaged over each cell.
+    /// Whether samples belong to vertices or cells: cells if an axis has its values there. Vertex values are then averaged over each cell.
     pub fn place(&self) -> Place {
         if self.axes().any(|axis| axis.place() == Place::Cells) { Place::Cells } else { Place::Vertices }
     }
 
-    /// Whether the samples of one step are not those of every other one. A series counts those that do not change once.
+    /// Whether samples differ from step to step. Otherwise a series counts them once.
     pub fn changes(&self) -> bool {
         self.axes().any(|axis| axis.changes())
     }
 
-    /// A histogram of nothing over ranges of this kind's axes.
+    /// An empty histogram over ranges of this kind's axes.
     ///
     /// # Panics
-    /// If a range is none ([`Bins::new`]).
+    /// If a range is invalid ([`Bins::new`]).
     pub fn empty(&self, [x, y]: Ranges) -> Histogram {
         let x = Bins::new(x, self.x.scale(), Histogram1d::BINS);
         match self.y {
@@ -134,11 +134,11 @@ impl<'a> Kind<'a> {
         Bins::new(all.range, axis.scale(), Self::ROWS).range()
     }
 
-    /// Counts the samples of a step. What is beyond the ranges of the histogram is in the bins at their ends. The result is the
-    /// same for any number of threads.
+    /// Counts the samples of a step. Values beyond the ranges of the histogram are in the bins at their ends. The result is the same for
+    /// any number of threads.
     ///
     /// # Panics
-    /// If `histogram` is of another kind, or the step has not one scalar and coefficient of variation a vertex.
+    /// If `histogram` is of another kind, or the step does not have one scalar and coefficient of variation per vertex.
     pub fn add(&self, histogram: &mut Histogram, step: &StepView<'_>) {
         let parts = self.parts(histogram, step, false);
         parts.iter().for_each(|part| histogram.merge(part));
@@ -153,7 +153,7 @@ impl<'a> Kind<'a> {
         }
     }
 
-    /// The samples of a step in histograms of as many tasks; the sum is the same for any number of them.
+    /// The samples of a step in one histogram per task; their sum is the same for any number of tasks.
     fn parts(&self, histogram: &Histogram, step: &StepView<'_>, widens: bool) -> Vec<Histogram> {
         let vertices = step.mesh.vertex_source.len();
         assert_eq!([step.scalars.len(), step.cov.len()], [vertices; 2], "one value a vertex");
@@ -169,7 +169,7 @@ impl<'a> Kind<'a> {
         (0..parts).into_par_iter().map(part).collect()
     }
 
-    /// [`Self::add`] into a new histogram, as for a step that is shown.
+    /// As [`Self::add`], into a new histogram.
     ///
     /// # Panics
     /// As [`Self::add`].
@@ -198,7 +198,7 @@ impl<'a> Kind<'a> {
         }
     }
 
-    /// The values along an axis from sample `first` on, as many as there are and fit.
+    /// The values along an axis from sample `first` on, as many as exist and fit.
     fn values<'b>(&self, axis: &dyn Axis, step: &StepView<'_>, first: usize, out: &'b mut [f32]) -> &'b [f32] {
         let place = self.place();
         let count = step.count(place).saturating_sub(first).min(out.len());
@@ -214,14 +214,14 @@ impl<'a> Kind<'a> {
 /// The histogram of a [`Kind`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Histogram {
-    /// Of values along one axis.
+    /// Counts of values along one axis.
     One(Histogram1d),
-    /// Of pairs of values.
+    /// Counts of pairs of values.
     Two(Histogram2d),
 }
 
 impl Histogram {
-    /// The histogram of values, if it is one of these.
+    /// The histogram of values; `None` if it counts pairs.
     pub fn one(&self) -> Option<&Histogram1d> {
         match self {
             Self::One(histogram) => Some(histogram),
@@ -229,7 +229,7 @@ impl Histogram {
         }
     }
 
-    /// The histogram of pairs, if it is one of these.
+    /// The histogram of pairs; `None` if it counts values.
     pub fn two(&self) -> Option<&Histogram2d> {
         match self {
             Self::One(_) => None,
@@ -245,7 +245,7 @@ impl Histogram {
         }
     }
 
-    /// The counts: of pairs `[y][x]`, row by row.
+    /// The counts; of pairs `[y][x]`, row by row.
     pub fn counts(&self) -> &[u64] {
         match self {
             Self::One(histogram) => histogram.counts(),
@@ -261,10 +261,10 @@ impl Histogram {
         }
     }
 
-    /// Counts what another one of the same bins has counted.
+    /// Adds the counts of another histogram.
     ///
     /// # Panics
-    /// If its bins are others.
+    /// If its bins differ.
     pub fn merge(&mut self, other: &Self) {
         match (self, other) {
             (Self::One(all), Self::One(more)) => all.merge(more),
@@ -280,7 +280,7 @@ impl Histogram {
         }
     }
 
-    /// The same with other counts; `None` if there is not one for each bin.
+    /// The histogram with other counts; `None` if there is not one for each bin.
     #[must_use]
     pub fn with_counts(&self, counts: Vec<u64>, nonfinite: u64) -> Option<Self> {
         match self {

@@ -1,20 +1,20 @@
 //! The histograms of a whole series.
 //!
-//! What bins cover is known when all steps have been seen. The range of the scalar is, and octaves are widened while counting
-//! without a count being lost; for kinds of another linear axis steps are read twice, for ranges and to count.
+//! The range of bins is known when all steps have been seen. For the scalar it is given, and octaves are widened while counting without
+//! losing counts; for kinds with another linear axis steps are read twice, for ranges and to count.
 
 use super::{Axis, Histogram, Kind, Ranges, StepView};
 use crate::mesh::Mesh;
 use crate::moments::{AxisScale, StepSummary};
 
-/// The histograms of `kinds` over `steps` steps. `read` brings the scalars of a step, or says that somebody asked to stop
-/// (`false`): then there is none. `scalar_range` is that of the series, `cov` are the coefficients of variation of the vertices.
+/// The histograms of `kinds` over `steps` steps. `read` loads the scalars of a step, or returns `false` if cancelled: then there is no
+/// result. `scalar_range` is the range of the series, `cov` has the coefficients of variation of the vertices.
 ///
 /// # Errors
-/// If `read` fails: its error.
+/// The error of `read`.
 ///
 /// # Panics
-/// If there is not one coefficient of variation a vertex.
+/// If there is not one coefficient of variation per vertex.
 pub fn of_series<E>(
     kinds: &[Kind<'_>],
     mesh: &Mesh,
@@ -63,7 +63,7 @@ pub fn of_series<E>(
     Ok(whole.then_some(histograms))
 }
 
-/// The range of both.
+/// The union of both ranges.
 fn wider(a: Option<[f32; 2]>, b: Option<[f32; 2]>) -> Option<[f32; 2]> {
     let of = |range| StepSummary { range, nonfinite: 0 };
     of(a).merge(of(b)).range

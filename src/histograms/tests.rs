@@ -1,4 +1,4 @@
-//! Histograms of series against counting one sample after the other, and what must hold for any.
+//! Histograms of series against counting one sample after the other, and invariants.
 
 use super::*;
 use crate::mesh::RawMesh;
@@ -23,7 +23,7 @@ impl Steps {
         Self { mesh, scalars, cov: cov.into_iter().map(|c| c as f32).collect(), range }
     }
 
-    /// Noise over a grid of so many cubes along each axis, with some holes.
+    /// Noise over a grid of `n` cubes along each axis, with some holes.
     fn noise(n: usize, steps: usize) -> Self {
         let mut random = Random::new(8);
         let mesh = Mesh::build(jittered(kuhn_grid([n, n, n]), &mut random)).unwrap().0;
@@ -65,7 +65,7 @@ fn samples(series: &Steps, kind: usize) -> Vec<Vec<f32>> {
     series.scalars[..if kind == 2 { 1 } else { series.scalars.len() }].iter().flat_map(of_step).collect()
 }
 
-/// Counts one sample after the other, in the first bin of which it is below the end.
+/// Counts one sample after the other, in the first bin whose upper edge is above it.
 fn naive(series: &Steps, kind: usize) -> (Vec<u64>, u64) {
     let samples = samples(series, kind);
     let [scalar, octaves] = [AxisScale::Linear, AxisScale::Octaves];
@@ -219,7 +219,7 @@ fn who_asks_to_stop_gets_none_and_an_error_is_passed_on() {
     assert!(run(3, true).unwrap().is_some(), "each step is read once");
 }
 
-/// An axis that nothing else knows of: the height of a vertex.
+/// An axis defined only here: the height of a vertex.
 struct Height;
 
 impl Axis for Height {

@@ -1,4 +1,4 @@
-//! Where along an axis which values are counted.
+//! Bins of a histogram along one axis.
 
 /// How an axis is divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -6,38 +6,38 @@ pub enum AxisScale {
     /// Bins of equal width.
     #[default]
     Linear,
-    /// As many bins in every octave, [`AxisScale::OCTAVES`] of them down from the greatest value; of equal width within an
-    /// octave. For what is not negative, may be 0 and spans decades. Nearly a logarithm, but exact: the order of the numbers is
-    /// that of their bits, the first of which are the bin. So bins of a range are bins of every wider one too.
+    /// Equally many bins in every octave, over [`AxisScale::OCTAVES`] of them down from the greatest value; of equal width within an
+    /// octave. For non-negative values that may be 0 and span decades. Nearly a logarithm, but exact: floats are ordered like their bits,
+    /// the first of which are the bin. So bins of a range are also bins of every wider one.
     Octaves,
 }
 
 impl AxisScale {
-    /// Octaves of an axis: nearly five decades. What is less is in the first bin.
+    /// Octaves of an axis: nearly five decades. Smaller values are in the first bin.
     pub const OCTAVES: usize = 16;
 }
 
-/// Bits of the fraction of a f32.
+/// Mantissa bits of an f32.
 const FRACTION_BITS: u32 = f32::MANTISSA_DIGITS - 1;
 
 /// Bins over a range.
 ///
-/// *Linear*: bin i of n covers what is at least `edge(i)` and below `edge(i + 1)`, where `edge(i) = lo + (hi - lo) * i / n`,
-/// rounded to f64; the last one includes `hi`. If the range is one value, the first bin has all. A range that is symmetric about
-/// 0 has its edges so too, one at 0 exactly if n is even, so that mirrored values (but those on an edge) are in mirrored bins.
+/// *Linear*: bin i of n covers values from `edge(i)` to below `edge(i + 1)`, where `edge(i) = lo + (hi - lo) * i / n`, rounded to f64; the
+/// last one includes `hi`. If the range is one value, the first bin contains it. A range symmetric about 0 has symmetric edges, one at 0
+/// exactly if n is even, so that mirrored values (except those on an edge) are in mirrored bins.
 ///
-/// *Octaves*: edges are powers of two and, with n / 16 = p bins in an octave, what divides the next octave by p; the first bin has
-/// everything below the second; `lo` is 0 whatever is said. The last edge is the next quarter of an octave above `hi` (with p < 4 the
-/// next edge there is), so that the positions of one quantity are the same, however many bins it is counted in.
+/// *Octaves*: edges are powers of two and, with n / 16 = p bins in an octave, the divisions of the next octave into p; the first bin has
+/// all values below the second; `lo` is always 0. The last edge is the next quarter of an octave above `hi` (with p < 4 the next edge there
+/// is), so that positions of a quantity do not depend on the number of bins.
 ///
-/// Values beyond the range are in the bin at its end. Without a range the first bin has all.
+/// Values beyond the range are in the bin at its end. Without a range the first bin has all values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bins {
     range: Option<[f32; 2]>,
     scale: AxisScale,
-    /// One more than there are bins; all 0 without a range.
+    /// Edges, one more than there are bins; all 0 without a range.
     edges: Vec<f64>,
-    /// With octaves, the first bits of the numbers of the first bin.
+    /// With octaves, the leading bits of the values of the first bin.
     first_key: u32,
 }
 
@@ -45,8 +45,8 @@ impl Bins {
     /// `count` bins over a range.
     ///
     /// # Panics
-    /// If `count` is 0 or above 65,536, or, with octaves, not 16 times a power of two; if the ends of the range are not finite or in
-    /// the wrong order.
+    /// If `count` is 0 or above 65,536, or, with octaves, not 16 times a power of two; if the ends of the range are not finite or not in
+    /// order.
     pub fn new(range: Option<[f32; 2]>, scale: AxisScale, count: usize) -> Self {
         assert!((1..=1 << 16).contains(&count), "1 to 65,536 bins");
         assert!(range.is_none_or(|[lo, hi]| lo <= hi && lo.is_finite() && hi.is_finite()), "{range:?} is no range");
@@ -74,7 +74,7 @@ impl Bins {
         bins.first_key = bins.last_key(hi).saturating_sub(count as u32);
         let edge = |key: u32| match f32::from_bits(key << shift) {
             edge if edge.is_finite() => f64::from(edge),
-            // Behind the greatest of all.
+            // Behind the greatest key.
             _ => 2.0 * f64::from(f32::from_bits(254 << FRACTION_BITS)),
         };
         bins.edges = (bins.first_key..=bins.first_key + count as u32).map(edge).collect();
@@ -82,15 +82,15 @@ impl Bins {
         bins
     }
 
-    /// The key behind the last bin, of octaves with this greatest value.
+    /// With octaves, the key behind the last bin for this greatest value.
     fn last_key(&self, hi: f32) -> u32 {
         let shift = self.key_shift();
-        // Of four bins in an octave.
+        // Shift of four bins in an octave.
         let quarters = shift.max(FRACTION_BITS - 2);
         ((hi.to_bits() >> quarters) + 1) << (quarters - shift)
     }
 
-    /// How many bins further up those of octaves were that ended with that of the greatest value.
+    /// How many bins further up octaves end now than in stores whose last bin was that of the greatest value.
     pub(super) fn raised_by(&self) -> usize {
         match (self.range, self.scale) {
             (Some([_, hi]), AxisScale::Octaves) => {
@@ -101,7 +101,7 @@ impl Bins {
         }
     }
 
-    /// How many of the last bits do not matter for the bin.
+    /// Number of trailing bits of a value that do not affect its bin.
     fn key_shift(&self) -> u32 {
         FRACTION_BITS - (self.count() / AxisScale::OCTAVES).ilog2()
     }
@@ -129,13 +129,13 @@ impl Bins {
         self.range.map(|_| [self.edges[bin], self.edges[bin + 1]])
     }
 
-    /// Whether the range is one value, or there is none: then there is no way along the axis.
+    /// Whether the range is one value or missing: the axis then has no extent.
     fn is_one_value(&self) -> bool {
         self.range.is_none_or(|[lo, hi]| lo == hi)
     }
 
-    /// How far along the axis a value is: 0 at the low end and before it, 1 at the high end and beyond. 0 if the range is one
-    /// value, or there is none. Bins are equally wide here.
+    /// Position of a value on the axis: 0 at and below the low end, 1 at and above the high end; 0 if the range is one value or missing.
+    /// Bins are equally wide in positions.
     pub fn position(&self, value: f32) -> f64 {
         if self.is_one_value() {
             return 0.0;
@@ -151,8 +151,8 @@ impl Bins {
         share.clamp(0.0, 1.0)
     }
 
-    /// The value at a position 0..=1 of the axis, the inverse of [`Self::position`] but for rounding. At 0 with octaves that is the
-    /// greatest of those which are there. If the range is one value that is it, wherever; 0 if there is no range.
+    /// The value at a position 0..=1 of the axis, the inverse of [`Self::position`] but for rounding. With octaves position 0 gives the
+    /// greatest value that has it. If the range is one value it is returned everywhere; 0 if there is no range.
     pub fn value_at(&self, position: f64) -> f64 {
         if self.is_one_value() {
             return self.edges[0];
@@ -164,7 +164,7 @@ impl Bins {
             AxisScale::Octaves => {
                 let keys = f64::from(self.first_key) + position * self.count() as f64;
                 let bits = (keys * f64::from(1_u32 << self.key_shift())).round() as u32;
-                // Behind the greatest number there is only infinity.
+                // Behind the greatest number is only infinity.
                 f64::from(f32::from_bits(bits).min(f32::MAX))
             }
         }
@@ -187,7 +187,7 @@ impl Bins {
         let mut bin = ((self.position(value) * (last + 1) as f64) as usize).min(last);
         if self.edges[0] < self.edges[last + 1] {
             let value = f64::from(value);
-            // The position is rounded; the edges say.
+            // The position is rounded; the edges decide.
             while bin > 0 && value < self.edges[bin] {
                 bin -= 1;
             }
@@ -198,15 +198,15 @@ impl Bins {
         Some(bin)
     }
 
-    /// Bins of octaves that cover another range as well, and how many bins further down the old ones are among them: exactly, but
-    /// that all of those before the first are in it. `None` if they are there already, or are no octaves.
+    /// Bins of octaves that also cover `range`, and by how many bins the old ones move down in them; old bins below the first are merged
+    /// into it, otherwise this is exact. `None` if they cover it already, or are not octaves.
     pub(super) fn widened(&self, range: Option<[f32; 2]>) -> Option<(Self, usize)> {
         let [_, hi] = range?;
         if self.scale != AxisScale::Octaves || self.range.is_some_and(|[_, before]| hi <= before) {
             return None;
         }
         let wider = Self::octaves(range, self.count());
-        // Without a range there is nothing in them.
+        // Without a range the old bins are empty.
         let down = wider.first_key - if self.range.is_some() { self.first_key } else { wider.first_key };
         Some((wider, down as usize))
     }

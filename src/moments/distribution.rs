@@ -1,20 +1,20 @@
-//! [`Distribution`]: which part of a volume has which values.
+//! [`Distribution`]: the distribution of values over a volume.
 
-/// Values with weights, sorted: which part of a volume has which of them.
+/// Sorted values, each with its share of the volume.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Distribution {
     values: Vec<f32>,
-    /// The part of all weights that each value has together with those before it; 1 at the last one.
+    /// Cumulative share of each value and those before it; 1 at the last one.
     shares: Vec<f64>,
 }
 
 impl Distribution {
-    /// Of pairs of value and weight in any order. Pairs without a finite value or a positive, finite weight are left out.
+    /// The distribution of (value, weight) pairs in any order. Pairs without a finite value or a positive, finite weight are ignored.
     pub fn new(samples: impl IntoIterator<Item = (f32, f64)>) -> Self {
         let is_usable = |(value, weight): &(f32, f64)| value.is_finite() && *weight > 0.0 && weight.is_finite();
         let mut samples: Vec<(f32, f64)> = samples.into_iter().filter(is_usable).collect();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Weights are shares of the largest one, so that no sum of them overflows.
+        // Weights are relative to the largest one, so that no sum of them overflows.
         let largest = samples.iter().map(|sample| sample.1).fold(0.0, f64::max);
         let sums = samples.iter().scan(0.0, |sum, sample| {
             *sum += sample.1 / largest;
@@ -33,20 +33,20 @@ impl Distribution {
         self.values.is_empty()
     }
 
-    /// The least value up to which at least this part of the volume lies, 0..=1; `None` if there is no value.
+    /// The least value such that at least this share (0..=1) of the volume lies at or below it; `None` if there is no value.
     pub fn value_at(&self, share: f64) -> Option<f32> {
         let index = self.shares.partition_point(|&s| s < share);
         self.values.get(index).or(self.values.last()).copied()
     }
 
-    /// The narrowest range that has at least this part of the volume, above 0; of several the lowest one. `None` if there is no value.
+    /// The narrowest range with at least this share (above 0) of the volume; of several the lowest one. `None` if there is no value.
     pub fn narrowest(&self, share: f64) -> Option<[f32; 2]> {
         let mut narrowest: Option<[f32; 2]> = None;
         let width = |[lo, hi]: [f32; 2]| f64::from(hi) - f64::from(lo);
         let mut to = 0;
         for from in 0..self.values.len() {
             let before = if from == 0 { 0.0 } else { self.shares[from - 1] };
-            // What rounding takes from the last of all shares must not make a range of all values too small.
+            // The rounding of the last shares must not make a range of all values too small.
             while self.shares[to] - before < share.min(1.0 - before) && to + 1 < self.values.len() {
                 to += 1;
             }
@@ -61,7 +61,7 @@ impl Distribution {
         narrowest
     }
 
-    /// Each value and its part of the volume, in order.
+    /// Each value and its share of the volume, in order.
     pub fn parts(&self) -> impl Iterator<Item = (f32, f64)> {
         let before = std::iter::once(0.0).chain(self.shares.iter().copied());
         self.values.iter().zip(&self.shares).zip(before).map(|((&value, share), before)| (value, share - before))
@@ -85,7 +85,7 @@ mod tests {
             [0.0, 0.01, 0.5, 0.505, 0.99, 1.0].map(|share| all.value_at(share)),
             [0.0, 0.0, 49.0, 50.0, 98.0, 99.0].map(Some)
         );
-        // Weights count, not numbers of values.
+        // Weights count, not the number of values.
         let heavy = Distribution::new([(1.0, 1.0), (2.0, 98.0), (3.0, 1.0)]);
         assert_eq!([0.005, 0.5, 0.995].map(|share| heavy.value_at(share)), [1.0, 2.0, 3.0].map(Some));
         let parts: Vec<(f32, f64)> = heavy.parts().collect();
@@ -125,7 +125,7 @@ mod tests {
                 let inside: u32 = values.iter().filter(|v| (lo..=hi).contains(&v.0)).map(|v| v.1).sum();
                 f64::from(inside) / f64::from(total)
             };
-            // A share that rounding decides says nothing.
+            // Shares decided by rounding are skipped.
             let decided = (-8..8).all(|lo| (lo..8).all(|hi| (held(lo, hi) - share).abs() > 1e-9));
             let search = (-8..8).flat_map(|lo| (lo..8).map(move |hi| (lo, hi))).filter(|&(lo, hi)| held(lo, hi) >= share).map(|(lo, hi)| hi - lo).min().unwrap();
             let [lo, hi] = all.narrowest(share).unwrap();

@@ -1,4 +1,4 @@
-//! How often which values occur.
+//! Histograms of values and of pairs of values.
 
 use super::bins::{AxisScale, Bins};
 
@@ -14,23 +14,23 @@ impl Histogram1d {
     /// Bins of [`Histogram1d::new`].
     pub const BINS: usize = 256;
 
-    /// No value yet, over the range of a field; [`Self::BINS`] bins of equal width.
+    /// An empty histogram over the range of a field; [`Self::BINS`] bins of equal width.
     pub fn new(range: Option<[f32; 2]>) -> Self {
         Self::over(Bins::new(range, AxisScale::Linear, Self::BINS))
     }
 
-    /// No value yet.
+    /// An empty histogram.
     pub fn over(bins: Bins) -> Self {
         Self { counts: vec![0; bins.count()], bins, nonfinite: 0 }
     }
 
-    /// Counts that were written down; `None` if there is not one for each bin.
+    /// A histogram of stored counts; `None` if there is not one for each bin.
     pub fn from_counts(bins: Bins, counts: Vec<u64>, nonfinite: u64) -> Option<Self> {
         (counts.len() == bins.count()).then_some(Self { bins, counts, nonfinite })
     }
 
-    /// As [`Self::from_counts`], of counts in octaves that ended with the bin of the greatest value, as they once did: exactly, but that
-    /// up to three bins at the low end are in the first one.
+    /// As [`Self::from_counts`], for octaves of older stores, whose last bin was that of the greatest value: exact, except that up to three
+    /// bins at the low end are merged into the first.
     pub fn from_tight_counts(bins: Bins, mut counts: Vec<u64>, nonfinite: u64) -> Option<Self> {
         move_down(&mut counts, 1, bins.raised_by());
         Self::from_counts(bins, counts, nonfinite)
@@ -66,8 +66,8 @@ impl Histogram1d {
         self.bins.bounds(bin)
     }
 
-    /// How many values lie between each two of these scalars, which do not fall. A bin that lies in several of these intervals is shared by
-    /// them according to its width in each.
+    /// Number of values between each two of these scalars, which must be ascending. A bin that lies in several of these intervals is shared
+    /// in proportion to its width in each.
     pub fn between(&self, scalars: &[f64]) -> Vec<f64> {
         let mut found = vec![0.0; scalars.len().saturating_sub(1)];
         for (bin, &count) in self.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
@@ -99,7 +99,7 @@ impl Histogram1d {
         }
     }
 
-    /// Widens an axis of octaves to cover a range as well; no other axis. The counts are then those over the wider range.
+    /// Widens an axis of octaves to cover `range` too; no effect on others. The counts are then those over the wider range.
     pub fn widen(&mut self, range: Option<[f32; 2]>) {
         if let Some((bins, down)) = self.bins.widened(range) {
             move_down(&mut self.counts, 1, down);
@@ -107,10 +107,10 @@ impl Histogram1d {
         }
     }
 
-    /// Counts what another histogram has counted.
+    /// Adds the counts of another histogram.
     ///
     /// # Panics
-    /// If its bins are others.
+    /// If its bins differ.
     pub fn merge(&mut self, other: &Self) {
         assert_eq!(self.bins, other.bins, "histograms of one range");
         add_up(&mut self.counts, &other.counts);
@@ -118,7 +118,7 @@ impl Histogram1d {
     }
 }
 
-/// Counts of pairs of values. A pair of which either is NaN or infinite is in no bin.
+/// Counts of pairs of values. A pair with a NaN or infinity is in no bin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram2d {
     x: Bins,
@@ -129,32 +129,32 @@ pub struct Histogram2d {
 }
 
 impl Histogram2d {
-    /// No pair yet.
+    /// An empty histogram.
     pub fn over(x: Bins, y: Bins) -> Self {
         Self { counts: vec![0; x.count() * y.count()], x, y, nonfinite: 0 }
     }
 
-    /// Counts that were written down; `None` if there is not one for each bin.
+    /// A histogram of stored counts; `None` if there is not one for each bin.
     pub fn from_counts(x: Bins, y: Bins, counts: Vec<u64>, nonfinite: u64) -> Option<Self> {
         (counts.len() == x.count() * y.count()).then_some(Self { x, y, counts, nonfinite })
     }
 
-    /// The bins of the first values, along a row.
+    /// The bins of first values, along a row.
     pub fn x(&self) -> &Bins {
         &self.x
     }
 
-    /// The bins of the second values, one a row.
+    /// The bins of second values, one for each row.
     pub fn y(&self) -> &Bins {
         &self.y
     }
 
-    /// Number of pairs in each bin: `[y][x]`, a row of the lowest second values first, each from the lowest first value on.
+    /// Number of pairs in each bin: `[y][x]`, from the lowest second value on, in each row from the lowest first value on.
     pub fn counts(&self) -> &[u64] {
         &self.counts
     }
 
-    /// Number of pairs of which either is NaN or infinite.
+    /// Number of pairs with a NaN or infinity.
     pub fn nonfinite(&self) -> u64 {
         self.nonfinite
     }
@@ -167,7 +167,7 @@ impl Histogram2d {
     /// Counts pairs.
     ///
     /// # Panics
-    /// If there are not as many of both.
+    /// If `xs` and `ys` differ in length.
     pub fn add(&mut self, xs: &[f32], ys: &[f32]) {
         assert_eq!(xs.len(), ys.len(), "pairs");
         let width = self.x.count();
@@ -179,7 +179,7 @@ impl Histogram2d {
         }
     }
 
-    /// Widens axes of octaves to cover ranges as well; no others. The counts are then those over the wider ranges.
+    /// Widens axes of octaves to cover the ranges too; no effect on others. The counts are then those over the wider ranges.
     pub fn widen(&mut self, x: Option<[f32; 2]>, y: Option<[f32; 2]>) {
         if let Some((bins, down)) = self.x.widened(x) {
             self.counts.chunks_mut(bins.count()).for_each(|row| move_down(row, 1, down));
@@ -191,10 +191,10 @@ impl Histogram2d {
         }
     }
 
-    /// Counts what another histogram has counted.
+    /// Adds the counts of another histogram.
     ///
     /// # Panics
-    /// If its bins are others.
+    /// If its bins differ.
     pub fn merge(&mut self, other: &Self) {
         assert_eq!((&self.x, &self.y), (&other.x, &other.y), "histograms of one range");
         add_up(&mut self.counts, &other.counts);
@@ -202,7 +202,7 @@ impl Histogram2d {
     }
 }
 
-/// Adds what is in each row of `width` counts to the row `down` rows before it, or to the first one.
+/// Adds each row of `width` counts to the row `down` rows before it, or to the first one.
 fn move_down(counts: &mut [u64], width: usize, down: usize) {
     if down == 0 {
         return;
@@ -218,13 +218,13 @@ fn add_up(counts: &mut [u64], more: &[u64]) {
     counts.iter_mut().zip(more).for_each(|(all, more)| *all += more);
 }
 
-/// How counts are drawn.
+/// Scaling of counts for drawing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CountScale {
-    /// As shares of the greatest.
+    /// Relative to the greatest count.
     #[default]
     Linear,
-    /// As their logarithms, ln(1 + count), as shares of that of the greatest: a single value is seen beside a million.
+    /// ln(1 + count), relative to that of the greatest: a single value is visible beside a million.
     Log,
 }
 

@@ -3,10 +3,10 @@
 use super::{AxisScale, Bins, CountScale, Histogram1d, Histogram2d};
 use proptest::prelude::*;
 
-/// The bin that a value is in by the definition, over a range of whole numbers: in integers, one bin after the other.
+/// Index of a value's bin by the definition, over a range of integers, one bin after the other.
 fn naive([lo, hi]: [i64; 2], n: i64, scale: AxisScale, value: i64) -> usize {
     if scale == AxisScale::Octaves {
-        // Octaves from 1 on, and how far within: the bins between a value and the greatest.
+        // Octave from 1 on, and position within it: bins between a value and the greatest.
         let place = |v: i64| n / 16 * i64::from(v.ilog2()) + (v - (1 << v.ilog2())) * n / 16 / (1 << v.ilog2());
         // The last bin of the quarter of an octave that the greatest is in.
         let last = place(hi) | (n / 64 - 1).max(0);
@@ -68,7 +68,7 @@ proptest! {
         pairs in prop::collection::vec(prop::array::uniform2(-10_000_i64..10_000), 0..200),
         holes in prop::collection::vec(0_usize..200, 0..5),
     ) {
-        // Octaves are of what is positive.
+        // Octaves need positive values.
         let ranges = [0, 1].map(|i| if scales[i] == AxisScale::Linear { ranges[i] } else { [0, ranges[i][1].abs().max(1)] });
         let bins = |i: usize, count| Bins::new(Some(ranges[i].map(|v| v as f32)), scales[i], count);
         let mut floats: Vec<[f32; 2]> = pairs.iter().map(|pair| pair.map(|v| v as f32)).collect();
@@ -82,7 +82,7 @@ proptest! {
         }
         prop_assert_eq!(ours.counts(), &expected[..]);
         prop_assert_eq!((ours.finite(), ours.nonfinite()), ((pairs.len() - holes.len()) as u64, holes.len() as u64));
-        // The rows are those of the counts of x alone.
+        // The sums of columns are the counts of x alone.
         let mut across = Histogram1d::over(bins(0, 256));
         across.add(&floats.iter().filter(|p| p[1].is_finite()).map(|p| p[0]).collect::<Vec<_>>());
         let columns: Vec<u64> = (0..256).map(|x| ours.counts().iter().skip(x).step_by(256).sum()).collect();
@@ -250,7 +250,7 @@ fn positions_of_octaves_are_the_same_however_many_bins_there_are() {
 }
 
 proptest! {
-    /// Counts of the bins that there were before, by their definition.
+    /// Counts up to the bin of the greatest value, by their definition.
     #[test]
     fn counts_up_to_the_bin_of_the_greatest_value_are_read(
         values in prop::collection::vec(prop_oneof![Just(0.0), 1e-7..1e-4_f32, 1e-3..9.0_f32], 1..200),

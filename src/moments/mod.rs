@@ -24,7 +24,7 @@ use rayon::prelude::*;
 /// Vertices that one task accumulates; fixed, so that the result cannot depend on the number of threads.
 const CHUNK: usize = 8192;
 
-/// What one step holds.
+/// Range and non-finite count of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSummary {
     /// Least and greatest finite value; `None` if there is none.
@@ -34,10 +34,10 @@ pub struct StepSummary {
 }
 
 impl StepSummary {
-    /// The summary of nothing.
+    /// The summary of no values.
     pub const EMPTY: Self = Self { range: None, nonfinite: 0 };
 
-    /// The summary of both parts together.
+    /// The summary of both sets of values together.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let range = match (self.range, other.range) {
@@ -47,7 +47,7 @@ impl StepSummary {
         Self { range, nonfinite: self.nonfinite + other.nonfinite }
     }
 
-    /// The summary of a step, without accumulating anything.
+    /// The summary of a step's values.
     pub fn of(values: &[f32]) -> Self {
         values.iter().fold(Self::EMPTY, |summary, &v| {
             summary.merge(if v.is_finite() {
@@ -96,25 +96,25 @@ pub struct Moments {
     steps: Vec<StepSummary>,
     /// Summaries of the chunks of the current step, kept for their memory.
     parts: Vec<StepSummary>,
-    /// Non-finite values of steps whose summaries do not say how many they have.
+    /// Non-finite values of earlier steps, whose summaries do not count them.
     nonfinite_before: u64,
 }
 
 impl Moments {
-    /// No step of a field with `vertex_count` values a step.
+    /// Statistics without steps, for `vertex_count` values a step.
     pub fn new(vertex_count: usize) -> Self {
         let vertices = vec![Accumulator::default(); vertex_count];
         Self { vertices, steps: Vec::new(), parts: Vec::new(), nonfinite_before: 0 }
     }
 
-    /// Goes on from the statistics of the steps so far: those of the vertices, the range of each step, and the number of
-    /// non-finite values of all of them. `None` if these are no statistics.
+    /// Resumes from the statistics of the steps so far: those of the vertices, the range of each step, and the number of non-finite values
+    /// of all steps. `None` if they are not valid.
     ///
-    /// Means, ranges and counts continue bit for bit as if there had been no interruption. The variance does not: the sum of
-    /// squared deviations is the product of a rounded quotient. With u = 2^-53 that product is within 2 u of the sum that was
-    /// (relatively, to first order); each step added to either sum rounds by at most u of it, and both only grow (every term is
-    /// at least 0), so that nothing is amplified; the last quotient rounds either. After r interruptions and k steps since the
-    /// first, variances differ by at most a share of 2 u (r + k + 1) from those of one pass. A variance of 0 stays 0.
+    /// Means, ranges and counts continue bit for bit as if there had been no interruption. The variance does not: the sum of squared
+    /// deviations is the product of a rounded quotient. With u = 2^-53 that product is within 2 u of the original sum (relatively, to first
+    /// order); each step added to either sum rounds by at most u of it, and both only grow (every term is at least 0), so that nothing is
+    /// amplified; the last quotient rounds either. After r interruptions and k steps since the first, variances differ by at most a share
+    /// of 2 u (r + k + 1) from those of one pass. A variance of 0 stays 0.
     pub fn resume(statistics: &VertexStatistics, ranges: &[Option<[f32; 2]>], nonfinite: u64) -> Option<Self> {
         let VertexStatistics { mean, variance, finite_count } = statistics;
         let vertex = |((&mean, &variance), &count): ((&f64, &f64), &f64)| {
@@ -130,7 +130,7 @@ impl Moments {
         Some(Self { vertices, steps, parts: Vec::new(), nonfinite_before: nonfinite })
     }
 
-    /// Takes the next step, one value per vertex. The result is the same for any number of threads.
+    /// Adds the next step, one value per vertex. The result is the same for any number of threads.
     ///
     /// # Panics
     /// If the number of values is not the number of vertices.
@@ -162,7 +162,7 @@ impl Moments {
         let of = |f: fn(&Accumulator) -> f64| self.vertices.iter().map(f).collect();
         VertexStatistics {
             mean: of(|v| if v.count == 0 { f64::NAN } else { v.mean }),
-            // The population's variance: the steps are the whole series, not a sample of it.
+            // The population variance: the steps are the whole series, not a sample of it.
             variance: of(|v| if v.count == 0 { f64::NAN } else { v.m2 / f64::from(v.count) }),
             finite_count: of(|v| f64::from(v.count)),
         }

@@ -1,8 +1,8 @@
-//! What the accumulated moments say about each vertex.
+//! Statistics of each vertex over time.
 
 use serde::{Deserialize, Serialize};
 
-/// What the coefficient of variation is divided by.
+/// Denominator of the coefficient of variation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum CovDenominator {
     /// max(|mean|, `share` of the series range): finite wherever the mean is near zero. Default: 1 %.
@@ -32,8 +32,8 @@ pub struct VertexStatistics {
 }
 
 impl VertexStatistics {
-    /// Standard deviation over the chosen denominator, for each vertex. 0 where a vertex never changes, whatever its
-    /// mean, and where it has no finite sample. `series_range` is that of the whole field.
+    /// Standard deviation over the chosen denominator, for each vertex. 0 where a vertex never changes, whatever its mean, and where it has
+    /// no finite sample. `series_range` is the range of the whole field.
     pub fn coefficient_of_variation(&self, series_range: Option<[f32; 2]>, denominator: CovDenominator) -> Vec<f64> {
         let width = series_range.map_or(0.0, |[lo, hi]| f64::from(hi) - f64::from(lo));
         let floor = match denominator {

@@ -1,22 +1,22 @@
-//! [`JointTable`]: a transfer function of the scalar and of up to two quantities beside it.
+//! [`JointTable`]: a transfer function of the scalar and up to two more quantities.
 
 use super::{Node, NodeTable};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A transfer function of three quantities, with an axis for each: the scalar; a value at vertices, which is linear in a cell as the
-/// scalar is (`vertex_axis`, whose places are the table's *rows*); and a value of a cell, constant in it (`cell_axis`, whose places are
-/// the table's *layers*).
+/// A transfer function of three quantities, with an axis for each: the scalar; a value at vertices, linear in a cell like the scalar
+/// (`vertex_axis`, whose positions are the table's *rows*); and a value of a cell, constant in it (`cell_axis`, whose positions are the
+/// table's *layers*).
 ///
-/// There is a value for each scalar node, row and layer. Between two layers values are linear. In the plane of scalar and
-/// rows each rectangle between neighbouring nodes and rows is cut into two triangles by the diagonal from its (lower scalar,
-/// lower row) to its (upper scalar, upper row), and values are linear on each: so along a straight line through the plane, which is
-/// what a ray draws in a cell, colour and extinction are piecewise linear, and a segment of a ray is integrated exactly by
-/// pieces, as with a [`NodeTable`]. Bilinear interpolation would make them quadratic.
+/// There is a value for each scalar node, row and layer. Between two layers values are linear. In the plane of scalar and rows each
+/// rectangle between neighbouring nodes and rows is cut into two triangles by the diagonal from its (lower scalar, lower row) to its (upper
+/// scalar, upper row), and values are linear on each: so along a straight line through the plane, as of a ray in a cell, colour and
+/// extinction are piecewise linear, and a segment of a ray is integrated exactly by pieces, as with a [`NodeTable`]. Bilinear interpolation
+/// would make them quadratic.
 ///
-/// Two nodes at one scalar make a step, as in a [`NodeTable`] (at the scalar itself the right one holds), and so do two
-/// layers at one place. Rows have no steps: a ramp between two that are near to each other is one as good as any. Beyond the ends of
-/// an axis values hold on; on an axis with one place the quantity does not matter.
+/// Two nodes at one scalar make a step, as in a [`NodeTable`] (at the scalar itself the right one holds), and so do two layers at one
+/// position. Rows have no steps: a ramp between two close rows serves as one. Beyond the ends of an axis the end values continue; on an
+/// axis with one position the quantity has no effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Parts")]
 pub struct JointTable {
@@ -26,12 +26,12 @@ pub struct JointTable {
     #[serde(rename = "layers")]
     cell_axis: Vec<f64>,
     values: Vec<[f32; 4]>,
-    /// What follows from all of these.
+    /// Derived from all of these.
     #[serde(skip)]
     projection: Arc<NodeTable>,
 }
 
-/// A table as it is read.
+/// The serialized form of a table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parts {
@@ -65,16 +65,16 @@ pub enum JointAxis {
 /// Why axes and values do not make a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JointTableError {
-    /// Each axis has at least one place.
+    /// An axis without positions.
     #[error("a joint transfer function has no place on its {0:?} axis")]
     Empty(JointAxis),
-    /// Places are sorted; two at one place make a step, not on the vertex axis.
+    /// Positions are not sorted, or too many are equal: two make a step, not on the vertex axis.
     #[error("place {1} of the {0:?} axis is not behind the one before it, or the third at one place")]
     NotSorted(JointAxis, usize),
-    /// Places are finite, and so is the distance of any two.
+    /// A position, or the distance of two, is not finite.
     #[error("the {0:?} axis is not finite")]
     NotFinite(JointAxis),
-    /// One value for each scalar, row and layer.
+    /// The number of values is not that of scalars times rows times layers.
     #[error("{given} values for a joint table of {expected}")]
     ValueCount {
         /// Values given.
@@ -87,7 +87,7 @@ pub enum JointTableError {
     BadValue(usize),
 }
 
-/// Where a value lies on an axis: the place below it, the one above, and its share of the way between them. NaN lies below all.
+/// Position of a value on an axis: the nodes below and above it, and its share of the way between them. NaN lies below all.
 fn place_on(axis: &[f64], at: f64) -> ([usize; 2], f64) {
     let above = axis.partition_point(|&place| place <= at);
     match above {
@@ -133,12 +133,12 @@ impl JointTable {
         &self.scalars
     }
 
-    /// The places of the vertex axis, one a row, in the unit of the value at vertices, sorted.
+    /// Positions on the vertex axis, one for each row, in the unit of the value at vertices, sorted.
     pub fn vertex_axis(&self) -> &[f64] {
         &self.vertex_axis
     }
 
-    /// The places of the cell axis, one a layer, in the unit of the value of cells, sorted, two at a step.
+    /// Positions on the cell axis, one for each layer, in the unit of the value of cells, sorted, two at a step.
     pub fn cell_axis(&self) -> &[f64] {
         &self.cell_axis
     }
@@ -148,12 +148,12 @@ impl JointTable {
         &self.values
     }
 
-    /// Red, green, blue and extinction at a scalar node, a row and a layer, given by their numbers.
+    /// Red, green, blue and extinction at a scalar node, a row and a layer, given by their indices.
     pub fn value(&self, scalar: usize, row: usize, layer: usize) -> [f32; 4] {
         self.values[(layer * self.vertex_axis.len() + row) * self.scalars.len() + scalar]
     }
 
-    /// The layers below and above a cell's value, and its share of the way from one to the other; below the first one for NaN.
+    /// The layers below and above a cell's value, and its share of the way between them; the first layer for NaN.
     pub fn layer_at(&self, cell_value: f64) -> ([usize; 2], f64) {
         place_on(&self.cell_axis, cell_value)
     }
@@ -163,7 +163,7 @@ impl JointTable {
         let ([left, right], x) = place_on(&self.scalars, scalar);
         let ([lower, upper], y) = place_on(&self.vertex_axis, vertex_value);
         let ([below, above], z) = place_on(&self.cell_axis, cell_value);
-        // The two corners on the diagonal, and the third of the triangle.
+        // Values at the two ends of the diagonal, and at the third corner of the triangle.
         let corners = if x >= y {
             [(left, lower, 1.0 - x), (right, lower, x - y), (right, upper, y)]
         } else {
@@ -181,14 +181,14 @@ impl JointTable {
         Node { scalar, rgb: [r, g, b].map(|c| c.min(1.0)), tau }
     }
 
-    /// The table over the scalar alone that has at each node the value of largest extinction of all rows and layers, always the same
-    /// [`Arc`]. Extinction is nowhere above its: where it shows nothing, neither does this.
+    /// The table over the scalar alone with, at each node, the value of largest extinction over all rows and layers; always the same
+    /// [`Arc`]. It bounds extinction: where it is transparent, so is this table.
     pub fn projection(&self) -> &Arc<NodeTable> {
         &self.projection
     }
 }
 
-/// The largest extinctions at each scalar node.
+/// The values of largest extinction at each scalar node.
 fn projection(scalars: &[f64], values: &[[f32; 4]]) -> NodeTable {
     let most = |i: usize| {
         let column = values.iter().skip(i).step_by(scalars.len());
@@ -199,7 +199,7 @@ fn projection(scalars: &[f64], values: &[[f32; 4]]) -> NodeTable {
     NodeTable { nodes: (0..scalars.len()).map(most).collect() }
 }
 
-/// At most `most` places may be equal.
+/// Checks an axis, on which at most `most` positions may be equal.
 fn check_axis(axis: JointAxis, places: &[f64], most: usize) -> Result<(), JointTableError> {
     let (Some(first), Some(last)) = (places.first(), places.last()) else { return Err(JointTableError::Empty(axis)) };
     if !places.iter().all(|place| place.is_finite()) || !(last - first).is_finite() {
@@ -216,7 +216,7 @@ fn check_axis(axis: JointAxis, places: &[f64], most: usize) -> Result<(), JointT
 mod tests {
     use super::*;
 
-    /// Extinction is the number of the place: 1 for each scalar node, 10 for each row, 100 for each layer.
+    /// Extinction encodes the position: 1 for each scalar node, 10 for each row, 100 for each layer.
     fn numbered(scalars: &[f64], rows: &[f64], layers: &[f64]) -> JointTable {
         let mut values = Vec::new();
         for layer in 0..layers.len() {
@@ -232,10 +232,10 @@ mod tests {
         let table = numbered(&[0.0, 1.0, 2.0], &[0.0, 4.0], &[0.0, 1.0]);
         let tau = |s: f64, row: f64, layer: f64| table.eval(s, row, layer).tau;
         assert_eq!((tau(0.5, 0.0, 0.0), tau(1.25, 0.0, 0.0), tau(0.0, 1.0, 0.0)), (0.5, 1.25, 2.5));
-        // On the diagonal, below it and above it: these numbers are a plane, which has no fold.
+        // On the diagonal, below it and above it: these values lie on a plane, without a fold.
         assert_eq!((tau(0.5, 2.0, 0.0), tau(0.75, 1.0, 0.0), tau(0.25, 3.0, 0.0)), (5.5, 3.25, 7.75));
         assert_eq!((tau(0.0, 0.0, 0.25), tau(1.5, 4.0, 1.0)), (25.0, 111.5));
-        // With a corner below the diagonal alone there is one.
+        // Raising one corner below the diagonal makes a fold.
         let value = |i: usize| [1.0, 0.0, 0.0, if i == 1 { 8.0 } else { 0.0 }];
         let corner = JointTable::new(vec![0.0, 1.0], vec![0.0, 1.0], vec![0.0], (0..4).map(value).collect()).unwrap();
         let tau = |s: f64, row: f64| corner.eval(s, row, 0.0).tau;

@@ -1,5 +1,5 @@
-//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`JointTable`] if it is of more than
-//! the scalar; [`TransferTable`]: one of both.
+//! [`NodeTable`]: the transfer function used by every renderer, the reference included; [`JointTable`] for more than the scalar;
+//! [`TransferTable`]: either of them.
 
 mod joint;
 mod thinned;
@@ -22,9 +22,8 @@ pub struct Node {
     pub tau: f64,
 }
 
-/// A piecewise linear transfer function: nodes sorted by scalar; between two nodes colour and extinction are linear;
-/// two nodes at one scalar make a step (at the scalar itself the right one holds). Below the first and above the last node
-/// their values hold on.
+/// A piecewise linear transfer function: nodes sorted by scalar; between two nodes colour and extinction are linear; two nodes at one
+/// scalar make a step (at the scalar itself the right one holds). Below the first and above the last node their values continue.
 ///
 /// Widgets, ensembles, range maps and opacities are turned into nodes by `transfer`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,7 +32,7 @@ pub struct NodeTable {
     nodes: Vec<Node>,
 }
 
-/// A table as it is read.
+/// The serialized form of a table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Nodes {
@@ -51,13 +50,13 @@ impl TryFrom<Nodes> for NodeTable {
 /// Why nodes do not make a table.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NodeTableError {
-    /// A table has at least one node.
+    /// There is no node.
     #[error("a transfer function needs at least one node")]
     Empty,
     /// A number is NaN or infinite, tau negative, or a colour outside 0..=1.
     #[error("node {0} has a value that is not finite, a negative extinction or a colour outside 0..1")]
     BadValue(usize),
-    /// Nodes are sorted by scalar.
+    /// Nodes are not sorted by scalar.
     #[error("node {0} lies before the node in front of it")]
     NotSorted(usize),
     /// More than two nodes at one scalar.
@@ -89,7 +88,7 @@ impl NodeTable {
         Ok(Self { nodes })
     }
 
-    /// A table that shows nothing.
+    /// A table without extinction.
     pub fn transparent() -> Self {
         Self { nodes: vec![Node { scalar: 0.0, rgb: [0.0; 3], tau: 0.0 }] }
     }
@@ -108,21 +107,20 @@ impl NodeTable {
         Node::lerp(&self.nodes[after - 1], &hi, scalar)
     }
 
-    /// Whether extinction is non-zero somewhere in the closed range `[lo, hi]`. Exact: nodes are compared, nothing is
-    /// interpolated, so that a spike of any width counts, and the foot of a ramp however close to its transparent end.
+    /// Whether extinction is non-zero somewhere in the closed range `[lo, hi]`. Exact: nodes are compared, nothing is interpolated, so that
+    /// a spike of any width counts, and the foot of a ramp however close to its transparent end.
     pub fn is_visible_in(&self, lo: f64, hi: f64) -> bool {
         let below = self.nodes.partition_point(|n| n.scalar < lo);
         let until = self.nodes.partition_point(|n| n.scalar <= hi);
         let reached = &self.nodes[below..until];
-        // Beyond these, the piece in which the range begins and the one in which it ends: each shows something if either of its
-        // ends does (a piece that the range only touches with a node belongs to its neighbours).
+        // Beyond these nodes, the pieces in which the range begins and ends: each is visible if either of its ends is (a piece that the
+        // range only touches at a node belongs to its neighbours).
         let begins = reached.first().is_none_or(|n| n.scalar > lo) && self.piece_shows(below);
         let ends = reached.last().is_none_or(|n| n.scalar < hi) && self.piece_shows(until);
         begins || ends || reached.iter().any(|n| n.tau > 0.0)
     }
 
-    /// Whether there is extinction between the node before `at` and the one there, ends left out; beyond the first and
-    /// the last one their values go on.
+    /// Whether there is extinction strictly between node `at - 1` and node `at`; beyond the first and the last node their values continue.
     fn piece_shows(&self, at: usize) -> bool {
         let shows = |at: usize| self.nodes.get(at).is_some_and(|n| n.tau > 0.0);
         shows(at) || at > 0 && shows(at - 1)

@@ -1,18 +1,17 @@
-//! A table with fewer nodes, for what follows it less closely anyway.
+//! A table with fewer nodes, for approximate integration.
 
 use super::{Node, NodeTable};
 
-/// Largest error of a colour channel, and of the optical depth of the given length: this, or this part of it, whichever is larger.
+/// Largest error of a colour channel, and of the optical depth of the given length: this, or this share of the depth, whichever is larger.
 pub const THINNED_TOLERANCE: f64 = 1.0 / 16_384.0;
 
-/// Nodes that are kept in any case divide the range into so many parts at least, so that a node that changes has an effect on one
-/// part only.
+/// Nodes are always kept such that they divide the range into at least this many parts, so that a changed node affects one part only.
 const PARTS: f64 = 16.0;
 
 impl NodeTable {
-    /// The table with some of its nodes: within [`THINNED_TOLERANCE`] of the colours and of the optical depth of `length` everywhere.
+    /// The table with fewer nodes: within [`THINNED_TOLERANCE`] of the colours and of the optical depth of `length` everywhere.
     ///
-    /// Steps stay, and so do ends, nodes at which extinction begins, ends or turns, and where it is zero.
+    /// Steps and ends are kept, and nodes at which extinction begins, ends, turns or is zero.
     pub fn thinned(&self, length: f64) -> NodeTable {
         let kept: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.is_kept(i)).collect();
         let mut nodes = vec![self.nodes[0]];
@@ -39,10 +38,10 @@ impl NodeTable {
         turns || is_edge || is_step || part(before) != part(here)
     }
 
-    /// The last node up to `end` to which a straight line from node `start` passes all in between within tolerance.
+    /// The last node up to `end` such that a straight line from node `start` passes all nodes in between within tolerance.
     fn farthest(&self, start: usize, end: usize, length: f64) -> usize {
         let from = &self.nodes[start];
-        // Per channel the slopes of lines that pass the nodes so far.
+        // Per channel the range of slopes of lines that pass the nodes so far.
         let (mut least, mut most) = ([f64::NEG_INFINITY; 4], [f64::INFINITY; 4]);
         let mut farthest = start + 1;
         for i in start + 1..=end {
@@ -65,13 +64,13 @@ impl NodeTable {
     }
 }
 
-/// Of red, green, blue and extinction at a node.
+/// Tolerances of red, green, blue and extinction at a node.
 fn tolerance(node: &Node, length: f64) -> [f64; 4] {
     let of_color = THINNED_TOLERANCE;
     [of_color, of_color, of_color, THINNED_TOLERANCE * node.tau.max(1.0 / length)]
 }
 
-/// How fast the four rise from one node to another.
+/// Slopes of red, green, blue and extinction from one node to another.
 fn slopes(from: &Node, to: &Node, width: f64) -> [f64; 4] {
     let color = |c: usize| (to.rgb[c] - from.rgb[c]) / width;
     [color(0), color(1), color(2), (to.tau - from.tau) / width]
@@ -83,7 +82,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Largest error of a channel of `b`, as a share of what is allowed at nodes of `a`.
+    /// Largest error of a channel of `b`, relative to the tolerance, at nodes of `a`.
     fn error(a: &NodeTable, b: &NodeTable, length: f64) -> f64 {
         let of = |node: &Node, sides: [Node; 2]| {
             let allowed = tolerance(node, length);

@@ -1,26 +1,25 @@
-//! [`TransferTable`]: the transfer function of a request, over whatever quantities.
+//! [`TransferTable`]: the transfer function of a request, over one or more quantities.
 
 use super::{JointTable, NodeTable};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A transfer function as a request has it. Cheap to clone; two are compared by address first, since tables are long and mostly the
-/// same one.
+/// The transfer function of a request. Cheap to clone; compared by address first, since tables are long and mostly identical.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TransferTable {
     /// Over the scalar.
     #[serde(with = "content")]
     Scalar(Arc<NodeTable>),
-    /// Also over coefficients of variation (rows) or magnitudes of gradients (layers). Segments are integrated exactly then, whatever
-    /// the optics.
+    /// Also over coefficients of variation (table rows) or gradient magnitudes (table layers). Segments are then integrated exactly,
+    /// whatever the optics.
     #[serde(with = "content")]
     Joint(Arc<JointTable>),
 }
 
 impl TransferTable {
-    /// The table over the scalar alone that says where nothing is to be seen, always the same [`Arc`]: the table itself, or the
-    /// [projection](JointTable::projection) of one over more.
+    /// The table over the scalar alone that bounds visibility, always the same [`Arc`]: the table itself, or the
+    /// [projection](JointTable::projection) of a joint one.
     pub fn over_scalars(&self) -> &Arc<NodeTable> {
         match self {
             Self::Scalar(table) => table,
@@ -28,7 +27,7 @@ impl TransferTable {
         }
     }
 
-    /// The table if it is over more than the scalar.
+    /// The joint table; `None` if it is over the scalar alone.
     pub fn joint(&self) -> Option<&Arc<JointTable>> {
         match self {
             Self::Scalar(_) => None,
@@ -59,7 +58,7 @@ impl PartialEq for TransferTable {
     }
 }
 
-/// What the table is, not where.
+/// Serializes the content of the table, not its address.
 mod content {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::sync::Arc;

@@ -1,23 +1,23 @@
 //! The exact integrator for a [`JointTable`]: a segment is split where it crosses a line of the table (a scalar node, a row, the
 //! diagonal of a rectangle), and each piece is integrated by [`piece_weights`].
 //!
-//! Places on a segment are shares of it, 0 at its near and 1 at its far end. Which rectangle a piece lies in is counted from line
-//! to line, not looked up: on a line itself that would be a matter of rounding. A piece that ends on a line has there exactly the
-//! values of the line, so that what is transparent on one side shows nothing.
+//! Positions on a segment are shares of it, 0 at its near and 1 at its far end. The rectangle that contains a piece is counted from line to
+//! line, not looked up: on a line rounding would decide it. A piece that ends on a line has exactly the values of the line there, so that
+//! nothing transparent on one side becomes visible.
 
 use super::{Accumulator, ScalarMap, piece_weights};
 use crate::node_table::JointTable;
 use glam::Vec4;
 
-/// The part of a ray in a cell, as a line through a [`JointTable`].
+/// A segment of a ray in a cell, as a line through a [`JointTable`].
 #[derive(Clone, Copy, Debug)]
 pub struct JointSegment<'a> {
     table: &'a JointTable,
-    /// At the near and at the far end.
+    /// Scalars at the near and at the far end.
     scalars: [f64; 2],
     vertex_values: [f64; 2],
     layers: [usize; 2],
-    /// Share of the way from one layer to the other.
+    /// Weight of the upper of the two layers.
     layer_share: f32,
 }
 
@@ -28,14 +28,14 @@ struct Piece {
 }
 
 impl<'a> JointSegment<'a> {
-    /// The line between two (scalar, quantity of vertices) places, all finite, in a cell with this quantity.
+    /// The line between two (scalar, value at vertices) points, all finite, in a cell with value `cell_value`.
     pub fn new(table: &'a JointTable, scalars: [f64; 2], vertex_values: [f64; 2], cell_value: f64) -> Self {
         let (layers, share) = table.layer_at(cell_value);
         Self { table, scalars, vertex_values, layers, layer_share: share as f32 }
     }
 
-    /// Composites the part of the segment between two shares of it, `from` < `to`, which has this length in the unit that
-    /// extinctions refer to. Returns the number of pieces that were integrated; 0 if nothing was to be seen.
+    /// Composites the part of the segment between two shares of it, `from` < `to`, of this length in the unit that extinctions refer to.
+    /// Returns the number of pieces that were integrated; 0 if nothing was visible.
     pub fn composite(&self, from: f64, to: f64, length: f64, out: &mut Accumulator) -> u64 {
         // The largest depth that stays finite when it is averaged.
         const DEEPEST: f32 = f32::MAX / 4.0;
@@ -65,7 +65,7 @@ impl<'a> JointSegment<'a> {
     }
 
     fn each_piece(&self, from: f64, to: f64, mut take: impl FnMut(Piece)) {
-        // Where there is no triangle all is as below the diagonal: (1, 0) is its corner.
+        // Outside of all rectangles values are as below the diagonal: (1, 0) is its corner.
         let mut x = Way::new(self.table.scalars(), self.scalars, from, 1.0);
         let mut y = Way::new(self.table.vertex_axis(), self.vertex_values, from, 0.0);
         let mut start = from;
@@ -73,7 +73,7 @@ impl<'a> JointSegment<'a> {
             let (x_crosses, y_crosses) = (x.crosses_at(), y.crosses_at());
             let next = x_crosses.min(y_crosses);
             let is_last = next >= to;
-            // A line may have been passed by rounding.
+            // Rounding may put `start` beyond the next line.
             let end = next.min(to).max(start);
             let (x_crosses, y_crosses) = (!is_last && x_crosses <= end, !is_last && y_crosses <= end);
             let (near, far) = ([x.place, y.place], [x.place_at(end, x_crosses), y.place_at(end, y_crosses)]);
@@ -89,8 +89,8 @@ impl<'a> JointSegment<'a> {
         }
     }
 
-    /// A part of the segment within one rectangle, `corners` of it along both axes: one piece, or two if it crosses the diagonal.
-    /// `ends` are places in the rectangle, 0..=1 in both directions.
+    /// The part of the segment within one rectangle, given by its `corners` on both axes: one piece, or two if it crosses the diagonal.
+    /// `ends` are positions in the rectangle, 0..=1 on both axes.
     fn in_rectangle(
         &self,
         corners: [[usize; 2]; 2],
@@ -115,8 +115,7 @@ impl<'a> JointSegment<'a> {
         }
     }
 
-    /// Values at the corners of the triangle below a rectangle's diagonal or above it: the lower end of that, the corner beside it, its
-    /// upper end.
+    /// Values at the corners of the triangle below or above a rectangle's diagonal: lower end of the diagonal, third corner, upper end.
     #[inline]
     fn triangle(&self, [xs, ys]: [[usize; 2]; 2], is_below: bool) -> [Vec4; 3] {
         let beside = if is_below { self.corner(xs[1], ys[0]) } else { self.corner(xs[0], ys[1]) };
@@ -130,33 +129,33 @@ impl<'a> JointSegment<'a> {
     }
 }
 
-/// Values at a place in a rectangle, as seen from a triangle of it.
+/// Values at a position in a rectangle, interpolated in one of its triangles.
 #[inline]
 fn in_triangle([lower, beside, upper]: [Vec4; 3], [x, y]: [f64; 2], is_below: bool) -> Vec4 {
     let (more, less) = if is_below { (x, y) } else { (y, x) };
-    // No weight is negative: what is transparent at all corners is transparent in between.
+    // Weights are not negative: what is transparent at all corners is transparent in between.
     let [of_lower, of_beside, of_upper] = [1.0 - more, more - less, less].map(|weight| weight.max(0.0) as f32);
     lower * of_lower + beside * of_beside + upper * of_upper
 }
 
-/// A table as `shaders/lib/optics_joint.wgsl` reads it.
+/// A table in the layout of `shaders/lib/optics_joint.wgsl`.
 pub struct PackedJoint {
-    /// Intervals of the scalar, then of the rows: (lo, hi, width, first place), of which the first and the last reach beyond all and
-    /// have no width. Then the values in the order of the table, extinctions per unit of a ray's length.
+    /// Intervals of the scalar, then of the rows: (lo, hi, width, index of the first place); the first and the last are unbounded and have
+    /// no width. Then the values in the order of the table, extinctions per unit of a ray's length.
     pub words: Vec<[f32; 4]>,
-    /// Intervals of the scalar.
+    /// Number of intervals of the scalar.
     pub scalar_intervals: u32,
-    /// Intervals of the rows.
+    /// Number of intervals of the rows.
     pub row_intervals: u32,
 }
 
-/// Vectors of a packed table at most.
+/// Most vectors of a packed table.
 pub fn packed_len(table: &JointTable) -> usize {
     let (scalars, rows, layers) = (table.scalars().len(), table.vertex_axis().len(), table.cell_axis().len());
     scalars + 1 + rows + 1 + scalars * rows * layers
 }
 
-/// The table over scalars and rows seen through these maps; `world_per_length` is the world length of a unit of a ray's length.
+/// Packs the table over scalars and rows seen through these maps; `world_per_length` is the world length of one unit of a ray's length.
 pub fn packed(table: &JointTable, scalars: ScalarMap, rows: ScalarMap, world_per_length: f64) -> PackedJoint {
     let mut words = Vec::with_capacity(packed_len(table));
     words.extend(intervals(table.scalars(), scalars));
@@ -169,11 +168,11 @@ pub fn packed(table: &JointTable, scalars: ScalarMap, rows: ScalarMap, world_per
     PackedJoint { words, scalar_intervals, row_intervals }
 }
 
-/// The intervals between the places of an axis, none at steps. Widths are those before rounding, as in
+/// The intervals between the positions of an axis, none at steps. Widths are those before rounding, as in
 /// [`ExactTable::packed`](super::exact::ExactTable::packed).
 fn intervals(axis: &[f64], map: ScalarMap) -> impl Iterator<Item = [f32; 4]> {
     const FAR: f64 = 3e38;
-    // Less is next to nothing, and its inverse beyond f32.
+    // The inverse of a narrower one is beyond f32.
     const NARROWEST: f64 = 1e-30;
     let seen = move |place: f64| map.apply(place).clamp(-FAR, FAR) as f32;
     let between = move |i: usize| {
@@ -187,17 +186,17 @@ fn intervals(axis: &[f64], map: ScalarMap) -> impl Iterator<Item = [f32; 4]> {
     std::iter::once(first).chain(inner).chain([[seen(axis[last]), FAR as f32, 0.0, last as f32]])
 }
 
-/// The way of a segment along one axis.
+/// State of a segment along one axis.
 struct Way<'a> {
     axis: &'a [f64],
-    /// Value at its near end, and how much more it is at the far end.
+    /// Value at its near end, and the rise to its far end.
     start: f64,
     rise: f64,
-    /// How many places of the axis lie below: it is between the last of these and the next one.
+    /// Number of axis positions below: it lies between the last of these and the next.
     below: usize,
-    /// Share of the way between these two.
+    /// Share of the way between these two positions.
     place: f64,
-    /// What `place` is beyond the ends of the axis, where it does not matter.
+    /// Value of `place` beyond the ends of the axis, where it has no effect.
     outside: f64,
 }
 
@@ -205,19 +204,19 @@ impl<'a> Way<'a> {
     fn new(axis: &'a [f64], [start, end]: [f64; 2], from: f64, outside: f64) -> Self {
         let rise = end - start;
         let here = start + from * rise;
-        // At a step the side that it goes to holds; one that does not change takes the right one.
+        // At a step the side that the segment goes to holds; a constant one takes the right side.
         let below = axis.partition_point(|&place| if rise < 0.0 { place < here } else { place <= here });
         let mut way = Self { axis, start, rise, below, place: outside, outside };
         way.place = way.place_at(from, false);
         way
     }
 
-    /// The places that it is between; beyond the ends of the axis twice the same.
+    /// Indices of the axis positions around it; beyond the ends of the axis twice the same.
     fn corners(&self) -> [usize; 2] {
         [self.below.saturating_sub(1), self.below.min(self.axis.len() - 1)]
     }
 
-    /// The share of the segment at which it comes to the next place of the axis; infinite if it does not.
+    /// The share of the segment at which it reaches the next axis position; infinite if it does not.
     fn crosses_at(&self) -> f64 {
         let next = match self.rise {
             rise if rise > 0.0 => self.axis.get(self.below),
@@ -227,7 +226,7 @@ impl<'a> Way<'a> {
         next.map_or(f64::INFINITY, |next| (next - self.start) / self.rise)
     }
 
-    /// Share of the way between its two places at a share of the segment, exactly on the next one if it `crosses`.
+    /// Share of the way between the two axis positions at a share of the segment; exactly on the next one if it `crosses`.
     fn place_at(&self, share: f64, crosses: bool) -> f64 {
         let [lo, hi] = self.corners().map(|i| self.axis[i]);
         match (lo < hi, crosses) {
@@ -237,7 +236,7 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// Goes on to a place, or, if it `crosses`, to the next two; two at a step are passed at once.
+    /// Moves to a share, or, if it `crosses`, past the next axis position; both positions of a step are passed together.
     fn go_on(&mut self, place: f64, crosses: bool) {
         self.place = place;
         if !crosses {

@@ -16,7 +16,7 @@ fn table(scalars: &[f64], rows: &[f64], layers: &[f64], value: impl Fn(usize, us
     JointTable::new(scalars.to_vec(), rows.to_vec(), layers.to_vec(), values).unwrap()
 }
 
-/// Another value at each place, a part of them transparent.
+/// A different value at each node, row and layer, some of them transparent.
 fn mixed(i: usize, j: usize, k: usize) -> [f32; 4] {
     let of = |m: usize| ((i * 7 + j * 13 + k * 29 + 3) * m % 17) as f32 / 17.0;
     [of(2), of(3), of(5), 3.0 * (of(7) - 0.3).max(0.0)]
@@ -50,9 +50,9 @@ fn worst(a: [f32; 4], b: [f64; 4]) -> f64 {
 const AXIS: [f64; 4] = [-0.6, -0.1, 0.3, 0.9];
 const LAYERS: [f64; 4] = [-0.5, 0.1, 0.1, 0.7];
 
-/// What 20,000 slices may be off by. Between lines of the table the midpoint rule is exact for optical depths. Extinctions of up to 2.1
-/// change within 0.4, 26 along a segment of 2.4 in both directions; of a kink, at which the slope changes by twice that, 4 long, a
-/// slice leaves 52 / 20,000^2 / 8 x 4 = 6.5e-8, and there are a dozen at most. Pieces are rounded by 6e-8 each. Measured: 1.6e-7 of 3,000
+/// Bound of the error of 20,000 slices. Between lines of the table the midpoint rule is exact for optical depths. Extinctions of up to 2.1
+/// change within 0.4, 26 along a segment of 2.4 in both directions; of a kink, at which the slope changes by twice that, 4 long, a slice
+/// leaves 52 / 20,000^2 / 8 x 4 = 6.5e-8, and there are a dozen at most. Pieces are rounded by 6e-8 each. Measured: 1.6e-7 over 3,000
 /// segments.
 const OF_SLICES: f64 = 2e-6;
 
@@ -112,7 +112,7 @@ fn the_comparison_with_slices_notices_a_shift_along_each_axis() {
     assert!(slices(scalars, values, cell + 1e-4) > OF_SLICES);
 }
 
-/// Extinction at one corner of a square, at scalar 1 and row 0.
+/// A table with extinction at one corner of a square, at scalar 1 and row 0.
 fn corner() -> JointTable {
     table(&[0.0, 1.0], &[0.0, 1.0], &[0.0], |i, j, _| [1.0, 1.0, 1.0, if (i, j) == (1, 0) { 2.0 } else { 0.0 }])
 }
@@ -170,7 +170,7 @@ fn a_step_has_its_upper_side_at_itself_and_the_side_that_a_segment_comes_from() 
     let is = |alpha: f32, depth: f64| (f64::from(alpha) + (-depth).exp_m1()).abs() < 2e-7;
     assert!(is(of([0.5, 0.5], 0.0), 3.0) && is(of([0.5, 0.9], 0.0), 3.0) && is(of([0.5, 0.1], 0.0), 1.0));
     assert!(is(of([0.9, 0.5], 0.0), 3.0) && is(of([0.1, 0.5], 0.0), 1.0) && is(of([0.0, 1.0], 0.0), 2.0));
-    // Layers: at the step the upper one, beyond the ends those, below all what is no number.
+    // Layers: at the step the upper one, beyond the ends the outermost ones, for NaN the lowest.
     assert!(is(of([0.1, 0.1], 1.0), 0.5) && is(of([0.1, 0.1], 0.999), 1.0) && is(of([0.1, 0.1], 9.0), 0.5));
     for cell in [f64::NAN, f64::NEG_INFINITY, -1e300] {
         assert!(is(of([0.1, 0.1], cell), 1.0), "{cell}");
@@ -205,7 +205,7 @@ fn the_largest_extinctions_and_the_longest_segments_are_opaque_and_finite() {
         assert!(rgba.iter().all(|c| c.is_finite()) && (rgba[3] - 1.0).abs() < 1e-6, "{length:e}: {rgba:?}");
         assert!((rgba[0] - 0.25).abs() < 1e-6 && (rgba[2] - 1.0).abs() < 1e-6, "{length:e}: {rgba:?}");
     }
-    // The shortest, and those of no length at all.
+    // Segments of the least length, and of none.
     let (rgba, _) = through(&JointSegment::new(&corner(), [0.5, 1.0], [0.0, 0.0], 0.0), 1e-300);
     assert_eq!(rgba[3], 0.0);
 }

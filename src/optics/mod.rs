@@ -7,10 +7,10 @@
 //! ```
 //!
 //! with premultiplied C composited front to back. Inside a cell the scalar is linear in t, between two nodes of the
-//! [`NodeTable`](crate::node_table::NodeTable) colour and extinction are linear in the scalar: a segment that is split at
-//! the nodes has pieces on which everything is linear in t. [`exact`] integrates those, [`partial`] takes what lies between two
-//! scalars from sums over the nodes, [`table3d`] looks segments up in a table of three dimensions. A renderer is written once over [`Integrator`].
-//! [`joint`] does what [`exact`] does for a transfer function of more than the scalar.
+//! [`NodeTable`](crate::node_table::NodeTable) colour and extinction are linear in the scalar: a segment that is split at the nodes has
+//! pieces on which everything is linear in t. [`exact`] integrates those, [`partial`] combines precomputed integrals over the nodes,
+//! [`table3d`] looks segments up in a three-dimensional table. Renderers are generic over [`Integrator`]. [`joint`] is [`exact`] for a
+//! transfer function of more than the scalar.
 
 pub mod exact;
 pub mod joint;
@@ -46,20 +46,20 @@ words!(OpticsKind, "there are no optics", ["exact" = Exact, "table3d" = Table3d,
 
 /// A transfer function prepared for the integration of segments of rays.
 pub trait Integrator: Sync {
-    /// What is known of a ray's place in the transfer function from the segment before.
+    /// State of a ray in the transfer function, kept from segment to segment.
     type Place: Copy;
 
-    /// The place of a ray that enters the volume, or goes on after a gap, at this scalar.
+    /// The state of a ray that enters the volume, or continues after a gap, at this scalar.
     fn enter(&self, scalar: f64) -> Self::Place;
 
     /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
     /// `s0` is the scalar at which the ray entered or the `s1` of the segment before. Returns the number of pieces that
-    /// were integrated; 0 if nothing was to be seen.
+    /// were integrated; 0 if nothing was visible.
     fn segment(&self, place: &mut Self::Place, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64;
 
-    /// Composites segments one after the other, given as scalar at the end and length: the same as [`Self::segment`] for
-    /// each, which begins at the scalar where the one before ended, the first at `s0`. Faster, as what does not depend on the segment
-    /// before is done side by side.
+    /// Composites segments one after the other, given as scalar at the end and length: the same as [`Self::segment`] for each, which begins
+    /// at the scalar where the one before ended, the first at `s0`. Faster, as work that does not depend on the segment before is done side
+    /// by side.
     #[inline(always)]
     fn segments(
         &self,
@@ -77,48 +77,48 @@ pub trait Integrator: Sync {
     }
 
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
-    /// That of the transfer function itself, however segments are integrated.
+    /// By the transfer function itself, whatever the integration method.
     fn transparent_share(&self, s0: f64, s1: f64) -> f64;
 
     /// Whether no scalar has extinction.
     fn is_transparent(&self) -> bool;
 
-    /// The table of the exact integrator, if that is what it is.
+    /// The table of the exact integrator, if this is one.
     #[inline(always)]
     fn as_exact(&self) -> Option<&exact::ExactTable> {
         None
     }
 }
 
-/// Light gathered along a ray from the front: premultiplied colour and opacity, and what still shines through.
+/// Light gathered along a ray from the front: premultiplied colour, opacity, and transmittance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accumulator {
     /// Premultiplied red, green, blue, and opacity, summed without cancellation.
     rgba: Vec4,
     /// Transmittance.
     pub transmittance: f32,
-    /// What rounding has left out of that: 10^4 pieces of depth 1e-7 would make it 1.9e-4 too small.
+    /// Rounding error carried by `transmittance`: 10^4 pieces of depth 1e-7 would otherwise make it 1.9e-4 too small.
     carried: f32,
-    /// Depth of the first visible place, as far as whoever knows depths has said it; infinite before.
+    /// Depth of the first visible point, if a caller that knows depths has set it; infinite before.
     pub visible_from: f64,
 }
 
-/// A ray is stopped when less than this shines through: what lies behind can change no channel by more than 2^-17,
-/// which is below the 1e-5 that the fast paths may differ from the reference.
+/// A ray is stopped when its transmittance is below this: what lies behind can change no channel by more than 2^-17, which is below the
+/// 1e-5 that the fast paths may differ from the reference.
 pub const OPAQUE_TRANSMITTANCE: f32 = 1.0 / 131_072.0;
 
 impl Accumulator {
-    /// The light of a ray that has met nothing: transmittance 1.
+    /// The light of a ray that has met no extinction: transmittance 1.
     pub const TRANSPARENT: Self =
         Self { rgba: Vec4::ZERO, transmittance: 1.0, carried: 0.0, visible_from: f64::INFINITY };
 
-    /// Light of which this is known: red, green, blue and opacity, what shines through, and what rounding has left out of that.
+    /// An accumulator of these parts: red, green, blue and opacity; transmittance; its carried rounding error.
     #[inline(always)]
     pub(crate) fn of_parts(rgba: [f32; 4], transmittance: f32, carried: f32) -> Self {
         Self { rgba: Vec4::from_array(rgba), transmittance, carried, ..Self::TRANSPARENT }
     }
 
-    /// As [`Self::of_parts`] takes it.
+    /// The arguments of [`Self::of_parts`].
     #[inline(always)]
     pub(crate) fn parts(&self) -> ([f32; 4], f32, f32) {
         (self.rgba.to_array(), self.transmittance, self.carried)
@@ -132,19 +132,18 @@ impl Accumulator {
 
     /// Composites a piece with linear colour from `near` to `far` (red, green, blue, 1) behind what has been gathered.
     ///
-    /// What shines through becomes less by what is gathered. Multiplied by one less the piece's opacity instead, it would be off by
-    /// the rounding of that factor for each piece, and of equal pieces all are rounded alike: 7e-5 after 10^4 of them.
+    /// Transmittance is decreased by the gathered opacity. Multiplied by one less the piece's opacity instead, it would be off by the
+    /// rounding of that factor for each piece, alike for equal pieces: 7e-5 after 10^4 of them.
     #[inline]
     pub fn add(&mut self, weights: PieceWeights, near: Vec4, far: Vec4) {
         let (of_near, of_far) = (self.transmittance * weights.near, self.transmittance * weights.far);
         self.rgba += near * of_near + far * of_far;
-        // Not their sum, which would be known an operation later.
+        // Not the sum in `rgba`, which would be known an operation later.
         self.dim(self.transmittance * (weights.near + weights.far));
     }
 
-    /// What shines through becomes less by what has been gathered. What rounding leaves out of a difference goes into the next one (as Kahan
-    /// sums), so that it does not grow with the number of pieces. Nothing gathered changes nothing: what is carried is at most half
-    /// a bit.
+    /// Decreases transmittance by the gathered opacity. The rounding error of a difference goes into the next one (Kahan summation), so
+    /// that it does not grow with the number of pieces. 0 changes nothing: at most half a bit is carried.
     #[inline(always)]
     fn dim(&mut self, gathered: f32) {
         let change = self.carried - gathered;
@@ -153,12 +152,12 @@ impl Accumulator {
         self.transmittance = left;
     }
 
-    /// Nothing gathered behind what lets as little through: for what is to be lit before it counts.
+    /// An empty accumulator behind this one, with its transmittance: for light that is shaded before it counts.
     pub(crate) fn behind(&self) -> Self {
         Self { rgba: Vec4::ZERO, ..*self }
     }
 
-    /// Takes what was gathered [behind](Self::behind) it, this share of its colour.
+    /// Adds light gathered [behind](Self::behind) this accumulator, its colour times `share`.
     pub(crate) fn add_lit(&mut self, behind: Self, share: f32) {
         let rgba = self.rgba + behind.rgba * Vec4::new(share, share, share, 1.0);
         *self = Self { rgba, ..behind };

@@ -1,6 +1,5 @@
-//! Partial pre-integration (Moreland and Angel, "A fast high accuracy volume renderer for unstructured data", VolVis 2004): what
-//! lies between two scalars comes from integrals over the scalar, made once for a transfer function; a segment costs the same
-//! however many nodes it crosses.
+//! Partial pre-integration (Moreland and Angel, "A fast high accuracy volume renderer for unstructured data", VolVis 2004): between two
+//! scalars integrals over the scalar are used, computed once per transfer function; a segment costs the same however many nodes it crosses.
 //!
 //! Along a segment of length d from scalar s0 to s1 everything is a function of the scalar, and dt = d ds / (s1 - s0):
 //!
@@ -22,16 +21,16 @@
 //! extinctions at both ends would give; it is used where it is exact, between two nodes ([`piece_weights`], computed rather than
 //! looked up: their table over x / (1 + x), 512 x 512 and bilinear, is off by up to 1.4e-2 where one end is opaque, RMS 4.5e-4).
 //!
-//! What lies before the first node on the way and behind the last one is integrated exactly; what lies in between are stretches as
-//! long as their optical depth allows: up to [`DEPTH_MAX`], or one interval, which is exact again. Thin segments are four parts at
-//! most; thick ones are some dozens in front of what they make opaque, and two behind it. Sums over nodes are kept for halves of
-//! blocks of 2, 4, 8... nodes, each from the block's middle: what lies between any two nodes is two of them
-//! ([`PartialTable::behind`]). Nothing is ever taken away: a running sum from the first node, as in the paper, would be, and behind an
-//! extinction of 1e6 leave no digits of one of 1e-3 (in f32, behind one of 1e4). Two nodes at one scalar are no width, and need no
-//! rule of their own; between which nodes the ends of a segment lie is decided as in [`super::exact`].
+//! Up to the first node and behind the last one a segment is integrated exactly; in between it is cut into stretches as long as their
+//! optical depth allows: up to [`DEPTH_MAX`], or one interval, which is exact again. Thin segments are four parts at most; thick ones are
+//! some dozens in front of what they make opaque, and two behind it. Sums over nodes are kept for halves of blocks of 2, 4, 8... nodes,
+//! each from the block's middle: two of them cover the range between any two nodes ([`PartialTable::behind`]). No sums are subtracted: a
+//! running sum from the first node, as in the paper, would need that, and behind an extinction of 1e6 leave no digits of one of 1e-3 (in
+//! f32, behind one of 1e4). Two nodes at one scalar have no width, and need no rule of their own; the intervals of a segment's ends are
+//! chosen as in [`super::exact`].
 //!
-//! **Why not the colours at the ends**, as in the paper: between nodes these are right, across nodes they say nothing of a spike in
-//! the middle, where all the light may come from. Largest error of a channel over the segments across nodes of the test
+//! **Why not the colours at the ends**, as in the paper: between nodes these are right, across nodes they miss a spike in the middle, where
+//! all the light may come from. Largest error of a channel over the segments across nodes of the test
 //! `the_moments_are_better_than_the_colors_at_the_ends`, by optical depth:
 //!
 //! | rule for all of a segment | to 0.1 | to 0.5 | to 2 | to 20 |
@@ -41,11 +40,11 @@
 //! | mean and tilt | 6.3e-6 | 5.6e-4 | 1.9e-2 | 3.3e-1 |
 //! | this | 4.3e-6 | 7.2e-5 | 1.0e-4 | 6.1e-5 |
 //!
-//! Stretches of up to 0.5 leave 5.8e-4 in the hard cases of `docs/accuracy.md`, of up to 1 3.5e-3, and take as long.
+//! Stretches of up to 0.5 leave errors of 5.8e-4 in the hard cases of `docs/accuracy.md`, of up to 1 3.5e-3, and take as long.
 //!
-//! **What it gives up.** Three and more colours in a stretch are seen as two: errors of up to 1e-4. A segment that crosses one node or
-//! none has no error, so a finer mesh has less of it. Between nodes it is slower than [`super::exact`], which knows the one end
-//! from the segment before: 15 ns against 9, across 3 nodes 75 against 52, across 7 nodes 67 against 104, across 30 nodes 82 against 412.
+//! **Limitations.** Three and more colours in a stretch are represented by two: errors of up to 1e-4. A segment that crosses one node or
+//! none has no error, so a finer mesh has less of it. Between nodes it is slower than [`super::exact`], which knows the one end from the
+//! segment before: 15 ns against 9, across 3 nodes 75 against 52, across 7 nodes 67 against 104, across 30 nodes 82 against 412.
 
 use super::exact::{ExactTable, Interval};
 use super::table3d_entries::TAU_MAX;
@@ -53,10 +52,10 @@ use super::{Accumulator, Integrator, ScalarMap, homogeneous_weights, piece_weigh
 use crate::node_table::{Node, NodeTable};
 use glam::Vec4;
 
-/// The largest optical depth of a stretch across nodes that is seen as two colours.
+/// Largest optical depth of a stretch across nodes, represented by two colours.
 const DEPTH_MAX: f64 = 0.25;
 
-/// What lies between two scalars, in ascending order.
+/// Integrals between two scalars, in ascending order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stretch {
     /// Integral of the extinction over the scalar.
@@ -70,7 +69,7 @@ struct Stretch {
 impl Stretch {
     const NOTHING: Self = Self { depth: 0.0, mean: Vec4::ONE, tilt: Vec4::ZERO };
 
-    /// Colours and extinctions go linearly from one end to the other.
+    /// A stretch whose colours and extinctions are linear from one end to the other.
     ///
     /// With y = (tau0 - tau1) / (tau0 + tau1) and t in [0, 1], du/dt = 1 + y (1 - 2 t). The mean of t over u is then 1/2 - y / 6,
     /// and its moment about u = 1/2, by parts half the integral of u - u^2 over t, is (5 - y^2) / 60.
@@ -86,8 +85,7 @@ impl Stretch {
         }
     }
 
-    /// This stretch and the one behind it. With p and q their shares of the optical depth,
-    /// h = p^2 h0 + q^2 h1 + p q (mean1 - mean0) / 2.
+    /// This stretch followed by `next`. With p and q their shares of the optical depth, h = p^2 h0 + q^2 h1 + p q (mean1 - mean0) / 2.
     #[inline(always)]
     fn then(self, next: Self) -> Self {
         let depth = self.depth + next.depth;
@@ -113,12 +111,11 @@ impl Stretch {
 #[derive(Clone, Debug)]
 pub struct PartialTable {
     exact: ExactTable,
-    /// Extinction at the lower and the upper end of each interval of `exact`, which has it in f32: where a steep ramp comes down to
-    /// nothing that is not enough.
+    /// Extinction at the lower and the upper end of each interval of `exact`, where it is f32: too coarse where a steep ramp reaches zero.
     taus: Vec<[f64; 2]>,
-    /// Scalars at which there are nodes.
+    /// Number of distinct node scalars (*places*).
     places: usize,
-    /// What lies between each place and the middle of its block: for blocks of 2 places, of 4, and so on.
+    /// The stretch between each place and the middle of its block: for blocks of 2 places, of 4, and so on.
     sums: Vec<Stretch>,
 }
 
@@ -136,7 +133,7 @@ impl PartialTable {
         table
     }
 
-    /// The sums of one level, from `first` on.
+    /// Computes the sums of one level, from `first` on.
     fn sum_blocks(&mut self, half: usize, first: usize) {
         for middle in (half..self.places).step_by(2 * half) {
             let mut sum = Stretch::NOTHING;
@@ -152,13 +149,13 @@ impl PartialTable {
         }
     }
 
-    /// From a place to the next.
+    /// The stretch from a place to the next.
     fn behind_place(&self, place: usize) -> Stretch {
         let Interval { lo, hi, .. } = *self.exact.interval(place + 1);
         self.part(place + 1, lo, hi)
     }
 
-    /// The part of an interval between two of its scalars, as seen from the first.
+    /// The part of an interval between two of its scalars, in that direction.
     #[inline(always)]
     fn part(&self, interval: usize, from: f64, to: f64) -> Stretch {
         let colors = [from, to].map(|s| self.exact.interval(interval).at(s).color());
@@ -170,12 +167,12 @@ impl PartialTable {
         let [lo, hi] = self.taus[interval];
         let of = self.exact.interval(interval);
         let share = (scalar - of.origin) * of.per_width;
-        // Not the lower end and a part of the rise: where extinction goes down to nothing that would cancel.
+        // Not the lower end plus a part of the rise, which would cancel where extinction falls to zero.
         (lo * (1.0 - share) + hi * share).max(0.0)
     }
 
-    /// What lies behind a place on the way to another one, and up to which: the middle of the largest block in whose halves they are, or
-    /// the other one if this is the middle of a block that holds it.
+    /// The stretch behind place `from` on the way to place `to`, and the place where it ends: the middle of the largest block whose halves
+    /// they are in, or `to` if `from` is the middle of a block that contains it.
     #[inline(always)]
     fn behind(&self, from: usize, to: usize) -> (usize, Stretch) {
         let differ = (from ^ to).ilog2();
@@ -191,8 +188,8 @@ impl PartialTable {
         (end, if from < to { sum } else { sum.reversed() })
     }
 
-    /// The interval that holds a scalar, beginning with a guess. At a node it is the one that ends there if `ends`, else the one
-    /// that begins.
+    /// The interval that contains a scalar; `guess` is tried first. At a node it is the one that ends there if `ends`, else the one that
+    /// begins.
     #[inline(always)]
     fn interval_of(&self, guess: usize, scalar: f64, ends: bool) -> usize {
         let Interval { lo, hi, .. } = *self.exact.interval(guess);
@@ -202,7 +199,7 @@ impl PartialTable {
         self.exact.intervals().partition_point(|i| if ends { i.hi < scalar } else { i.hi <= scalar })
     }
 
-    /// A segment without a node: as [`super::exact`].
+    /// Composites a segment that crosses no node, as [`super::exact`] does.
     #[inline(always)]
     fn within(&self, interval: usize, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
         let of = self.exact.interval(interval);
@@ -217,10 +214,10 @@ impl PartialTable {
         1
     }
 
-    /// A segment from one interval to another.
+    /// Composites a segment from one interval to another.
     #[inline(always)]
     fn across(&self, (first, last): (usize, usize), s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
-        // The places through which it leaves the first and enters the last: interval i ends at place i.
+        // The places where it leaves the first and enters the last interval: interval i ends at place i.
         let (left, entered) = if first < last { (first, last - 1) } else { (first - 1, last) };
         let [leaves, enters] = [left, entered].map(|place| self.exact.interval(place).hi);
         let per_scalar = length / (s1 - s0).abs();
@@ -255,7 +252,7 @@ impl PartialTable {
         words
     }
 
-    /// Intervals between the nodes, those beyond them included.
+    /// Number of intervals, including the two beyond the nodes.
     pub fn interval_count(&self) -> usize {
         self.exact.intervals().len()
     }
@@ -272,7 +269,7 @@ fn taus_of(table: &NodeTable, world_per_length: f64) -> Vec<[f64; 2]> {
     taus
 }
 
-/// Composites a stretch of this optical depth; 1 if it can be seen.
+/// Composites a stretch of this optical depth; returns 1 if it is visible.
 #[inline(always)]
 fn composite(Stretch { mean, tilt, .. }: Stretch, depth: f32, out: &mut Accumulator) -> u64 {
     if depth <= 0.0 {
@@ -280,20 +277,20 @@ fn composite(Stretch { mean, tilt, .. }: Stretch, depth: f32, out: &mut Accumula
     }
     let weights = homogeneous_weights(depth);
     let alpha = weights.near + weights.far;
-    // The linear function may leave what colours can be.
+    // The linear function may leave the range of colours.
     let light = (mean * alpha + tilt * (weights.far - weights.near)).clamp(Vec4::ZERO, Vec4::splat(alpha));
     out.add_premultiplied(light.with_w(alpha), alpha);
     1
 }
 
-/// Extinction times length, as far as f32 goes: nothing shines through long before.
+/// Extinction times length, capped to f32: transmittance is 0 long before.
 #[inline(always)]
 fn depth_of(tau: f64, length: f64) -> f32 {
     (tau * length).min(f64::from(f32::MAX / 4.0)) as f32
 }
 
 impl Integrator for PartialTable {
-    /// The interval in which the segment before has ended.
+    /// The interval in which the segment before ended.
     type Place = usize;
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Against the definition in f64, and against the exact integrator where that is the same.
+//! Partial pre-integration against the definition in f64, and against the exact integrator where both are equal.
 
 use super::*;
 use crate::optics::quadrature::quadrature;
@@ -8,7 +8,7 @@ fn nodes(of: &[(f64, [f64; 3], f64)]) -> NodeTable {
     NodeTable::new(of.iter().map(|&(scalar, rgb, tau)| Node { scalar, rgb, tau }).collect()).unwrap()
 }
 
-/// The pixel of one segment, and the pieces that it was.
+/// The pixel of one segment.
 fn pixel<I: Integrator>(table: &I, s0: f64, s1: f64, length: f64) -> [f32; 4] {
     let mut light = Accumulator::TRANSPARENT;
     table.segment(&mut table.enter(s0), s0, s1, length, &mut light);
@@ -57,7 +57,7 @@ fn random_segment(table: &NodeTable, seed: u64, index: u64) -> ((f64, f64, f64),
     let s0 = at(0);
     let s1 = (s0 + 10f64.powf(-3.0 * at(1)) * (2.0 * at(2) - 1.0)).clamp(-0.2, 1.2);
     let depth = 10f64.powf(4.0 * at(3) - 2.7);
-    // The mean extinction, from what a thin segment shows.
+    // The mean extinction, from the opacity of a thin segment.
     let mean = quadrature(table, s0, s1, 1e-9, 0.5)[3] / 1e-9;
     let length = if mean > 0.0 { depth / mean } else { 1.0 };
     ((s0, s1, length), if mean > 0.0 { depth } else { 0.0 })
@@ -91,7 +91,7 @@ fn opacity_is_that_of_the_definition_and_colors_are_within_their_bounds() {
     }
 }
 
-/// What else could be done with what is known of a segment across nodes.
+/// Alternative pixels of a segment across nodes: by the colours at its ends, and by the mean.
 fn rivals(table: &PartialTable, (s0, s1, length): (f64, f64, f64)) -> Option<[[f32; 3]; 2]> {
     let ends = if s1 >= s0 { (false, true) } else { (true, false) };
     let (first, last) = (table.interval_of(0, s0, ends.0), table.interval_of(0, s1, ends.1));
@@ -105,7 +105,7 @@ fn rivals(table: &PartialTable, (s0, s1, length): (f64, f64, f64)) -> Option<[[f
     let psi = piece_weights(near.1, far.1);
     let total = psi.near + psi.far;
     let ends = if total > 0.0 { (near.0 * psi.near + far.0 * psi.far) * (alpha / total) } else { Vec4::ZERO };
-    // The mean, which a thin segment shows.
+    // The mean colour, as of a thin segment.
     let thin = pixel(table, s0, s1, 1e-12);
     let mean = if thin[3] > 0.0 { Vec4::from_array(thin) * (alpha / thin[3]) } else { Vec4::ZERO };
     Some([ends, mean].map(|c| [c.x, c.y, c.z]))
@@ -191,7 +191,7 @@ fn at_a_step_the_side_that_the_segment_goes_to_holds() {
     for (s0, s1) in [(0.5, 0.9), (0.9, 0.5), (0.5, 0.1), (0.1, 0.5), (0.5, 0.5)] {
         assert_eq!(pixel(&partial, s0, s1, 0.7), pixel(&exact, s0, s1, 0.7), "{s0} {s1}");
     }
-    // Across it both are seen, from either side: two parts, each exact but for the weights' 4e-7 of what is seen of it.
+    // Across it both colours are visible, from either side: two parts, each exact but for 4e-7 of its visible part from the weights.
     for (s0, s1) in [(0.2, 0.8), (0.8, 0.2)] {
         let [color, alpha] = errors(&step, &partial, (s0, s1, 1.0));
         assert!(alpha < 4e-7 && color < 4e-7, "{s0} {s1}: {color:e} {alpha:e}");

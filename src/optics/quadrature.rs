@@ -1,4 +1,4 @@
-//! One segment by the definition, in f64: what integrators are measured with.
+//! Quadrature of one segment by the definition, in f64: the reference for integrators.
 
 use crate::node_table::{Node, NodeTable};
 
@@ -11,13 +11,13 @@ const GAUSS: [(f64, f64); 5] = [
     (0.425_562_830_509_184_4, 0.147_762_112_357_376_44),
 ];
 
-/// What lies behind this optical depth adds less than f64's rounding of 1.
+/// Light behind this optical depth is below f64's rounding of 1.
 const DEPTH_MAX: f64 = 40.0;
 
 /// Premultiplied red, green, blue and opacity of a segment of world length `length` along which the scalar goes from `s0` to `s1`.
 ///
-/// It is cut at the nodes, and each piece where the optical depth has grown by `panel_depth`; the ten-point rule on a panel of 1/2
-/// leaves out less than 1e-16 of it, which panels of other depths show.
+/// It is cut at the nodes, and each piece where the optical depth has grown by `panel_depth`; with panels of 1/2 the truncation error of
+/// the ten-point rule is below 1e-16, as other panel depths show.
 pub fn quadrature(table: &NodeTable, s0: f64, s1: f64, length: f64, panel_depth: f64) -> [f64; 4] {
     let mut rgb = [0.0; 3];
     let mut depth = 0.0;
@@ -32,11 +32,11 @@ pub fn quadrature(table: &NodeTable, s0: f64, s1: f64, length: f64, panel_depth:
     [rgb[0], rgb[1], rgb[2], -(-depth).exp_m1()]
 }
 
-/// Adds the light of a piece behind the optical depth `depth`, whose own is u (a0 + rise u / 2) at the share u of it.
+/// Adds the light of a piece behind the optical depth `depth`; its own depth is u (a0 + rise u / 2) at the share u of it.
 fn add_piece(rgb: &mut [f64; 3], depth: f64, (near, far): (&Node, &Node), (a0, rise): (f64, f64), panel_depth: f64) {
     let total = a0 + 0.5 * rise;
     let reached = total.min(DEPTH_MAX);
-    // The root in the form that does not cancel.
+    // The root in the form without cancellation.
     let place = |x: f64| 2.0 * x / (a0 + (a0 * a0 + 2.0 * rise * x).max(0.0).sqrt());
     let panels = (reached / panel_depth).ceil().max(1.0);
     let mut from = 0.0;
@@ -54,7 +54,7 @@ fn add_piece(rgb: &mut [f64; 3], depth: f64, (near, far): (&Node, &Node), (a0, r
     }
 }
 
-/// The segment cut at the nodes: the table at both ends of each piece, as seen from inside, and its share of the length.
+/// The pieces of the segment between nodes: the table at both ends of each, as a limit from inside, and its share of the length.
 fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
     if s0 == s1 {
         let node = table.eval(s0);
@@ -69,7 +69,7 @@ fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
         let (before, after) = (after.checked_sub(1).map(|i| &table.nodes()[i]), table.nodes().get(after));
         let [near, far] = [cut[0], cut[1]].map(|s| match (before, after) {
             (Some(a), Some(b)) => Node::lerp(a, b, s),
-            // Beyond the nodes the last one holds.
+            // Beyond the nodes the values of the last one continue.
             _ => *before.or(after).unwrap_or(&table.nodes()[0]),
         });
         (near, far, (cut[1] - cut[0]) / (hi - lo))

@@ -1,4 +1,4 @@
-//! Scalars as a GPU sees them.
+//! Scaling of scalars for the GPU.
 
 use crate::node_table::NodeTable;
 
@@ -6,19 +6,19 @@ use crate::node_table::NodeTable;
 /// them is denormal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScalarMap {
-    /// What scalars have been multiplied by on the CPU, which keeps denormals; a power of two.
+    /// Factor that the CPU, which keeps denormals, has applied to scalars; a power of two.
     pub prescale: f64,
-    /// Taken away first; an f32, so that the difference to a scalar near it is exact.
+    /// Subtracted first; an f32, so that the difference to a scalar near it is exact.
     pub offset: f64,
-    /// A power of two.
+    /// Factor after the subtraction; a power of two.
     pub scale: f64,
 }
 
-/// Scales beyond these would over- or underflow f32 on the way.
+/// Larger or smaller scales would over- or underflow f32 in between.
 const EXPONENT_MAX: i32 = 100;
 
 impl ScalarMap {
-    /// The map for a table; scalars come multiplied by `prescale`.
+    /// The map for a table whose scalars are multiplied by `prescale`.
     ///
     /// An offset is taken only if the nodes are far from zero compared with their distances: otherwise small scalars
     /// would lose digits.
@@ -39,7 +39,7 @@ impl ScalarMap {
         Self { prescale, offset, scale }
     }
 
-    /// The scalar as seen through the map.
+    /// The mapped scalar.
     pub fn apply(self, scalar: f64) -> f64 {
         (scalar * self.prescale - self.offset) * self.scale
     }

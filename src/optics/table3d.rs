@@ -1,29 +1,29 @@
 //! The pre-integrated table (dissertation 6.1.3 after Engel, Kraus and Ertl, 2001): colour and opacity of a segment by the
 //! scalars at its front and back and its length.
 //!
-//! An entry (s0, s1, d) does not hold colour and opacity, which vanish with d, but what stays: the mean extinction m over
-//! the segment (from the 1-D integral of tau, hence exact and the same for every d) and m c, where c is the mean colour
-//! that the segment's opacity shows, c (1 - exp(-m d)) = C with C as in [`super`]. For d = 0 that is the mean of colour
-//! times extinction. A look-up interpolates (m c, m) between eight entries and gives
+//! An entry (s0, s1, d) does not hold colour and opacity, which vanish with d, but quantities that do not: the mean extinction m over the
+//! segment (from the 1-D integral of tau, hence exact and the same for every d) and m c, where c is the segment's mean colour weighted by
+//! opacity, c (1 - exp(-m d)) = C with C as in [`super`]. For d = 0 that is the mean of colour times extinction. A look-up interpolates (m
+//! c, m) between eight entries and gives
 //!
 //! ```text
 //! alpha = 1 - exp(-m d),    C = (m c / m) alpha
 //! ```
 //!
-//! 1. Short segments have the right opacity, to f32 rounding, however short; a constant extinction is exact at any length.
-//! 2. Entries weigh with their extinction: where there is none the colour has no say (no dark or foreign fringes), and a
-//!    function of one colour shows that colour exactly.
+//! 1. Short segments have exact opacity, to f32 rounding, however short; a constant extinction is exact at any length.
+//! 2. Entries are weighted by extinction: colours without extinction do not contribute (no dark or foreign fringes), and a function of one
+//! colour gives that colour exactly.
 //! 3. Lengths are spaced by their square root, since entries change with m d, and most segments are much shorter than the
 //!    longest; between two lengths entries are linear in the length.
-//! 4. Scalars are spaced evenly over the range of the nodes. Beyond it the function is constant: segments are cut there, and
-//!    what lies outside needs no table.
-//! 5. Entries are integrals over a table with fewer nodes ([`NodeTable::thinned`]) than the exact integration has.
+//! 4. Scalars are spaced evenly over the range of the nodes. Beyond it the function is constant: segments are cut there, and parts outside
+//! need no table.
+//! 5. Entries are integrals over a table with fewer nodes ([`NodeTable::thinned`]) than the exact integrator uses.
 //! 6. Segments longer than the longest length of the table are composited in equal parts.
 //!
-//! **What it cannot do.** A segment that is short in scalars (a fine mesh) sees the diagonal s0 = s1, where the table is the
-//! transfer function sampled at its resolution: tents and steps narrower than two samples are smeared over them, and light
-//! leaks into scalars that are transparent. A constant segment exactly at a step sees the mean of both sides, at the ends of the
-//! range the inner side. `docs/performance.md` has the errors. [`super::exact`] has none of these.
+//! **Limitations.** A segment that is short in scalars (a fine mesh) reads the diagonal s0 = s1, where the table is the transfer function
+//! sampled at its resolution: tents and steps narrower than two samples are blurred, and light leaks into transparent scalars. A constant
+//! segment exactly at a step has the mean of both sides, at the ends of the range the inner side. `docs/performance.md` has the errors.
+//! [`super::exact`] has none of these.
 
 use super::exact::ExactTable;
 use super::table3d_entries::{Limits, TAU_MAX, fill_row};
@@ -33,7 +33,7 @@ use crate::task::Cancel;
 use glam::Vec4;
 use rayon::prelude::*;
 
-/// Entries along the axes of a [`Table3d`].
+/// Numbers of entries along the axes of a [`Table3d`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Table3dResolution {
     /// Along each of the two scalar axes, at least 2.
@@ -43,7 +43,7 @@ pub struct Table3dResolution {
 }
 
 impl Default for Table3dResolution {
-    /// See `docs/performance.md` for the measurement.
+    /// The default; measured in `docs/performance.md`.
     fn default() -> Self {
         Self { scalars: 128, lengths: 16 }
     }
@@ -56,15 +56,15 @@ impl Table3dResolution {
     }
 }
 
-/// Below this mean extinction the colour fades to black: what it would be divided by is no longer a normal f32.
+/// Below this mean extinction the colour fades to black: a smaller divisor is not a normal f32.
 const MEAN_MIN: f32 = 1e-37;
 
-/// A [`NodeTable`] integrated beforehand; see the module.
+/// A pre-integrated [`NodeTable`]; see the module.
 #[derive(Clone, Debug)]
 pub struct Table3d {
-    /// For what a table cannot say: where a segment begins to be visible.
+    /// The exact table, for where a segment begins to be visible.
     exact: ExactTable,
-    /// What the entries are made from.
+    /// The table from which entries are computed.
     thinned: NodeTable,
     /// (m r, m g, m b, m); length varies fastest, then s0, then s1.
     entries: Vec<Vec4>,
@@ -80,7 +80,7 @@ pub struct Table3d {
     above: Vec4,
 }
 
-/// The numbers that a shader needs beside the entries, laid out as `Table3dParams` in `shaders/lib/optics_table3d.wgsl`.
+/// The parameters that a shader needs beside the entries, laid out as `Table3dParams` in `shaders/lib/optics_table3d.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Table3dParams {
@@ -88,13 +88,13 @@ pub struct Table3dParams {
     pub below: [f32; 4],
     /// Entry of scalars above the range.
     pub above: [f32; 4],
-    /// The range's lower end, mapped, as a sum of two, and its upper end likewise.
+    /// The range's lower end, mapped; with `scalar_lo_rest` a sum of two f32.
     pub scalar_lo: f32,
-    /// The rest of the lower end.
+    /// Remainder of `scalar_lo`.
     pub scalar_lo_rest: f32,
-    /// The upper end.
+    /// The range's upper end, mapped; with `scalar_hi_rest` a sum of two f32.
     pub scalar_hi: f32,
-    /// The rest of the upper end.
+    /// Remainder of `scalar_hi`.
     pub scalar_hi_rest: f32,
     /// Intervals of the scalar axis per mapped scalar.
     pub intervals_per_scalar: f32,
@@ -107,17 +107,16 @@ pub struct Table3dParams {
 }
 
 impl Table3d {
-    /// The range that shows all of a transfer function: from its first to its last node.
+    /// The range of a transfer function's nodes, from the first to the last.
     pub fn range_of(table: &NodeTable) -> (f64, f64) {
         let nodes = table.nodes();
         (nodes[0].scalar, nodes[nodes.len() - 1].scalar)
     }
 
-    /// Integrates `table` over the scalars of `range` and segments up to `length_max`, on all threads; the result does not
-    /// depend on how many there are. `world_per_length` is the world length of one unit in which lengths are given.
+    /// Integrates `table` over the scalars of `range` and segments up to `length_max`, on all threads; the result does not depend on their
+    /// number. `world_per_length` is the world length of one unit in which lengths are given.
     ///
-    /// Scalars outside `range` look like its ends, so it should hold either all scalars that occur or all nodes
-    /// ([`Self::range_of`]).
+    /// Scalars outside `range` look like its ends, so it should contain either all scalars that occur or all nodes ([`Self::range_of`]).
     pub fn new(
         table: &NodeTable,
         range: (f64, f64),
@@ -128,8 +127,8 @@ impl Table3d {
         Self::changed(None, table, range, length_max, world_per_length, resolution, &Cancel::new())
     }
 
-    /// The same, but of no use if `cancel` is raised; and of `last`, made with the same `world_per_length`, those entries are
-    /// taken that meet nothing of what has changed, if the axes are the same.
+    /// As [`Self::new`], but incomplete if `cancel` is raised. Entries of `last`, made with the same `world_per_length`, are reused where
+    /// the segment meets no changed scalar, if the axes are the same.
     pub fn changed(
         last: Option<&Self>,
         table: &NodeTable,
@@ -142,7 +141,7 @@ impl Table3d {
         let (lo, hi) = (range.0.min(range.1), range.0.max(range.1));
         let resolution = Table3dResolution { scalars: resolution.scalars.max(2), lengths: resolution.lengths.max(2) };
         let length_max = if length_max.is_finite() { length_max.max(f64::MIN_POSITIVE) } else { 1.0 };
-        // Extinction per unit of length from here on.
+        // Extinction is per unit of length from here on.
         let scaled = |n: &Node| Node { tau: (n.tau * world_per_length).min(TAU_MAX), ..*n };
         let thinned = table.thinned(length_max * world_per_length);
         let nodes: Vec<Node> = thinned.nodes().iter().map(scaled).collect();
@@ -175,17 +174,17 @@ impl Table3d {
         &self.entries
     }
 
-    /// How many of the entries were computed for it, others taken from another table.
+    /// Number of entries that were computed, not reused from another table.
     pub fn entries_built(&self) -> usize {
         self.entries_built
     }
 
-    /// Entries along the axes.
+    /// Numbers of entries along the axes.
     pub fn resolution(&self) -> Table3dResolution {
         self.resolution
     }
 
-    /// What a shader that sees scalars through `map` needs beside the entries.
+    /// The shader parameters for scalars seen through `map`.
     pub fn params(&self, map: ScalarMap) -> Table3dParams {
         let split = |s: f64| {
             let mapped = map.apply(s);
@@ -206,7 +205,7 @@ impl Table3d {
         }
     }
 
-    /// Interval of the scalar axis that holds a scalar of the range, and the place within it, 0..=1.
+    /// Interval of the scalar axis that contains a scalar of the range, and the position within it, 0..=1.
     #[inline(always)]
     fn place(&self, scalar: f64) -> (usize, f32) {
         let at = ((scalar - self.lo) * self.per_scalar) as f32;
@@ -214,12 +213,12 @@ impl Table3d {
         (interval, (at - interval as f32).min(1.0))
     }
 
-    /// The entry for a segment with both scalars in the range, at most as long as the table goes.
+    /// The interpolated entry of a segment with both scalars in the range and a length within the table.
     #[inline(always)]
     fn look_up(&self, s0: f64, s1: f64, length: f64) -> Vec4 {
         let Table3dResolution { scalars, lengths } = self.resolution;
         let ((i, fi), (j, fj)) = (self.place(s0), self.place(s1));
-        // Entry k has length length_max (k / (lengths - 1))^2; in between the length itself is what is linear.
+        // Entry k has length length_max (k / (lengths - 1))^2; in between, interpolation is linear in the length.
         let last = (lengths - 1) as f32;
         let at = (length / self.length_max) as f32 * (last * last);
         let k = (at.sqrt() as usize).min(lengths - 2);
@@ -237,7 +236,7 @@ impl Table3d {
         a + (b - a) * fj
     }
 
-    /// A segment that leaves the range, or is longer than the table goes.
+    /// Composites a segment that leaves the range, or is longer than the table's longest length.
     #[cold]
     #[inline(never)]
     fn segment_in_parts(&self, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
@@ -249,7 +248,7 @@ impl Table3d {
             return composite(self.above, length, out);
         }
         let (from, to) = (s0.clamp(self.lo, self.hi), s1.clamp(self.lo, self.hi));
-        // Not constant if anything lies outside: a constant one would be outside or inside as a whole.
+        // The segment is not constant if a part is outside: a constant one would be outside or inside as a whole.
         let share = |a: f64, b: f64| if a == b { 0.0 } else { (b - a) / (s1 - s0) };
         let (before, after) = (share(s0, from), share(to, s1));
         let outside = |ascends: bool| if ascends { self.below } else { self.above };
@@ -268,7 +267,7 @@ impl Table3d {
     }
 }
 
-/// The scalars between which two tables are not the same, both ends included; from infinity to -infinity if they are.
+/// The scalars between which two tables differ, both ends included; from infinity to -infinity if they are equal.
 fn change(a: &NodeTable, b: &NodeTable) -> (f64, f64) {
     let (a, b) = (a.nodes(), b.nodes());
     let before = a.iter().zip(b).take_while(|(a, b)| a == b).count();
@@ -276,13 +275,13 @@ fn change(a: &NodeTable, b: &NodeTable) -> (f64, f64) {
         return (f64::INFINITY, f64::NEG_INFINITY);
     }
     let behind = a.iter().rev().zip(b.iter().rev()).take_while(|(a, b)| a == b).count();
-    // A node that is the same counts for both: what has changed begins behind the one and ends before the other.
+    // An equal node belongs to both: the change begins behind the last equal one and ends before the next.
     let lo = before.checked_sub(1).map_or(f64::NEG_INFINITY, |last| a[last].scalar);
     let hi = a.len().checked_sub(behind).and_then(|first| a.get(first)).map_or(f64::INFINITY, |n| n.scalar);
     (lo.min(hi), hi.max(lo))
 }
 
-/// Composites a length with this entry; 1 if it can be seen.
+/// Composites a length with this entry; returns 1 if it is visible.
 #[inline(always)]
 fn composite(entry: Vec4, length: f64, out: &mut Accumulator) -> u64 {
     // Rounding may leave a tiny negative extinction.

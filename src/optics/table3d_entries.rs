@@ -1,17 +1,17 @@
-//! The entries of a pre-integrated table: mean extinction and colour of segments, from exact pieces.
+//! Computation of the entries of a pre-integrated table: mean extinction and colour of segments, from exact pieces.
 
 use super::{Accumulator, piece_weights};
 use crate::node_table::Node;
 use glam::Vec4;
 
-/// The largest extinction per unit of length that is told from opaque, 2^120: times a length, and its reciprocal, it stays
-/// a normal f32.
+/// Largest extinction per unit of length, 2^120; larger ones are equally opaque. Its product with a length, and its reciprocal, are normal
+/// f32 numbers.
 pub(super) const TAU_MAX: f64 = 1.329_227_995_784_916e36;
 
-/// Below this optical depth a segment looks like one without length: its colour differs by at most half of it.
+/// Below this optical depth a segment is treated as of length zero: its colour differs by at most half of it.
 const DEPTH_MIN: f64 = 1e-7;
 
-/// (tau r, tau g, tau b, tau) of a node.
+/// The entry (tau r, tau g, tau b, tau) of a node.
 fn entry(n: &Node) -> Vec4 {
     Vec4::new((n.rgb[0] * n.tau) as f32, (n.rgb[1] * n.tau) as f32, (n.rgb[2] * n.tau) as f32, n.tau as f32)
 }
@@ -30,7 +30,7 @@ impl Limits {
     }
 }
 
-/// The table at a scalar in the interval that ends with node `after` (of which there may be none).
+/// The table at a scalar in the interval before node `after`, or behind the last node.
 fn between(nodes: &[Node], after: usize, scalar: f64) -> Node {
     match (after.checked_sub(1).map(|i| &nodes[i]), nodes.get(after)) {
         (Some(lo), Some(hi)) if hi.scalar > lo.scalar => Node::lerp(lo, hi, scalar),
@@ -46,7 +46,7 @@ struct Piece {
     far: Node,
 }
 
-/// The pieces of a segment from `s0` to another `s1`, in order.
+/// The pieces of a segment from `s0` to a different `s1`, in order.
 fn pieces(nodes: &[Node], s0: f64, s1: f64, out: &mut Vec<Piece>) {
     out.clear();
     let (lo, hi) = (s0.min(s1), s0.max(s1));
@@ -67,8 +67,8 @@ fn pieces(nodes: &[Node], s0: f64, s1: f64, out: &mut Vec<Piece>) {
     }
 }
 
-/// Entries of all `s0` in `scalars` for one `s1`, those of one `s0` side by side, one for each of `lengths`; only of segments that meet
-/// the scalars from `changed.0` to `changed.1`. Returns how many these are.
+/// Computes entries of all `s0` in `scalars` for one `s1`, those of one `s0` side by side, one for each of `lengths`; only for segments
+/// that meet the scalars from `changed.0` to `changed.1`. Returns how many these are.
 pub(super) fn fill_row(
     nodes: &[Node],
     scalars: &[f64],
@@ -95,7 +95,7 @@ pub(super) fn fill_row(
     filled
 }
 
-/// A constant segment: both sides of a step count half, at the ends of the range the inner side.
+/// The entry of a constant segment: at a step the mean of both sides, at the ends of the range the inner side.
 fn diagonal(nodes: &[Node], scalars: &[f64], scalar: f64) -> Vec4 {
     let Limits { left, right } = Limits::at(nodes, scalar);
     if scalar == scalars[0] {
@@ -107,7 +107,7 @@ fn diagonal(nodes: &[Node], scalars: &[f64], scalar: f64) -> Vec4 {
     }
 }
 
-/// The limit for short segments: the means of colour times extinction (products of two linear functions) and extinction.
+/// The entry for length zero: the means of colour times extinction (products of two linear functions) and of extinction.
 fn without_length(pieces: &[Piece]) -> Vec4 {
     let mut sum = [0.0; 4];
     for Piece { share, near, far } in pieces {
@@ -120,7 +120,7 @@ fn without_length(pieces: &[Piece]) -> Vec4 {
     Vec4::from_array(sum.map(|v| v as f32))
 }
 
-/// The entry of a length, given that without: its mean extinction, times the colour that the pieces show.
+/// The entry of a length, given the one of length zero: its mean extinction, times the colour of the pieces.
 fn of_length(pieces: &[Piece], short: Vec4, length: f64) -> Vec4 {
     let mean = f64::from(short.w);
     if mean * length < DEPTH_MIN {
@@ -136,7 +136,7 @@ fn of_length(pieces: &[Piece], short: Vec4, length: f64) -> Vec4 {
             break;
         }
     }
-    // Colour channels and opacity are sums of the same weights: of one colour, the quotient is that colour.
+    // Colour channels and opacity are sums with the same weights: if all have one colour, the quotient is that colour.
     let [r, g, b, alpha] = light.pixel();
     if alpha > 0.0 { (Vec4::new(r, g, b, alpha) * (short.w / alpha)).with_w(short.w) } else { short }
 }

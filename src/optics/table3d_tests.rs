@@ -1,4 +1,4 @@
-//! Against closed forms and the exact integrator.
+//! The pre-integrated table against closed forms and the exact integrator.
 
 use super::*;
 use crate::optics::exact::ExactRay;
@@ -243,7 +243,7 @@ fn the_number_of_threads_does_not_matter() {
 
 #[test]
 fn visibility_is_that_of_the_transfer_function() {
-    // A tent between two entries: the table leaks to both sides, the place does not.
+    // A tent between two entries: the table leaks to both sides, [`Integrator::transparent_share`] does not.
     let tent = nodes(&[
         (-1.0, [1.0; 3], 0.0),
         (0.1, [1.0; 3], 0.0),
@@ -305,7 +305,7 @@ fn a_table_is_rebuilt_where_the_transfer_function_has_changed_and_is_the_same_to
         assert_eq!(changed.entries(), new.entries(), "node {at}");
         assert_eq!((changed.below, changed.above), (new.below, new.above));
         assert_ne!(changed.entries(), old.entries());
-        // Those of segments that lie on one side of both neighbours of the node stay.
+        // Entries of segments that lie on one side of both neighbours of the node are kept.
         let (lo, hi) = (at.saturating_sub(1) as f64 / 39.0, (at + 1) as f64 / 39.0);
         let scalar = |i: usize| i as f64 / 32.0;
         let meets = |i: &usize, j: usize| scalar(*i).min(scalar(j)) <= hi && scalar(*i).max(scalar(j)) >= lo;
@@ -341,7 +341,7 @@ fn what_a_change_is_may_be_an_added_a_removed_or_a_doubled_node() {
         assert_eq!(changed.entries(), new.entries(), "{name}");
         assert!(changed.entries_built() < new.entries_built(), "{name}");
     }
-    // The same once more: nothing. Other axes: all.
+    // An unchanged table computes no entries; one with other axes computes all.
     assert_eq!(build_from(Some(&old), &base.clone(), 1.0).entries_built(), 0);
     let longer = build_from(Some(&old), &base, 1.5);
     assert_eq!((longer.entries_built(), longer.entries()), (old.entries_built(), build(&base, 1.5).entries()));

@@ -10,8 +10,8 @@
 //!    M = (E(p) - exp(-x) E(q)) / sqrt b,    E(z) = exp(z^2) integral from z to infinity of exp(-t^2) dt
 //!    ```
 //!
-//!    E(z) (1 + z / 2) is smooth in t = 1 / (1 + z / 2) on [0, 1]: a polynomial of degree 10. What goes into it, t and
-//!    1 / (sqrt b + a / 4), stays finite where b is nothing, and is 1 / a there.
+//! E(z) (1 + z / 2) is smooth in t = 1 / (1 + z / 2) on [0, 1]: a polynomial of degree 10. Its arguments, t and 1 / (sqrt b + a / 4), stay
+//! finite where b is zero, and the latter is 1 / a there.
 //! 3. else it falls, and
 //!
 //!    ```text
@@ -22,20 +22,20 @@
 //!    D / sqrt b = 4 a / (8 b + a^2) times it: no square root.
 //!
 //! Nothing cancels in the differences beyond x = 5/2, where exp(-x) is below 0.083. The coefficients (fitted in f64 for the least largest
-//! relative error, then rounded) leave 4e-8 of E and 1.6e-7 of D; with all roundings both are within 3.5e-7 and 5e-7 of their integrals, as
-//! a test says. The first terms are at most 0.886 / sqrt(5/2) and 0.541 / sqrt(5/2), the second ones a twelfth of them; with two roundings
-//! more, of b and of the difference, M is off by 2.7e-7 at most.
+//! relative error, then rounded) leave errors of 4e-8 of E and 1.6e-7 of D; with all roundings both are within 3.5e-7 and 5e-7 of their
+//! integrals, as a test checks. The first terms are at most 0.886 / sqrt(5/2) and 0.541 / sqrt(5/2), the second ones a twelfth of them;
+//! with two roundings more, of b and of the difference, M is off by 2.7e-7 at most.
 //!
 //! Below x = 5/2 the differences lose digits, 2.1 of them at 1/4, and the power series of the thin pieces needs too many terms.
 //!
-//! One function is for one piece and for many side by side: they have no branches, so that loops over them become vectors, and what
-//! is not wanted (also quotients without a value) is not selected. All operations are rounded alike everywhere; none is contracted.
+//! The same function serves one piece and many side by side: there are no branches, so that loops over it are vectorized, and unwanted
+//! results (also quotients without a value) are not selected. All operations are rounded alike everywhere; none is contracted.
 
 /// Largest optical depth for which the rule is used.
 pub(super) const RULE_MAX: f32 = 2.5;
-/// Beyond this a depth is no different: M changes by less than 1e-9, and its square is finite.
+/// Larger depths are capped to this: M changes by less than 1e-9, and its square is finite.
 const END_MAX: f32 = 1e18;
-/// Beyond this exp(-x) would be no normal number.
+/// Beyond this exp(-x) is not a normal number.
 const EXP_MAX: f32 = 87.0;
 
 /// exp(-x) for 0 <= x, to 2e-7 of it; 1.7e-38 from 87 on. As `exp_neg` in `shaders/lib/math.wgsl`.
@@ -44,7 +44,7 @@ const EXP_MAX: f32 = 87.0;
 /// 2^-24 each, and those before by as much in sum, since |y| is small.
 #[inline(always)]
 pub(super) fn exp_neg(x: f32) -> f32 {
-    // 1.5 * 2^23: a sum with it has no bits behind the point, and its last bits are the integer.
+    // 1.5 * 2^23: a sum with it has no fraction bits, and its last bits are the integer.
     const TO_INTEGER: f32 = 12_582_912.0;
     let x = if x < EXP_MAX { x } else { EXP_MAX };
     let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
@@ -94,7 +94,7 @@ const E: [f32; 11] = [
     3.736_439e-5,
 ];
 
-/// M where extinction rises, or does not change; `through` is exp(-x).
+/// M where extinction rises or is constant; `through` is exp(-x).
 #[inline(always)]
 pub(super) fn mean_of_rise(a0: f32, a1: f32, through: f32) -> f32 {
     let (a0, a1) = (at_most(a0, END_MAX), at_most(a1, END_MAX));
@@ -102,7 +102,7 @@ pub(super) fn mean_of_rise(a0: f32, a1: f32, through: f32) -> f32 {
     behind_rise(root, a0) - through * behind_rise(root, a1)
 }
 
-/// E(z) / root, the mean transmittance if extinction went on to rise from `a`.
+/// E(z) / root, the mean transmittance if extinction continued to rise from `a`.
 #[inline(always)]
 fn behind_rise(root: f32, a: f32) -> f32 {
     let per = 1.0 / (root + 0.25 * a);
@@ -114,7 +114,7 @@ const D: [f32; 8] = [0.249_999_97, -1.437_773, 9.257_574, -11.419_598, 57.154_06
 const PER_D: [f32; 9] =
     [1.0, -7.001_166_3, 44.104_385, -92.071_71, 296.275_12, -46.030_792, 637.145_3, 488.144_68, 387.524_7];
 
-/// M where extinction falls, or does not change; `through` is exp(-x).
+/// M where extinction falls or is constant; `through` is exp(-x).
 #[inline(always)]
 pub(super) fn mean_of_fall(a0: f32, a1: f32, through: f32) -> f32 {
     let (a0, a1) = (at_most(a0, END_MAX), at_most(a1, END_MAX));
@@ -139,7 +139,7 @@ fn horner<const N: usize>(coefficients: &[f32; N], x: f32) -> f32 {
     sum
 }
 
-/// The lesser; of a comparison without a result, `most`.
+/// The lesser of both; `most` if `x` is NaN.
 #[inline(always)]
 fn at_most(x: f32, most: f32) -> f32 {
     if x < most { x } else { most }

@@ -1,4 +1,4 @@
-//! Against their integrals in f64, and as weights of pieces against the definition of a segment.
+//! Mean transmittances against their integrals in f64, and as weights of pieces against the definition of a segment.
 
 use super::super::exact::{ExactRay, ExactTable};
 use super::super::quadrature::quadrature;
@@ -28,7 +28,7 @@ fn the_exponential_is_within_its_bound() {
         worst = worst.max(off(exp_neg(x), (-f64::from(x)).exp()));
     }
     println!("exp: {worst:.1e}");
-    // The polynomial leaves out 6e-9, and rounding is the rest. An argument that is off by 1e-6 is seen.
+    // The polynomial leaves out 6e-9, and rounding is the rest. An argument that is off by 1e-6 is noticed.
     assert!(worst < 2e-7, "{worst:e}");
     assert!(off(exp_neg(1.000_001), (-1.0f64).exp()) > 5e-7);
     assert!(exp_neg(0.0) == 1.0 && exp_neg(1e30) == exp_neg(87.0) && exp_neg(87.0) < 2e-38);
@@ -53,7 +53,7 @@ fn the_functions_of_rise_and_fall_are_their_integrals() {
     // What the coefficients leave (4e-8 and 1.6e-7) and roundings of up to 6e-8, of which few add up. Measured: 2.7e-7 and 4.5e-7.
     assert!(rise < 3.5e-7, "{rise:e}");
     assert!(fall < 5e-7, "{fall:e}");
-    // A place that is off by two millionths is seen.
+    // An argument that is off by two millionths is noticed.
     assert!(off(behind_rise(1.0, 2.000_004), integral(7.0, |t| (-t * t - 2.0 * t).exp())) > 3.5e-7);
     assert!(off(behind_fall(8.0, 0.500_001), integral(0.25, |t| (t * (t - 0.5)).exp())) > 5e-7);
 }
@@ -64,7 +64,7 @@ fn table(a0: f64, a1: f64) -> NodeTable {
     NodeTable::new(vec![node(0.0, [1.0, 0.0, 0.0], a0), node(1.0, [0.0, 1.0, 0.0], a1)]).unwrap()
 }
 
-/// The largest error of a weight, of opacity and of what its ends have in f32.
+/// The largest error of a weight, and of opacity, with ends as in f32.
 fn weight_error(a0: f32, a1: f32, weights: PieceWeights) -> f64 {
     let [near, far, _, alpha] = quadrature(&table(f64::from(a0), f64::from(a1)), 0.0, 1.0, 1.0, 0.5);
     let (w_near, w_far) = (f64::from(weights.near), f64::from(weights.far));

@@ -31,10 +31,10 @@ use glam::Vec4;
 
 /// Largest optical depth for which the series is used.
 const SERIES_MAX: f32 = 0.25;
-/// Beyond this optical depth exp(-x) is below f32's rounding of 1: nothing behind such a piece is seen.
+/// Beyond this optical depth exp(-x) is below f32's rounding of 1: nothing behind such a piece is visible.
 pub(crate) const DEPTH_MAX: f32 = 18.0;
 
-/// Weights of the colours at the two ends of a piece; together its opacity, up to rounding.
+/// Weights of the colours at the two ends of a piece; their sum is its opacity, up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PieceWeights {
     /// Weight of the colour at the near end.
@@ -65,7 +65,7 @@ fn series(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     let x = Vec4::splat(depth);
     let [c0, c1, c2, c3, c4, c5] = SERIES;
     let [alpha, first, p1, p2] = (c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))).to_array();
-    // A sixth of P3.
+    // P3 / 6.
     let p3 = 1.0 / 840.0 - depth * (1.0 / 1680.0 - depth * (1.0 / 6048.0));
     let h = 0.5 * (a1 - a0);
     let bend = h * (p1 + h * (0.5 * p2 + h * (p3 + h * (1.0 / (24.0 * 630.0)))));
@@ -74,8 +74,8 @@ fn series(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     PieceWeights { near, far: alpha - near }
 }
 
-/// Weights of a piece of this optical depth (finite and >= 0) along which extinction does not change: there A has the closed form
-/// 1 - alpha / x, which cancels for small depths only.
+/// Weights of a piece of this optical depth (finite and >= 0) with constant extinction: there A has the closed form 1 - alpha / x, which
+/// cancels for small depths only.
 #[inline]
 pub fn homogeneous_weights(depth: f32) -> PieceWeights {
     if depth <= SERIES_MAX {
@@ -86,7 +86,7 @@ pub fn homogeneous_weights(depth: f32) -> PieceWeights {
     PieceWeights { near, far: alpha - near }
 }
 
-/// [`SERIES`] as numbers, order by order.
+/// [`SERIES`] as plain numbers, by order.
 const fn series_by_order() -> [[f32; 4]; 6] {
     let mut orders = [[0.0; 4]; 6];
     let mut n = 0;
@@ -97,10 +97,10 @@ const fn series_by_order() -> [[f32; 4]; 6] {
     orders
 }
 
-/// Pieces that [`weigh`] takes.
+/// Number of pieces that [`weigh`] takes.
 pub(crate) const WEIGHED_AT_ONCE: usize = 16;
 
-/// [`piece_weights`] of so many pieces, to the last bit: near and far. The lanes of a vector are the pieces here, not the series.
+/// [`piece_weights`] of many pieces, to the last bit: near and far. The lanes of a vector are pieces here, not series.
 #[inline(always)]
 pub(crate) fn weigh(a0: &[f32; WEIGHED_AT_ONCE], a1: &[f32; WEIGHED_AT_ONCE]) -> [[f32; WEIGHED_AT_ONCE]; 2] {
     let (mut weights, has_thick) = weigh_thin(a0, a1);
@@ -110,7 +110,7 @@ pub(crate) fn weigh(a0: &[f32; WEIGHED_AT_ONCE], a1: &[f32; WEIGHED_AT_ONCE]) ->
     weights
 }
 
-/// [`weigh`] for pieces of small optical depths; whether there are others, for [`weigh_thick`].
+/// [`weigh`] for pieces of small optical depth; returns whether there are others, for [`weigh_thick`].
 #[inline(always)]
 pub(crate) fn weigh_thin(
     a0: &[f32; WEIGHED_AT_ONCE],
@@ -133,8 +133,8 @@ pub(crate) fn weigh_thin(
     (weights, has_thick)
 }
 
-/// Corrects what [`weigh_thin`] has of thick pieces. Best not inlined where pieces are weighed, which most often are thin, but with all of
-/// the processor's instructions.
+/// Replaces the results of [`weigh_thin`] for thick pieces. Should not be inlined where pieces are weighed, which are mostly thin, but be
+/// compiled with all of the processor's instructions.
 #[inline(always)]
 pub(crate) fn weigh_thick(
     a0: &[f32; WEIGHED_AT_ONCE],
@@ -147,7 +147,7 @@ pub(crate) fn weigh_thick(
         let x = 0.5 * (a0[l] + a1[l]);
         (depth[l], through[l]) = (x, exp_neg(x));
     }
-    // Without short circuits, which would not become vectors.
+    // Without short circuits, which would prevent vectorization.
     for l in 0..WEIGHED_AT_ONCE {
         let (is_deep, ascends) = (depth[l] > RULE_MAX, a1[l] > a0[l]);
         by_rule |= (depth[l] > SERIES_MAX) & !is_deep;
@@ -179,7 +179,7 @@ pub(crate) fn weigh_thick(
     }
 }
 
-/// Weights of a piece of this optical depth beyond [`SERIES_MAX`].
+/// Weights of a piece whose optical depth is above [`SERIES_MAX`].
 #[inline(never)]
 fn thick(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     let through = exp_neg(depth);
@@ -193,7 +193,7 @@ fn thick(a0: f32, a1: f32, depth: f32) -> PieceWeights {
     weights_of(mean, through)
 }
 
-/// The weights of a piece with a mean transmittance, of which this shines through.
+/// The weights of a piece with mean transmittance `mean` and transmittance `through`.
 #[inline(always)]
 fn weights_of(mean: f32, through: f32) -> PieceWeights {
     let alpha = 1.0 - through;
@@ -222,7 +222,7 @@ mod tests {
             near += -(-u * (a0 + b * u)).exp_m1() * (to - from);
             from = to;
         }
-        near += 1.0 - from; // where nothing shines through
+        near += 1.0 - from; // where transmittance is 0
         (near, -(-depth).exp_m1() - near)
     }
 
@@ -292,7 +292,7 @@ mod tests {
             let bound = 0.667 * a + 1e-6;
             assert!((w.near / (a / 2.0) - 1.0).abs() < bound && (w.far / (a / 2.0) - 1.0).abs() < bound, "{a} {w:?}");
         }
-        // What the definition says, evaluated as it stands, is nothing for a depth below the rounding of 1.
+        // The definition, evaluated naively, is 0 for a depth below the rounding of 1.
         let naive = |a: f32| 1.0 - (-a).exp();
         assert!((naive(1e-7) / 1e-7 - 1.0).abs() > 0.1 && naive(1e-8) == 0.0, "{:e}", naive(1e-7));
         // A ramp from nothing: Theta = b u^2, A = b / 3, B = 2 b / 3.

@@ -9,28 +9,28 @@ use serde::{Deserialize, Serialize};
 pub struct Key<T> {
     /// Time, in the unit of the series; finite.
     pub time: f64,
-    /// How the value goes over into that of the next key.
+    /// Interpolation to the value of the next key.
     #[serde(default)]
     pub transition: Transition,
     /// The value.
     pub value: T,
 }
 
-/// Values at times, sorted, of which no two are the same. Before the first key and behind the last one their values hold.
+/// Values at distinct times, sorted. Before the first key and behind the last one their values continue.
 ///
-/// As data it is the list of its keys.
+/// Serialized as the list of its keys.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Key<T>>", into = "Vec<Key<T>>", bound(serialize = "T: Clone + Serialize"))]
 pub struct Keyframed<T> {
     keys: Vec<Key<T>>,
 }
 
-/// What [`Keyframed`] has at a time.
+/// Value of a [`Keyframed`] at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum At<'a, T> {
     /// The value of one key.
     One(&'a T),
-    /// Between two.
+    /// A blend of two keys.
     Between {
         /// The value of the key before.
         a: &'a T,
@@ -75,13 +75,13 @@ fn check<T>(key: &Key<T>) -> Result<(), TimelineError> {
     key.transition.checked().map(|_| ())
 }
 
-/// Which share of the time from `a` to `b`, which differ, lies before `time`, between them.
+/// The share of the interval from `a` to `b` (different times) that lies before `time`, between them.
 fn share(a: f64, b: f64, time: f64) -> f64 {
     let whole = b - a;
     if whole.is_finite() {
         return (time - a) / whole;
     }
-    // The difference of two finite times may overflow; those whose halves are rounded to one number are not that far apart.
+    // The difference of two finite times may overflow; times whose halves round to one number are not that far apart.
     (0.5 * time - 0.5 * a) / (0.5 * b - 0.5 * a)
 }
 
@@ -91,12 +91,12 @@ impl<T> Keyframed<T> {
         &self.keys
     }
 
-    /// The values of all keys, to be changed; times stay.
+    /// Mutable values of all keys; times cannot be changed.
     pub fn values_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.keys.iter_mut().map(|key| &mut key.value)
     }
 
-    /// What holds at a time; `None` without keys. Two keys of one value hold it, so that nothing is computed in between.
+    /// The value at a time; `None` without keys. Between two keys of equal values it is that value, so that nothing is computed.
     pub fn at(&self, time: f64) -> Option<At<'_, T>>
     where
         T: PartialEq,
@@ -124,7 +124,7 @@ impl<T> Keyframed<T> {
         if self.keys.get(at).is_some_and(|k| k.time == time) { Ok(at) } else { Err(at) }
     }
 
-    /// Adds a key, in place of the one at the same time if there is one, which is given back. With its index.
+    /// Adds a key, replacing the one at the same time, if any. Returns its index and the replaced key.
     ///
     /// # Errors
     /// If its time is not finite or its transition leaves the unit square.
@@ -142,15 +142,15 @@ impl<T> Keyframed<T> {
         }
     }
 
-    /// Takes a key out; `None` if there is none of that index.
+    /// Removes a key; `None` if there is none of that index.
     pub fn remove(&mut self, index: usize) -> Option<Key<T>> {
         (index < self.keys.len()).then(|| self.keys.remove(index))
     }
 
-    /// Moves a key to another time, past others if need be; its index there.
+    /// Moves a key to another time, past others if need be; returns its new index.
     ///
     /// # Errors
-    /// If there is no such key, the time is not finite, or another key is there. Nothing has changed then.
+    /// If there is no such key, the time is not finite, or another key is there. Nothing has then changed.
     pub fn move_to(&mut self, index: usize, time: f64) -> Result<usize, TimelineError> {
         if !time.is_finite() {
             return Err(TimelineError::BadTime(time));

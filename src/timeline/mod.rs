@@ -1,4 +1,4 @@
-//! Values at times, and how one goes over into the next: [`Keyframed`] and [`Transition`].
+//! Values at times, and the interpolation between them: [`Keyframed`] and [`Transition`].
 
 mod keyframed;
 mod transition;
@@ -8,13 +8,13 @@ pub use transition::Transition;
 
 use crate::short::Short;
 
-/// Why keys or a transition cannot be had.
+/// Why keys or a transition are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TimelineError {
     /// A time that is NaN or infinite.
     #[error("the time {0} of a key must be finite")]
     BadTime(f64),
-    /// Keys are sorted by time.
+    /// Keys that are not sorted by time.
     #[error("the key at time {} lies before the one in front of it; times must increase", Short(.0))]
     NotSorted(f64),
     /// Two keys at one time.

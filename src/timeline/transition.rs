@@ -3,8 +3,8 @@
 use super::TimelineError;
 use serde::{Deserialize, Serialize};
 
-/// How a value goes over into that of the next key: the weight f(t) of the next one, at the share t of the time in
-/// between. f(0) = 0 and f(1) = 1 exactly, and f stays within 0..=1.
+/// Interpolation to the next key: its weight f(t) at the share t of the time in between. f(0) = 0 and f(1) = 1 exactly, and f stays within
+/// 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Transition {
@@ -18,9 +18,9 @@ pub enum Transition {
         /// Share of the time between two keys, 0..=1.
         at: f64,
     },
-    /// A cubic Bezier curve from (0, 0) to (1, 1) over t, as cubic-bezier of CSS.
+    /// A cubic Bezier curve from (0, 0) to (1, 1) over t, like cubic-bezier of CSS.
     Cubic {
-        /// The two handles [t, f], each 0..=1: t then never runs backwards along the curve, and f stays within 0..=1.
+        /// The two handles [t, f], each 0..=1: t then never decreases along the curve, and f stays within 0..=1.
         handles: [[f64; 2]; 2],
     },
 }
@@ -29,7 +29,7 @@ impl Transition {
     /// The transition, if its numbers are within 0..=1.
     ///
     /// # Errors
-    /// If one is not.
+    /// If a number is outside 0..=1.
     pub fn checked(self) -> Result<Self, TimelineError> {
         let numbers: &[f64] = match &self {
             Self::Linear | Self::Smooth => &[],
@@ -40,7 +40,7 @@ impl Transition {
         if is_valid { Ok(self) } else { Err(TimelineError::BadTransition) }
     }
 
-    /// The weight of the next key at a share `t` of the time between both.
+    /// The weight of the next key at the share `t` of the time between both.
     pub fn weight(&self, t: f64) -> f64 {
         if t <= 0.0 {
             return 0.0;
@@ -60,15 +60,15 @@ impl Transition {
     }
 }
 
-/// The coordinate of a cubic Bezier curve from 0 by `a` and `b` to 1.
+/// A coordinate of a cubic Bezier curve from 0 by `a` and `b` to 1.
 fn bezier(a: f64, b: f64, s: f64) -> f64 {
     let r = 1.0 - s;
     3.0 * r * r * s * a + 3.0 * r * s * s * b + s * s * s
 }
 
-/// The parameter at which a coordinate with handles in 0..=1 is `x`. It never falls, so that halving always finds it, also
-/// where it stands still; until no double lies in between. What is halved are their bits, which have the order of the numbers:
-/// so it is done at most once for each of these, however small the parameter is.
+/// The parameter at which a coordinate with handles in 0..=1 is `x`. The coordinate never falls, so that bisection always finds it, also
+/// where its slope is zero. The bits of the parameter are bisected, which have the order of the numbers: so it takes at most one step per
+/// bit, however small the parameter is.
 fn parameter(a: f64, b: f64, x: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
     while high - low > 1 {
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(Transition::Linear.weight(0.3), 0.3);
         assert_eq!(Transition::Smooth.weight(0.25), 0.15625);
         assert_eq!([0.39, 0.4, 0.41].map(|t| Transition::Step { at: 0.4 }.weight(t)), [0.0, 1.0, 1.0]);
-        // Handles at thirds make a straight line; what CSS's "ease" has in the middle was found by halving exact fractions.
+        // Handles at thirds make a straight line; the middle of CSS's "ease" was found by halving exact fractions.
         let third = cubic([[1.0 / 3.0; 2], [2.0 / 3.0; 2]]);
         let ease = cubic([[0.25, 0.1], [0.25, 1.0]]);
         for t in [1e-300, 1e-9, 0.1, 0.5, 0.9, 1.0 - 1e-12] {
@@ -116,7 +116,8 @@ mod tests {
 
     #[test]
     fn a_curve_that_stands_still_or_jumps_is_solved() {
-        // t stands still in the middle: dt/ds = 0 at s = 1/2, where a rounding of t is the cube root of one in s (5e-6). Measured: 3.1e-6.
+        // t has zero slope in the middle: dt/ds = 0 at s = 1/2, where a rounding of t is the cube root of one in s (5e-6). Measured:
+        // 3.1e-6.
         let upright = cubic([[1.0, 0.0], [0.0, 1.0]]);
         assert!((upright.weight(0.5) - 0.5).abs() < 1e-5 && upright.weight(0.4) < 0.2 && upright.weight(0.6) > 0.8);
         let late = cubic([[1.0, 0.0], [1.0, 0.0]]);
@@ -143,8 +144,8 @@ mod tests {
         fn a_cubic_goes_through_its_points(handles in [[0.0..=1.0, 0.0..=1.0_f64], [0.0..=1.0, 0.0..=1.0_f64]], s in 0.0..=1.0_f64) {
             let [a, b] = handles;
             let (t, weight) = (bezier(a[0], b[0], s), bezier(a[1], b[1], s));
-            // Where t stands still, a rounding of it is the cube root of one in s; 8 such roundings, times the largest slope of
-            // the other coordinate, 3.
+            // Where t has zero slope, a rounding of it is the cube root of one in s; 8 such roundings, times the largest slope of the other
+            // coordinate, 3.
             let bound = 3.0 * (8.0 * f64::EPSILON).cbrt();
             let got = cubic(handles).weight(t);
             prop_assert!((got - weight).abs() <= bound, "{} {}", got, weight);

@@ -1,11 +1,11 @@
-//! Blending rules (dissertation 7.3.1), for curves and for the values at one place.
+//! Blending rules (dissertation 7.3.1), for curves and for values at one scalar.
 
 use super::pieces::{Piece, Pieces, Quadratic, Rule, VALUE, absolute_difference, crossings, is_below, level_cuts};
 use super::profile::Side;
 use super::table::OpacityKind;
 use serde::{Deserialize, Serialize};
 
-/// How a member of an ensemble is put together with what those before it have made.
+/// How a member of an ensemble is blended with the result of those before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Blend {
@@ -21,7 +21,7 @@ pub enum Blend {
     Xor,
 }
 
-/// What the colours are that an ensemble blends.
+/// How colours enter the blending rules of an ensemble.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ColorWeighting {
@@ -36,7 +36,7 @@ pub enum ColorWeighting {
 const LEVELS: f64 = 255.0;
 
 impl Blend {
-    /// The rule for curves. Depths whose sum overflows are not finite in the result.
+    /// Applies the rule to curves. Depths whose sum overflows are not finite in the result.
     pub(super) fn pieces(self, a: &Pieces, b: &Pieces, weighting: ColorWeighting, kind: OpacityKind) -> Pieces {
         let blended = match self {
             Self::Add => {
@@ -59,7 +59,7 @@ impl Blend {
         }
     }
 
-    /// The rule for the values at one place, by its formula.
+    /// Applies the rule's formula to the values at one scalar.
     pub(super) fn sides(self, a: &Side, b: &Side, weighting: ColorWeighting, kind: OpacityKind) -> Side {
         let weigh = |side: &Side| match weighting {
             ColorWeighting::Plain => side.rgb,
@@ -82,7 +82,7 @@ impl Blend {
     }
 }
 
-/// From `a` at 0 to `b` at 1, at one place, by the formula: what [`Mix`] is for curves.
+/// Interpolates from `a` (`f` = 0) to `b` (`f` = 1) at one scalar by the formula; [`Mix`] does it for curves.
 pub(super) fn mix_sides(a: &Side, b: &Side, f: f64, weighting: ColorWeighting) -> Side {
     if f.is_nan() || f <= 0.0 || a == b {
         return *a;
@@ -100,13 +100,13 @@ pub(super) fn mix_sides(a: &Side, b: &Side, f: f64, weighting: ColorWeighting) -
 }
 
 impl Side {
-    /// What there is to be blended: weighted colours are none where it is transparent.
+    /// The side as blended alone: black where it is transparent, if colours are weighted.
     pub(super) fn alone(self, weighting: ColorWeighting) -> Side {
         if weighting == ColorWeighting::Opacity && self.value == 0.0 { Side { rgb: [0.0; 3], ..self } } else { self }
     }
 }
 
-/// The colour of a blended side, which is weighted or not; at most 1.
+/// The colour of a blended side, divided by opacity if weighted; at most 1.
 fn divided(side: Side, weighting: ColorWeighting) -> Side {
     let divisor = match weighting {
         ColorWeighting::Plain => 1.0,
@@ -136,7 +136,7 @@ impl Rule for Sum {
     }
 }
 
-/// From the first piece at 0 to the second at 1.
+/// Interpolates from the first piece at 0 to the second at 1.
 pub(super) struct Mix(pub f64);
 
 impl Rule for Mix {

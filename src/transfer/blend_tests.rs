@@ -7,8 +7,8 @@ use proptest::prelude::*;
 const RULES: [Blend; 4] = [Blend::Add, Blend::And, Blend::Xor, Blend::Xor8];
 const WEIGHTINGS: [ColorWeighting; 2] = [ColorWeighting::Plain, ColorWeighting::Opacity];
 
-/// What rounding may add up to between a curve and its formula: points are at least 2^-10 apart and scalars below 2, so
-/// that a cut, rounded to 2^-53 of its scalar, moves a value by 2^-43 at most; a crossing lies between two such slopes.
+/// Bound of rounding between a curve and its formula: points are at least 2^-10 apart and scalars below 2, so that a cut, rounded to 2^-53
+/// of its scalar, moves a value by 2^-43 at most; a crossing lies between two such slopes.
 const ROUNDING: f64 = 1.0 / (1_u64 << 42) as f64;
 
 fn side() -> impl Strategy<Value = Side> {
@@ -39,14 +39,14 @@ fn formula(rule: Blend, a: &Curve, b: &Curve, weighting: ColorWeighting, scalar:
     rule.sides(&a, &b, weighting, OpacityKind::Alpha)
 }
 
-/// Largest difference of a channel; of colours times opacity, if weighted.
+/// Largest difference of a channel; with weighting, of colours times opacity.
 fn distance(a: &Side, b: &Side, weighting: ColorWeighting) -> f64 {
     let factor = |s: &Side| if weighting == ColorWeighting::Plain { 1.0 } else { s.value };
     let colour = (0..3).map(|c| (a.rgb[c] * factor(a) - b.rgb[c] * factor(b)).abs()).fold(0.0, f64::max);
     colour.max((a.value - b.value).abs())
 }
 
-/// Whether a level of either curve changes so near to the scalar that rounding decides which it is.
+/// Whether a level of either curve changes so near to the scalar that rounding decides the level.
 fn is_between_levels(a: &Curve, b: &Curve, weighting: ColorWeighting, scalar: f64) -> bool {
     let near = |x: f64| ((255.0 * x).fract() - 0.5).abs() < 1e-6;
     [a, b].iter().any(|c| {
@@ -169,7 +169,7 @@ fn weighted_curves_of_which_nothing_is_left_are_clear_at_once() {
     assert!(none.points().iter().all(|p| p.left.value <= 1e-16 && p.right.value <= 1e-16));
 }
 
-// That `distance` is above these bounds where a rule is not kept: `a_lost_crossing_is_noticed`.
+// `a_lost_crossing_is_noticed` shows that `distance` exceeds these bounds where a rule is violated.
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 

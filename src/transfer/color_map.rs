@@ -1,4 +1,4 @@
-//! Colour maps: piecewise-linear RGB over 0..1, and those that are built in.
+//! Colour maps: piecewise-linear RGB over 0..1, and the built-in ones.
 
 use super::TransferError;
 use super::paraview;
@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 /// One point of a [`ColorMap`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorPoint {
-    /// Place on the axis of the map, 0..=1.
+    /// Position on the axis of the map, 0..=1.
     pub position: f64,
     /// Display-referred colour, 0..=1.
     pub rgb: [f64; 3],
@@ -78,7 +78,7 @@ impl ColorMap {
         Ok(Self { name, points, nan_color })
     }
 
-    /// The built-in map of that name.
+    /// The built-in map called `name`.
     pub fn built_in(name: &str) -> Option<&'static ColorMap> {
         BUILT_IN_MAPS.iter().find(|map| map.name == name)
     }
@@ -98,12 +98,12 @@ impl ColorMap {
         &self.points
     }
 
-    /// Colour of holes, where the map has one.
+    /// Colour of missing values, if the map has one.
     pub fn nan_color(&self) -> Option<[f64; 3]> {
         self.nan_color
     }
 
-    /// The map from its other end, named with or without `_r` in turn.
+    /// The map reversed; `_r` is added to its name, or removed.
     #[must_use]
     pub fn reversed(&self) -> ColorMap {
         let name = self.name.strip_suffix("_r").map_or_else(|| format!("{}_r", self.name), str::to_owned);
@@ -130,7 +130,7 @@ impl ColorMap {
     }
 }
 
-/// From `a` at 0 to `b` at 1: exactly so at both ends, never turning round in between, and constant if they are equal.
+/// Interpolates from `a` at 0 to `b` at 1: exact at both ends, monotone, and constant if they are equal.
 pub(super) fn lerp(a: f64, b: f64, f: f64) -> f64 {
     if f == 1.0 { b } else { (a + f * (b - a)).clamp(a.min(b), a.max(b)) }
 }
@@ -140,7 +140,7 @@ pub(super) fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
     std::array::from_fn(|i| lerp(a[i], b[i], f))
 }
 
-/// Of more than two points at one position the first and the last have a meaning: the two sides of a step.
+/// Keeps the first and the last of more than two points at one position: the two sides of a step.
 fn keep_outer_of_equal(points: &mut Vec<ColorPoint>) {
     let all = std::mem::take(points);
     for (i, point) in all.iter().enumerate() {

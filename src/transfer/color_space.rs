@@ -7,7 +7,7 @@
 use super::color_map::{ColorPoint, mix};
 use rayon::prelude::*;
 
-/// How colours between two points are found.
+/// How colours are interpolated between two points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ColorSpace {
     /// Linear in RGB.
@@ -23,17 +23,17 @@ pub(super) enum ColorSpace {
 /// Refined maps stay within this of the formula, so that the table built from them keeps most of its own tolerance.
 const REFINEMENT: f64 = 1.0 / 16_384.0;
 
-/// The way between two points is halved at most this often; sRGB's slope at black needs about ten.
+/// An interval between two points is halved at most this often; sRGB's slope at black needs about ten.
 const MAX_HALVINGS: u32 = 14;
 
-/// A map of many points is halved less often, so that it has no more pieces than this, or than it has points: neighbours of so many
-/// are alike, or nobody can tell them apart. (ParaView samples every map at a thousand places.)
+/// A map of many points is halved less often, so that it has at most this many pieces, or as many as points: with so many, neighbours are
+/// indistinguishable. (ParaView samples every map at a thousand positions.)
 const MOST_PIECES: usize = 1 << 18;
 
-/// White of D65.
+/// White point D65.
 const WHITE: [f64; 3] = [0.9505, 1.0, 1.089];
 
-/// The name as ParaView writes it.
+/// The colour space that ParaView calls `name`.
 pub(super) fn from_name(name: &str) -> Option<ColorSpace> {
     Some(match name.to_ascii_lowercase().as_str() {
         "rgb" => ColorSpace::Rgb,
@@ -44,7 +44,7 @@ pub(super) fn from_name(name: &str) -> Option<ColorSpace> {
     })
 }
 
-/// Points between which RGB is linear, within [`REFINEMENT`] of what `space` gives between `points`, if there are not very many.
+/// Points between which linear RGB is within [`REFINEMENT`] of `space`; coarser if there are very many points.
 pub(super) fn to_linear_rgb(space: ColorSpace, points: &[ColorPoint]) -> Vec<ColorPoint> {
     let halvings = (MOST_PIECES / points.len().max(1)).checked_ilog2().unwrap_or(0).min(MAX_HALVINGS);
     let ways: Vec<Option<Vec<Place>>> = points.par_windows(2).map(|pair| way_between(space, pair, halvings)).collect();
@@ -76,8 +76,8 @@ fn way_between(space: ColorSpace, pair: &[ColorPoint], halvings: u32) -> Option<
     Some(places)
 }
 
-/// Begins an interval whose formula need not begin with its point's colour: a diverging map turns the hue of grayish points toward
-/// that of the other one. There is a step then, from what was before the point.
+/// Begins an interval whose formula may not begin with its point's colour: a diverging map turns the hue of grayish points toward that of
+/// the other end. The point then becomes a step.
 fn begin(first: ColorPoint, refined: &mut Vec<ColorPoint>) {
     let before = refined.len().checked_sub(2).and_then(|i| refined.get(i)).map(|p| p.position);
     match refined.last_mut() {
@@ -88,15 +88,15 @@ fn begin(first: ColorPoint, refined: &mut Vec<ColorPoint>) {
     }
 }
 
-/// Whether colours are the same within half of [`REFINEMENT`].
+/// Whether colours differ by at most half of [`REFINEMENT`].
 fn is_close(a: [f64; 3], b: [f64; 3]) -> bool {
     a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 0.5 * REFINEMENT)
 }
 
-/// A place between two points, and the colour there.
+/// A fraction of the interval between two points, and the colour there.
 type Place = (f64, [f64; 3]);
 
-/// Collects the places between two others at which the way must be cut to be linear in between.
+/// Collects the fractions between two places at which the path must be cut to be linear in between.
 fn halve(way: &Way, [a, b]: [Place; 2], halvings_left: u32, cuts: &mut Vec<Place>) {
     if halvings_left == 0 {
         return;
@@ -106,7 +106,7 @@ fn halve(way: &Way, [a, b]: [Place; 2], halvings_left: u32, cuts: &mut Vec<Place
         (f, way.at(a.0 + (b.0 - a.0) * f))
     };
     let fits = |(f, rgb): Place| is_close(rgb, mix(a.1, b.1, f));
-    // Seven places in between: a single one in the middle would miss curves that are symmetric around it. It shows most, though.
+    // Seven samples: the middle alone would miss curves symmetric around it. It is tried first, as the error is mostly largest there.
     let (_, middle) = at(4);
     if fits((0.5, middle)) && [2, 6, 1, 3, 5, 7].into_iter().all(|eighths| fits(at(eighths))) {
         return;
@@ -117,7 +117,7 @@ fn halve(way: &Way, [a, b]: [Place; 2], halvings_left: u32, cuts: &mut Vec<Place
     halve(way, [middle, b], halvings_left - 1, cuts);
 }
 
-/// The way from one colour to another through a colour space, in which its ends are.
+/// The path from one colour to another; `ends` are coordinates in the colour space.
 struct Way {
     space: ColorSpace,
     ends: [[f64; 3]; 2],
@@ -203,7 +203,7 @@ fn lab_to_rgb([l, a, b]: [f64; 3]) -> [f64; 3] {
         0.05571012044551064 * x - 0.20402105059848671 * y + 1.0569959422543882 * z,
     ];
     let rgb = linear.map(|c| if c > 0.0031308 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { 12.92 * c });
-    // A colour that no screen has keeps its hue, as in VTK.
+    // Scaling out-of-gamut colours keeps their hue, as in VTK.
     let largest = rgb.iter().fold(1.0_f64, |m, &c| m.max(c));
     rgb.map(|c| (c / largest).clamp(0.0, 1.0))
 }
@@ -255,7 +255,7 @@ mod tests {
     use std::cell::Cell;
 
     thread_local! {
-        /// Colours that this thread has looked up on ways.
+        /// Colours that this thread has evaluated on paths.
         pub(super) static LOOKS: Cell<u64> = const { Cell::new(0) };
     }
 
@@ -368,7 +368,7 @@ mod tests {
                 assert_close(chord, interpolate(space, a, b, f), REFINEMENT);
                 assert_eq!((refined[0].rgb, refined[refined.len() - 1].rgb), (a, b), "beyond its ends a map has their colours");
             }
-            // Without refinement it is noticed.
+            // An unrefined map is noticed.
             assert!(!is_within(mix(BLUE, AMBER, 0.5), interpolate(ColorSpace::Lab, BLUE, AMBER, 0.5), 0.01));
         }
     }
@@ -396,7 +396,7 @@ mod tests {
         let places = way_between(ColorSpace::Lab, &pair, MAX_HALVINGS).unwrap().len() as u64;
         let (pieces, looks) = (places - 1, LOOKS.get() - before);
         assert!(pieces > 8);
-        // The ends, seven in a piece, and in each that was cut one to seven.
+        // Samples: both ends, seven in a piece, and in each that was cut one to seven.
         assert!(looks <= 2 + 7 * pieces + 7 * (pieces - 1), "{looks} for {pieces} pieces");
     }
 }

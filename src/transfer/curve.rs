@@ -18,7 +18,7 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// A curve of these points, sorted by scalar; nothing is seen where there are none.
+    /// A curve of points sorted by scalar; transparent if there are none.
     pub(super) fn new(points: Vec<ProfilePoint>, kind: OpacityKind) -> Self {
         if points.is_empty() {
             let side = Side { rgb: [0.0; 3], value: 0.0 };
@@ -31,28 +31,28 @@ impl Curve {
         &self.points
     }
 
-    /// What its values are: opacities of a unit distance, or optical depths of one.
+    /// Whether values are opacities or optical depths, of a unit distance.
     pub fn kind(&self) -> OpacityKind {
         self.kind
     }
 
-    /// Whether nothing is seen of it at any scalar.
+    /// Whether it is transparent at every scalar.
     pub(super) fn is_transparent(&self) -> bool {
         self.points.iter().all(|p| p.left.value == 0.0 && p.right.value == 0.0)
     }
 
-    /// The scalars at which it has a point, sorted.
+    /// The scalars of its points, sorted.
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         self.points.iter().map(|p| p.scalar)
     }
 
-    /// Display-referred colour and value at a scalar; at a step, those of its right side.
+    /// Display-referred colour and value at a scalar; at a step, those of the right side.
     pub fn eval(&self, scalar: f64) -> ([f64; 3], f64) {
         let [_, side] = self.sides(scalar);
         (side.rgb, side.value)
     }
 
-    /// What it has just left of a scalar, and there.
+    /// Colour and value just left of a scalar, and at it.
     pub(super) fn sides(&self, scalar: f64) -> [Side; 2] {
         let at = self.points.partition_point(|p| p.scalar < scalar);
         let before = at.checked_sub(1).and_then(|i| self.points.get(i));
@@ -65,11 +65,11 @@ impl Curve {
         }
     }
 
-    /// From `a` at 0 to `b` at 1: C = C1 (1 - f) + C2 f, and opacity alike (dissertation 7.4); exactly `a` and `b` at both
-    /// ends. With [`ColorWeighting::Opacity`] that holds for colours times opacity, and the result is divided by its
-    /// opacity, within 7.9e-8 of the quotient.
+    /// Interpolates from `a` (`f` = 0) to `b` (`f` = 1): C = C1 (1 - f) + C2 f, and opacity alike (dissertation 7.4); exact at both ends.
+    /// With [`ColorWeighting::Opacity`] that holds for colours times opacity, and the result is divided by its opacity, within 7.9e-8 of
+    /// the quotient.
     ///
-    /// A curve that is transparent everywhere goes with either kind of values.
+    /// A curve that is transparent everywhere can be mixed with either kind of values.
     ///
     /// # Errors
     /// If one has opacities and the other optical depths, or both together are too wide or have too many points.
@@ -89,7 +89,7 @@ impl Curve {
         Ok(Curve::new(mixed.to_curve(weighting)?, kind))
     }
 
-    /// The table of it, like that of a transfer function ([`build_node_table`](super::build_node_table)).
+    /// The curve's table, like that of a transfer function ([`build_node_table`](super::build_node_table)).
     ///
     /// # Errors
     /// If a length is not positive and finite or the unit distance so small that extinction overflows.
@@ -98,7 +98,7 @@ impl Curve {
         node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_paths(lengths))
     }
 
-    /// As a line of a table over several axes: within [`JOINT_TOLERANCE`](super::tolerance::JOINT_TOLERANCE).
+    /// The curve as a line of a joint table: within [`JOINT_TOLERANCE`](super::tolerance::JOINT_TOLERANCE).
     pub(super) fn line_of_joint_table(&self, lengths: &Lengths) -> Result<NodeTable, TransferError> {
         lengths.check()?;
         node_table(&self.points, self.kind, lengths.unit_distance, &Tolerance::of_joint())

@@ -57,7 +57,7 @@ fn a_mix_begins_and_ends_with_its_curves_and_is_linear_between() {
                 assert!((got - expected).abs() <= 2e-15 + quotient, "{s} {got} {expected}");
             }
         }
-        // A weight that is off by a hundredth shows.
+        // A weight that is off by a hundredth is noticed.
         let [(other_rgb, other), (rgb, value)] =
             [Curve::mix(&a, &b, 0.26, weighting).unwrap().eval(0.4), mixed.eval(0.4)];
         assert!((other - value).abs() > 1e-3 && (other_rgb[0] * other - rgb[0] * value).abs() > 1e-5);

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
 use std::path::Path;
 
-/// A transfer function as it stands in JSON.
+/// The JSON form of a transfer function.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TransferFunctionFile {
@@ -31,7 +31,7 @@ enum MapInFile {
 }
 
 impl TransferFunctionFile {
-    /// The transfer function, with names of map files relative to the folder `base`.
+    /// The transfer function; names of map files are relative to the folder `base`.
     fn resolve(self, path: &Path, base: &Path) -> Result<TransferFunction, TransferError> {
         let map = match self.color_map {
             MapInFile::Name(name) => find_map(OsStr::new(&name), base)?.map,
@@ -44,7 +44,7 @@ impl TransferFunctionFile {
 impl TryFrom<TransferFunctionFile> for TransferFunction {
     type Error = TransferError;
 
-    /// As a part of other data, which has no folder that files could be relative to.
+    /// Reads a transfer function inside other data, where map files cannot be named.
     fn try_from(file: TransferFunctionFile) -> Result<Self, TransferError> {
         if let MapInFile::Name(name) = &file.color_map
             && find_built_in(name).is_none()
@@ -84,7 +84,7 @@ impl TransferFunction {
         file.resolve(path, path.parent().unwrap_or(Path::new(""))).map_err(name_file)
     }
 
-    /// The text of a transfer function file. A map that is built in is written as its name, another in full.
+    /// The text of a transfer function file. A built-in map is written as its name, another in full.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default() // strings and finite numbers always have a JSON form
     }
@@ -94,15 +94,15 @@ fn invalid_json(path: &Path, e: &serde_json::Error) -> FileError {
     FileError::invalid(path, format!("line {} column {}", e.line(), e.column()), e.to_string())
 }
 
-/// End of the name of a file of maps.
+/// Extension of a file of colour maps.
 const JSON: &str = ".json";
-/// The same, followed by the name of a map in it.
+/// [`JSON`] and the separator before the name of a map in the file.
 const ENTRY: &str = ".json#";
-/// Suffix of a map's name that turns it around.
+/// Suffix of the name of a reversed map.
 const REVERSED: &str = "_r";
 
-/// The colour map called `name`: a built-in one, or `FILE.json` (relative to `base`) with one map, or `FILE.json#NAME`;
-/// each with `_r` for its reverse.
+/// The colour map called `name`: a built-in one, `FILE.json` (relative to `base`) with one map, or `FILE.json#NAME`; each with `_r` for its
+/// reverse.
 pub(super) fn find_map(name: &OsStr, base: &Path) -> Result<ColorMapEntry, TransferError> {
     if let Some(entry) = find_exact(name, base)? {
         return Ok(entry);
@@ -113,7 +113,7 @@ pub(super) fn find_map(name: &OsStr, base: &Path) -> Result<ColorMapEntry, Trans
     turned.map(reversed).ok_or_else(unknown)
 }
 
-/// The built-in map of that name, or its reverse.
+/// The built-in map called `name`, or its reverse.
 fn find_built_in(name: &str) -> Option<ColorMap> {
     let turned = || Some(ColorMap::built_in(name.strip_suffix(REVERSED)?)?.reversed());
     ColorMap::built_in(name).cloned().or_else(turned)
@@ -129,7 +129,7 @@ fn reversed(entry: ColorMapEntry) -> ColorMapEntry {
     ColorMapEntry { map: entry.map.reversed(), opacity }
 }
 
-/// The map of exactly that name; `None` if it is neither built in nor looks like a file.
+/// The map of exactly that name; `None` if it is neither built in nor names a JSON file.
 fn find_exact(name: &OsStr, base: &Path) -> Result<Option<ColorMapEntry>, TransferError> {
     if let Some(map) = name.to_str().and_then(ColorMap::built_in) {
         return Ok(Some(ColorMapEntry { map: map.clone(), opacity: None }));

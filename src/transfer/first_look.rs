@@ -1,57 +1,56 @@
-//! [`FirstLook`]: colours, opacities and a range for a series that nobody has said anything about.
+//! [`FirstLook`]: default colours, opacities and range for a series.
 
 use super::range::RangePolicy;
 use super::{MappedRange, TransferFunction};
 use crate::moments::Distribution;
 
-/// The colour map of values of one sign, and of both.
+/// The colour maps of values of one sign, and of both signs.
 const MAPS: (&str, &str) = ("viridis", "cool-to-warm");
 
-/// Values have both signs if they reach out as far on one side of 0 as this share of the other side: more than overshoots do.
+/// Values have both signs if their extents on the two sides of 0 have at least this ratio: more than overshoots do.
 const SIGNED: f64 = 0.15;
 
-/// A series is peaked if its percentiles span less than this share of all its values.
+/// A series is peaked if its percentiles span less than this share of its range.
 const PEAKED: f64 = 0.5;
 
-/// What has this share of the volume in the narrowest range is transparent,
+/// Values in the narrowest range with this share of the volume are transparent,
 const BACKGROUND: f64 = 0.5;
 
-/// if that range is no wider than this share of the colours: otherwise no values are more frequent than others.
+/// if that range is no wider than this share of the axis: otherwise no values are distinctly frequent.
 const BACKGROUND_WIDTH: f64 = 0.35;
 
-/// Less of the colours than this share, beside what is transparent, has no opacity of its own: it is the other end that is looked at.
+/// A remainder of the axis below this share, beside the transparent part, is transparent too.
 const MARGIN: f64 = 0.1;
 
-/// Optical depth of the mean path.
+/// Optical depth along the mean chord.
 const DEPTH: f64 = 0.6;
 
-/// Opacities that are told apart.
+/// Number of opacity levels that are distinguished.
 const LEVELS: usize = 1024;
 
-/// Opacities of a unit distance, from hardly anything to nearly all.
+/// Least and greatest opacity per unit distance.
 const OPACITY: (f64, f64) = (0.001, 0.95);
 
-/// How a series is shown before anybody has said anything: its most frequent values are transparent, and as much of the rest is seen as
-/// lets one look through it.
+/// The default look of a series: its most frequent values are transparent, and the others as opaque as lets one look through.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FirstLook {
     /// Colours and opacities,
     pub tf: TransferFunction,
-    /// and the same as a user would write them.
+    /// and their text, in the grammar of `--tf`.
     pub text: String,
     /// The scalars that they cover.
     pub range: RangePolicy,
 }
 
 impl FirstLook {
-    /// Of a series with values from `lo` to `hi`, distributed so over its volume, in a mesh whose mean chord is so many unit distances
-    /// long. Values of both signs get a diverging map over a symmetric range; where few values lie far from the others, the range is that
-    /// of the 1st to the 99th percentile.
+    /// The look of a series with values from `lo` to `hi` and the volume distribution `values`, in a mesh whose mean chord is `chord` unit
+    /// distances long. Values of both signs get a diverging map over a symmetric range; where few values lie far from the others, the range
+    /// is that of the 1st to the 99th percentile.
     ///
     /// Opacities are a ramp from the most frequent values, the narrowest range of half the volume, to the ends of the range. Their height is
     /// such that the optical depth along the mean chord is 0.6, or as close to that as opacities of 0.1 to 95 % a unit distance come.
     ///
-    /// A range that is given instead is kept.
+    /// A `given` range is kept.
     pub fn new((lo, hi): (f64, f64), values: &Distribution, chord: f64, given: Option<RangePolicy>) -> Self {
         let (from, to) = RangePolicy::PERCENTILES;
         let percentile = |percent: f64| values.value_at(percent / 100.0).map_or(f64::NAN, f64::from);
@@ -84,7 +83,7 @@ struct Curve(Vec<[f64; 2]>);
 impl Curve {
     fn new(values: &Distribution, range: &MappedRange, diverges: bool) -> Self {
         if values.narrowest(1.0).is_some_and(|[lo, hi]| lo == hi) {
-            // There is nothing else to be seen.
+            // All values are the same.
             return Self(vec![[0.0, 1.0]]);
         }
         let position = |value: f32| range.position_of(f64::from(value)).clamp(0.0, 1.0);
@@ -115,9 +114,9 @@ impl Curve {
         }
     }
 
-    /// With the opacity that makes the mean path as deep as it should be, in two digits.
+    /// The `--tf` text, with the opacity (two digits) that gives the mean chord the optical depth [`DEPTH`].
     fn text(&self, map: &str, values: &Distribution, range: &MappedRange, chord: f64) -> String {
-        // Parts of the volume by the opacity that they have, as a share of the largest one.
+        // Shares of the volume by opacity level.
         let mut volume = [0.0; LEVELS + 1];
         for (value, part) in values.parts() {
             let position = range.position_of(f64::from(value)).clamp(0.0, 1.0);
@@ -191,17 +190,17 @@ mod tests {
 
     #[test]
     fn a_peak_is_shown_over_its_percentiles_and_its_most_frequent_values_are_clear() {
-        // A dipole: nearly all near 0, little of it far out on both sides.
+        // A dipole: nearly all values near 0, few of them far out on both sides.
         let dipole = look(evenly(-1.0, 1.0).map(|x| 0.004 * x / (1.0 - x.abs() + 0.001)));
         assert_eq!(dipole.range, RangePolicy::SymmetricPercentile(1.0, 99.0));
         assert_eq!(opacity(&dipole, 0.5), 0.0);
         assert!(opacity(&dipole, 0.02) > 0.01 && opacity(&dipole, 0.98) > 0.01, "{dipole:?}");
-        // Surroundings of one value, with something in them.
+        // A background of one value, with a plume in it.
         let plume = look(evenly(0.0, 1.0).map(|x| if x < 0.8 { 3.0 } else { 3.0 + 10.0 * (x - 0.8) }));
         assert_eq!(plume.range, RangePolicy::Series);
         assert_eq!(opacity(&plume, 0.0), 0.0);
         assert!(opacity(&plume, 1.0) > 0.05);
-        // The other way round: what is low is rare.
+        // The opposite: low values are rare.
         let hole = look(evenly(0.0, 1.0).map(|x| if x < 0.8 { 3.0 } else { 3.0 - 10.0 * (x - 0.8) }));
         assert!(opacity(&hole, 0.0) > 0.05 && opacity(&hole, 1.0) == 0.0, "{hole:?}");
     }

@@ -1,6 +1,6 @@
-//! [`TransferSource`]: what a table was made from; [`Formula`]: its colour and extinction at a scalar, by the definitions.
+//! [`TransferSource`]: the definition of a table; [`Formula`]: its colour and extinction at a scalar.
 //!
-//! The judge of tables and of all that draws them: it knows neither curves nor nodes, and nothing is simplified.
+//! The reference for tables and renderers: it uses neither curves nor nodes, and simplifies nothing.
 
 use super::TransferError;
 use super::blend::{ColorWeighting, mix_sides};
@@ -14,19 +14,19 @@ use super::tolerance::{COLOR_TOLERANCE, Lengths};
 use crate::node_table::{Node, NodeTable, NodeTableError};
 use serde::{Deserialize, Serialize};
 
-/// What a table was made from: plain data.
+/// The definition of a table, as plain data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransferSource {
     /// The function, and the scalars that it covers.
     pub content: TransferContent,
-    /// What opacities mean.
+    /// Meaning of opacity values.
     pub kind: OpacityKind,
-    /// The lengths that the table is made for.
+    /// The lengths for which the table is made.
     pub lengths: Lengths,
 }
 
-/// A transfer function or blended ones.
+/// A transfer function or blended ensembles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum TransferContent {
@@ -37,25 +37,25 @@ pub enum TransferContent {
         /// The scalars that it covers.
         range: MappedRange,
     },
-    /// An ensemble on its way to another one.
+    /// An ensemble, blended with the next one of a timeline.
     Ensembles(Box<BlendedEnsembles>),
 }
 
-/// An ensemble whose members are functions of the scalar, on its way to another one.
+/// An ensemble whose members are functions of the scalar, blended with the next one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlendedEnsembles {
     /// The ensemble, with the range maps that its members have.
     pub ensemble: Ensemble,
-    /// The next one, and how much there is of it, 0..=1.
+    /// The next ensemble and its weight, 0..=1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toward: Option<(Ensemble, f64)>,
-    /// Whether colours are weighted by opacity between both.
+    /// Whether colours are weighted by opacity when the two are blended.
     pub colors: ColorWeighting,
-    /// Smallest and largest scalar of the series; NaN, and left out of texts, if there is none.
+    /// Smallest and largest scalar of the series; NaN, and not serialized, if unknown.
     #[serde(default = "unknown", skip_serializing_if = "is_unknown")]
     pub series: (f64, f64),
-    /// Smallest and largest scalar of the step shown; likewise.
+    /// Smallest and largest scalar of the step shown; NaN, and not serialized, if unknown.
     #[serde(default = "unknown", skip_serializing_if = "is_unknown")]
     pub step: (f64, f64),
 }
@@ -88,14 +88,14 @@ impl BlendedEnsembles {
         std::iter::once(&self.ensemble).chain(self.toward.as_ref().map(|(ensemble, _)| ensemble))
     }
 
-    /// Whether all members are functions of the scalar. Others are reduced by counts of values, or make tables over several axes.
+    /// Whether all members are functions of the scalar. Others are reduced by counts of values, or make joint tables.
     pub fn is_of_scalars(&self) -> bool {
         self.all().flat_map(|ensemble| &ensemble.members).all(|member| !member.enabled || member.space == Space::Scalar)
     }
 }
 
 impl TransferSource {
-    /// The function, ready to be evaluated.
+    /// Prepares the function for evaluation.
     ///
     /// # Errors
     /// As [`build_node_table`](super::build_node_table) and [`Ensemble::evaluator`], and for an ensemble with a member that is no
@@ -143,7 +143,7 @@ impl TransferSource {
         let mut kind = from.kind();
         if let Some((next, _)) = &toward {
             knots.extend(next.knots());
-            // One that is transparent everywhere goes with either kind.
+            // An ensemble that is transparent everywhere can be blended with either kind.
             if kind != next.kind() && blended.ensemble.curve(&context)?.is_transparent() {
                 kind = next.kind();
             }
@@ -158,11 +158,11 @@ impl Formula<'_> {
         &self.knots
     }
 
-    /// Its colours alone, also where it is transparent: a table without extinction. Between two knots it is halved until colours in the middle
-    /// and at the quarters are within half a tolerance; what is shown of a table leaves out colours that nobody sees.
+    /// The colours alone as a table without extinction, also where the function is transparent. Intervals between knots are halved until
+    /// colours in the middle and at the quarters are within half a tolerance; the table that is rendered omits invisible colours.
     ///
     /// # Errors
-    /// If there are more nodes than a table has, or one is no node.
+    /// If there are more nodes than a table has, or a node is invalid.
     pub fn colors(&self) -> Result<NodeTable, NodeTableError> {
         let node = |scalar: f64, rgb: [f64; 3]| Node { scalar, rgb: rgb.map(|c| c.clamp(0.0, 1.0)), tau: 0.0 };
         let at = |scalar: f64| self.eval(scalar).0;
@@ -210,10 +210,10 @@ impl Formula<'_> {
     }
 }
 
-/// Halvings between two knots of colours, at most.
+/// Most halvings of an interval between two knots.
 const HALVINGS: u32 = 12;
 
-/// Adds, from the lower scalar to the upper one, places between two with their colours, until those in between are on the line.
+/// Adds colours at midpoints between `a` and `b`, in ascending order, until linear interpolation fits.
 fn halve(
     a: (f64, [f64; 3]),
     b: (f64, [f64; 3]),

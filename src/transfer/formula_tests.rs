@@ -87,7 +87,7 @@ fn colours_alone_are_those_of_the_formula_also_where_it_is_clear() {
             let (a, b) = (colors.eval(scalar).rgb, formula.eval(scalar).0);
             worst = (0..3).map(|c| (a[c] - b[c]).abs()).fold(worst, f64::max);
         }
-        // What is halved looks at the middle and the quarters.
+        // Halving checks the middle and the quarters.
         assert!(worst <= crate::transfer::COLOR_TOLERANCE, "{text}: {worst:.1e}");
         assert!(colors.nodes().iter().all(|node| node.tau == 0.0));
         // The table of what is seen has other colours where nothing is.

@@ -27,7 +27,7 @@ impl From<OpacityPoint> for [f64; 2] {
     }
 }
 
-/// What the positions of opacity points count in. The colour map always covers the mapped range.
+/// Unit of the positions of opacity points. The colour map always covers the mapped range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PositionKind {
@@ -38,14 +38,14 @@ pub enum PositionKind {
     Absolute,
 }
 
-/// What the values of opacity points are.
+/// Meaning of the values of opacity points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OpacityValues {
     /// Opacity per unit distance, which [`OpacityKind`](super::OpacityKind) turns into extinction.
     #[default]
     Opacity,
-    /// Extinction per world unit of length as it is.
+    /// Extinction per world unit of length.
     #[serde(alias = "tau")]
     Extinction,
 }
@@ -61,11 +61,11 @@ pub struct TransferFunction {
 }
 
 impl TransferFunction {
-    /// A transfer function of these parts.
+    /// A transfer function of a colour map and opacity points.
     ///
     /// # Errors
     /// If there is no point, a number is not finite, a value negative, positions do not increase, are outside 0..=1 where
-    /// they are relative, or more than two are at one place.
+    /// they are relative, or more than two are equal.
     pub fn new(
         color_map: ColorMap,
         points: Vec<OpacityPoint>,
@@ -100,12 +100,12 @@ impl TransferFunction {
         &self.points
     }
 
-    /// What positions count in.
+    /// Unit of the positions.
     pub fn positions(&self) -> PositionKind {
         self.positions
     }
 
-    /// What values are.
+    /// Meaning of the values.
     pub fn values(&self) -> OpacityValues {
         self.values
     }

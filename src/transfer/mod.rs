@@ -1,5 +1,5 @@
-//! From what a user edits (colour maps, opacity points, range policies) to the [`NodeTable`](crate::node_table::NodeTable)
-//! that renderers see.
+//! Builds the [`NodeTable`](crate::node_table::NodeTable) that renderers use from what a user edits: colour maps, opacity points, range
+//! policies.
 //!
 //! A [`TransferFunction`] is a [`ColorMap`] and opacity points. A [`RangePolicy`] says which scalars its axis 0..1 covers
 //! ([`MappedRange`]), which a [`RangeMap`] may stretch. [`build_node_table`] puts both together; an [`Ensemble`] blends several
@@ -45,7 +45,7 @@ use crate::error::FileError;
 use crate::node_table::{JointTableError, NodeTableError};
 use crate::short::Short;
 
-/// Why a transfer function, a range or a table cannot be had.
+/// Why a transfer function, a range or a table is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum TransferError {
     /// A part of a text (`--tf`, `--range`, `--opacity-kind`) cannot be read.
@@ -127,19 +127,19 @@ pub enum TransferError {
     /// The curve of an ensemble has too many points.
     #[error("an ensemble has more than {most} points in one curve; it has too many members or widgets")]
     TooManyPoints {
-        /// How many there may be.
+        /// Most points of a curve.
         most: usize,
     },
-    /// Members that keep their axes change in too many places of these.
+    /// Members that keep their axes need too many positions on them.
     #[error(
         "members that keep their axes change in {covs} places of the coefficient of variation and in {gradients} of the gradient; a table has {most} pairs of these at most, so reduce members of one of both, or give them fewer widgets"
     )]
     TooManyPlaces {
-        /// Places of the axis of the coefficient of variation.
+        /// Positions on the axis of the coefficient of variation.
         covs: usize,
-        /// Places of the axis of gradients.
+        /// Positions on the axis of gradient magnitudes.
         gradients: usize,
-        /// How many pairs there may be.
+        /// Most pairs that a table may have.
         most: usize,
     },
     /// A range map does not increase.

@@ -12,11 +12,11 @@ use std::path::Path;
 pub struct ColorMapEntry {
     /// The colours, refined to piecewise-linear RGB where the entry has another colour space.
     pub map: ColorMap,
-    /// The entry's opacity points (`Points`), stretched to 0..=1, linear in between; where it has any.
+    /// The entry's opacity points (`Points`), if any, stretched to 0..=1; linear in between.
     pub opacity: Option<Vec<OpacityPoint>>,
 }
 
-/// An entry as it stands in the file. Other keys (creator, licence, annotations) are ignored.
+/// An entry as in the file. Other keys (creator, licence, annotations) are ignored.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "PascalCase")]
 pub(super) struct JsonEntry {
@@ -53,7 +53,7 @@ pub fn color_maps_to_json(entries: &[ColorMapEntry]) -> String {
     serde_json::to_string_pretty(&json).unwrap_or_default() // strings and finite numbers always have a JSON form
 }
 
-/// As [`read_color_maps`], from text; `path` is for messages.
+/// Parses the text of a file as [`read_color_maps`] does; `path` is for messages.
 pub(super) fn parse(path: &Path, text: &str) -> FileResult<Vec<ColorMapEntry>> {
     let values: Vec<serde_json::Value> = serde_json::from_str(text).map_err(|e| {
         let place = format!("line {} column {}", e.line(), e.column());
@@ -136,18 +136,18 @@ fn opacity_points(numbers: &[f64]) -> Result<Vec<OpacityPoint>, String> {
         points.extend(inner.map(|(f, value)| OpacityPoint { position: a * (1.0 - f) + b * f, value }));
         points.push(OpacityPoint { position: b, value: pair[1][1] });
     }
-    // Of more than two points at one position the outer ones are the two sides of a step.
+    // Of more than two points at one position the first and the last are kept: the two sides of a step.
     let middle = |i: usize| i > 0 && i + 1 < points.len() && points[i - 1].position == points[i + 1].position;
     Ok((0..points.len()).filter(|&i| !middle(i)).map(|i| points[i]).collect())
 }
 
-/// Sharpness below this is straight, above one minus this a step; VTK's.
+/// Sharpness below this is linear, above one minus this a step; VTK's.
 const SHARPNESS_MARGIN: f64 = 0.01;
 
-/// Straight pieces per curved piece: the curvature at sharpness 0.99, a power of 10.9, keeps them within 5e-5 of the curve.
+/// Linear pieces per curved piece: the curvature at sharpness 0.99, a power of 10.9, keeps them within 5e-5 of the curve.
 const PIECES: u32 = 1024;
 
-/// Places (0..1) and values between node (x, value, midpoint, sharpness) and the next value, straight in between.
+/// Fractions (0..1) and values from a node (x, value, midpoint, sharpness) to the next value, linear in between.
 fn between(node: &[f64; 4], to: f64) -> Vec<(f64, f64)> {
     let &[_, from, midpoint, sharpness] = node;
     let middle = clamp_midpoint(midpoint);

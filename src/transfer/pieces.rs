@@ -1,10 +1,10 @@
 //! Pieces: the algebra that blending rules are made of.
 //!
-//! All real scalars are cut into pieces; in each of them every channel (red, green, blue, value) is a polynomial of degree
-//! at most two in the place 0..=1 between its ends. Colours and values of a curve are linear; the product of both, a colour
-//! weighted by its opacity, is quadratic. Sum, weight, mix, minimum, maximum, difference and quantisation lead from such
-//! pieces to such pieces, exactly but for rounding: only cuts are added, where two channels cross, at roots of quadratics.
-//! So nothing is approximated before colours are divided by opacity again, once, at the end ([`Pieces::to_curve`]).
+//! The real axis is cut into pieces; in each of them every channel (red, green, blue, value) is a polynomial of degree at most two in the
+//! fraction 0..=1 between its ends. Colours and values of a curve are linear; the product of both, a colour weighted by its opacity, is
+//! quadratic. Sum, weight, mix, minimum, maximum, difference and quantisation map pieces to pieces, exactly but for rounding: only cuts are
+//! added, where two channels cross, at roots of quadratics. So nothing is approximated until colours are divided by opacity again, once, at
+//! the end ([`Pieces::to_curve`]).
 //!
 //! A polynomial is kept as its Bernstein coefficients [p0, p1, p2]: p0 and p2 are its values at the ends, a constant stays
 //! constant when it is cut, and neighbours that come from one cut have the same value there, bit for bit.
@@ -32,16 +32,15 @@ pub(super) struct Piece {
     pub channels: [Quadratic; 4],
 }
 
-/// All scalars in pieces, each of which begins where the one before ends.
+/// The real axis in pieces, each of which begins where the one before ends.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pieces(pub Vec<Piece>);
 
-/// What a division may do to a colour, once in an ensemble and once between two keyframes: two of four parts of what curves may be
-/// off ([`CURVE_PART`]).
+/// Largest error of a colour by one division: a quarter of what curves may be off ([`CURVE_PART`]). There are at most two, in an ensemble
+/// and between two keyframes.
 pub(super) const DIVISION_TOLERANCE: f64 = 0.25 * CURVE_PART * 0.5 * COLOR_TOLERANCE;
 
-/// Most points of a curve. Rules that fold a curve, again and again, make it grow exponentially with the number of members;
-/// no picture needs that.
+/// Most points of a curve. Rules that fold a curve repeatedly make it grow exponentially with the number of members.
 pub(super) const MOST_POINTS: usize = 1 << 18;
 
 /// Rounding of a difference of channels, as a share of the larger one. A coefficient has gone through a cut (two nested
@@ -54,7 +53,7 @@ impl Piece {
         eval(&self.channels[channel], f)
     }
 
-    /// The part between two scalars.
+    /// The part of the piece between two scalars.
     fn part(&self, from: f64, to: f64) -> Piece {
         if self.from.is_infinite() || self.to.is_infinite() || (from == self.from && to == self.to) {
             return Piece { from, to, channels: self.channels };
@@ -65,7 +64,7 @@ impl Piece {
         Piece { from, to, channels: self.channels.map(|q| part(&q, a, b)) }
     }
 
-    /// The scalar at `f` in 0..=1.
+    /// The scalar at fraction `f` in 0..=1.
     fn scalar(&self, f: f64) -> f64 {
         lerp(self.from, self.to, f)
     }
@@ -76,19 +75,19 @@ impl Piece {
     }
 }
 
-/// The value of a polynomial at `f`, by de Casteljau; exactly that of an end there.
+/// The value of a polynomial at `f`, by de Casteljau; exact at both ends.
 pub(super) fn eval(&[p0, p1, p2]: &Quadratic, f: f64) -> f64 {
     lerp(lerp(p0, p1, f), lerp(p1, p2, f), f)
 }
 
-/// A polynomial over the part `a`..`b` of its extent: by blossoming.
+/// The polynomial restricted to `a`..`b`, by blossoming.
 fn part(q: &Quadratic, a: f64, b: f64) -> Quadratic {
     let &[p0, p1, p2] = q;
     [eval(q, a), lerp(lerp(p0, p1, a), lerp(p1, p2, a), b), eval(q, b)]
 }
 
 impl Pieces {
-    /// The pieces of a curve; `weighted`: with colours times opacity.
+    /// The pieces of a curve, with colours times opacity if weighted.
     pub(super) fn of(curve: &Curve, weighting: ColorWeighting) -> Self {
         let points = curve.points();
         let constant = |from, to, side: Side| piece(from, to, &side, &side, weighting);
@@ -102,7 +101,7 @@ impl Pieces {
         Self(pieces)
     }
 
-    /// The points of the curve: as they are, or if `weighted`, divided, within [`DIVISION_TOLERANCE`].
+    /// The points of the curve; weighted colours are divided by opacity, within [`DIVISION_TOLERANCE`].
     ///
     /// # Errors
     /// If there are more than [`MOST_POINTS`].
@@ -120,12 +119,12 @@ impl Pieces {
         Ok(points_of(&sides))
     }
 
-    /// The points of a curve of plain colours.
+    /// The points of a curve with plain colours.
     pub(super) fn plain_points(&self) -> Vec<ProfilePoint> {
         points_of(&self.0.iter().map(plain_sides).collect::<Vec<_>>())
     }
 
-    /// Both, cut at the ends of either, and in pairs that have no cut of `rule` inside, put together by it.
+    /// Combines two sets of pieces by `rule`, cut at the ends of either and at the cuts of `rule`.
     pub(super) fn combine<R: Rule>(&self, other: &Pieces, rule: &R) -> Pieces {
         let mut out = Vec::with_capacity(self.0.len() + other.0.len());
         let (mut i, mut j, mut from) = (0, 0, f64::NEG_INFINITY);
@@ -139,14 +138,14 @@ impl Pieces {
         Pieces(out)
     }
 
-    /// Each piece with a second one made of it, put together by `rule`.
+    /// Combines each piece by `rule` with the one that `other` makes of it.
     pub(super) fn combine_with<R: Rule>(&self, other: impl Fn(&Piece) -> Piece, rule: &R) -> Pieces {
         let mut out = Vec::with_capacity(self.0.len());
         self.0.iter().for_each(|piece| apply(piece, &other(piece), rule, &mut out));
         Pieces(out)
     }
 
-    /// Each piece, changed.
+    /// Applies `change` to each piece.
     pub(super) fn map(&self, change: impl Fn(&Piece) -> Piece) -> Pieces {
         Pieces(self.0.iter().map(change).collect())
     }
@@ -157,28 +156,28 @@ impl Pieces {
     }
 }
 
-/// How two pieces of the same extent make one.
+/// How two pieces of the same extent are combined.
 pub(super) trait Rule {
     /// The channels whose result has no steps if the pieces have none.
     const CONTINUOUS: [bool; 4] = [true; 4];
 
-    /// Collects the places in 0..1 at which the pieces have to be cut: by default where any channel of one goes through that of the other.
+    /// Collects the fractions in 0..1 at which the pieces have to be cut: by default where a channel of one crosses that of the other.
     fn cuts(&self, a: &Piece, b: &Piece, cuts: &mut Vec<f64>) {
         a.channels.iter().zip(&b.channels).for_each(|(x, y)| crossings(x, y, cuts));
     }
 
-    /// The result for two pieces without such places.
+    /// The result for two pieces without such cuts.
     fn put_together(&self, a: &Piece, b: &Piece) -> Piece;
 }
 
-/// Appends what a pair of pieces of the same extent makes.
+/// Appends the combination of two pieces of the same extent.
 fn apply<R: Rule>(a: &Piece, b: &Piece, rule: &R, out: &mut Vec<Piece>) {
     let mut cuts = Vec::new();
     rule.cuts(a, b, &mut cuts);
     cuts.sort_by(f64::total_cmp);
     let mut from = a.from;
     for scalar in cuts.iter().map(|&f| a.scalar(f)).chain([a.to]) {
-        // Cuts nearer to each other, or to an end, than doubles are at this magnitude are one.
+        // Cuts that round to the same double, or to an end, are merged.
         if scalar <= from {
             continue;
         }
@@ -193,7 +192,7 @@ fn apply<R: Rule>(a: &Piece, b: &Piece, rule: &R, out: &mut Vec<Piece>) {
     }
 }
 
-/// Makes two pieces meet in channels where they do so but for rounding; one that is constant stays so.
+/// Makes two pieces meet in channels that differ only by rounding; a constant one stays constant.
 fn join(left: &mut Piece, right: &mut Piece, channels: [bool; 4]) {
     for c in (0..4).filter(|&c| channels[c]) {
         let (l, r) = (&mut left.channels[c], &mut right.channels[c]);
@@ -215,7 +214,7 @@ fn piece(from: f64, to: f64, a: &Side, b: &Side, weighting: ColorWeighting) -> P
     Piece { from, to, channels: std::array::from_fn(channel) }
 }
 
-/// Where a piece begins, and its colour and value at both ends.
+/// The start of a piece, and its colour and value at both ends.
 fn plain_sides(piece: &Piece) -> (f64, [Side; 2]) {
     let side = |i: usize| {
         let [r, g, b, value] = piece.channels.map(|q| q[i]);
@@ -230,17 +229,17 @@ fn points_of(sides: &[(f64, [Side; 2])]) -> Vec<ProfilePoint> {
     sides.windows(2).map(point).collect()
 }
 
-/// Appends the linear pieces that a weighted one makes when its colours are divided by its value, a.
+/// Appends the linear pieces of a weighted piece whose colours are divided by its value, a.
 ///
-/// With p the weighted colour, p / a is a linear function plus R / a, where R is what is left of the division of p by a, a
-/// constant. A chord of the linear function has no error, and that of 1 / a between a0 and a1 is farthest off at the root
+/// With p the weighted colour, p / a is a linear function plus R / a, where R is the constant remainder of the division of p by a. A chord
+/// of the linear function has no error, and that of 1 / a between a0 and a1 is farthest off at the root
 /// of a0 a1, by (1 / sqrt(a0) - 1 / sqrt(a1))^2. With R = (p0 a1^2 - 2 p1 a0 a1 + p2 a0^2) / (a1 - a0)^2, the value of p
 /// where a is zero, and with the colours c0 = p0 / a0 and c1 = p2 / a1 at the ends, their product is
 ///
 ///   |c0 a1 - 2 p1 + c1 a0| / (sqrt(a0) + sqrt(a1))^2,
 ///
 /// which also holds for a0 = a1. Where a0 is zero p0 is, too; the colour is linear then, and its limit is c0 = 2 p1 / a1.
-/// Where both are, the piece is transparent and black, whatever rounding has left of its colours.
+/// Where both are, the piece is transparent and black, whatever colours rounding has left.
 ///
 /// # Errors
 /// If there are more than [`MOST_POINTS`].
@@ -284,14 +283,14 @@ fn divided(piece: &Piece) -> [[f64; 3]; 2] {
     [at(0, a0, a1), at(2, a1, a0)]
 }
 
-/// `a - b`, in which what may be rounding is zero.
+/// `a - b`, and the bound below which it may be rounding.
 fn difference(a: &Quadratic, b: &Quadratic) -> (Quadratic, f64) {
     let largest = a.iter().chain(b).fold(0.0, |m: f64, x| m.max(x.abs()));
     (std::array::from_fn(|i| a[i] - b[i]), ROUNDING * largest)
 }
 
-/// Whether `a` lies below `b`, which it does not cross, wherever both do not touch. Their integrals say so: at any one place,
-/// the middle as well, they may touch.
+/// Whether `a` lies below `b`, which it does not cross, except where both touch. Compared by integrals, since at any one point they may
+/// touch.
 pub(super) fn is_below(a: &Quadratic, b: &Quadratic) -> bool {
     (a[0] - b[0]) + (a[1] - b[1]) + (a[2] - b[2]) < 0.0
 }
@@ -301,12 +300,12 @@ pub(super) fn absolute_difference(a: &Quadratic, b: &Quadratic) -> Quadratic {
     let (d, rounding) = difference(a, b);
     let sign = if is_below(a, b) { -1.0 } else { 1.0 };
     let snapped = d.map(|x| if x.abs() <= rounding { 0.0 } else { sign * x });
-    // Both ends are differences of what does not cross; only rounding can make one negative.
+    // Both ends are differences of curves that do not cross; only rounding can make one negative.
     [snapped[0].max(0.0), snapped[1], snapped[2].max(0.0)]
 }
 
-/// Collects the places in 0..1 where `a` goes through `b`. Where they only touch, or differ by no more than rounding on one
-/// side, they do not.
+/// Collects the fractions in 0..1 where `a` crosses `b`. Where they only touch, or differ by no more than rounding on one side, they do not
+/// cross.
 pub(super) fn crossings(a: &Quadratic, b: &Quadratic, cuts: &mut Vec<f64>) {
     let (d, rounding) = difference(a, b);
     let mut previous: Option<(f64, f64)> = None;
@@ -324,8 +323,8 @@ pub(super) fn crossings(a: &Quadratic, b: &Quadratic, cuts: &mut Vec<f64>) {
     }
 }
 
-/// Collects the places in 0..1 where a channel reaches one of `levels` from `level(0)` on; `level` and `index`, the number
-/// of levels at or below a value, are inverse.
+/// Collects the fractions in 0..1 where a channel reaches one of the levels from `level(0)` on; `level` and `index`, the number of levels
+/// at or below a value, are inverse.
 pub(super) fn level_cuts(q: &Quadratic, index: impl Fn(f64) -> i64, level: impl Fn(i64) -> f64, cuts: &mut Vec<f64>) {
     let stops: Vec<f64> = stops(q).collect();
     for pair in stops.windows(2) {
@@ -337,16 +336,16 @@ pub(super) fn level_cuts(q: &Quadratic, index: impl Fn(f64) -> i64, level: impl 
     }
 }
 
-/// 0, the place inside where the polynomial stops rising or falling, if there is one, and 1: it is monotone in between.
+/// 0, the extremum inside 0..1 if there is one, and 1: the polynomial is monotone in between.
 fn stops(&[p0, p1, p2]: &Quadratic) -> impl Iterator<Item = f64> + use<> {
     let turn = (p0 - p1) / (p0 - 2.0 * p1 + p2);
     let inner = (turn > 0.0 && turn < 1.0).then_some(turn);
     [Some(0.0), inner, Some(1.0)].into_iter().flatten()
 }
 
-/// The root of a polynomial that is monotone from `from` to `to` and has another sign there.
+/// The root of a polynomial that is monotone from `from` to `to` and changes sign there.
 fn root(&[p0, p1, p2]: &Quadratic, from: f64, to: f64) -> f64 {
-    // a f^2 + 2 b f + p0 = 0, solved without the difference of two numbers of about the same size.
+    // a f^2 + 2 b f + p0 = 0, solved without cancellation.
     let (a, b) = (p0 - 2.0 * p1 + p2, p1 - p0);
     let q = -(b + (b * b - a * p0).max(0.0).sqrt().copysign(b));
     let off = |f: f64| if f.is_nan() { f64::INFINITY } else { (from - f).max(f - to) };

@@ -40,7 +40,7 @@ proptest! {
                 prop_assert!(sign * d(f) >= -64.0 * f64::EPSILON, "{} {:?}", f, ends);
             }
         }
-        // A crossing that is not found shows: the signs of both sides differ by more than that.
+        // A missed crossing is noticed: the signs of both sides differ by more than that.
         if let [_, root, _] = ends[..] && (0.1..0.9).contains(&root) && d(0.0).abs() > 0.1 && d(1.0).abs() > 0.1 {
             prop_assert!(d(0.0) * d(1.0) < -1e-3);
         }
@@ -115,7 +115,7 @@ fn what_is_clear_is_black_and_has_no_more_points_whatever_its_colours() {
 
 #[test]
 fn one_piece_that_needs_too_many_points_is_an_error() {
-    // A colour that is not linear where opacity is next to nothing, which no rule gives: halved down to neighbouring doubles.
+    // A colour that is not linear where opacity is nearly 0, which no rule gives: halved down to neighbouring doubles.
     let noise = Piece { from: 0.0, to: 1.0, channels: [[0.0, 0.1, 0.0], [0.0; 3], [0.0; 3], [1e-300; 3]] };
     let mut sides = Vec::new();
     assert!(matches!(divide(&noise, &mut sides), Err(TransferError::TooManyPoints { .. })));
@@ -124,10 +124,10 @@ fn one_piece_that_needs_too_many_points_is_an_error() {
 
 #[test]
 fn a_quotient_without_refinement_is_farther_off() {
-    // Red at opacity 1 goes to blue at opacity 0.01: the closed form of the chord's error is that which is measured.
+    // Red at opacity 1 is interpolated to blue at opacity 0.01: the closed form of the chord's error is the measured one.
     let (a, b) = (Side { rgb: [1.0, 0.0, 0.0], value: 1.0 }, Side { rgb: [0.0, 0.0, 1.0], value: 0.01 });
     let weighted = piece(0.0, 1.0, &a, &b, ColorWeighting::Opacity);
-    // Red and blue of constant colour, weights a and b linear: what two transparent ramps add up to.
+    // Red and blue of constant colour with linear weights a and b: the sum of two transparent ramps.
     let red = weighted.with(|c| match c {
         0 => [1.0, 0.5, 0.0],
         2 => [0.0, 0.005, 0.01],

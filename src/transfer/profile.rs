@@ -1,4 +1,4 @@
-//! A transfer function over its axis, as a curve that is linear in the scalar between points.
+//! A transfer function as a curve that is linear in the scalar between points.
 
 use super::TransferError;
 use super::color_map::{lerp, mix};
@@ -22,9 +22,9 @@ pub(super) struct Side {
 pub(super) struct ProfilePoint {
     /// The scalar, in the field's unit.
     pub scalar: f64,
-    /// Just below the scalar.
+    /// Colour and value just below the scalar.
     pub left: Side,
-    /// At the scalar and just above.
+    /// Colour and value at the scalar and just above.
     pub right: Side,
 }
 
@@ -34,13 +34,13 @@ impl Side {
     }
 }
 
-/// How closely a curve that is linear on a logarithmic axis is followed.
+/// How closely a curve that is linear on a logarithmic axis is approximated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Precision {
     pub kind: OpacityKind,
     /// Largest errors.
     pub tolerance: Tolerance,
-    /// Whether colours also count where nothing is seen: where they are blended with others.
+    /// Whether colours also count where the curve is transparent: where they are blended with others.
     pub where_transparent: bool,
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Axis<'a> {
     map: &'a RangeMap,
 }
 
-/// A place where the curve has a point: its position on the axis and its scalar.
+/// A knot of the curve: its position on the axis and its scalar.
 #[derive(Clone, Copy)]
 struct Knot {
     position: f64,
@@ -77,8 +77,8 @@ impl<'a> Axis<'a> {
         Knot { position, scalar: self.scalar_at(position) }
     }
 
-    /// The curve of what has `sides` at a position and is linear between these knots: sorted by scalar, at least two
-    /// points, all scalars different.
+    /// The curve with colour and value `sides` at a position, linear between these knots: sorted by scalar, at least two points, all
+    /// scalars different.
     ///
     /// On a logarithmic axis such a curve is linear in the logarithm between two knots; it is refined to `precision`.
     fn curve(
@@ -103,7 +103,7 @@ impl<'a> Axis<'a> {
                 refinement.append((before, p.right), (knot, point.left), &mut points);
             }
             match points.last_mut() {
-                // Two positions nearer to each other than doubles are at this magnitude: one point, with the outer sides.
+                // Two positions that round to one scalar: one point, with the outer sides.
                 Some(last) if last.scalar >= point.scalar => last.right = point.right,
                 _ => points.push(point),
             }
@@ -112,7 +112,7 @@ impl<'a> Axis<'a> {
         points
     }
 
-    /// The curve of what has `sides` at a position and is linear between `positions`.
+    /// The curve with colour and value `sides` at a position, linear between `positions`.
     pub(super) fn curve_between(
         &self,
         positions: impl Iterator<Item = f64>,
@@ -139,7 +139,7 @@ pub(super) fn profile(
     Ok(axis.curve(knots, |position| on_axis.sides(position), precision))
 }
 
-/// A transfer function with the opacity points at their positions on an axis and their values per unit distance.
+/// A transfer function whose opacity points are at axis positions and have values per unit distance.
 #[derive(Debug)]
 pub(super) struct OnAxis<'a> {
     tf: &'a TransferFunction,
@@ -201,14 +201,14 @@ fn value_sides(points: &[OpacityPoint], position: f64) -> [f64; 2] {
     [between(left), between(right)]
 }
 
-/// Makes pieces of a logarithmic axis, linear in the logarithm, linear in the scalar.
+/// Refines pieces that are linear in the logarithm to pieces linear in the scalar.
 struct Refinement<'a> {
     axis: &'a Axis<'a>,
     precision: &'a Precision,
 }
 
 impl Refinement<'_> {
-    /// Appends the points that are needed between two knots.
+    /// Appends the points needed between two knots.
     fn append(&self, (a, a_side): (Knot, Side), (b, b_side): (Knot, Side), points: &mut Vec<ProfilePoint>) {
         let Precision { kind, tolerance, where_transparent } = *self.precision;
         if a_side.value == 0.0 && b_side.value == 0.0 && !where_transparent {
@@ -238,7 +238,7 @@ impl Refinement<'_> {
 /// Largest distance between the logarithm and its chord from `a` to `b`, as a share of the logarithm's rise.
 fn chord_error_of_log(a: f64, b: f64) -> f64 {
     let rise = (b / a).ln();
-    // For a small rise the difference below cancels; the series of it starts like this.
+    // For a small rise the difference below cancels; this is the start of its series.
     if rise < 1e-2 {
         return rise / 8.0;
     }

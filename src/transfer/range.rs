@@ -1,4 +1,4 @@
-//! Which scalars the axis 0..1 of a transfer function covers.
+//! The scalars that the axis 0..1 of a transfer function covers.
 
 use super::TransferError;
 use crate::moments::Distribution;
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Where the mapped range comes from.
+/// Source of the mapped range.
 ///
 /// As text (`--range`): `series`, `step`, `LO,HI`, `symmetric`, `percentile`, `percentile:P,Q`, `symmetric:P,Q`, `log` or `log:LO,HI`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RangePolicy {
-    /// From the smallest to the largest scalar of all steps: colours mean the same throughout.
+    /// From the smallest to the largest scalar of all steps: colours mean the same at every step.
     #[default]
     Series,
     /// From the smallest to the largest scalar of the step shown.
@@ -21,9 +21,9 @@ pub enum RangePolicy {
     Manual(f64, f64),
     /// The series' range made symmetric about 0.
     Symmetric,
-    /// From one percentile of the series' volume to another, 0..=100: what few values lie beyond has the colours of the ends.
+    /// From one percentile (0..=100) of the series' volume to another; values beyond have the colours of the ends.
     Percentile(f64, f64),
-    /// Symmetric about 0, out to the farther one of two such percentiles.
+    /// Symmetric about 0, out to the larger magnitude of two percentiles.
     #[serde(rename = "symmetric-percentile")]
     SymmetricPercentile(f64, f64),
     /// The positive part of the series' range, log-spaced.
@@ -32,7 +32,7 @@ pub enum RangePolicy {
     LogManual(f64, f64),
 }
 
-/// Where a logarithmic axis starts if the series reaches down to zero or below: this share of the upper end (six decades).
+/// Lower end of a logarithmic axis, as a share of the upper end (six decades), if the series reaches down to zero or below.
 const LOG_FLOOR: f64 = 1e-6;
 
 /// The scalars that the axis 0..=1 of a transfer function covers: linear or log-spaced from `lo` to `hi`, `lo` < `hi`.
@@ -44,7 +44,7 @@ pub struct MappedRange {
     log: bool,
 }
 
-/// A range as it is read.
+/// The serialized form of a range.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RangeText {
@@ -111,8 +111,7 @@ impl MappedRange {
         scalar.clamp(lo, hi)
     }
 
-    /// The position of a scalar on the axis, also outside of 0..=1; minus infinity for a scalar that a log-spaced range
-    /// cannot reach.
+    /// The position of a scalar on the axis, also outside of 0..=1; minus infinity on a log-spaced range if the scalar is not positive.
     pub fn position_of(&self, scalar: f64) -> f64 {
         if !self.log {
             return (scalar - self.lo) / (self.hi - self.lo);
@@ -128,8 +127,7 @@ impl RangePolicy {
     /// v/2..3v/2 (v/2..2v if log-spaced), or -1/2..1/2 for v = 0.
     ///
     /// # Errors
-    /// If the range is not finite (for one, because all scalars are), has no positive part where one is needed, or if a
-    /// manual range is empty.
+    /// If the range is not finite (for one, because no scalar is), has no positive part where one is needed, or a manual range is empty.
     pub fn resolve(&self, series: (f64, f64), step: (f64, f64)) -> Result<MappedRange, TransferError> {
         match *self {
             Self::Series => linear(series),
@@ -157,8 +155,8 @@ impl RangePolicy {
         matches!(self, Self::Percentile(..) | Self::SymmetricPercentile(..))
     }
 
-    /// The policy with scalars in place of percentiles. Where both percentiles are the same scalar, or there is none, all of the series
-    /// is covered.
+    /// The policy with percentiles replaced by scalars. Where both percentiles are the same scalar, or there is none, the range of the
+    /// series is used.
     #[must_use]
     pub fn settled(&self, values: &Distribution) -> Self {
         let (Self::Percentile(from, to) | Self::SymmetricPercentile(from, to)) = *self else { return *self };
@@ -176,7 +174,7 @@ impl RangePolicy {
     }
 }
 
-/// A range that was measured on data, if it is one.
+/// A range measured on data; fails if it is not finite or empty.
 fn measured((lo, hi): (f64, f64)) -> Result<(f64, f64), TransferError> {
     let bad = |problem| Err(TransferError::BadRange { lo, hi, problem });
     if !(lo.is_finite() && hi.is_finite()) {
@@ -363,7 +361,7 @@ mod tests {
             }
             let symmetric = RangePolicy::Symmetric.resolve((v, v), (v, v)).unwrap();
             assert!(symmetric.lo() < symmetric.hi() && symmetric.lo() == -symmetric.hi());
-            // Its own ends make no axis: every scalar would be nowhere.
+            // The range v..v has no axis: every position would be NaN.
             assert!(((v - v) / (v - v)).is_nan() && MappedRange::new(v, v, false).is_err());
         }
     }

@@ -4,8 +4,8 @@ use super::TransferError;
 use super::color_map::lerp;
 use serde::{Deserialize, Serialize};
 
-/// A strictly increasing, piecewise linear map of positions 0..=1 to positions 0..=1, with f(0) = 0 and f(1) = 1
-/// exactly (equations 7.3 and 7.4); outside of 0..=1 it changes nothing.
+/// A strictly increasing, piecewise linear map of positions 0..=1 to positions 0..=1, with f(0) = 0 and f(1) = 1 exactly (equations 7.3 and
+/// 7.4); the identity outside of 0..=1.
 ///
 /// The position x of a scalar on its range becomes the position f(x) on the axis of a transfer function. Flat pieces are
 /// not allowed: all their scalars would have one position, and a curve over the scalar would have no point for it.
@@ -19,7 +19,7 @@ pub struct RangeMap {
     points: Vec<[f64; 2]>,
 }
 
-/// A map as data.
+/// The serialized form of a map.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct InnerPoints {
@@ -29,11 +29,11 @@ struct InnerPoints {
 /// The share of the axis that [`RangeMap::equalised`] spreads evenly, so that no part without values becomes flat.
 const EVEN_SHARE: f64 = 1.0 / 256.0;
 
-/// How far in y the points that [`RangeMap::equalised`] keeps may be off those that it leaves out.
+/// Largest error in y, at omitted points, of the map that [`RangeMap::equalised`] simplifies.
 const EQUALISED_TOLERANCE: f64 = 1.0 / 512.0;
 
 impl Default for RangeMap {
-    /// The map that changes nothing.
+    /// The identity.
     fn default() -> Self {
         Self { points: vec![[0.0; 2], [1.0; 2]] }
     }
@@ -54,11 +54,11 @@ impl From<RangeMap> for InnerPoints {
 }
 
 impl RangeMap {
-    /// What editing leaves between neighbours, in x and in y. Positions near 1 are multiples of 2^-53, so that there are
-    /// still two million of them in between.
+    /// Least distance between neighbours after editing, in x and in y. Positions near 1 are multiples of 2^-53, so that two million of them
+    /// still lie in between.
     pub const GAP: f64 = 1.0 / 4_294_967_296.0;
 
-    /// A map through the points [x, y] between its ends, sorted.
+    /// A map through its inner points [x, y], sorted.
     ///
     /// # Errors
     /// If the points do not lie between 0 and 1, or x or y does not increase.
@@ -74,7 +74,7 @@ impl RangeMap {
     }
 
     /// The map that gives equally many values to equal parts of the axis (histogram equalisation, equations 7.1 and 7.2),
-    /// from the counts of values in equally wide bins of 0..=1. Without counts nothing changes.
+    /// from the counts of values in equally wide bins of 0..=1. Without counts it is the identity.
     ///
     /// Equation 7.1 as printed sums over x_j < x_i: it begins at 0, but ends at 1 less the share of the last value. Here
     /// the sum is taken up to each edge between bins, so that f(1) = 1. A 256th of the axis is spread evenly, and points
@@ -100,7 +100,7 @@ impl RangeMap {
         map
     }
 
-    /// Appends a point, unless that is too near to the last one.
+    /// Appends a point, unless it is too near to the last one.
     fn push_apart(&mut self, [x, y]: [f64; 2]) {
         if self.points.last().is_none_or(|last| last[0] + Self::GAP <= x && last[1] + Self::GAP <= y) {
             self.points.push([x, y]);
@@ -112,7 +112,7 @@ impl RangeMap {
         &self.points
     }
 
-    /// f(x), by equation 7.4: exact at points, never out of its segment, never falling.
+    /// f(x), by equation 7.4: exact at points, never outside its segment, never falling.
     pub fn eval(&self, x: f64) -> f64 {
         self.along(x, 0, 1)
     }
@@ -122,18 +122,17 @@ impl RangeMap {
         self.along(y, 1, 0)
     }
 
-    /// Coordinate `to` of the point of the map at which coordinate `from` is `at`.
+    /// Interpolates coordinate `to` where coordinate `from` is `at`.
     fn along(&self, at: f64, from: usize, to: usize) -> f64 {
         let after = self.points.partition_point(|p| p[from] <= at);
         match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
-            // Every operation of 7.4 keeps the order of two numbers, rounding included; only the end may be passed.
+            // Every operation of 7.4 keeps the order of two numbers, rounding included; only the end may be exceeded.
             (Some(a), Some(b)) => ((at - a[from]) / (b[from] - a[from]) * (b[to] - a[to]) + a[to]).min(b[to]),
             _ => at,
         }
     }
 
-    /// The map with one more point on it, at `x`, and the point's index; it goes through the same places. `None` if there
-    /// is no room: nearer than [`RangeMap::GAP`] to another one.
+    /// The same map with one more point, at `x`, and the point's index. `None` if it is nearer than [`RangeMap::GAP`] to another one.
     pub fn with_point(&self, x: f64) -> Option<(Self, usize)> {
         let point = [x, self.eval(x)];
         let index = self.points.partition_point(|p| p[0] <= x);
@@ -147,7 +146,7 @@ impl RangeMap {
         Some((map, index))
     }
 
-    /// The map without a point; the ends stay.
+    /// The map without a point; the ends cannot be removed.
     #[must_use]
     pub fn without_point(&self, index: usize) -> Self {
         let mut map = self.clone();
@@ -161,7 +160,7 @@ impl RangeMap {
         index > 0 && index + 1 < self.points.len()
     }
 
-    /// The map with a point where it was dragged to, or as near as its neighbours let it; the ends stay.
+    /// The map with a point dragged to `to`, or as near as its neighbours allow; the ends stay.
     #[must_use]
     pub fn with_moved(&self, index: usize, to: [f64; 2]) -> Self {
         let mut map = self.clone();
@@ -218,7 +217,7 @@ impl RangeMap {
         }
     }
 
-    /// From `a` at 0 to `b` at 1: f(x) is (1 - f) a(x) + f b(x) at every x. Exactly `a` and `b` at both ends.
+    /// Interpolates from `a` at 0 to `b` at 1: f(x) is (1 - f) a(x) + f b(x) at every x. Exactly `a` and `b` at both ends.
     #[must_use]
     pub fn mix(a: &Self, b: &Self, f: f64) -> Self {
         if f.is_nan() || f <= 0.0 || a == b {
@@ -232,7 +231,7 @@ impl RangeMap {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(xs.len());
         for x in xs {
             let point = [x, lerp(a.eval(x), b.eval(x), f)];
-            // Two that are equal but for rounding are one.
+            // Points that differ only by rounding are merged.
             if points.last().is_none_or(|last| last[0] < point[0] && last[1] < point[1]) {
                 points.push(point);
             }
@@ -245,12 +244,12 @@ impl RangeMap {
     }
 }
 
-/// The points, from the second one on, that a line through them needs to pass all others within [`EQUALISED_TOLERANCE`].
+/// The points, from the second one on, of a simplified polyline that passes all others within [`EQUALISED_TOLERANCE`].
 fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut kept = Vec::new();
     let mut start = 0;
     while start + 1 < points.len() {
-        // The slopes from the start that pass all points so far within tolerance.
+        // Range of slopes from the start that pass all points so far within tolerance.
         let (mut least, mut most, mut end) = (f64::NEG_INFINITY, f64::INFINITY, start + 1);
         for (i, p) in points.iter().enumerate().skip(start + 1) {
             let (dx, dy) = (p[0] - points[start][0], p[1] - points[start][1]);

@@ -68,7 +68,7 @@ fn equalising_gives_equal_parts_of_the_axis_to_equally_many_values() {
         let below = |i: usize| counts[..i].iter().sum::<u64>() as f64 / 100.0;
         (0..10).map(|i| (map.eval(i as f64 / 10.0) - below(i)).abs()).fold(0.0, f64::max)
     };
-    // The even share and what is left out; two values elsewhere are more.
+    // Even share and simplification; two values elsewhere change more.
     assert!(off(&map) <= EVEN_SHARE + EQUALISED_TOLERANCE, "{}", off(&map));
     assert!(off(&RangeMap::equalised(&[3, 87, 2, 1, 1, 2, 1, 1, 1, 1])) > EVEN_SHARE + EQUALISED_TOLERANCE);
     assert!(map.eval(0.2) - map.eval(0.1) > 0.88 && is_valid(&map));
@@ -155,7 +155,7 @@ proptest! {
             prop_assert!((map.eval(x) - exact).abs() <= EQUALISED_TOLERANCE + 1e-9, "{x}");
         }
         let slopes = map.points().windows(2).map(|p| (p[1][1] - p[0][1]) / (p[1][0] - p[0][0]));
-        // The even share, less the tolerance at both ends of a piece, is not enough for a bound; that it rises is.
+        // The even share, less the tolerance at both ends of a piece, gives no bound; slopes are positive.
         prop_assert!(slopes.into_iter().all(|s| s > 0.0));
     }
 

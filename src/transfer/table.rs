@@ -1,14 +1,14 @@
-//! From a transfer function to the fewest nodes that follow it.
+//! Builds the fewest nodes that follow a transfer function.
 //!
-//! The curve ([`profile`](super::profile)) is cut at its *kept* points: steps, ends, and each point at which opacity stops
-//! rising or falling, or goes on at another slope. So no spike is lost, however low or narrow, and extinction is zero exactly where the curve is. In a
-//! piece between two of them the table goes, from a node on the curve, to the farthest place on the curve to which a
-//! straight line stays within the tolerance ([`tolerance`](super::tolerance)) of it everywhere; that place is the next node. Whether it
-//! does is decided without sampling: colours are compared at the points of the curve; optical depths of the line against those of the
-//! curve also at the one place between two points where their difference is stationary, which has a closed form.
+//! The curve ([`profile`](super::profile)) is cut at its *kept* points: steps, ends, and each point at which opacity stops rising or
+//! falling, or changes its slope. So no spike is lost, however low or narrow, and extinction is zero exactly where the curve is. In a piece
+//! between two of them the table goes, from a node on the curve, to the farthest place on the curve to which a straight line stays within
+//! the tolerance ([`tolerance`](super::tolerance)) of it everywhere; that place is the next node. Whether it does is decided without
+//! sampling: colours are compared at the points of the curve; optical depths of the line against those of the curve also at the one place
+//! between two points where their difference is stationary, which has a closed form.
 //!
-//! Nodes inside a piece may be off the curve by the tolerance, which makes lines longer by up to the square root of two: colours as it
-//! comes, optical depths where the curve is convex, to the side away from the lines.
+//! Nodes inside a piece may be off the curve by the tolerance, which makes lines longer by up to the square root of two: colours to either
+//! side, optical depths only where the curve is convex, away from the lines.
 //!
 //! Opacity 1 would be infinite extinction. Where it holds over an interval the table has [`OPAQUE_DEPTH`]; where the curve
 //! only touches it, extinction ends at [`RAMP_DEPTH`].
@@ -26,7 +26,7 @@ use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-/// What the values of opacity points mean, a, over the unit distance u.
+/// Meaning of opacity values, a, over the unit distance u.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OpacityKind {
@@ -45,42 +45,40 @@ words!(OpacityKind, "there is no opacity kind", ["alpha" = Alpha, "extinction" =
 /// digit of its length, which single precision does not have.
 pub(super) const OPAQUE_DEPTH: f64 = (1u64 << 40) as f64;
 
-/// Largest optical depth of a unit distance elsewhere: a transmittance of 2^-24, the last that an opacity in f32 tells
-/// from none.
+/// Largest optical depth of a unit distance elsewhere: a transmittance of 2^-24, the smallest that an f32 opacity distinguishes from 0.
 const RAMP_DEPTH: f64 = 24.0 * std::f64::consts::LN_2;
 
-/// The opacity of that depth.
+/// The opacity of [`RAMP_DEPTH`].
 const RAMP_OPACITY: f64 = 1.0 - 1.0 / (1 << 24) as f64;
 
-/// The part of the tolerance that curves have: refinement of logarithmic axes, and division by opacities. Small, since most curves
+/// The part of the tolerance that curves may use: for refinement of logarithmic axes, and division by opacities. Small, since most curves
 /// are exact.
 pub(super) const CURVE_PART: f64 = 1.0 / 16.0;
 
-/// Slopes of opacity that differ by this part of the larger one are a kink. The points of a refined logarithmic axis are none.
+/// Relative difference of two slopes of opacity that makes a kink. Points of a refined logarithmic axis are none.
 const KINK: f64 = 1.0 / 64.0;
 
-/// The least length of a line inside a piece, as a share of its scalar: far below the spacing of single precision, which scalars have.
-/// In a ramp to opacity 1 that is some million scalars of double precision wide no longer line is close enough.
+/// Least length of a line inside a piece, as a share of its scalar: far below the f32 spacing that scalars have. In a ramp to opacity 1
+/// that is some million f64 scalars wide no longer line is close enough.
 const SHORTEST: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// How far nodes lie below a convex curve, as a part of the tolerance: not all, so that rounding does not take them beyond it.
+/// How far nodes lie below a convex curve, as a part of the tolerance: less than 1 as a margin for rounding.
 const BELOW: f64 = 15.0 / 16.0;
 
-/// Rounding of a place on a ramp, as a part of its larger end: of the interpolation, and of its scalar as a part of the width.
+/// Rounding of an opacity on a ramp, as a part of its larger end: of the interpolation, and of its scalar as a part of the width.
 const RAMP_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// How closely the farthest end of a line is found, as a part of its length.
+/// Precision of the farthest end of a line, as a part of its length.
 const LENGTH_PRECISION: f64 = 1.0 / 256.0;
 
-/// Bisections that find it, at most.
+/// Most bisections to find it.
 const MOST_BISECTIONS: u32 = 44;
 
 /// The table of `tf` over `range`: on every path of up to `lengths.longest_path` its optical depth is within
-/// [`DEPTH_TOLERANCE`](super::DEPTH_TOLERANCE) or within [`DEPTH_SHARE`](super::DEPTH_SHARE) of that of the transfer function, and
-/// colours, by as much as is seen of them, within [`COLOR_TOLERANCE`](super::COLOR_TOLERANCE).
+/// [`DEPTH_TOLERANCE`](super::DEPTH_TOLERANCE) or within [`DEPTH_SHARE`](super::DEPTH_SHARE) of that of the transfer function, and visible
+/// colours are within [`COLOR_TOLERANCE`](super::COLOR_TOLERANCE).
 ///
-/// Values of the transfer function that are extinctions already ([`OpacityValues::Extinction`]) are taken as they are,
-/// whatever `kind` and unit distance.
+/// Extinctions ([`OpacityValues::Extinction`]) are used unchanged, whatever `kind` and unit distance.
 ///
 /// # Errors
 /// If a length is not positive and finite or the unit distance so small that extinction overflows, an opacity is above 1 (alpha),
@@ -119,7 +117,7 @@ pub(super) fn node_table(
     Ok(NodeTable::new(nodes)?)
 }
 
-/// A node with the optical depth of a unit distance in place of extinction.
+/// A node with the optical depth of a unit distance instead of extinction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Vertex {
     scalar: f64,
@@ -136,7 +134,7 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind, tolerance: &Tolerance) ->
         }
     };
     let (first, last) = (curve[0], curve[curve.len() - 1]);
-    // Below and above the curve its end values hold on, so that opacity 1 there is an interval.
+    // Below and above the curve its end values continue, so that opacity 1 there is an interval.
     let outside = |scalar, side: Side| Vertex { scalar, rgb: side.rgb, depth: constant_depth(side.value, kind) };
     add(outside(first.scalar, first.left));
     let kept: Vec<usize> = (0..curve.len()).filter(|&i| is_kept(curve, i)).collect();
@@ -149,7 +147,7 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind, tolerance: &Tolerance) ->
         }
     }
     add(outside(last.scalar, last.right));
-    // Where nothing is seen, one vertex says so.
+    // Of the transparent vertices at each end only the innermost stays.
     let is_transparent = |v: &Vertex| v.depth == 0.0;
     let seen = |v: &Vertex| !is_transparent(v);
     let end = vertices.iter().rposition(seen).map_or(1, |i| i + 2).min(vertices.len());
@@ -157,7 +155,7 @@ fn vertices(curve: &[ProfilePoint], kind: OpacityKind, tolerance: &Tolerance) ->
     vertices[start..end].to_vec()
 }
 
-/// The curve with a point where a ramp passes the opacity at which its depth rises no more: a kink of the depth, not of the opacity.
+/// Adds a point where a ramp reaches the opacity at which its depth is capped: a kink of the depth, not of the opacity.
 fn with_ramp_ends(curve: &[ProfilePoint]) -> Vec<ProfilePoint> {
     let mut points = Vec::with_capacity(curve.len());
     for (i, point) in curve.iter().enumerate() {
@@ -185,7 +183,7 @@ fn constant_depth(value: f64, kind: OpacityKind) -> f64 {
     }
 }
 
-/// Optical depth of a unit distance at a value of a ramp: bounded.
+/// Optical depth of a unit distance at a value of a ramp, capped at [`RAMP_DEPTH`].
 fn curve_depth(value: f64, kind: OpacityKind) -> f64 {
     match kind {
         OpacityKind::Alpha => (-(-value).ln_1p()).min(RAMP_DEPTH),
@@ -201,7 +199,7 @@ fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
     let (before, here, after) = (&curve[i - 1], &curve[i], &curve[i + 1]);
     let is_transparent = |a: &Side, b: &Side| a.value == 0.0 && b.value == 0.0;
     if is_transparent(&before.right, &here.left) && is_transparent(&here.right, &after.left) {
-        return false; // Colours do not matter there.
+        return false; // Colours do not matter where it is transparent.
     }
     let trend = |a: &Side, b: &Side| b.value.partial_cmp(&a.value).unwrap_or(Ordering::Equal);
     here.left != here.right || trend(&before.right, &here.left) != trend(&here.right, &after.left) || {
@@ -212,7 +210,7 @@ fn is_kept(curve: &[ProfilePoint], i: usize) -> bool {
     }
 }
 
-/// The vertices of a piece without opacity: its ends, in the colours of the pieces next to it, so that they are no steps.
+/// The vertices of a transparent piece: its ends, with the colours of the neighbouring pieces, so that they are no steps.
 fn transparent_piece(piece: &[ProfilePoint]) -> [Vertex; 2] {
     let (a, b) = (piece[0], piece[piece.len() - 1]);
     let start = Vertex { scalar: a.scalar, rgb: a.left.rgb, depth: 0.0 };
@@ -224,7 +222,7 @@ fn transparent_piece(piece: &[ProfilePoint]) -> [Vertex; 2] {
 struct Place {
     scalar: f64,
     side: Side,
-    /// The largest optical depth of a unit distance between the points of the curve next to it.
+    /// The largest optical depth of a unit distance between the neighbouring points of the curve.
     depth_around: f64,
 }
 
@@ -233,13 +231,13 @@ struct Piece {
     places: Vec<Place>,
     kind: OpacityKind,
     tolerance: Tolerance,
-    /// Depth where opacity is constant: the table's is the same.
+    /// Optical depth of a unit distance, if opacity is constant.
     constant_depth: Option<f64>,
-    /// Whether opacity is linear from end to end: its optical depth is convex then.
+    /// Whether opacity is linear from end to end: its optical depth is then convex.
     is_ramp: bool,
 }
 
-/// Where a line of the table starts: a place on the curve, and the vertex there, whose colour may be off it.
+/// Start of a line of the table: a place on the curve, and the vertex there, whose colour may be off the curve.
 struct Start {
     place: Place,
     vertex: Vertex,
@@ -342,7 +340,7 @@ impl Piece {
         if let Some(rgb) = line_to(good).filter(|_| at(good).scalar >= shortest.min(to.scalar)) {
             return Start { place: at(good), vertex: self.vertex(&at(good), rgb) };
         }
-        // No scalar lies between the start and the farthest place: the table takes the next one.
+        // No f64 scalar lies between the start and the farthest place: the shortest line is taken.
         let share = (shortest - from.scalar) / (to.scalar - from.scalar);
         let place = if shortest < to.scalar { between(shortest, share) } else { to };
         Start { place, vertex: self.vertex(&place, place.side.rgb) }
@@ -353,7 +351,7 @@ impl Piece {
         Vertex { scalar: place.scalar, rgb, depth }
     }
 
-    /// Optical depth of a node: that of the curve at the ends of the piece; between them lower where lines lie above the curve.
+    /// Optical depth of a node: on the curve at the ends of the piece; lower in between where lines lie above the curve.
     fn depth(&self, place: &Place) -> f64 {
         let depth = curve_depth(place.side.value, self.kind);
         let ends = [0, self.places.len() - 1].map(|end| self.places[end].scalar);
@@ -364,15 +362,15 @@ impl Piece {
         (depth - BELOW * tolerance).max(0.0)
     }
 
-    /// The colour at place `b` of a line from `start` that passes the points `between` within tolerance, if there is one:
-    /// that of the curve if possible (and if `exact`, nothing else), otherwise the nearest to it.
+    /// The colour at place `b` of a line from `start` that passes the points `between` within tolerance, if there is one: that of the curve
+    /// if possible (with `exact`, only that), otherwise the nearest to it.
     fn line_end(&self, start: &Start, between: &[Place], b: &Place, exact: bool) -> Option<[f64; 3]> {
         let (a, end_depth) = (start.vertex, self.vertex(b, b.side.rgb).depth);
         let width = b.scalar - a.scalar;
         if width <= 0.0 {
             return None;
         }
-        // Per channel the colours at b whose line passes all points within tolerance.
+        // Per channel the range of colours at b whose line passes all points within tolerance.
         let (mut least, mut most) = ([0.0_f64; 3], [1.0_f64; 3]);
         let mut previous = (a.depth, start.place.side.value);
         for place in between.iter().chain([b]) {
@@ -395,8 +393,8 @@ impl Piece {
         (!exact || rgb == b.side.rgb).then_some(rgb)
     }
 
-    /// Whether between two neighbouring places the line's depth, from `a.0` to `b.0`, fits the curve's value, from `a.1` to
-    /// `b.1`; both are linear there. All of it is within the absolute tolerance, or all within the relative one.
+    /// Whether between two neighbouring places the line's depth, from `a.0` to `b.0`, fits the curve's value, from `a.1` to `b.1`; both are
+    /// linear there. Either the absolute or the relative tolerance must hold throughout.
     fn opacity_fits(&self, a: (f64, f64), b: (f64, f64)) -> bool {
         let (absolute, share) = (self.tolerance.of_depth(), self.tolerance.share_of_depth());
         self.is_within(a, b, absolute, 0.0) || self.is_within(a, b, 0.0, share)
@@ -404,8 +402,8 @@ impl Piece {
 
     /// Whether the line is nowhere off the curve's depth d by more than `absolute + share * d`.
     ///
-    /// How far it lies below is largest at an end: d is linear or convex. How far it lies above is, of opacities, also stationary at one
-    /// place: that of (1 + share) d' = line', and d' = a' / (1 - a).
+    /// The line is farthest below the curve at an end, since d is linear or convex. For opacities it may be farthest above also at the one
+    /// stationary point of the difference: where (1 + share) d' = line', and d' = a' / (1 - a).
     fn is_within(&self, a: (f64, f64), b: (f64, f64), absolute: f64, share: f64) -> bool {
         let fits = |(line, value): (f64, f64)| {
             let depth = curve_depth(value, self.kind);

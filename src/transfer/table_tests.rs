@@ -21,7 +21,7 @@ fn formula(tf: &TransferFunction, range: &MappedRange, scalar: f64) -> ([f64; 3]
     (tf.color_map().eval(position), value)
 }
 
-/// Largest error of a colour, as it is seen, and of an optical depth, as parts of their tolerances; beyond what rounding of positions,
+/// Largest error of a visible colour, and of an optical depth, relative to their tolerances; without errors that rounding of positions,
 /// which moves colours and values by `slack`, explains.
 fn errors(
     table: &NodeTable,
@@ -52,7 +52,7 @@ fn errors(
     })
 }
 
-/// Rounding of what is compared.
+/// 1 with a margin for rounding.
 const WHOLE: f64 = 1.0 + 1e-6;
 
 fn tf(text: &str) -> TransferFunction {
@@ -78,7 +78,7 @@ fn built_in_maps_need_no_more_nodes_than_they_have_points() {
         let (found, nodes) = (error(&table("@0:0.1,1:0.1")), table("@0:0.1,1:0.1").nodes().len());
         assert!(found.0 <= WHOLE && found.1 <= WHOLE, "{name}: {found:?}");
         assert!(nodes <= tf.color_map().points().len(), "{name}: {nodes} nodes");
-        // Another opacity is noticed, and the map from its other end.
+        // Another opacity is noticed, and the reversed map.
         let other = error(&table("_r@0:0.1,1:0.10001"));
         assert!(other.0 > 10.0 && other.1 > WHOLE, "{name}: {other:?}");
     }

@@ -232,8 +232,8 @@ fn the_shipped_files_are_those_compiled_in() {
 #[test]
 fn extinction_is_that_of_the_opacity_of_a_unit_distance() {
     let (range, unit) = (MappedRange::new(2.0, 5.0, false).unwrap(), 0.25);
-    // Constant, and a ramp so low that the table is the line between its ends, whatever it is allowed to be off by: a table that
-    // cannot follow a wrong formula would be refined for ever.
+    // Constant, and a ramp so low that the table is the line between its ends, whatever the tolerance: a table that cannot follow a wrong
+    // formula would be refined for ever.
     for ends in [[0.15, 0.15], [0.5, 0.5], [1e-9, 3e-9]] {
         let tf = TransferFunction::parse(format!("gray@0:{},1:{}", ends[0], ends[1])).unwrap();
         let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(unit)).unwrap();

@@ -11,14 +11,14 @@ use std::path::Path;
 impl TransferFunction {
     /// Reads the text of `--tf`:
     /// - `MAP@0:0,0.4:0.2,1:0`: a colour map, then position as a fraction of the range : opacity;
-    /// - `MAP` alone: the opacities that its file has, else [`TransferFunction::ramp`];
-    /// - `FILE.json` that holds a transfer function ([`TransferFunction::read`]).
+    /// - `MAP` alone: the opacities of its file, else [`TransferFunction::ramp`];
+    /// - `FILE.json` with a transfer function ([`TransferFunction::read`]).
     ///
     /// MAP is a built-in name, or a ParaView `FILE.json` or `FILE.json#NAME`; with the suffix `_r` it is reversed, together
     /// with the opacities of its file.
     ///
     /// # Errors
-    /// Name the offending part; an unknown map comes with the list of maps.
+    /// They name the offending part; for an unknown map they list the known ones.
     pub fn parse(text: impl AsRef<OsStr>) -> Result<Self, TransferError> {
         let text = text.as_ref();
         let Some((map, points)) = map_and_points(text) else { return Self::without_points(text) };
@@ -44,8 +44,7 @@ impl TransferFunction {
     }
 }
 
-/// The text before and behind the last '@'. A path may contain '@': what follows it is a list of points only if it looks like no
-/// path.
+/// The text before and after the last '@'. A path may contain '@': the rest is a list of points only if it does not look like a path.
 fn map_and_points(text: &OsStr) -> Option<(OsString, &str)> {
     let bytes = text.as_encoded_bytes();
     let at = bytes.iter().rposition(|&byte| byte == b'@')?;
@@ -59,7 +58,7 @@ fn holds_an_object(path: &Path) -> Result<bool, FileError> {
     Ok(text.trim_start().starts_with('{'))
 }
 
-/// One `POSITION:OPACITY`, after points at the two `previous` positions.
+/// Parses one `POSITION:OPACITY` that follows points at the two `previous` positions.
 fn parse_point(part: &str, previous: [f64; 2]) -> Result<OpacityPoint, TransferError> {
     let bad = |problem: &str| TransferError::BadText { part: part.to_owned(), problem: problem.to_owned() };
     let (position, value) = part.split_once(':').ok_or_else(|| bad("is no POSITION:OPACITY, as in 0.4:0.2"))?;

@@ -1,4 +1,4 @@
-//! [`Lengths`] that a table is made for, and how far it may be from its transfer function for these.
+//! [`Lengths`] for which a table is made, and how far it may then be from its transfer function.
 
 use super::TransferError;
 use super::table::{OPAQUE_DEPTH, OpacityKind};
@@ -13,26 +13,27 @@ pub const DEPTH_TOLERANCE: f64 = 1e-5;
 /// Largest error of the optical depth of a path, as a share of it, if that is larger than [`DEPTH_TOLERANCE`].
 pub const DEPTH_SHARE: f64 = 2.7e-5;
 
-/// Largest error of a colour channel of a pixel: of the colour at a scalar, times the opacity of that scalar over the longest path.
+/// Largest error of a colour channel of a pixel: the error of the colour at a scalar, times the opacity of that scalar over the longest
+/// path.
 pub const COLOR_TOLERANCE: f64 = 1e-5;
 
-/// The part of [`COLOR_TOLERANCE`] that a place may use. A path has places that keep the absolute tolerance and places that keep the
-/// relative one, so the errors of both kinds add up.
+/// The part of [`COLOR_TOLERANCE`] that one scalar may use. A path has scalars that keep the absolute tolerance and scalars that keep the
+/// relative one, so the errors of both add up.
 const COLOR_PART: f64 = 0.5;
 
-/// The part of [`DEPTH_TOLERANCE`] that a place may use. It is small because the absolute tolerance holds only at the foot of ramps,
-/// where few lines follow it.
+/// The part of [`DEPTH_TOLERANCE`] that one scalar may use. Small because the absolute tolerance holds only at the foot of ramps, where few
+/// lines follow it.
 const DEPTH_PART: f64 = 1.0 / 16.0;
 
-/// The part of [`DEPTH_SHARE`] that a place may use. It is what the absolute tolerance leaves, because this one decides how long lines
-/// are where there is something to be seen.
+/// The part of [`DEPTH_SHARE`] that one scalar may use: the rest, because this tolerance decides how long lines are where the function is
+/// visible.
 const SHARE_PART: f64 = 1.0 - DEPTH_PART;
 
-/// Tolerance of the lines of a table over several axes, which are farther than this from what they lie between: of colours, and of
-/// the optical depth d of a unit distance the larger one of this and this part of d.
+/// Tolerance of the lines of a joint table, which differ by more from their neighbours: for colours, and for the optical depth d of a unit
+/// distance the larger of this and this part of d.
 pub const JOINT_TOLERANCE: f64 = 1.0 / 4096.0;
 
-/// The lengths that a table is made for, in world units.
+/// The lengths for which a table is made, in world units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lengths {
@@ -48,12 +49,12 @@ impl Lengths {
         Self { unit_distance, longest_path }
     }
 
-    /// As by default: opacities refer to 1 % of the diagonal of the mesh's box.
+    /// The default: opacities refer to 1 % of the diagonal of the mesh's box.
     pub fn of_diagonal(diagonal: f64) -> Self {
         Self::new(0.01 * diagonal, diagonal)
     }
 
-    /// The other way round: a unit distance, and a longest path of a hundred of them.
+    /// A unit distance, and a longest path of a hundred of them.
     pub fn of_unit_distance(unit_distance: f64) -> Self {
         Self::new(unit_distance, 100.0 * unit_distance)
     }
@@ -69,63 +70,64 @@ impl Lengths {
     }
 }
 
-/// How far something may be from a transfer function, at a scalar.
+/// Allowed distance from a transfer function at a scalar.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerance {
-    /// Of a colour channel where the longest path is opaque.
+    /// Error of a colour channel where the longest path is opaque.
     color: f64,
-    /// Of the optical depth of a unit distance: this,
+    /// Error of the optical depth of a unit distance: this,
     depth: f64,
-    /// or this part of it, whichever is larger.
+    /// or this part of the depth, whichever is larger.
     share: f64,
-    /// The longest path in unit distances.
+    /// Length of the longest path in unit distances.
     units: f64,
 }
 
 impl Tolerance {
-    /// What keeps a path of up to the longest length within [`DEPTH_TOLERANCE`] or [`DEPTH_SHARE`], and [`COLOR_TOLERANCE`].
+    /// The tolerance that keeps paths of up to the longest length within [`DEPTH_TOLERANCE`] or [`DEPTH_SHARE`], and [`COLOR_TOLERANCE`].
     pub fn of_paths(lengths: &Lengths) -> Self {
-        // A path that is shorter than a unit distance asks for no more than that does.
+        // Paths shorter than a unit distance need no closer tolerance.
         let units = (lengths.longest_path / lengths.unit_distance).max(1.0);
         let (depth, share) = (DEPTH_PART * DEPTH_TOLERANCE / units, SHARE_PART * DEPTH_SHARE);
         Self { color: COLOR_PART * COLOR_TOLERANCE, depth, share, units }
     }
 
-    /// Of a line of a table over several axes.
+    /// The tolerance of a line of a joint table.
     pub fn of_joint() -> Self {
         Self { color: JOINT_TOLERANCE, depth: JOINT_TOLERANCE, share: JOINT_TOLERANCE, units: f64::INFINITY }
     }
 
-    /// A part of it.
+    /// The tolerance times `part`.
     pub fn part(self, part: f64) -> Self {
         Self { color: part * self.color, depth: part * self.depth, share: part * self.share, ..self }
     }
 
-    /// The same tolerance of colours, seen or not.
+    /// The tolerance with colours checked even where transparent.
     pub fn everywhere(self) -> Self {
         Self { units: f64::INFINITY, ..self }
     }
 
-    /// Of a colour channel where the optical depth of a unit distance is `depth`: what little is seen may be off by more.
+    /// Allowed error of a colour channel where the optical depth of a unit distance is `depth`: nearly transparent colours may be off by
+    /// more.
     pub fn of_color(&self, depth: f64) -> f64 {
         self.color / (depth * self.units).min(1.0)
     }
 
-    /// Of an optical depth of a unit distance, whatever it is.
+    /// Absolute error allowed of the optical depth of a unit distance.
     pub fn of_depth(&self) -> f64 {
         self.depth
     }
 
-    /// Of such a depth, as a part of it.
+    /// Relative error allowed of the optical depth of a unit distance.
     pub fn share_of_depth(&self) -> f64 {
         self.share
     }
 
-    /// Of a value between `least` and `most`, which are opacities or optical depths of a unit distance.
+    /// Error allowed of a value between `least` and `most`, which are opacities or optical depths of a unit distance.
     pub fn of_value(&self, kind: OpacityKind, least: f64, most: f64) -> f64 {
         match kind {
             OpacityKind::Extinction => self.depth.max(self.share * least),
-            // The depth -ln(1 - a) rises by 1 / (1 - a) times what a does; where it is 24 ln 2 a table ends.
+            // The depth -ln(1 - a) changes 1 / (1 - a) times as fast as a; a table caps it at 24 ln 2.
             OpacityKind::Alpha => {
                 let transparent = (1.0 - most).max(1.0 / f64::from(1 << 24));
                 transparent * self.depth.max(self.share * -(-least).ln_1p())

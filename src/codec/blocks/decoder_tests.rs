@@ -1,4 +1,4 @@
-//! Decoders with a cache, on a source that watches them.
+//! Decoders with a cache, on an instrumented source.
 
 use super::*;
 use crate::codec::chunk::PIECE_BYTES;
@@ -8,7 +8,7 @@ use crate::codec::vq::{VqDecoder, VqEncoder, VqOptions, VqParameters};
 use crate::codec::{Decoder, Encoder, ReadRange, Wanted};
 use std::path::PathBuf;
 
-/// A source that can be damaged, counts its reads and raises a flag at one of them.
+/// A source that can be damaged, counts its reads and raises a cancel flag at one of them.
 struct Watched {
     objects: Mutex<Objects>,
     reads: AtomicU64,
@@ -24,7 +24,7 @@ impl Watched {
         self.reads.swap(0, Ordering::SeqCst)
     }
 
-    /// The flag, which is raised when that many reads are done.
+    /// A flag that is raised after this many reads.
     fn raise_after(&self, reads: u64) -> Cancel {
         let cancel = Cancel::new();
         *self.raise.lock().unwrap() = Some((reads, cancel.clone()));
@@ -62,7 +62,7 @@ impl ReadRange for Watched {
     }
 }
 
-/// Vertices of a raw step of three pieces and a bit, and of more than one task.
+/// Vertices of a raw step of more than three pieces, and of more than one task.
 const RAW_VERTICES: usize = 3 * PIECE_BYTES / 4 + 1000;
 
 fn raw_value(step: usize, v: usize) -> f32 {
@@ -81,7 +81,7 @@ fn raw(steps: usize) -> Arc<Watched> {
 
 const VQ_VERTICES: usize = 70_000;
 
-/// Three blocks with exponents and special values, of so many vertices that several tasks decode them.
+/// Three blocks with exponents and special values, with enough vertices for several tasks.
 fn vq() -> (Arc<Watched>, VqParameters) {
     let mut objects = Objects::default();
     let options = VqOptions { entries: 16, own_scales: true, ..VqOptions::default() };
@@ -101,7 +101,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Cancels a decode at each of its reads: it stops there, leaves nothing, and can be repeated.
+/// Cancels a decode at each of its reads: it stops there, leaves nothing in the cache, and can be repeated.
 fn cancelled_at_every_read(source: &Watched, cache: &BlockCache, decoder: &dyn Decoder, vertices: usize) {
     let [mut out, mut expected] = [0; 2].map(|_| vec![0.0; vertices]);
     source.reads();
@@ -142,9 +142,9 @@ fn a_cancelled_block_of_vq_stops_at_the_piece_that_is_read() {
     cancelled_at_every_read(&source, &cache, &decoder, VQ_VERTICES);
 }
 
-/// Cancels a decode at each of its looks at the flag; with `chunks`, of all chunks of this length.
+/// Cancels a decode at each of its checks of the flag; with `chunks`, of all chunks of this length.
 fn cancelled_at_every_look(decoder: &dyn Decoder, vertices: usize, chunks: Option<usize>) {
-    /// In no step.
+    /// A value that is in no step.
     const BEFORE: f32 = 7e33;
     let mut expected = vec![0.0; vertices];
     decoder.decode_step(1, &mut expected).unwrap();

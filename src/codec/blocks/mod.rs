@@ -1,21 +1,20 @@
-//! Blocks in memory, within a budget of bytes that several decoders and threads share.
+//! Blocks in memory, within a byte budget shared by several decoders and threads.
 //!
-//! What a decoder reads at once is a block: with codec `vq` 64 compressed steps, with `raw` one step. A [`BlockCache`] keeps
-//! blocks as long as they fit. Whoever plays tells it with [`BlockCache::expect`] which blocks it will need, in the order of
-//! their next use, and has them loaded before they are asked for. When there are too many, these go first:
+//! A block is what a decoder reads at once: 64 compressed steps with codec `vq`, one step with `raw`. A [`BlockCache`] keeps blocks as long
+//! as they fit. A player announces with [`BlockCache::expect`] which blocks it will need, in the order of their next use, and has them
+//! loaded before they are requested. When there are too many, these are evicted first:
 //!
 //! 1. blocks that nobody expects, the one used longest ago first;
 //! 2. of those expected, the one whose next use is furthest away.
 //!
-//! The second rule is the optimal one for blocks of one size (Belady, IBM Systems Journal 5, 1966): in a loop over more than
-//! fits it keeps what it can, where the first alone would throw every block away just before it is needed again. A block
-//! larger than the budget stays, alone, until another one is loaded: a small budget costs time and nothing else. The cache
-//! holds at most the budget and a block that has just been loaded. A thread that uses a block holds it by its [`Arc`]; its
-//! memory is then freed only when that thread is done.
+//! The second rule is the optimal one for blocks of one size (Belady, IBM Systems Journal 5, 1966): in a loop over more than fits it keeps
+//! what it can, where the first alone would evict every block just before it is needed again. A block larger than the budget stays, alone,
+//! until another one is loaded: a small budget costs time and nothing else. The cache holds at most the budget and a block that has just
+//! been loaded. A thread that uses a block holds its [`Arc`]; the memory is freed when that thread is done.
 //!
-//! A block that several threads ask for is loaded by the first of them, without a thread of the pool: one that waits in the
-//! pool could be given this same work. The others wait for it. Failures are not kept, since the file may be restored; if the
-//! load is cancelled, one of those waiting begins it again. For one thread, what is resident depends on the calls alone.
+//! A block that several threads request is loaded by the first of them, without a thread of the pool: one that waits in the pool could be
+//! given this same work. The others wait for it. Failures are not kept, since the file may be restored; if the load is cancelled, one of
+//! the waiting threads begins it again. For one thread, what is resident depends on the calls alone.
 
 #[cfg(test)]
 mod decoder_tests;
@@ -35,27 +34,27 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// How often a thread that waits for another one's load looks at its own flag.
+/// How often a thread that waits for another thread's load checks its own cancel flag.
 const PATIENCE: Duration = Duration::from_millis(2);
 
-/// Tells the blocks of a decoder from those of all others in the process.
+/// Identifies the decoder of a block, within the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct DecoderId(u64);
 
 impl DecoderId {
-    /// One that no other decoder has.
+    /// An identifier that no other decoder has.
     pub fn unique() -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         Self(NEXT.fetch_add(1, Ordering::Relaxed))
     }
 }
 
-/// Names a block in a cache.
+/// Identifies a block in a cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BlockKey {
-    /// Whose block.
+    /// The block's decoder.
     pub decoder: DecoderId,
-    /// Which, counted from 0.
+    /// Number of the block, from 0.
     pub index: usize,
 }
 
@@ -68,12 +67,12 @@ pub enum Block {
     Raw(Arc<Vec<f32>>),
 }
 
-/// A block as it comes from a [`BlockLoader`].
+/// A block as returned by a [`BlockLoader`].
 #[derive(Clone, Debug)]
 pub struct LoadedBlock {
     /// The block.
     pub block: Block,
-    /// Bytes that it takes in memory.
+    /// Size of the block in memory, in bytes.
     pub bytes: u64,
     /// Bytes that were read for it.
     pub bytes_read: u64,
@@ -84,41 +83,41 @@ pub trait BlockLoader: Send + Sync {
     /// The decoder.
     fn id(&self) -> DecoderId;
 
-    /// The block that `step` is in; `None` if there is no such step.
+    /// The block that contains `step`; `None` if there is no such step.
     fn block_of_step(&self, step: usize) -> Option<usize>;
 
-    /// What block `index` will take in memory, as far as that is known before it is read. Must be quick.
+    /// Size of block `index` in memory, as far as that is known before it is read. Must be quick.
     fn expected_bytes(&self, index: usize) -> u64;
 
-    /// Reads a block, unless `cancel` is raised. Must not wait for the pool of threads.
+    /// Reads a block, unless `cancel` is raised. Must not wait for the thread pool.
     ///
     /// # Errors
     /// If it is missing or damaged; the error names the first step of the block. Or `Cancelled`.
     fn load(&self, index: usize, cancel: &Cancel) -> Result<LoadedBlock, Stop>;
 }
 
-/// What a cache holds, and what happened to it so far.
+/// Contents of a cache, and event counts so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CacheStatistics {
     /// Bytes of the blocks in memory.
     pub resident_bytes: u64,
-    /// The most bytes that these ever were, with a block that has just been loaded and before others gave way to it.
+    /// Peak of `resident_bytes`, including a block that has just been loaded, before others were evicted for it.
     pub peak_bytes: u64,
     /// Blocks in memory.
     pub resident_blocks: usize,
-    /// Times that a block was asked for and there, or on its way.
+    /// Requests for a block that was in memory or being loaded.
     pub hits: u64,
-    /// Times that it was not.
+    /// Requests for a block that was neither.
     pub misses: u64,
-    /// Blocks loaded, because they were asked for or ahead of that.
+    /// Blocks loaded, on request or ahead of it.
     pub loads: u64,
-    /// Blocks that gave way to others.
+    /// Blocks evicted.
     pub evictions: u64,
     /// Bytes read for the blocks that were loaded.
     pub bytes_read: u64,
 }
 
-/// Blocks of any decoders, within a budget.
+/// Blocks of any decoders, within a byte budget.
 #[derive(Debug)]
 pub struct BlockCache {
     state: Mutex<State>,
@@ -127,11 +126,11 @@ pub struct BlockCache {
 #[derive(Debug)]
 struct State {
     residents: Residents,
-    /// Blocks on their way and what they are expected to take; few.
+    /// Blocks being loaded and their expected sizes; few.
     loads: Vec<(BlockKey, u64, Arc<Load>)>,
 }
 
-/// A block on its way: the thread that loads it tells the others here how it ended.
+/// A load in progress: the loading thread tells the waiting threads here how it ended.
 #[derive(Debug, Default)]
 struct Load {
     outcome: Mutex<Option<Result<Block, Stop>>>,
@@ -139,7 +138,7 @@ struct Load {
 }
 
 impl Load {
-    /// How the load ended; `Cancelled` also if `cancel` is raised meanwhile.
+    /// Waits until the load has ended; `Cancelled` also if `cancel` is raised meanwhile.
     fn wait(&self, cancel: &Cancel) -> Result<Block, Stop> {
         let mut outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -157,7 +156,7 @@ impl Load {
     }
 }
 
-/// The duty of the thread that loads a block. Dropped without a result, as by a panic, it sends the others on.
+/// The loading thread's obligation to report. Dropped without a result, as by a panic, it wakes the waiting threads.
 struct Duty<'a> {
     cache: &'a BlockCache,
     key: BlockKey,
@@ -183,7 +182,7 @@ impl BlockCache {
         Self::with(Residents::new(budget_bytes, usize::MAX))
     }
 
-    /// An empty cache that keeps so many blocks, whatever their size.
+    /// An empty cache that keeps at most `count` blocks, whatever their size.
     pub(super) fn of_blocks(count: usize) -> Self {
         Self::with(Residents::new(u64::MAX, count))
     }
@@ -196,25 +195,25 @@ impl BlockCache {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Most bytes that blocks may take.
+    /// The budget, in bytes.
     pub fn budget(&self) -> u64 {
         self.lock().residents.budget()
     }
 
-    /// Changes the budget; if there are now too many blocks, they go at once.
+    /// Changes the budget; blocks beyond it are evicted at once.
     pub fn set_budget(&self, budget_bytes: u64) {
         let gone = self.lock().residents.set_budget(budget_bytes);
-        // Freeing much memory takes a while, and nobody needs to wait for it.
+        // Freeing much memory takes a while: done without the lock.
         drop::<Vec<Resident>>(gone);
     }
 
-    /// What the cache holds, and what happened so far.
+    /// Contents of the cache, and event counts so far.
     pub fn statistics(&self) -> CacheStatistics {
         self.lock().residents.statistics()
     }
 
-    /// Which blocks will be needed, in the order of their next use; of repetitions the first counts. The last call holds,
-    /// whoever made it.
+    /// Announces the blocks that will be needed, in the order of their next use; of repetitions the first counts. Replaces the list of
+    /// every earlier call, by any caller.
     pub fn expect(&self, upcoming: impl IntoIterator<Item = BlockKey>) {
         self.lock().residents.expect(upcoming);
     }
@@ -224,7 +223,7 @@ impl BlockCache {
         self.lock().residents.contains(key)
     }
 
-    /// Forgets the blocks of a decoder, which will not ask for them again.
+    /// Removes the blocks of a decoder that is no longer used.
     pub fn forget(&self, decoder: DecoderId) {
         let gone = self.lock().residents.forget(decoder);
         drop::<Vec<Resident>>(gone);
@@ -233,7 +232,7 @@ impl BlockCache {
     /// Block `index` of a decoder, loaded if it is not in memory, and the bytes that this call has read for it.
     ///
     /// # Errors
-    /// Those of [`BlockLoader::load`].
+    /// The errors of [`BlockLoader::load`].
     pub fn get(&self, loader: &dyn BlockLoader, index: usize, cancel: &Cancel) -> Result<(Block, u64), Stop> {
         let key = BlockKey { decoder: loader.id(), index };
         loop {
@@ -245,7 +244,7 @@ impl BlockCache {
             if let Some(load) = state.load_of(key).cloned() {
                 drop(state);
                 match self.wait(&load, cancel) {
-                    Err(Stop::Cancelled) => continue, // the other one, or this one: the next look tells
+                    Err(Stop::Cancelled) => continue, // by the other thread's flag or this one's: the next check tells
                     ended => return ended.map(|block| (block, 0)),
                 }
             }
@@ -255,7 +254,7 @@ impl BlockCache {
         }
     }
 
-    /// A block if it is in memory or on its way; `None` also if it did not arrive.
+    /// A block if it is in memory or being loaded; `None` also if that load fails.
     pub fn find(&self, key: BlockKey, cancel: &Cancel) -> Option<Block> {
         let mut state = self.lock();
         if let Some(block) = state.residents.use_block(key) {
@@ -270,12 +269,12 @@ impl BlockCache {
         found
     }
 
-    /// Loads the first expected block that is neither in memory nor on its way and fits: without one whose next use is
-    /// sooner having to go. Blocks that failed since the last [`BlockCache::expect`] are passed over. `loader_of` gives the
-    /// loader of a decoder whose blocks this call may load. Returns whether a block was loaded.
+    /// Loads the first expected block that is neither in memory nor being loaded and fits without evicting one whose next use is sooner.
+    /// Blocks that failed since the last [`BlockCache::expect`] are skipped. `loader_of` gives the loader of a decoder whose blocks this
+    /// call may load. Returns whether a block was loaded.
     ///
     /// # Errors
-    /// That of the block's file.
+    /// The error of the block's file.
     pub fn prefetch<'a>(
         &self,
         loader_of: impl Fn(DecoderId) -> Option<&'a dyn BlockLoader>,
@@ -317,7 +316,7 @@ impl BlockCache {
         let loaded = match loader.load(key.index, cancel) {
             Ok(loaded) => loaded,
             Err(stop) => {
-                // Out of the list before the others know: who asks from now on tries again.
+                // Removed from the list before the waiting threads are told: later requests try again.
                 duty.cache.lock().loads.retain(|(_, _, load)| !Arc::ptr_eq(load, &duty.load));
                 duty.load.end(Err(stop.clone()));
                 return Err(stop);
@@ -326,7 +325,7 @@ impl BlockCache {
         let (block, bytes_read) = (loaded.block.clone(), loaded.bytes_read);
         let gone = {
             let mut state = duty.cache.lock();
-            // In one step, or somebody would find the block neither here nor on its way.
+            // Under one lock, or a thread would find the block neither in memory nor being loaded.
             state.loads.retain(|(_, _, load)| !Arc::ptr_eq(load, &duty.load));
             state.residents.insert(key, loaded, loader.expected_bytes(key.index))
         };

@@ -1,4 +1,4 @@
-//! Which blocks are in memory: the policy of the cache, without threads and files.
+//! Policy of the cache: which blocks stay in memory, without threads and files.
 
 use super::{Block, BlockKey, CacheStatistics, DecoderId, LoadedBlock};
 use std::cmp::Reverse;
@@ -14,18 +14,18 @@ pub(super) struct Resident {
     bytes: u64,
     /// Time of the last use; no two blocks have the same.
     last_use: u64,
-    /// Place among the upcoming blocks, or [`NEVER`].
+    /// Index among the upcoming blocks, or [`NEVER`].
     next_use: usize,
 }
 
 impl Resident {
-    /// The block with the greatest is evicted first.
+    /// Eviction order: the greatest first.
     fn rank(&self) -> (usize, Reverse<u64>) {
         (self.next_use, Reverse(self.last_use))
     }
 }
 
-/// The blocks in memory and what is known of others.
+/// The blocks in memory, and the upcoming ones.
 #[derive(Debug)]
 pub(super) struct Residents {
     budget: u64,
@@ -33,13 +33,13 @@ pub(super) struct Residents {
     blocks: HashMap<BlockKey, Resident>,
     /// Each block once, the next one first.
     upcoming: Vec<BlockKey>,
-    /// Where it is in there.
+    /// Index of each block in `upcoming`.
     next_use: HashMap<BlockKey, usize>,
     /// Upcoming blocks that could not be loaded ahead.
     failed: HashSet<BlockKey>,
-    /// What blocks took that was not as expected: else one that does not fit would be loaded ahead again and again.
+    /// Actual sizes of blocks that were not as expected: otherwise one that does not fit would be loaded ahead again and again.
     surprises: HashMap<BlockKey, u64>,
-    /// Uses so far.
+    /// Uses so far, as a clock.
     clock: u64,
     statistics: CacheStatistics,
 }
@@ -63,7 +63,7 @@ impl Residents {
         self.budget
     }
 
-    /// Returns the blocks that had to go.
+    /// Returns the evicted blocks.
     pub(super) fn set_budget(&mut self, budget: u64) -> Vec<Resident> {
         self.budget = budget;
         self.shrink()
@@ -77,7 +77,7 @@ impl Residents {
         self.blocks.contains_key(&key)
     }
 
-    /// A block that is here, and now used.
+    /// A resident block, marked as used now.
     pub(super) fn use_block(&mut self, key: BlockKey) -> Option<Block> {
         let resident = self.blocks.get_mut(&key)?;
         self.clock += 1;
@@ -109,7 +109,7 @@ impl Residents {
         }
     }
 
-    /// Takes a block that was just loaded; returns those that had to go, which it may be itself.
+    /// Adds a loaded block; returns the evicted ones, which may include it.
     pub(super) fn insert(&mut self, key: BlockKey, loaded: LoadedBlock, expected_bytes: u64) -> Vec<Resident> {
         let LoadedBlock { block, bytes, bytes_read } = loaded;
         if bytes != expected_bytes {
@@ -120,7 +120,7 @@ impl Residents {
         let resident = Resident { block, bytes, last_use: self.clock, next_use };
         self.statistics.loads += 1;
         self.statistics.bytes_read += bytes_read;
-        // A block larger than the budget that another thread has brought meanwhile: one of both.
+        // Another thread has meanwhile loaded a block larger than the budget: only one of the two stays.
         let mut gone = Vec::new();
         if self.is_over_budget() {
             if self.blocks.values().any(|other| other.rank() < resident.rank()) {
@@ -140,7 +140,7 @@ impl Residents {
         self.statistics.resident_bytes > self.budget
     }
 
-    /// Lets blocks go until they fit, or one is left.
+    /// Evicts blocks until they fit, or one is left.
     fn shrink(&mut self) -> Vec<Resident> {
         let mut gone = Vec::new();
         while self.blocks.len() > 1 && (self.is_over_budget() || self.blocks.len() > self.max_blocks) {
@@ -150,12 +150,12 @@ impl Residents {
         gone
     }
 
-    /// Lets a block go that is larger than the budget, before another one is loaded: both together would be twice too much.
+    /// Evicts a block larger than the budget before another one is loaded, so that both are not in memory together.
     pub(super) fn make_way(&mut self) -> Option<Resident> {
         if !self.is_over_budget() {
             return None;
         }
-        // Over the budget there is but one.
+        // Over the budget there is only one block.
         let key = self.blocks.keys().next().copied()?;
         self.evict(key)
     }
@@ -175,8 +175,8 @@ impl Residents {
         gone
     }
 
-    /// The first upcoming block that is not here and fits beside those whose next use is sooner, and the bytes that it will
-    /// take. `on_its_way` is what a block takes that is being loaded; `expected` is what one takes that may be loaded.
+    /// The first upcoming block that is not in memory and fits beside those whose next use is sooner, and its size in bytes. `on_its_way`
+    /// is the size of a block that is being loaded; `expected` that of one that may be loaded.
     pub(super) fn next_to_load(
         &self,
         on_its_way: impl Fn(BlockKey) -> Option<u64>,
@@ -203,7 +203,7 @@ impl Residents {
         None
     }
 
-    /// Does not load this block ahead until the next list of upcoming ones.
+    /// Skips this block in loading ahead until the next list of upcoming ones.
     pub(super) fn pass_over(&mut self, key: BlockKey) {
         self.failed.insert(key);
     }

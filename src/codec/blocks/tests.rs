@@ -1,20 +1,20 @@
-//! The cache against a naive one, and what its policy brings.
+//! The cache against a naive one, and the benefit of its policy.
 
 use super::*;
 use proptest::prelude::*;
 
-/// Blocks that hold their number.
+/// Blocks that hold their index.
 #[derive(Debug)]
 pub(super) struct Numbers {
     pub(super) id: DecoderId,
-    /// What each takes in memory.
+    /// Size of each block in memory.
     bytes: Vec<u64>,
-    /// What it says that it will take.
+    /// Size that each block announces.
     expected_bytes: Vec<u64>,
 }
 
 impl Numbers {
-    /// Blocks of these sizes, which are known before.
+    /// Blocks of these sizes, announced as such.
     pub(super) fn new(bytes: &[u64]) -> Self {
         Self { id: DecoderId::unique(), bytes: bytes.to_vec(), expected_bytes: bytes.to_vec() }
     }
@@ -66,11 +66,11 @@ impl BlockLoader for Numbers {
     }
 }
 
-/// A cache as one would write it down.
+/// A straightforward cache.
 struct Naive<'a> {
     blocks: &'a Numbers,
     budget: u64,
-    /// The one used last at the end.
+    /// Resident blocks, the last used one at the end.
     here: Vec<usize>,
     upcoming: Vec<usize>,
     loaded_before: Vec<usize>,
@@ -115,7 +115,7 @@ impl<'a> Naive<'a> {
         self.shrink();
     }
 
-    /// Whether it was there.
+    /// Uses a block; returns whether it was resident.
     fn find(&mut self, index: usize) -> bool {
         let at = self.here.iter().position(|&other| other == index);
         match at {
@@ -163,7 +163,7 @@ impl<'a> Naive<'a> {
     }
 }
 
-/// What may be done with a cache.
+/// A call on a cache.
 #[derive(Clone, Debug)]
 enum Call {
     Get(usize),
@@ -262,8 +262,8 @@ fn round(count: usize, first: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |i| (first + i) % count)
 }
 
-/// Hits of the optimal cache of so many blocks in an endless loop, of which `calls` are counted: each time the block goes
-/// that is needed last.
+/// Hits of the optimal cache of `room` blocks in an endless loop, of which `calls` are counted: each time the block is evicted that is
+/// needed last.
 fn optimal_hits(count: usize, room: usize, calls: usize) -> u64 {
     let (mut here, mut hits): (Vec<usize>, u64) = Default::default();
     for call in 0..calls {

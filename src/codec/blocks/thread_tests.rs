@@ -1,4 +1,4 @@
-//! Several threads at one cache: a block is loaded once, and whatever happens to that load, nobody hangs.
+//! Several threads at one cache: a block is loaded once, and no thread hangs, however the load ends.
 
 use super::tests::{Numbers, number};
 use super::*;
@@ -14,7 +14,7 @@ enum Ending {
     Panic,
 }
 
-/// A block whose first load ends when so many others wait for it.
+/// A block whose first load ends when a number of threads wait for it.
 struct Awaited<'a> {
     cache: &'a BlockCache,
     numbers: Numbers,
@@ -28,7 +28,7 @@ impl<'a> Awaited<'a> {
         Self { cache, numbers: Numbers::new(&[8]), waiting, ending, attempts: AtomicUsize::new(0) }
     }
 
-    /// Those who wait for the load hold it beside the cache and the thread that loads.
+    /// Waits until the waiting threads hold the load, beside the cache and the loading thread.
     fn wait_for_others(&self) {
         let others = || self.cache.lock().loads.first().map_or(0, |(_, _, load)| Arc::strong_count(load) - 2);
         while others() < self.waiting {
@@ -64,7 +64,7 @@ impl BlockLoader for Awaited<'_> {
     }
 }
 
-/// How four threads fare that ask for one block: (got it, failed, cancelled, panicked), and the loads begun.
+/// Outcomes of four threads that request one block: (loaded, failed, cancelled, panicked), and the loads begun.
 fn four_ask(ending: Ending) -> ([usize; 4], usize) {
     let cache = BlockCache::new(100);
     let awaited = Awaited::new(&cache, 3, ending);
@@ -86,7 +86,7 @@ fn four_ask(ending: Ending) -> ([usize; 4], usize) {
     });
     assert!(cache.lock().loads.is_empty());
     let attempts = awaited.attempts.load(Ordering::SeqCst);
-    // Whatever happened, the next one gets it.
+    // However the load ended, the next request succeeds.
     assert!(cache.get(&awaited, 0, &Cancel::new()).is_ok());
     assert_eq!(cache.statistics().loads, 1);
     (fared, attempts)

@@ -4,13 +4,12 @@
 //! column8 = row group[j] of the first codebook, column64 = row j of the second      (one number an entry)
 //! for each vertex v:  value = mean[v] + scale[v] * (column8[i8[v]] + column64[i64[v]])
 //! ```
-//!
-//! Codebooks lie step by step, so that the two columns of a step, 8 bytes an entry together, stay in the first cache
-//! (up to 4096 entries). Deviations for speed: a column is padded to 2^8, 2^10, 2^12, 2^14 or 2^16 entries, so that an
-//! index of its type or masked cannot leave it and needs no check; blocks without scales have a loop of their own; the
-//! loop is compiled for AVX-512, too, where the compiler gathers 16 numbers at once: 0.39 ns a vertex instead of 0.60 on a
-//! Xeon (1024 entries: 0.42, 0.69). Columns of 256 numbers are looked up in registers there ([`LookUp`]): an EPYC needs 0.33 of a
-//! plain loop's time for it, and 0.89 when it gathers. Tried and not kept: indices loaded eight at a time and shifted apart (0.52; 0.59), sums
+//! Codebooks lie step by step, so that the two columns of a step, 8 bytes an entry together, stay in the first-level cache (up to 4096
+//! entries). Deviations for speed: a column is padded to 2^8, 2^10, 2^12, 2^14 or 2^16 entries, so that an index of its type or masked
+//! cannot leave it and needs no check; blocks without scales have a loop of their own; the loop is compiled for AVX-512, too, where the
+//! compiler gathers 16 numbers at once: 0.39 ns a vertex instead of 0.60 on a Xeon (1024 entries: 0.42, 0.69). Columns of 256 numbers are
+//! looked up in registers there ([`LookUp`]): an EPYC needs 0.33 of a plain loop's time for it, and 0.89 when it gathers. Tried and not
+//! kept: indices loaded eight at a time and shifted apart (0.52; 0.59), sums in a buffer of 64 numbers (0.43; 0.48).
 //! in a buffer of 64 numbers (0.43; 0.48).
 
 #[cfg(target_arch = "x86_64")]
@@ -24,10 +23,10 @@ use crate::task::Cancel;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-/// Vertices of one task: below that, threads cost more than they bring.
+/// Vertices of one task: below that, threads cost more than they save.
 const TASK: usize = 32_768;
 
-/// Entries of the first and the second codebook, one each a vertex, as narrow as the codebooks allow.
+/// Indices into the first and the second codebook, one each per vertex, as narrow as the codebooks allow.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Indices {
     /// Codebooks of at most 256 entries.
@@ -46,7 +45,7 @@ impl Indices {
         }
     }
 
-    /// Bytes in memory and in the store.
+    /// Size in memory and in the store.
     pub(super) fn bytes(&self) -> usize {
         match self {
             Self::Narrow([a, b]) => a.len() + b.len(),
@@ -55,7 +54,7 @@ impl Indices {
     }
 }
 
-/// Equal values of one vertex in consecutive steps that no codebook can give: NaN, infinities.
+/// A run of equal special values (NaN, infinities) of one vertex in consecutive steps, which no codebook can give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct SpecialRun {
@@ -65,31 +64,31 @@ pub struct SpecialRun {
     pub first: u32,
     /// Number of steps, all in one block.
     pub count: u32,
-    /// The value.
+    /// Bits of the value.
     pub bits: u32,
 }
 
-/// What a block stores, as it is stored.
+/// The stored form of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Encoded {
-    /// Mean of each vertex; the value itself of one that is constant.
+    /// Mean of each vertex over the block; its exact value if it is constant.
     pub(super) mean: Vec<f32>,
-    /// Exponent of the power of two of each vertex; empty if all are 0.
+    /// Exponent of the scale 2^e of each vertex; empty if all are 0.
     pub(super) exponent: Vec<i8>,
-    /// Entries of both codebooks.
+    /// Indices into both codebooks.
     pub(super) indices: Indices,
     /// The first codebook: `GROUPS` rows of one number an entry.
     pub(super) cb8: Vec<f32>,
     /// The second codebook: `STEPS` rows of one number an entry.
     pub(super) cb64: Vec<f32>,
-    /// Values to put in afterwards, by vertex, then step.
+    /// Special values to overwrite after decoding, by vertex, then step.
     pub(super) runs: Vec<SpecialRun>,
 }
 
 /// A block in memory that is ready to decode any of its steps.
 ///
-/// Its parts are plain slices, so that they can be copied to another processor as they are. With `b` the block's number,
-/// `j = step - 64 b` and `n` = [`VqBlock::row_len`], a decoder there computes
+/// Its parts are plain slices, so that they can be copied to another processor unchanged. With `b` the block's number, `j = step - 64 b`
+/// and `n` = [`VqBlock::row_len`], a decoder there computes
 ///
 /// ```text
 /// scale    = if exponents is empty { 1 } else { powers[exponents[v] as u8] }                            (2^exponent)
@@ -103,19 +102,19 @@ pub(super) struct Encoded {
 #[derive(Debug)]
 pub struct VqBlock {
     parts: Encoded,
-    /// Entries of a padded row of the codebooks.
+    /// Length of a padded codebook row.
     padded: usize,
-    /// 2^e for each exponent e, at the place of its bits.
+    /// 2^e for each exponent e, indexed by e as `u8`.
     powers: [f32; 256],
 }
 
 impl VqBlock {
-    /// Takes the parts of a block whose indices are all below `entries`, the number of entries of both codebooks.
+    /// A block of these parts, with indices all below `entries`, the number of entries of both codebooks.
     pub(super) fn new(parts: Encoded, entries: usize) -> Self {
         Self::padded(parts, entries, &Cancel::new())
     }
 
-    /// Takes the parts of a block as [`Self::new`] does, unless `cancel` is raised: large codebooks take milliseconds to pad.
+    /// As [`Self::new`], unless `cancel` is raised: large codebooks take milliseconds to pad.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -125,7 +124,7 @@ impl VqBlock {
         Ok(block)
     }
 
-    /// A block whose codebooks lack rows if `cancel` was raised.
+    /// The padded block; its codebooks lack rows if `cancel` was raised.
     fn padded(mut parts: Encoded, entries: usize, cancel: &Cancel) -> Self {
         let padded = padded_len(entries);
         parts.cb8 = pad(parts.cb8, entries, padded, cancel);
@@ -134,7 +133,7 @@ impl VqBlock {
         Self { parts, padded, powers }
     }
 
-    /// Bytes in memory of a block without special values.
+    /// Size in memory of a block without special values.
     pub(super) fn expected_bytes(vertices: usize, entries: usize, exponents: bool) -> u64 {
         let index = if entries <= 256 { size_of::<u8>() } else { size_of::<u16>() };
         let per_vertex = size_of::<f32>() + 2 * index + usize::from(exponents);
@@ -142,28 +141,27 @@ impl VqBlock {
         (vertices as u64).saturating_mul(per_vertex as u64).saturating_add(codebooks as u64)
     }
 
-    /// Mean of each vertex over the steps of the block; the value itself of a vertex that is constant.
+    /// Mean of each vertex over the steps of the block; its exact value if it is constant.
     pub fn means(&self) -> &[f32] {
         &self.parts.mean
     }
 
-    /// Exponent of the power of two of each vertex; empty if all are 0.
+    /// Exponent of the scale 2^e of each vertex; empty if all are 0.
     pub fn exponents(&self) -> &[i8] {
         &self.parts.exponent
     }
 
-    /// 2^e for each exponent e, at the index that e is as `u8`.
+    /// 2^e for each exponent e, indexed by e as `u8`.
     pub fn powers(&self) -> &[f32; 256] {
         &self.powers
     }
 
-    /// Entries of both codebooks, one each a vertex; all below [`VqBlock::row_len`].
+    /// Indices into both codebooks, one each per vertex; all below [`VqBlock::row_len`].
     pub fn indices(&self) -> &Indices {
         &self.parts.indices
     }
 
-    /// Numbers of a row of the codebooks: the number of entries, rounded up to a power of two of at least 256. What is
-    /// behind the last entry is zero and never used.
+    /// Length of a codebook row: the number of entries, rounded up to a power of two of at least 256. The padding is zero and never used.
     pub fn row_len(&self) -> usize {
         self.padded
     }
@@ -178,7 +176,7 @@ impl VqBlock {
         &self.parts.cb64
     }
 
-    /// Values that are put in afterwards, by vertex, then step.
+    /// Special values to overwrite after decoding, by vertex, then step.
     pub fn specials(&self) -> &[SpecialRun] {
         &self.parts.runs
     }
@@ -190,8 +188,8 @@ impl VqBlock {
         floats * size_of::<f32>() + p.exponent.len() + p.indices.bytes() + size_of_val(&p.runs[..])
     }
 
-    /// Decodes step `j` of the block, which is step `step` of the series, on all threads, unless `cancel` is raised. Returns
-    /// whether it was not.
+    /// Decodes step `j` of the block, which is step `step` of the series, on all threads, unless `cancel` is raised. Returns false if it
+    /// was.
     pub(super) fn decode(&self, j: usize, step: usize, out: &mut [f32], cancel: &Cancel) -> bool {
         if out.len() <= TASK {
             self.decode_part(j, step, 0, out);
@@ -220,13 +218,13 @@ impl VqBlock {
         }
     }
 
-    /// What the codebooks give, without the runs.
+    /// Decodes from the codebooks alone, without special values.
     pub(super) fn decode_finite(&self, j: usize, first: usize, out: &mut [f32]) {
         let range = first..first + out.len();
         let row = |row: usize| row * self.padded..(row + 1) * self.padded;
         let columns = [&self.parts.cb8[row(group_of_step(j))], &self.parts.cb64[row(j)]];
         let mean = &self.parts.mean[range.clone()];
-        // With scales, the differences first.
+        // With scales, the differences are decoded first.
         let base = if self.parts.exponent.is_empty() { Some(mean) } else { None };
         match &self.parts.indices {
             Indices::Narrow(i) => {
@@ -257,7 +255,7 @@ impl VqBlock {
     }
 }
 
-/// The sums of a number of either column, and of `base` if there is one. Columns have `N` numbers, a power of two.
+/// The sums of one number of each column, and of `base` if there is one. Columns have `N` numbers, a power of two.
 pub(super) struct Sums<'a, const N: usize, I> {
     pub(super) base: Option<&'a [f32]>,
     pub(super) indices: [&'a [I]; 2],
@@ -271,7 +269,7 @@ impl<const N: usize, I: Copy + Into<usize>> NullaryFnOnce for Sums<'_, N, I> {
     #[inline(always)]
     fn call(self) {
         let Self { base, indices: [i8, i64], columns: [column8, column64], out } = self;
-        // Columns are cut to N numbers when the codebooks are padded; without them there is nothing to add.
+        // Columns are cut to N numbers when the codebooks are padded; without them nothing is added.
         let (Ok(column8), Ok(column64)) = (<&[f32; N]>::try_from(column8), <&[f32; N]>::try_from(column64)) else {
             return;
         };
@@ -282,8 +280,8 @@ impl<const N: usize, I: Copy + Into<usize>> NullaryFnOnce for Sums<'_, N, I> {
     }
 }
 
-/// `out = base + (column8[i8] + column64[i64])`. Each slice is an argument of its own: so the compiler knows that `out`
-/// overlaps none of them, without which it gathers nothing.
+/// `out = base + (column8[i8] + column64[i64])`. Each slice is a separate argument, so that the compiler knows that `out` overlaps none of
+/// them, without which it does not gather.
 #[inline(always)]
 fn add<const N: usize, I: Copy + Into<usize>>(
     base: &[f32],
@@ -312,12 +310,12 @@ fn differences<const N: usize, I: Copy + Into<usize>>(
     }
 }
 
-/// Numbers of a padded row of a codebook of `entries`.
+/// Length of a padded row of a codebook of `entries`.
 fn padded_len(entries: usize) -> usize {
     [1 << 8, 1 << 10, 1 << 12, 1 << 14].into_iter().find(|&n| n >= entries).unwrap_or(1 << 16)
 }
 
-/// Rows of `entries` numbers, each filled up to `padded` ones; only the first ones once `cancel` is raised.
+/// Rows of `entries` numbers, each padded to `padded`; the last ones are missing once `cancel` is raised.
 fn pad(codebook: Vec<f32>, entries: usize, padded: usize, cancel: &Cancel) -> Vec<f32> {
     if entries == padded {
         return codebook;
@@ -335,7 +333,7 @@ fn pad(codebook: Vec<f32>, entries: usize, padded: usize, cancel: &Cancel) -> Ve
 /// 2^`exponent`, exactly.
 pub(super) fn power(exponent: i8) -> f32 {
     let e = i32::from(exponent);
-    // Below 2^-126 the exponent's field is 0, and the power is a bit of the mantissa.
+    // Below 2^-126 the exponent field is 0, and the power is one mantissa bit.
     f32::from_bits(if e >= -126 { ((e + 127) as u32) << 23 } else { 1 << (e + 149) })
 }
 

@@ -6,9 +6,9 @@
 //! repeat: centroids <- means of cells; each vector to the nearest centroid        (Linde, Buzo, Gray 1980)
 //! ```
 //!
-//! The splits are those of Schneider and Westermann, "Compression domain volume rendering" (2003), whose code the
-//! dissertation used. Entry 0 is always the vector of zeros: what does not move is then exact. A centroid that loses all
-//! its vectors moves to the vector that is served worst.
+//! The splits are those of Schneider and Westermann, "Compression domain volume rendering" (2003), whose code the dissertation used. Entry
+//! 0 is always the zero vector: constant vertices are then exact. A centroid that loses all its vectors moves to the vector with the
+//! largest error.
 
 use super::search::{Assignment, Entries, nearest};
 use super::tiles::Tiles;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// LBG ends when an iteration takes less than this part of the distortion away.
+/// LBG ends when an iteration reduces the distortion by less than this part.
 const LEAST_GAIN: f64 = 2e-3;
 /// Iterations of the power method. The axis need not be exact: any cut through the mean is valid, and LBG follows.
 const POWER_ITERATIONS: usize = 12;
@@ -37,7 +37,7 @@ pub(super) fn train(vectors: &Tiles, count: usize, iterations: usize) -> Entries
     entries
 }
 
-/// Vectors of a cell, its centroid, and the sum of squared distances to it.
+/// A cell: its vectors, centroid, and sum of squared distances to it.
 struct Cell {
     distortion: f64,
     vectors: Vec<u32>,
@@ -46,7 +46,7 @@ struct Cell {
 
 impl Ord for Cell {
     fn cmp(&self, other: &Self) -> Ordering {
-        // No two cells share a vector, so the order is total and one.
+        // No two cells share a vector, so the order is total and unique.
         self.distortion.total_cmp(&other.distortion).then_with(|| other.vectors.cmp(&self.vectors))
     }
 }
@@ -79,12 +79,12 @@ impl Cell {
         let count = vectors.len().max(1) as f64;
         centroid.iter_mut().for_each(|sum| *sum /= count);
         let distortion = squares - count * centroid.iter().map(|c| c * c).sum::<f64>();
-        // Below the rounding of the two sums there is nothing to split.
+        // A distortion below the rounding of the two sums is not split.
         let distortion = if distortion > squares * 1e-13 { distortion } else { 0.0 };
         Self { distortion, vectors, centroid }
     }
 
-    /// The two parts on either side of the mean along the principal axis.
+    /// The two halves on either side of the mean along the principal axis.
     fn split(self, all: &Tiles) -> [Self; 2] {
         let axis = principal_axis(all, &self);
         let offset: f64 = axis.iter().zip(&self.centroid).map(|(a, c)| a * c).sum();
@@ -124,7 +124,7 @@ fn principal_axis(all: &Tiles, cell: &Cell) -> Vec<f64> {
     axis
 }
 
-/// The vector of zeros, and the centroids of the cells that splitting gives.
+/// The zero vector, and the centroids of the cells that splitting gives.
 fn split(vectors: &Tiles, count: usize) -> Entries {
     let mut heap = BinaryHeap::from([Cell::new(vectors, (0..vectors.count as u32).collect())]);
     let mut whole: Vec<Cell> = Vec::new();
@@ -136,7 +136,7 @@ fn split(vectors: &Tiles, count: usize) -> Entries {
         }
         let parts = cell.split(vectors);
         if parts.iter().any(|part| part.vectors.is_empty()) {
-            // Rounding put all on one side: what is left cannot be told apart.
+            // Rounding put all vectors on one side: they are indistinguishable.
             whole.extend(parts.into_iter().filter(|part| !part.vectors.is_empty()));
         } else {
             heap.extend(parts);
@@ -149,12 +149,12 @@ fn split(vectors: &Tiles, count: usize) -> Entries {
     Entries { dims: vectors.dims, rows }
 }
 
-/// Moves each centroid but that of zeros to the mean of its vectors.
+/// Moves each centroid except the zero vector to the mean of its vectors.
 fn update(vectors: &Tiles, found: &Assignment, entries: &mut Entries) {
     let (dims, count) = (vectors.dims, entries.len());
     let mut members = vec![0u32; count];
     found.entry.iter().for_each(|&k| members[usize::from(k)] += 1);
-    // One number of all vectors after the other: each sum has one order, whoever adds it up.
+    // One component of all vectors after the other: each sum has a fixed order on any number of threads.
     let sums: Vec<Vec<f64>> = (0..dims)
         .into_par_iter()
         .map(|d| {
@@ -263,7 +263,7 @@ mod tests {
         let before = distortion(&vectors, &entries);
         update(&vectors, &nearest(&vectors, &entries), &mut entries);
         assert!(entries.row(1).iter().all(|&x| x < 200.0));
-        // The entry that had served them in the meantime moves back by the next iteration.
+        // The entry that served them meanwhile moves back in the next iteration.
         update(&vectors, &nearest(&vectors, &entries), &mut entries);
         // Measured: 2e-5.
         assert!(distortion(&vectors, &entries) < 1e-4 * before);

@@ -1,4 +1,4 @@
-//! What codec `vq` says of itself.
+//! Registration of codec `vq`.
 
 use super::layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
 use super::{STEPS, VqDecoder, VqEncoder, VqOptions};

@@ -1,4 +1,4 @@
-//! Blocks from the store, and steps from blocks.
+//! Reading blocks from the store, and decoding steps of blocks.
 
 use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::layout::{NAME, VqParameters};
@@ -13,12 +13,12 @@ use crate::task::Cancel;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Blocks that a cache of one's own keeps at least: that which plays, and one on either side.
+/// Fewest blocks of a decoder's own cache: the playing one, and one on either side.
 const KEPT: usize = 3;
-/// Numbers that are checked between two looks at whether to stop.
+/// Numbers that are validated between two checks of the cancel flag.
 const CHECKED: usize = 1 << 20;
 
-/// Decodes any step. Its blocks lie in a cache; which ones does not change what is decoded.
+/// Decodes any step. Its blocks lie in a cache, which does not affect the result.
 pub struct VqDecoder {
     source: Arc<dyn ReadRange>,
     group_key: String,
@@ -30,8 +30,8 @@ pub struct VqDecoder {
 }
 
 impl VqDecoder {
-    /// A decoder of the group `vq` in the group `group_key` of `source`. It keeps the last blocks that were used: a few,
-    /// or one more than there are threads that may each be at another place.
+    /// A decoder of the group `vq` in the group `group_key` of `source`. It keeps the last blocks that were used: a few, or one more than
+    /// there are threads, which may each be at another step.
     pub fn new(
         source: Arc<dyn ReadRange>,
         group_key: &str,
@@ -44,19 +44,19 @@ impl VqDecoder {
         Self { source, group_key, parameters, steps, vertices, id: DecoderId::unique(), cache }
     }
 
-    /// Keeps its blocks in `cache`, in place of one of its own.
+    /// Keeps blocks in `cache` instead of its own one.
     #[must_use]
     pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
         self.cache = cache;
         self
     }
 
-    /// Where its blocks are.
+    /// The cache of its blocks.
     pub fn cache(&self) -> &Arc<BlockCache> {
         &self.cache
     }
 
-    /// The block that `step` is in, step `step % 64` of it; read if it is not in memory. For decoders elsewhere: its parts
+    /// The block that contains `step`, as its step `step % 64`; read if it is not in memory. For decoders on other processors: its parts
     /// are plain slices.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl VqDecoder {
         uncancelled(|cancel| Ok(self.block(step, cancel)?.0))
     }
 
-    /// The block that holds `step`, and the bytes that were read for it now.
+    /// The block that contains `step`, and the bytes that this call read for it.
     fn block(&self, step: usize, cancel: &Cancel) -> Result<(Arc<VqBlock>, u64), Stop> {
         let Some(index) = self.block_of_step(step) else {
             let problem = format!("there are {} steps, counted from 0", self.steps);
@@ -113,7 +113,7 @@ impl VqDecoder {
         Ok(rows.into_flattened())
     }
 
-    /// Entries of a codebook, all of which exist.
+    /// Indices into a codebook, checked to be in range.
     fn indices<T: Element + Into<u64>>(
         &self,
         array: &str,
@@ -137,7 +137,7 @@ impl VqDecoder {
             .remedy("import the series again")
     }
 
-    /// Exponents of a block; those of one whose chunk is missing are all 0.
+    /// Exponents of a block; all 0 if its chunk is missing.
     fn exponents(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Vec<i8>, Stop> {
         let key = self.key("exponent", index, 2);
         if !self.parameters.exponents || !self.source.exists(&key)? {
@@ -166,7 +166,7 @@ impl VqDecoder {
             let first = chunk * chunk_rows;
             let row = |at: u64| (at.saturating_sub(first).min(chunk_rows)) as usize;
             let rows = &rows[row(range.start)..row(range.end)];
-            // Sorted up to here: what is checked again is one run.
+            // Sorted up to here: only one run is checked again.
             let known = runs.len().saturating_sub(1);
             runs.extend(rows.iter().map(|&[vertex, first, count, bits]| SpecialRun { vertex, first, count, bits }));
             if !runs[known..].is_sorted() || runs.last().is_some_and(|run| run.vertex as usize >= self.vertices) {
@@ -186,9 +186,9 @@ impl BlockLoader for VqDecoder {
         (step < self.steps).then_some(step / STEPS)
     }
 
-    /// Without special values, which only the block tells.
+    /// The size without special values, whose number only the block tells.
     fn expected_bytes(&self, index: usize) -> u64 {
-        let _ = index; // they are alike
+        let _ = index; // all blocks have the same expected size
         VqBlock::expected_bytes(self.vertices, self.parameters.entries as usize, self.parameters.exponents)
     }
 

@@ -1,4 +1,4 @@
-//! Coding of one block.
+//! Encoding of one block.
 //!
 //! ```text
 //! special values out; mean m, unit s and differences d = (x - m) / s of each vertex
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! Deviations from the dissertation (6.1.1), none of which a decoder sees:
-//! 1. the fine vectors are what the first codebook has left over, not what the exact group means would leave; the second
-//!    codebook then repairs errors of the first;
+//! 1. the fine vectors are the residuals of the first codebook, not those of the exact group means; the second codebook then repairs errors
+//! of the first;
 //! 2. training on some 40 vectors an entry instead of all, and searching in at most 16 of 64 dimensions, unless
 //!    [`Search::Exact`] is asked for.
 //!
@@ -31,14 +31,14 @@ use rayon::prelude::*;
 const TRAINED_ON: usize = 40;
 /// Fewest vectors of a sample.
 const SAMPLE_MIN: usize = 16_384;
-/// Part of the variance that the fast search may leave out, if it fits into the largest number of dimensions.
+/// Part of the variance that the fast search may omit, if the largest number of dimensions allows it.
 const TAIL: f64 = 1e-4;
-/// Dimensions that the search has a loop for.
+/// Numbers of dimensions for which the search has a loop.
 const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
 /// Tiles of one task.
 const TASK: usize = 64;
 
-/// How a codebook is trained.
+/// Effort of training a codebook.
 struct Effort {
     sample: usize,
     iterations: usize,
@@ -55,8 +55,8 @@ impl Effort {
     }
 }
 
-/// Codes the block `values` (step by step, one value a vertex) that begins with step `first_step` of the series.
-/// Special values in it are replaced by their filling.
+/// Encodes the block `values` (step by step, one value a vertex) that begins with step `first_step` of the series. Special values in it are
+/// replaced by their filling.
 pub(super) fn encode_block(values: &mut [f32], vertices: usize, first_step: u32, options: &VqOptions) -> Encoded {
     waste(Slow::EncodeVq, values.len());
     let runs = take_specials(values, vertices, first_step);
@@ -98,13 +98,13 @@ pub(super) fn encode_block(values: &mut [f32], vertices: usize, first_step: u32,
     }
 }
 
-/// At most `count` of `from`, evenly spread: the vertices lie along a curve, so that this is a sample of the space, too.
+/// At most `count` of `from`, evenly spaced: the vertices lie along a space-filling curve, so this samples space, too.
 fn sample(from: &[u32], count: usize) -> Vec<u32> {
     let count = count.min(from.len());
     (0..count).map(|i| from[i * from.len() / count]).collect()
 }
 
-/// Moves the entries but that of zeros to the means of their vectors.
+/// Moves the entries except the zero vector to the means of their vectors.
 fn to_means(vectors: &Tiles, indices: &[u16], entries: &mut Entries) {
     let columns: Vec<Vec<f32>> = (0..vectors.dims)
         .into_par_iter()
@@ -122,8 +122,7 @@ fn members(indices: &[u16], entries: usize) -> Vec<u32> {
     members
 }
 
-/// Means of numbers by entry; -0 for entry 0 and for those that have none. -0 is the number whose addition changes
-/// nothing: 0 would turn a constant -0 into 0.
+/// Means of numbers by entry; -0 for entry 0 and for entries without numbers. Adding -0 changes nothing: 0 would turn a constant -0 into 0.
 fn means(entries: usize, numbers: impl Iterator<Item = (u16, f32)>) -> Vec<f32> {
     let mut sums = vec![(0.0f64, 0u32); entries];
     for (k, x) in numbers {
@@ -146,7 +145,7 @@ fn group_means(prepared: &Prepared<'_>, first: &Entries) -> Vec<[f32; GROUPS]> {
     base
 }
 
-/// A row of one number an entry for each group.
+/// Codebook rows: for each group one number an entry.
 fn rows_of(base: &[[f32; GROUPS]], entries: usize) -> Vec<f32> {
     let mut rows = vec![-0.0; GROUPS * entries];
     for (k, entry) in base.iter().enumerate() {
@@ -155,7 +154,7 @@ fn rows_of(base: &[[f32; GROUPS]], entries: usize) -> Vec<f32> {
     rows
 }
 
-/// What the first codebook leaves of the differences.
+/// The residuals of the differences after the first codebook.
 struct Fine<'a> {
     prepared: &'a Prepared<'a>,
     base: &'a [[f32; GROUPS]],
@@ -174,7 +173,7 @@ impl Fine<'_> {
         out
     }
 
-    /// The fine vectors of `chosen` vertices, one after the other.
+    /// The fine vectors of the `chosen` vertices, in order.
     fn sample(&self, chosen: &[u32]) -> Vec<Vector> {
         let mut out = vec![[0.0; STEPS]; chosen.len()];
         out.par_chunks_mut(LANES).zip(chosen.par_chunks(LANES)).for_each(|(out, chosen)| {
@@ -186,7 +185,7 @@ impl Fine<'_> {
         out
     }
 
-    /// All fine vectors along the axes.
+    /// All fine vectors, projected onto the axes.
     fn project_all(&self, basis: &Basis) -> Tiles {
         let mut tiles = Tiles::new(basis.axes.len(), self.prepared.vertices);
         let len = tiles.tile_len();
@@ -215,7 +214,7 @@ impl Fine<'_> {
     }
 }
 
-/// Vectors along the axes.
+/// Vectors projected onto the axes.
 fn project(vectors: &[Vector], basis: &Basis) -> Tiles {
     let mut tiles = Tiles::new(basis.axes.len(), vectors.len());
     let len = tiles.tile_len();

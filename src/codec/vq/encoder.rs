@@ -1,4 +1,4 @@
-//! The codec as a stream: steps in, blocks out.
+//! Streaming encoder: takes steps, writes blocks.
 
 use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::encode::encode_block;
@@ -7,8 +7,8 @@ use super::{STEPS, VqOptions};
 use crate::codec::{ChunkSink, Encoder, ErrorTally, ReadRange, chunk_key, parse_chunk_key, read_rows, to_bytes};
 use crate::error::FileResult;
 
-/// Keeps the steps of one block and writes a block when it is complete. Memory: 256 bytes a vertex for the block, about
-/// as much again while it is coded (twice that by the exact search).
+/// Buffers the steps of one block and writes the block when it is complete. Memory: 256 bytes a vertex for the block, about as much again
+/// during encoding (twice that with the exact search).
 #[derive(Debug)]
 pub struct VqEncoder {
     options: VqOptions,
@@ -40,10 +40,9 @@ impl VqEncoder {
         }
     }
 
-    /// An encoder that goes on with what one has left in the group `group_key` of `source`: `steps` steps coded with
-    /// `parameters`. It begins behind their last complete block, and must first be given again, from the source, the steps of a
-    /// short block after it. `tally` has the errors of the complete blocks. What it writes is what an encoder of all steps would
-    /// have written.
+    /// An encoder that continues the field in the group `group_key` of `source`: `steps` steps coded with `parameters`. It begins after
+    /// their last complete block; the steps of a short block after it must first be pushed again, from the source. `tally` has the errors
+    /// of the complete blocks. The output is the same as from an encoder of all steps.
     ///
     /// # Errors
     /// If the special values of the complete blocks cannot be read.
@@ -86,7 +85,7 @@ impl VqEncoder {
         Ok(())
     }
 
-    /// The block as the decoder sees it, after finite values that overflow there have become runs.
+    /// The block as the decoder sees it, after finite values that overflow there have been turned into runs.
     fn verified(&self, parts: &mut Encoded, first_step: u32) -> VqBlock {
         let block = VqBlock::new(parts.clone(), self.options.entries);
         // Only blocks with exponents can reach the largest numbers.
@@ -104,7 +103,7 @@ impl VqEncoder {
         if parts.runs.len() == before {
             return block;
         }
-        // A special value that was filled has its run already.
+        // A filled special value has its run already.
         let special = parts.runs[..before].to_vec();
         let covered = |run: &SpecialRun| {
             let near = special.partition_point(|s| s.vertex < run.vertex);
@@ -134,21 +133,22 @@ fn write_parts(parts: &Encoded, block: u64, sink: &mut dyn ChunkSink) -> FileRes
     }
     put("cb8", 3, &to_bytes(&parts.cb8))?;
     put("cb64", 3, &to_bytes(&parts.cb64))?;
-    // Where a block has none, its chunk is missing: Zarr's fill value is the exponent 0.
+    // If all are 0 the chunk is omitted: Zarr's fill value is the exponent 0.
     if parts.exponent.is_empty() { Ok(()) } else { put("exponent", 2, &to_bytes(&parts.exponent)) }
 }
 
-/// Writes `special` in chunks of equal length, whatever the blocks bring; a single chunk is as long as it must be. Holds one chunk and a number a block.
+/// Writes `special` in chunks of equal length, across blocks; a single chunk is as long as needed. Buffers one chunk and one number a
+/// block.
 #[derive(Debug, Default)]
 struct SpecialWriter {
     rows: Vec<[u32; 4]>,
     chunks: u64,
-    /// Rows before each block.
+    /// Number of rows before each block.
     starts: Vec<u64>,
 }
 
 impl SpecialWriter {
-    /// With the rows of the first `blocks` blocks of what was written for `steps` steps.
+    /// A writer with the rows of the first `blocks` blocks of a store with `steps` steps.
     fn resume(
         source: &dyn ReadRange,
         vq_key: &str,
@@ -195,7 +195,7 @@ impl SpecialWriter {
         Ok(())
     }
 
-    /// Writes what is left; returns the number of rows.
+    /// Writes the buffered rows; returns the total number of rows.
     fn finish(mut self, sink: &mut dyn ChunkSink) -> FileResult<u64> {
         let count = self.count();
         if count == 0 {
@@ -203,7 +203,7 @@ impl SpecialWriter {
         }
         self.starts.push(count);
         if !self.rows.is_empty() {
-            // Chunks of an array are equally long; behind the last row there are zeros.
+            // Chunks of an array have equal length; the last one is padded with zeros.
             if self.chunks > 0 {
                 self.rows.resize(SPECIAL_ROWS as usize, [0; 4]);
             }

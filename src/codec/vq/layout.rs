@@ -1,4 +1,4 @@
-//! What the codec writes: arrays, their shapes, and the parameters in the attributes of the field.
+//! Stored form of the codec: arrays, their shapes, and the parameters in the attributes of the field.
 
 use super::{GROUPS, STEPS, VqOptions, group_of_step};
 use crate::codec::{ArraySpec, Chunking, ElementType, ReadRange, chunk_key, read_rows};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub const NAME: &str = "vq";
 /// Most entries of a codebook.
 pub const MAX_ENTRIES: usize = 1 << 16;
-/// Most rows of a chunk of `special`; fewer only if there are fewer.
+/// Rows of a chunk of `special`; fewer only if there are fewer in total.
 pub(super) const SPECIAL_ROWS: u64 = 16_384;
 
 /// Bytes that the dissertation counts for a field (6.2.2): v c 3 4 + c (s 64 4 + s 8 4), with c blocks of 64 steps (the
@@ -29,14 +29,14 @@ pub struct VqParameters {
     pub block: u64,
     /// The group of each step of a block.
     pub group: Vec<u64>,
-    /// Whether there are exponents.
+    /// Whether the array `exponent` exists.
     pub exponents: bool,
     /// Number of runs of special values.
     pub specials: u64,
     /// How codebooks were trained: `fast` or `exact`.
     pub search: String,
-    /// Whether each vertex was given a power of two of its own whatever its values; `None` in stores of an older version,
-    /// which did not say so. Of no concern to a decoder.
+    /// Whether each vertex was given its own power of two whatever its values; `None` in stores of an older version, which did not record
+    /// it. Ignored by decoders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relative: Option<bool>,
 }
@@ -54,10 +54,10 @@ impl VqParameters {
         }
     }
 
-    /// Reads the attributes; a problem is returned as what the user should read.
+    /// Reads the attributes; a problem is returned as a message for the user.
     ///
     /// # Errors
-    /// If they are not those of this codec, or ask for what this version cannot decode.
+    /// If they are not of this codec, or need a later version.
     pub fn read(attributes: &serde_json::Value) -> Result<Self, String> {
         let read: Self = serde_json::from_value(attributes.clone()).map_err(|e| format!("parameters of vq: {e}"))?;
         if !(2..=MAX_ENTRIES as u64).contains(&read.entries) {
@@ -70,14 +70,14 @@ impl VqParameters {
         Ok(read)
     }
 
-    /// What the encoder was asked for; `None` if an older version did not write it down.
+    /// The options of the encoder; `None` if an older version did not record them.
     pub fn options(&self) -> Option<VqOptions> {
         let search = self.search.parse().ok()?;
         Some(VqOptions { entries: usize::try_from(self.entries).ok()?, search, own_scales: self.relative? })
     }
 
-    /// Keys of the chunks of the last block of so many steps, if it is short: those that are written again when steps are
-    /// added. They are below the group `group_key` of `source`, as that of the codec is.
+    /// Keys, below the group `group_key` of `source`, of the chunks of the last block, if it is short: those that are rewritten when steps
+    /// are added. `steps` is the number of steps so far.
     pub fn unsettled_chunks(&self, source: &dyn ReadRange, group_key: &str, steps: u64) -> Vec<String> {
         if steps.is_multiple_of(STEPS as u64) {
             return Vec::new();
@@ -88,7 +88,7 @@ impl VqParameters {
         keys.extend([key("cb8", block, 3), key("cb64", block, 3), key("exponent", block, 2)]);
         if self.specials > 0 {
             let starts = self.special_starts(source, &format!("{group_key}/{NAME}"), steps);
-            // Damage is for those who decode to find.
+            // Damage is reported when decoding.
             let start = starts.ok().and_then(|starts| starts.get(block as usize).copied()).unwrap_or(0);
             let rows = self.special_rows();
             keys.push(key("special_start", 0, 1));
@@ -97,7 +97,7 @@ impl VqParameters {
         keys.into_iter().map(|key| format!("{group_key}/{key}")).collect()
     }
 
-    /// Where the rows of each block of so many steps begin in `special`, and the end of the last; nothing if there are none.
+    /// Where the rows of each block begin in `special`, for `steps` steps, and the end of the last; empty if there are none.
     pub(super) fn special_starts(&self, source: &dyn ReadRange, vq_key: &str, steps: u64) -> FileResult<Vec<u64>> {
         if self.specials == 0 {
             return Ok(Vec::new());
@@ -115,7 +115,7 @@ impl VqParameters {
         self.specials.min(SPECIAL_ROWS)
     }
 
-    /// The arrays of a field with as many steps and vertices.
+    /// The arrays of a field with this many steps and vertices.
     pub fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
         let blocks = steps.div_ceil(STEPS as u64);
         let array = |name: &str, element, shape: Vec<u64>, chunking, axes| ArraySpec {

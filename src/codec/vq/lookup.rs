@@ -1,9 +1,9 @@
-//! Sums of two columns of 256 numbers on processors with AVX-512. A column lies in registers, and its numbers are permuted.
+//! Sums of two columns of 256 numbers on processors with AVX-512. A column lies in registers and is permuted.
 //!
-//! A gather reads its numbers one after the other, and on some processors takes longer than a plain loop. Here 32 indices choose
-//! among the lower halves of the numbers, then among the upper ones: by permutations of 64 halves each, and by the index's two
-//! upper bits among their results. Nothing but the additions rounds, so that the bits are those of [`Sums`]. Nothing on vectors is
-//! a closure, which would be compiled without the processor's instructions.
+//! A gather reads its numbers one after the other, and on some processors takes longer than a plain loop. Here 32 indices select among the
+//! lower halves of the numbers, then among the upper ones: by permutations of 64 halves each, and by the index's two upper bits among their
+//! results. Only the additions round, so that the bits are those of [`Sums`]. Vector code uses no closures, which would be compiled without
+//! the processor's instructions.
 
 use super::block::Sums;
 use pulp::x86::V4;
@@ -12,7 +12,7 @@ use std::arch::x86_64::{__m512, __m512i};
 
 /// Indices that are looked up at once.
 const LANES: usize = 32;
-/// Sums for which a column stays in the registers, which do not hold both. These sums stay in the first cache.
+/// Sums computed for one column before the other one is loaded: the registers do not hold both. They stay in the first-level cache.
 const PIECE: usize = 64 * LANES;
 
 /// [`Sums`] by permutations.
@@ -57,7 +57,7 @@ fn look_up(column: &Column, indices: &[u8], out: &mut [[f32; LANES]]) {
     }
 }
 
-/// `out = base + (out + column[indices])`, of what base there is.
+/// `out = base + (out + column[indices])`, or without `base` if there is none.
 #[inline(always)]
 fn add(column: &Column, indices: &[u8], base: Option<&[f32]>, out: &mut [[f32; LANES]]) {
     let indices = indices.as_chunks().0;
@@ -81,7 +81,7 @@ fn sums(lanes: V4, a: [f32; LANES], b: [f32; LANES]) -> [f32; LANES] {
     cast([lanes.avx512f._mm512_add_ps(a, c), lanes.avx512f._mm512_add_ps(b, d)])
 }
 
-/// Which words of 32 numbers are lower halves, and which upper ones.
+/// Word indices of the lower, and of the upper, halves of 32 numbers.
 const EVERY_OTHER_WORD: [[u16; LANES]; 2] = {
     let mut words = [[0; LANES]; 2];
     let mut at = 0;
@@ -117,7 +117,7 @@ impl Column {
     #[inline(always)]
     fn at(&self, indices: &[u8; LANES]) -> [__m512; 2] {
         let (f, bw) = (self.lanes.avx512f, self.lanes.avx512bw);
-        // Fours of indices in such an order that the halves, put together again, are in the order of the indices.
+        // Indices in groups of four, ordered so that the recombined halves are in the order of the indices.
         let order = cast([0u32, 4, 1, 5, 2, 6, 3, 7]);
         let index = bw._mm512_cvtepu8_epi16(self.lanes.avx2._mm256_permutevar8x32_epi32(cast(*indices), order));
         let sixth = bw._mm512_test_epi16_mask(index, f._mm512_set1_epi16(1 << 6));
@@ -156,7 +156,7 @@ mod tests {
         let columns = [&columns[0][..], &columns[1][..]];
         for count in [0, 1, LANES - 1, LANES, LANES + 1, 300, PIECE - 1, PIECE, 3 * PIECE + 77] {
             let mean = numbers(count);
-            // Either visits all entries, in another order.
+            // Both visit all entries, in different orders.
             let indices = [7919, 131].map(|stride| (0..count).map(|i| (i * stride % 256) as u8).collect::<Vec<u8>>());
             for base in [Some(&mean[..]), None] {
                 let (mut permuted, mut plain) = (vec![f32::NAN; count], vec![f32::NAN; count]);

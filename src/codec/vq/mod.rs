@@ -17,10 +17,9 @@
 //! | `exponent` (if used) | blocks, vertices | i8: the bracket is multiplied by 2^exponent |
 //! | `special`, `special_start` (if there are any) | runs, 4; blocks + 1 | u32: vertex, first step, number of steps, bits; u64 |
 //!
-//! The last block may be short; rows of `cb64` behind its last step are zero. A vertex that is constant in a block comes
-//! back exactly (entry 0 of both codebooks is -0), NaN and infinities bit for bit: they are stored apart, and the gaps
-//! that they leave are filled along time before anything is trained. Of what is decoded elsewhere, nothing depends on
-//! whether a value was special or had the value of the filling.
+//! The last block may be short; rows of `cb64` behind its last step are zero. A vertex that is constant in a block comes back exactly
+//! (entry 0 of both codebooks is -0), NaN and infinities bit for bit: they are stored apart, and the gaps that they leave are filled along
+//! time before training. Other decoded values do not depend on whether a value was special or had the value of the filling.
 //!
 //! With `own_scales`, differences are trained in units of a power of two of each vertex: the error is then relative to
 //! each vertex's own variation, for data over many orders of magnitude. Values beyond 2^120 force it.
@@ -61,7 +60,7 @@ pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
 
 /// Steps of a block.
 pub const STEPS: usize = 64;
-/// Groups of steps: numbers of a vector of the first codebook.
+/// Groups of steps in a block: length of a vector of the first codebook.
 pub const GROUPS: usize = 8;
 
 /// The group of step `j` of a block.
@@ -81,14 +80,14 @@ pub enum Search {
 
 words!(Search, "there is no search", ["fast" = Fast, "exact" = Exact]);
 
-/// What the encoder is asked for.
+/// Options of the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VqOptions {
     /// Entries of each codebook, 2 to [`MAX_ENTRIES`].
     pub entries: usize,
-    /// How they are found.
+    /// How codebooks are trained and searched.
     pub search: Search,
-    /// Whether each vertex has a power of two of its own.
+    /// Whether each vertex has its own power of two.
     pub own_scales: bool,
 }
 

@@ -23,12 +23,12 @@ type Matrix = Vec<[f64; STEPS]>;
 /// The first principal axes of a set of vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
-    /// Orthonormal axes, that of most variance first.
+    /// Orthonormal axes, by descending variance.
     pub(super) axes: Vec<Vector>,
 }
 
 impl Basis {
-    /// As many axes of `vectors` as hold all but `tail` of the variance, rounded up to one of `choices` (ascending).
+    /// The fewest axes of `vectors` that hold all but `tail` of the variance, rounded up to one of `choices` (ascending).
     pub(super) fn of(vectors: &[Vector], tail: f64, choices: &[usize]) -> Self {
         let (values, axes) = eigen(covariance(vectors));
         let total: f64 = values.iter().sum();
@@ -38,13 +38,13 @@ impl Basis {
         Self { axes: axes[..dims].iter().map(|axis| axis.map(|x| x as f32)).collect() }
     }
 
-    /// All 64 coordinates as they are.
+    /// The 64 coordinate axes.
     pub(super) fn identity() -> Self {
         let axis = |i: usize| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
         Self { axes: (0..STEPS).map(axis).collect() }
     }
 
-    /// Coordinates along the axes of 16 vectors that lie number by number, into one tile.
+    /// Projects 16 vectors, stored component by component, onto the axes, into one tile.
     pub(super) fn project(&self, vectors: &[[f32; LANES]; STEPS], tile: &mut [f32]) {
         widest(Projection { axes: &self.axes, vectors, tile });
     }
@@ -95,7 +95,7 @@ fn covariance(vectors: &[Vector]) -> Matrix {
     matrix
 }
 
-/// Sums of the products of all pairs of numbers (right of the diagonal), and of the numbers.
+/// Sums of the products of all pairs of components (upper triangle), and of the components.
 fn products(vectors: &[Vector]) -> (Matrix, [f64; STEPS]) {
     let mut matrix = vec![[0.0f64; STEPS]; STEPS];
     let mut sums = [0.0f64; STEPS];
@@ -105,7 +105,7 @@ fn products(vectors: &[Vector]) -> (Matrix, [f64; STEPS]) {
         for v in batch {
             for (i, row) in rows.iter_mut().enumerate() {
                 let factor = v[i];
-                // From a multiple of 8 on: whole registers, and little left of the diagonal.
+                // From a multiple of 8 on: whole registers, and few products below the diagonal.
                 let from = i & !7;
                 row[from..].iter_mut().zip(&v[from..]).for_each(|(sum, x)| *sum += factor * x);
             }
@@ -122,7 +122,7 @@ fn products(vectors: &[Vector]) -> (Matrix, [f64; STEPS]) {
 fn eigen(mut a: Matrix) -> (Vec<f64>, Matrix) {
     let mut axes: Matrix = (0..STEPS).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
     let norm: f64 = a.iter().flatten().map(|x| x * x).sum::<f64>().sqrt();
-    // What is left off the diagonal then is below the rounding of what is on it.
+    // Off-diagonal elements are then below the rounding of the diagonal.
     let negligible = norm * f64::EPSILON / STEPS as f64;
     for _ in 0..MAX_SWEEPS {
         let mut rotated = false;
@@ -140,7 +140,7 @@ fn eigen(mut a: Matrix) -> (Vec<f64>, Matrix) {
     }
     let mut order: Vec<usize> = (0..STEPS).collect();
     order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]).then(i.cmp(&j)));
-    // A variance of zero may round to one below.
+    // A variance of zero may round to a negative one.
     (order.iter().map(|&i| a[i][i].max(0.0)).collect(), order.iter().map(|&i| axes[i]).collect())
 }
 

@@ -1,8 +1,8 @@
-//! A block before it is coded: special values taken out, means, scales, and its two kinds of difference vectors.
+//! Preparation of a block for encoding: special values taken out, means, scales, and its two kinds of difference vectors.
 //!
-//! Values stay where they came, step by step; everything here goes along the steps or takes 16 vertices at a time. All
-//! vectors are in units of the vertex's power of two (the same for all vertices unless each has its own), so that no
-//! square of a difference can overflow or vanish in f32.
+//! Values keep their order, step by step; everything here runs along the steps or takes 16 vertices at a time. All vectors are in units of
+//! the vertex's power of two (the same for all vertices unless each has its own), so that no square of a difference can overflow or vanish
+//! in f32.
 
 use super::block::{SpecialRun, power};
 use super::tiles::{LANES, Tiles};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Vertices of one task; fixed, so that no sum depends on the number of threads.
 const TASK: usize = 1024;
 
-/// Values of up to 64 steps, and what is known of each vertex.
+/// Values of up to 64 steps, and statistics of each vertex.
 #[derive(Debug)]
 pub(super) struct Prepared<'a> {
     /// Step by step, one value a vertex; finite.
@@ -20,9 +20,9 @@ pub(super) struct Prepared<'a> {
     pub(super) vertices: usize,
     /// Number of steps.
     pub(super) steps: usize,
-    /// Mean of each vertex, or the value itself if it is constant.
+    /// Mean of each vertex; its exact value if it is constant.
     pub(super) mean: Vec<f32>,
-    /// Whether a vertex changes at all.
+    /// Whether each vertex changes at all.
     pub(super) moves: Vec<bool>,
     /// Exponents of the power of two in which differences are measured.
     pub(super) unit: Unit,
@@ -33,14 +33,14 @@ pub(super) struct Prepared<'a> {
 pub(super) enum Unit {
     /// One exponent for all vertices.
     Common(i8),
-    /// Each vertex has its own.
+    /// One exponent per vertex.
     Own(Vec<i8>),
 }
 
-/// Replaces NaN and infinities by what lies between their neighbours in time, and returns them as runs.
+/// Replaces NaN and infinities by interpolation in time, and returns them as runs.
 ///
-/// A gap is filled linearly from the value before to the value after, at the ends by the nearest value, and with 0 where
-/// no value of the vertex is finite. `first_step` is that of the block.
+/// A gap is filled linearly from the value before to the value after, at the ends by the nearest value, and with 0 where no value of the
+/// vertex is finite. `first_step` is that of the block.
 pub(super) fn take_specials(values: &mut [f32], vertices: usize, first_step: u32) -> Vec<SpecialRun> {
     let task = TASK * STEPS;
     if values.par_chunks(task).all(|part| part.iter().all(|x| x.is_finite())) {
@@ -61,7 +61,7 @@ pub(super) fn take_specials(values: &mut [f32], vertices: usize, first_step: u32
     runs
 }
 
-/// The special values of one vertex.
+/// Collects the runs of special values of one vertex.
 fn runs_of(series: &[f32], vertex: u32, first_step: u32, runs: &mut Vec<SpecialRun>) {
     let before = runs.len();
     for (j, x) in (0u32..).zip(series).filter(|(_, x)| !x.is_finite()) {
@@ -101,12 +101,12 @@ fn fill(series: &[f32]) -> Vec<f32> {
 struct Summary {
     mean: f32,
     moves: bool,
-    /// Largest difference from the mean that is possible: greatest value less least value.
+    /// Greatest value less least value, the bound of differences from the mean.
     spread: f64,
 }
 
 impl<'a> Prepared<'a> {
-    /// Looks at finite values. Each vertex gets a unit of its own if `own_scales`, or if no common one would do.
+    /// Prepares finite values. Each vertex gets its own unit if `own_scales`, or if no common one is possible.
     pub(super) fn new(values: &'a [f32], vertices: usize, own_scales: bool) -> Self {
         let steps = values.len() / vertices;
         let mut summaries = vec![Summary { mean: 0.0, moves: false, spread: 0.0 }; vertices];
@@ -114,7 +114,7 @@ impl<'a> Prepared<'a> {
             summarise(values, vertices, steps, task * TASK, out);
         });
         let largest = summaries.iter().map(|s| s.spread).fold(0.0, f64::max);
-        // With a common unit, differences and codebooks are as they are: there must be no overflow near.
+        // With a common unit, differences and codebooks are unscaled: they must be far from overflow.
         let unit = if own_scales || largest > COMMON_MAX {
             Unit::Own(summaries.iter().map(|s| exponent_of(s.spread)).collect())
         } else {
@@ -151,7 +151,7 @@ impl<'a> Prepared<'a> {
         out
     }
 
-    /// One of the differences.
+    /// The difference of one value from the mean, in units.
     pub(super) fn difference(&self, vertex: usize, value: f32) -> f32 {
         let [before, after] = factors(self.exponent(vertex));
         (value * before - self.mean[vertex] * before) * after
@@ -183,7 +183,7 @@ impl<'a> Prepared<'a> {
         tiles
     }
 
-    /// 16 vertices from `first` on; behind the last, the last again.
+    /// 16 vertices from `first` on; behind the last, the last one is repeated.
     pub(super) fn lanes(&self, first: usize) -> [usize; LANES] {
         std::array::from_fn(|l| (first + l).min(self.vertices - 1))
     }
@@ -192,14 +192,14 @@ impl<'a> Prepared<'a> {
 /// Largest spread of a vertex for which a common unit is used.
 const COMMON_MAX: f64 = (1u128 << 120) as f64;
 
-/// Factors before and after a subtraction that make a difference one in units of 2^`exponent`. Differences of the largest
-/// numbers overflow; of quarters of them they don't.
+/// Factors before and after a subtraction that give the difference in units of 2^`exponent`. Differences of the largest numbers overflow;
+/// of quarters of them they don't.
 fn factors(exponent: i8) -> [f32; 2] {
     let before = if exponent > 120 { 0.25 } else { 1.0 };
     [before, power(-exponent) / before]
 }
 
-/// The power of two just above `spread`, within what both it and its reciprocal can be in f32.
+/// Exponent of the power of two just above `spread`, limited so that both it and its reciprocal are f32 numbers.
 fn exponent_of(spread: f64) -> i8 {
     if spread == 0.0 {
         return 0;

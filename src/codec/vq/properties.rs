@@ -1,4 +1,4 @@
-//! Any series of any length: what is reported is what is lost, and what must not be lost is not.
+//! Property tests on series of any length: reported errors are the actual ones, and exact values stay exact.
 
 use super::test_data::Random;
 use super::{Search, VqDecoder, VqEncoder, VqOptions, VqParameters};
@@ -8,13 +8,13 @@ use crate::moments::Moments;
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// What a vertex does over time.
+/// Course of a vertex over time.
 #[derive(Clone, Copy, Debug)]
 enum Course {
     Constant(f32),
-    /// Around a mean, with a deviation.
+    /// Noise with this mean and deviation.
     Noise(f32, f32),
-    /// The same, and sometimes NaN or infinite.
+    /// Noise, and sometimes NaN or infinite.
     Broken(f32, f32),
     Special,
 }

@@ -6,10 +6,10 @@
 //!         keep the entry with the lowest score, the first of equal ones
 //! ```
 //!
-//! Differences from the plain distance, for speed: the product form needs two operations a number instead of three. It
-//! rounds like |x|^2, not like the distance, so that of two entries almost equally far either may be found; what that
-//! costs is a part in 2^20 of |x|^2. Lanes are vectors, not entries: the minimum then needs no search across lanes. Two
-//! entries are scored together, so that each number of x is loaded once for both. 16 lanes are one register of AVX-512.
+//! Differences from the plain distance, for speed: the product form needs two operations a number instead of three. It rounds like |x|^2,
+//! not like the distance, so that of two entries almost equally far either may be found; that costs a part in 2^20 of |x|^2. Lanes are
+//! vectors, not entries: the minimum then needs no search across lanes. Two entries are scored together, so that each number of x is loaded
+//! once for both. 16 lanes are one register of AVX-512.
 
 use super::simd::widest;
 use super::tiles::{LANES, Tiles};
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// Tiles of one task.
 const TASK: usize = 32;
 
-/// Entries of a codebook in the space of the search, row by row; entry 0 is the vector of zeros.
+/// Codebook entries in the space of the search, row by row; entry 0 is the zero vector.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entries {
     pub(super) dims: usize,
@@ -31,7 +31,7 @@ impl Entries {
         self.rows.len() / self.dims
     }
 
-    /// One entry.
+    /// The numbers of one entry.
     pub(super) fn row(&self, entry: usize) -> &[f32] {
         &self.rows[entry * self.dims..][..self.dims]
     }
@@ -42,11 +42,11 @@ impl Entries {
 pub(super) struct Assignment {
     /// Index of the entry.
     pub(super) entry: Vec<u16>,
-    /// Squared distance to it.
+    /// Squared distance to the entry.
     pub(super) distance: Vec<f32>,
 }
 
-/// Finds the nearest entry of every vector. The same for any number of threads.
+/// Finds the nearest entry of every vector. The result is the same for any number of threads.
 pub(super) fn nearest(vectors: &Tiles, entries: &Entries) -> Assignment {
     let half: Vec<f32> = (0..entries.len()).map(|k| 0.5 * dot(entries.row(k), entries.row(k))).collect();
     let mut out = Assignment { entry: vec![0; vectors.count], distance: vec![0.0; vectors.count] };
@@ -58,7 +58,7 @@ pub(super) fn nearest(vectors: &Tiles, entries: &Entries) -> Assignment {
     out
 }
 
-/// Some tiles, and where their results go.
+/// A range of tiles, and the slices for their results.
 struct Task<'a> {
     tiles: &'a [f32],
     dims: usize,
@@ -99,7 +99,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Best entries and scores so far, one a lane.
+/// Best entry and score so far, per lane.
 struct Best {
     score: [f32; LANES],
     entry: [u32; LANES],

@@ -9,7 +9,7 @@ use crate::moments::Moments;
 use crate::task::Cancel;
 use std::sync::Arc;
 
-/// What a series became.
+/// An encoded series.
 struct Coded {
     objects: Objects,
     decoder: VqDecoder,
@@ -267,7 +267,7 @@ fn one_vertex_and_constant_fields_are_kept_for_any_number_of_steps() {
     }
 }
 
-/// A decoder elsewhere, by the documentation of [`VqBlock`]: from its slices alone.
+/// A decoder by the documentation of [`VqBlock`], from its slices alone.
 fn decoded_elsewhere(block: &VqBlock, step: usize) -> Vec<f32> {
     let (j, n) = (step % STEPS, block.row_len());
     let index = |v: usize| match block.indices() {
@@ -479,7 +479,7 @@ fn the_tally_is_that_of_the_decoder() {
 fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_alone() {
     let (steps, vertices) = (70, 1000);
     let mut values = waves(steps, vertices);
-    // Special values are laid over what the codebooks give.
+    // Special values replace some of the codebooks' ones.
     for i in (0..values.len()).step_by(37) {
         values[i] = f32::NAN;
     }

@@ -1,10 +1,10 @@
-//! Vectors for the search: many of few numbers, in tiles of 16, number by number.
+//! Short vectors for the search, in tiles of 16, component by component.
 
-/// Vectors that lie side by side: one instruction of the search works on the same number of several of them.
+/// Vectors of a tile: one instruction of the search works on the same component of several of them.
 pub(super) const LANES: usize = 16;
 
-/// `count` vectors of `dims` numbers: tile after tile, in a tile number after number, for each number the 16 vectors.
-/// Lanes behind the last vector are zero.
+/// `count` vectors of `dims` components: tile after tile, in a tile component after component, for each component the 16 vectors. Lanes
+/// behind the last vector are zero.
 #[derive(Clone, Debug)]
 pub(super) struct Tiles {
     pub(super) dims: usize,
@@ -13,17 +13,17 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Vectors of zeros.
+    /// `count` zero vectors.
     pub(super) fn new(dims: usize, count: usize) -> Self {
         Self { dims, count, data: vec![0.0; count.div_ceil(LANES) * dims * LANES] }
     }
 
-    /// Numbers of a tile.
+    /// Numbers in a tile.
     pub(super) fn tile_len(&self) -> usize {
         self.dims * LANES
     }
 
-    /// Number `dim` of a vector.
+    /// Component `dim` of a vector.
     pub(super) fn get(&self, vector: usize, dim: usize) -> f32 {
         self.data[(vector / LANES * self.dims + dim) * LANES + vector % LANES]
     }

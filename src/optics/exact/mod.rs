@@ -1,9 +1,8 @@
 //! The exact integrator: segments are split at the nodes of the transfer function, each piece integrated by
 //! [`piece_weights`].
 //!
-//! Along a ray the scalar is continuous, so the interval of the table that holds it is known from the segment before:
-//! [`ExactRay`] walks up and down the intervals and never searches. The values of table and scalar at the end of a piece
-//! are those at the start of the next.
+//! Along a ray the scalar is continuous, so the table interval that contains it is known from the segment before: [`ExactRay`] walks up and
+//! down the intervals and never searches. The values of table and scalar at the end of a piece are those at the start of the next.
 //!
 //! A piece goes down a ramp in f32 from its upper end, so that next to nothing at the foot of a steep one has few digits: opacities of
 //! 1e-16 and less at the foot of a spike are off by 2e-5 of themselves (`bench::accuracy`, one segment).
@@ -17,7 +16,7 @@ use arrayvec::ArrayVec;
 use glam::Vec4;
 pub(crate) use whole::{AT_ONCE, WholePieces};
 
-/// Red, green, blue and extinction per unit of length at one scalar: in one vector, as all are interpolated alike.
+/// Red, green, blue and extinction per unit of length at one scalar, in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Optical(Vec4);
 
@@ -34,7 +33,7 @@ impl Optical {
     }
 }
 
-/// One interval of a piecewise linear table.
+/// Interval of a piecewise linear table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interval {
     /// Scalars from `lo` to `hi`; the first and last interval reach to infinity and are constant.
@@ -42,12 +41,12 @@ pub(crate) struct Interval {
     pub(crate) hi: f64,
     /// 1 / (hi - lo), or 0 where constant.
     pub(crate) per_width: f64,
-    /// Where shares of the width are counted from: `lo`, or 0 where constant.
+    /// Origin from which shares of the width are counted: `lo`, or 0 where constant.
     pub(crate) origin: f64,
     at_lo: Optical,
     /// Value at `hi` less that at `lo`.
     rise: Optical,
-    /// Extinction is zero throughout.
+    /// Whether extinction is zero throughout.
     pub(super) transparent: bool,
 }
 
@@ -69,13 +68,13 @@ impl Interval {
     }
 }
 
-/// An [`Interval`] as the lanes of vectors read it, in a line of the cache.
+/// An [`Interval`] in the layout that vector lanes read, one cache line long.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct IntervalRow {
     /// `lo`, `hi`, `origin` and `per_width`.
     pub(crate) bounds: [f64; 4],
-    /// Red, green, blue and extinction at `lo`, then how much more they are at `hi`.
+    /// Red, green, blue and extinction at `lo`, then their rise to `hi`.
     pub(crate) values: [f32; 8],
 }
 
@@ -92,7 +91,7 @@ impl IntervalRow {
 pub struct ExactTable {
     intervals: Vec<Interval>,
     rows: Vec<IntervalRow>,
-    /// Where scalars rise and where they fall.
+    /// Pieces in the order of rising and of falling scalars.
     whole: [WholePieces; 2],
 }
 
@@ -113,7 +112,7 @@ impl ExactTable {
 
     /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
     pub fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
-        // As the walk along the segment: at a node the side that it goes to holds.
+        // At a node the side that the segment goes to holds, as in [`ExactRay`].
         if s1 == s0 {
             let interval = &self.intervals[self.interval_at(s0)];
             return if interval.at(s0).tau() > 0.0 { 0.0 } else { 1.0 };
@@ -144,13 +143,13 @@ impl ExactTable {
         self.intervals.iter().flat_map(pack).collect()
     }
 
-    /// The interval that holds a scalar; at a node the right one.
+    /// The interval that contains a scalar; at a node the right one.
     #[inline]
     pub(crate) fn interval_at(&self, scalar: f64) -> usize {
         self.intervals.partition_point(|i| i.hi <= scalar)
     }
 
-    /// All intervals, by their scalars.
+    /// All intervals, in ascending order.
     pub(super) fn intervals(&self) -> &[Interval] {
         &self.intervals
     }
@@ -160,19 +159,19 @@ impl ExactTable {
         &self.intervals[index]
     }
 
-    /// That interval for the lanes of vectors.
+    /// The interval's layout for vector lanes.
     #[inline(always)]
     pub(crate) fn row(&self, index: usize) -> &IntervalRow {
         &self.rows[index]
     }
 
-    /// Pieces from node to node where scalars rise, or fall.
+    /// Pieces from node to node for rising or for falling scalars.
     #[inline(always)]
     pub(crate) fn whole(&self, falls: bool) -> &WholePieces {
         &self.whole[usize::from(falls)]
     }
 
-    /// The place of an interval among them, and the interval at a place.
+    /// Index of an interval in [`Self::whole`], and vice versa.
     #[inline(always)]
     pub(crate) fn place_of(&self, interval: usize, falls: bool) -> usize {
         if falls { self.intervals.len() - 1 - interval } else { interval }
@@ -184,17 +183,17 @@ impl ExactTable {
     }
 }
 
-/// What is known of a ray's place in the table: the interval, and the values at the scalar where its last segment ended.
+/// State of a ray in the table: the interval, and the values at the scalar where its last segment ended.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactRay {
     interval: usize,
-    /// Whether that is transparent. An `Option` of the place needs no more room as long as it has a `bool`.
+    /// Whether that interval is transparent. As a `bool` it gives an `Option` of this type room for `None`.
     transparent: bool,
     here: Optical,
 }
 
 impl ExactRay {
-    /// A ray that enters the volume at a place with this scalar.
+    /// A ray that enters the volume at this scalar.
     #[inline]
     pub fn enter(table: &ExactTable, scalar: f64) -> Self {
         let interval = table.interval_at(scalar);
@@ -217,12 +216,12 @@ impl ExactRay {
         pieces.count
     }
 
-    /// Gives `into` the pieces of a segment that have extinction.
+    /// Passes the pieces of a segment that have extinction to `into`.
     #[inline(always)]
     fn split(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, into: &mut impl TakePiece) {
         let intervals = table.intervals.as_slice();
         let interval = &intervals[self.interval];
-        // The usual case: no node on the way.
+        // The usual case: no node is crossed.
         if s1 < interval.hi && s1 > interval.lo && s0 < interval.hi {
             self.piece(interval, s1, length, into);
         } else {
@@ -230,7 +229,7 @@ impl ExactRay {
         }
     }
 
-    /// A piece of a segment; whether anything behind it can be seen.
+    /// Passes on one piece of a segment; returns whether anything behind it can be visible.
     #[inline(always)]
     fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) -> bool {
         let near = self.here;
@@ -239,7 +238,7 @@ impl ExactRay {
             let (far, length) = (self.here, length as f32);
             // Rounding may leave a tiny negative extinction where a ramp reaches zero.
             let [near_depth, far_depth] = [near, far].map(|end| (end.tau() * length).max(0.0));
-            // A constant piece at the foot of a ramp shows nothing.
+            // A constant piece at the foot of a ramp is invisible.
             if near_depth > 0.0 || far_depth > 0.0 {
                 into.take(Piece { near: near.color(), far: far.color(), near_depth, far_depth });
             }
@@ -285,7 +284,7 @@ impl ExactRay {
         self.piece(&intervals[self.interval], s1, rest, into);
     }
 
-    /// Goes to the end of a segment of which nothing more is seen.
+    /// Moves to the end of a segment whose rest is invisible.
     #[cold]
     fn leave_out_rest(&mut self, intervals: &[Interval], s1: f64) {
         self.move_to(intervals, intervals.partition_point(|i| i.hi <= s1), s1);
@@ -298,23 +297,23 @@ impl ExactRay {
     }
 }
 
-/// A part of a segment without a node.
+/// A part of a segment that crosses no node.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Colours at its ends.
+    /// Colours at the near and the far end.
     near: Vec4,
     far: Vec4,
-    /// Extinction there, times the length.
+    /// Extinctions at both ends, times the length.
     near_depth: f32,
     far_depth: f32,
 }
 
-/// Where pieces go.
+/// Consumer of pieces.
 trait TakePiece {
     fn take(&mut self, piece: Piece);
 }
 
-/// Composites each piece as it comes.
+/// Composites each piece immediately.
 struct OneByOne<'a> {
     out: &'a mut Accumulator,
     count: u64,
@@ -328,17 +327,17 @@ impl TakePiece for OneByOne<'_> {
     }
 }
 
-/// Pieces that wait at most: a renderer composites a score of segments at a time, most of one piece or two.
+/// Most buffered pieces: a renderer composites a score of segments at a time, most of one piece or two.
 const ROOM: usize = 4 * WEIGHED_AT_ONCE;
 
-/// Pieces that wait to be weighed side by side.
+/// Buffer of pieces to be weighed side by side.
 struct Pieces<'a> {
     out: &'a mut Accumulator,
-    /// How many there have been.
+    /// Pieces taken so far.
     count: u64,
     near_depth: [f32; ROOM],
     far_depth: [f32; ROOM],
-    /// Colours at their ends. Not an array: clearing one takes as long as compositing some pieces.
+    /// Colours at both ends. Not an array: clearing one takes as long as compositing some pieces.
     colors: ArrayVec<[Vec4; 2], ROOM>,
 }
 
@@ -368,7 +367,7 @@ impl<'a> Pieces<'a> {
         self.colors.clear();
     }
 
-    /// Weighs those that wait side by side and composites them one after the other.
+    /// Weighs the buffered pieces side by side and composites them one after the other.
     #[inline(always)]
     fn composite(&mut self) {
         // A copy stays in registers, from one piece to the next.
@@ -468,7 +467,7 @@ mod tests {
                 let (mut whole, mut in_parts) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
                 let mut ray = ExactRay::enter(&table, from);
                 assert_eq!(ray.segment(&table, from, to, 100.0, &mut whole), expected, "{tau}");
-                // It is where it would have come to: a segment behind has the light of a ray that begins there.
+                // The ray is where it would have come to: a segment behind has the light of a ray that begins there.
                 let (mut behind, mut new) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
                 let back = 0.3 * from + 0.7 * to;
                 ray.segment(&table, to, back, 0.1, &mut behind);
@@ -481,7 +480,7 @@ mod tests {
                     .map(|(s, to)| ray.segment(&table, s, to, 1.0, &mut in_parts))
                     .sum();
                 assert_eq!(pieces, of_all);
-                // What a deep piece lets through is the rounding of 1.
+                // The transmittance of a deep piece is the rounding of 1.
                 let off = whole.pixel().iter().zip(in_parts.pixel()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                 assert!(off <= if expected == 1 { f32::EPSILON } else { 0.0 }, "{tau}: {off:e}");
                 assert!(whole.is_opaque() == (tau > 1.0));

@@ -1,19 +1,19 @@
-//! Pieces from node to node: of a segment that crosses many nodes all but the first and the last one. Their values at the ends are
-//! those of the table, and only their lengths are of the segment, so that many can be computed side by side.
+//! Whole pieces, from node to node: all but the first and the last one of a segment that crosses many nodes. Their end values are those of
+//! the table and only their lengths depend on the segment, so that many can be computed side by side.
 
 use super::Interval;
 use glam::Vec4;
 
-/// Pieces that are read at once.
+/// Pieces that are read together.
 pub(crate) const AT_ONCE: usize = 8;
 
-/// The intervals of a table in the order in which a scalar that rises or falls comes through them.
+/// The intervals of a table in the order in which a rising or a falling scalar traverses them.
 #[derive(Clone, Debug)]
 pub(crate) struct WholePieces {
-    /// Scalars at the far ends, negated where scalars fall: they ascend.
+    /// Scalars at the far ends, negated where scalars fall, so that they ascend.
     ends: Vec<f64>,
     widths: Vec<f64>,
-    /// Extinction at the near and at the far ends.
+    /// Extinctions at the near and at the far ends.
     extinctions: [Vec<f32>; 2],
     /// Red, green, blue and 1 at the near and at the far ends.
     colors: Vec<[Vec4; 2]>,
@@ -38,7 +38,7 @@ impl WholePieces {
         };
         for (end, values, interval) in pieces {
             all.ends.push(end);
-            // The first and the last interval are never whole.
+            // The first and the last interval are infinite and never whole.
             let is_finite = interval.lo.is_finite() && interval.hi.is_finite();
             all.widths.push(if is_finite { interval.hi - interval.lo } else { 0.0 });
             for (extinctions, value) in all.extinctions.iter_mut().zip(values) {
@@ -52,7 +52,7 @@ impl WholePieces {
         all
     }
 
-    /// [`AT_ONCE`] pieces from `first` on; behind the last interval there are some that no scalar reaches the end of, and then none.
+    /// [`AT_ONCE`] pieces from `first` on, padded behind the last interval with pieces whose ends no scalar reaches; then `None`.
     #[inline(always)]
     pub(crate) fn some(&self, first: usize) -> Option<SomePieces<'_>> {
         let [near, far] = &self.extinctions;
@@ -70,13 +70,13 @@ impl WholePieces {
     }
 }
 
-/// Some of [`WholePieces`] that follow each other.
+/// [`AT_ONCE`] consecutive [`WholePieces`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SomePieces<'a> {
     /// Scalars at the far ends, negated where scalars fall.
     pub(crate) ends: &'a [f64; AT_ONCE],
-    /// Scalars from end to end; 0 of those that are never whole.
+    /// Scalar widths; 0 for intervals that are never whole.
     pub(crate) widths: &'a [f64; AT_ONCE],
-    /// Extinction at the near and at the far ends.
+    /// Extinctions at the near and at the far ends.
     pub(crate) extinctions: [&'a [f32; AT_ONCE]; 2],
 }

@@ -1,4 +1,4 @@
-//! What an ensemble gives: the values at a place, and the curve over the scalar.
+//! Evaluation of an ensemble: the values at a sample, and the curve over the scalar.
 
 use super::{Counts2d, Ensemble, Function, Member, Reduction, Space};
 use crate::slowdown::{Slow, waste};
@@ -13,31 +13,31 @@ use crate::transfer::table::{CURVE_PART, OpacityKind};
 use crate::transfer::tolerance::{Lengths, Tolerance};
 use crate::transfer::widget::{Widget, line_of, topmost};
 
-/// What an ensemble is evaluated for.
+/// The data ranges, opacity kind, lengths and histograms for which an ensemble is evaluated.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     /// Smallest and largest scalar of the series.
     pub series: (f64, f64),
     /// Smallest and largest scalar of the step shown.
     pub step: (f64, f64),
-    /// What opacities mean.
+    /// Meaning of opacity values.
     pub kind: OpacityKind,
-    /// The length that opacities refer to, and that of the longest path.
+    /// The unit distance of opacities, and the longest path.
     pub lengths: Lengths,
     /// Counts over scalar and gradient magnitude, by which members on both are reduced to the scalar.
     pub scalar_gradient: Option<&'a dyn Counts2d>,
-    /// Counts over scalar and coefficient of variation, by which members on the latter are.
+    /// Counts over scalar and coefficient of variation, by which members on the latter are reduced.
     pub scalar_cov: Option<&'a dyn Counts2d>,
 }
 
 impl Context<'_> {
-    /// Without histograms.
+    /// A context without histograms.
     pub fn new(series: (f64, f64), step: (f64, f64), kind: OpacityKind, lengths: Lengths) -> Self {
         Self { series, step, kind, lengths, scalar_gradient: None, scalar_cov: None }
     }
 }
 
-/// Where an ensemble is evaluated.
+/// The quantities at which an ensemble is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// The scalar, in the field's unit.
@@ -48,7 +48,7 @@ pub struct Sample {
     pub cov: f64,
 }
 
-/// A line along the scalar: where it lies on the other axes, positions 0..=1.
+/// A line along the scalar, given by its positions 0..=1 on the other axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Position on the axis of the gradient's magnitude.
@@ -57,7 +57,7 @@ pub struct Line {
     pub cov: f64,
 }
 
-/// An ensemble with all that does not depend on the place.
+/// An ensemble prepared for evaluation at samples.
 #[derive(Debug)]
 pub struct Evaluator<'a> {
     members: Vec<Resolved<'a>>,
@@ -65,7 +65,7 @@ pub struct Evaluator<'a> {
     kind: OpacityKind,
 }
 
-/// A member with the scalars that its axis covers.
+/// A member with its resolved range.
 #[derive(Debug)]
 struct Resolved<'a> {
     member: &'a Member,
@@ -115,7 +115,7 @@ impl<'a> Resolved<'a> {
         knots
     }
 
-    /// The values at a place, before they are weighted.
+    /// The member's values at a sample, before weighting.
     fn eval(&self, sample: &Sample) -> Side {
         let on_scalar = || self.axis().position_of(sample.scalar);
         let (x, y) = match self.member.space {
@@ -130,7 +130,7 @@ impl<'a> Resolved<'a> {
         }
     }
 
-    /// The curve over the scalar, before it is weighted: on a line, if there is one and the member keeps its axes.
+    /// The curve over the scalar, before weighting: on `line`, if there is one and the member keeps its axes.
     fn curve(
         &self,
         context: &Context,
@@ -153,7 +153,7 @@ impl<'a> Resolved<'a> {
             }
             (Space::ScalarCov, Function::Widgets(widgets), Some(line)) => return of_widgets(widgets, Some(line.cov)),
             (Space::Cov, _, Some(line)) => {
-                // The same for all scalars.
+                // Constant over the scalar.
                 let side = self.eval(&Sample { scalar: 0.0, gradient: line.gradient, cov: line.cov });
                 return Ok(vec![ProfilePoint { scalar: self.axis().scalar_at(0.0), left: side, right: side }]);
             }
@@ -173,9 +173,9 @@ impl<'a> Resolved<'a> {
 }
 
 impl Evaluator<'_> {
-    /// Colour (display-referred, not premultiplied) and opacity (or optical depth of a unit distance) at a place: members are
-    /// blended there, however many dimensions they have together. The judge of everything that is made of an ensemble. A scalar
-    /// that is NaN is transparent; a gradient or coefficient of variation counts as 0 then.
+    /// Colour (display-referred, not premultiplied) and opacity (or optical depth of a unit distance) at a sample: the values of all
+    /// members there, blended. The reference for tables and curves. A NaN scalar is transparent; a NaN gradient or coefficient of variation
+    /// counts as 0.
     pub fn eval(&self, sample: &Sample) -> ([f64; 3], f64) {
         let side = self.eval_side(sample);
         (side.rgb, side.value)
@@ -205,17 +205,17 @@ impl Evaluator<'_> {
         self.members.iter().flat_map(|member| member.knots(self.kind)).collect()
     }
 
-    /// What opacities of the result mean.
+    /// Whether values of the result are opacities or optical depths.
     pub fn kind(&self) -> OpacityKind {
         self.kind
     }
 }
 
 impl Ensemble {
-    /// The ensemble, ready to be evaluated at places.
+    /// Prepares the ensemble for evaluation at samples.
     ///
     /// # Errors
-    /// If a member is at fault or its range cannot be had.
+    /// If a member is at fault or its range cannot be resolved.
     pub fn evaluator(&self, context: &Context) -> Result<Evaluator<'_>, TransferError> {
         let kind = self.kind(context.kind);
         let members = self.enabled_members().map(|m| Resolved::new(m, context, kind)).collect::<Result<_, _>>()?;
@@ -223,10 +223,10 @@ impl Ensemble {
         Ok(Evaluator { members, colors: self.colors, kind })
     }
 
-    /// The curve over the scalar; members on other axes, too, are reduced to it ([`Reduction`](super::Reduction)). On linear
-    /// ranges it is exact but for rounding, except that quotients of weighted colours and opacity are within 7.9e-8. Members
-    /// on logarithmic ranges are refined, so that all together use up an eighth of the tolerance of tables at most; with XOR on
-    /// levels, places at which these change may move by as much.
+    /// The curve over the scalar; members on other axes are reduced to it ([`Reduction`](super::Reduction)). On linear ranges it is exact
+    /// but for rounding, except that quotients of weighted colours and opacity are within 7.9e-8. Members on logarithmic ranges are
+    /// refined, so that all together use at most 1/32 of the tolerance of tables; with XOR on levels, the scalars at which levels
+    /// change may move by as much.
     ///
     /// # Errors
     /// As [`Ensemble::evaluator`], and if a histogram is missing, extinctions overflow, all ranges together are too wide, or
@@ -272,8 +272,8 @@ impl Ensemble {
         Ok(Curve::new(points, kind))
     }
 
-    /// What the refinement of one of `count` members on logarithmic axes may use up, so that it is half of what curves may be off
-    /// for all: blending rules add up errors at most. A weighted colour has those of two factors.
+    /// Tolerance for refining one of `count` members on logarithmic axes: half of what curves may be off, shared by all, since blending
+    /// rules at most add errors up. A weighted colour has the errors of two factors.
     fn member_tolerance(&self, count: usize, lengths: &Lengths) -> Tolerance {
         let share = match self.colors {
             ColorWeighting::Plain => 0.5,
@@ -283,7 +283,7 @@ impl Ensemble {
     }
 }
 
-/// Colours and values times the weight; weighted colours, which are products of both, times its square.
+/// Multiplies colours and values by the weight; weighted colours, products of both, by its square.
 fn weigh(pieces: &Pieces, weight: f64, colors: ColorWeighting) -> Pieces {
     let factor = |c: usize| if c == VALUE || colors == ColorWeighting::Plain { weight } else { weight * weight };
     pieces.map(|p: &Piece| p.with(|c| p.channels[c].map(|x| x * factor(c))))

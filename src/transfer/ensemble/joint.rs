@@ -1,7 +1,7 @@
-//! Ensembles on more than the scalar, as true tables (dissertation 7.3): members that keep their axes.
+//! Ensembles as joint tables (dissertation 7.3): members that keep their axes.
 //!
-//! At one gradient magnitude and one coefficient of variation an ensemble is a curve over the scalar, exactly, and that of all
-//! blending rules ([`Ensemble::curve_on`]). A [`JointTable`] has these curves at [`places`] of both axes.
+//! At one gradient magnitude and one coefficient of variation an ensemble is exactly a curve over the scalar, whatever its blending rules
+//! ([`Ensemble::curve_on`]). A [`JointTable`] has these curves at [`places`] of both axes.
 
 use super::places::{Second, places};
 use super::{Context, Ensemble, Line};
@@ -10,19 +10,19 @@ use crate::transfer::TransferError;
 use crate::transfer::curve::Curve;
 use rayon::prelude::*;
 
-/// Values that a table may have: 16 MiB of them. With more, neighbouring scalars become one step.
+/// Most values of a table: 16 MiB. With more, neighbouring scalars are merged into steps.
 const MOST_VALUES: usize = 1 << 20;
 
-/// Scalars that a table has room for at least; with fewer, steps are no picture of a curve.
+/// Fewest scalars that a table has room for; fewer steps would not resemble a curve.
 const LEAST_SCALARS: usize = 16;
 
 impl Ensemble {
-    /// Whether a member keeps axes beside the scalar: then [`Self::curve`] does not say all of it, [`Self::joint_table`] does.
+    /// Whether a member keeps axes beside the scalar: then [`Self::joint_table`] is needed, as [`Self::curve`] reduces it.
     pub fn keeps_axes(&self) -> bool {
         self.members.iter().any(|member| member.keeps(Second::Gradient) || member.keeps(Second::Cov))
     }
 
-    /// The table over the scalar, coefficients of variation (rows) and magnitudes of gradients (layers), for extinctions per world
+    /// The table over the scalar, coefficients of variation (table rows) and gradient magnitudes (table layers), with extinction per world
     /// unit of length. Members that do not keep their axes are reduced first.
     ///
     /// # Errors
@@ -32,11 +32,11 @@ impl Ensemble {
     }
 }
 
-/// The table of what `curve_on` gives on lines along the scalar, with places for all of these ensembles: of two that go over
-/// into each other, the union of their spaces (dissertation 7.4).
+/// The table of the curves that `curve_on` gives on lines along the scalar, at the places of all these ensembles: for two that are blended,
+/// the union of their spaces (dissertation 7.4).
 ///
 /// # Errors
-/// Those of `curve_on`, and if a histogram is missing, the unit distance of the context is of no use, or there are too many places.
+/// The errors of `curve_on`, and if a histogram is missing, the unit distance of the context is not usable, or there are too many places.
 pub fn joint_table(
     ensembles: &[&Ensemble],
     context: &Context,
@@ -61,7 +61,7 @@ pub fn joint_table(
 /// One scalar of a joint table, or both sides of a step.
 struct Column {
     scalar: f64,
-    /// Where the values of its left and its right side are read.
+    /// The scalars at which its left and its right side are evaluated.
     from: [f64; 2],
     is_step: bool,
 }
@@ -74,15 +74,14 @@ struct Columns(Vec<Column>);
 struct Knot {
     scalar: f64,
     tau: f64,
-    /// Whether it is the first of two that differ.
+    /// Whether it is the first of two different nodes at one scalar.
     is_step: bool,
 }
 
 impl Columns {
-    /// The scalars of the nodes of all tables, `most` of them at most, two at a step.
+    /// The scalars of the nodes of all tables, at most `most` of them, two at a step.
     ///
-    /// With too many, runs of neighbours become one step each, of equally many scalars, so that there are places where the tables
-    /// have most of them.
+    /// With too many, runs of equally many neighbours become one step each, so that columns are dense where nodes are.
     fn of(tables: &[NodeTable], most: usize) -> Self {
         let mut nodes: Vec<Knot> = tables.iter().flat_map(knots).collect();
         nodes.sort_by(|a, b| a.scalar.total_cmp(&b.scalar));
@@ -112,8 +111,8 @@ fn knots(table: &NodeTable) -> impl Iterator<Item = Knot> {
 }
 
 impl Column {
-    /// One for all of these scalars, each given by the nodes that are there: where most nodes are, and of such scalars that of the
-    /// largest extinction.
+    /// One column for a run of scalars, each given by its nodes: placed at the scalar with most nodes, among equals at that of largest
+    /// extinction.
     fn of(knots: &[&[Knot]]) -> Self {
         let tau = |nodes: &[Knot]| nodes.iter().map(|node| node.tau).fold(0.0, f64::max);
         let order = |a: &&&[Knot], b: &&&[Knot]| a.len().cmp(&b.len()).then_with(|| tau(a).total_cmp(&tau(b)));
@@ -130,8 +129,8 @@ impl Column {
         std::iter::repeat_n(self.scalar, if self.is_step { 2 } else { 1 })
     }
 
-    /// Red, green, blue and extinction of a table here: what it has on the left of the first scalar, if there is a step, and at the last
-    /// one. If it has more extinction in between, the larger of these is that, so that nothing is lost that can be seen.
+    /// Red, green, blue and extinction of `table` in this column: left of its first scalar, if it is a step, and at its last one. A larger
+    /// extinction in between replaces the larger of these two, so that nothing visible is lost.
     fn values(&self, table: &NodeTable) -> impl Iterator<Item = [f32; 4]> + use<> {
         let [from, to] = self.from;
         let (mut left, mut right) = (sides(table, from)[0], sides(table, to)[1]);
@@ -142,7 +141,7 @@ impl Column {
         }
         let value = |n: Node| {
             let [r, g, b] = n.rgb.map(|c| c as f32);
-            // An extinction that single precision does not have is opaque at any length.
+            // An extinction beyond f32 is opaque at any length.
             [r, g, b, (n.tau as f32).min(f32::MAX)]
         };
         let first = if self.is_step { Some(value(left)) } else { None };
@@ -150,7 +149,7 @@ impl Column {
     }
 }
 
-/// What a table has just left of a scalar, and there.
+/// The nodes of a table just left of a scalar, and at it.
 fn sides(table: &NodeTable, scalar: f64) -> [Node; 2] {
     let right = table.eval(scalar);
     let first = table.nodes().partition_point(|n| n.scalar < scalar);

@@ -10,7 +10,7 @@ use crate::transfer::{
 };
 use proptest::prelude::*;
 
-/// Counts over a second axis that has its positions as values, times a factor.
+/// Counts whose second axis has its positions, times a factor, as values.
 struct Unit(f64);
 
 impl super::super::Counts2d for Unit {
@@ -60,8 +60,8 @@ fn samples(count: usize) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Errors of a table at samples that are `far`: the greatest and the mean one of opacity, and the greatest of colours where opacity
-/// is above a hundredth.
+/// Errors of a table at samples that are `far`: the largest and the mean one of opacity, and the largest of colours where opacity is above
+/// a hundredth.
 fn errors(table: &JointTable, judge: &Ensemble, far: impl Fn(&Sample) -> bool) -> [f64; 3] {
     let context = context();
     let judge = judge.evaluator(&context).unwrap();
@@ -78,7 +78,7 @@ fn errors(table: &JointTable, judge: &Ensemble, far: impl Fn(&Sample) -> bool) -
     [max, sum / f64::from(count), color]
 }
 
-/// Whether a sample is farther from an edge than a ramp is wide; in scalars tables have true steps.
+/// Whether a sample is farther from all edges than a ramp is wide; along the scalar, tables have true steps.
 fn is_far(edges: &[f64]) -> impl Fn(&Sample) -> bool {
     |sample| {
         edges.iter().all(|e| [sample.scalar, sample.gradient, sample.cov].iter().all(|x| (x - e).abs() > 2.0 * GAP))
@@ -110,9 +110,9 @@ fn edges_of(ensemble: &Ensemble) -> Vec<f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Between their edges rectangles do not change along the second axis: lines are taken where they do, so that only the tables of
-    /// these lines ([`JOINT_TOLERANCE`]) and single precision (2^-22 with a square root's worth of operations) are off. A wrong one, of
-    /// the same ensemble without its last widget, is.
+    /// Between their edges rectangles are constant along the second axis, and lines are taken at the edges: the only errors are those of
+    /// the lines' tables ([`JOINT_TOLERANCE`]) and of f32 (2^-22 for as many operations). A wrong table, of the same ensemble without its
+    /// last widget, is farther off.
     #[test]
     fn rectangles_are_as_exact_as_on_the_scalar(
         scalar in random_member(Space::Scalar), gradient in random_member(Space::ScalarGradient),
@@ -181,7 +181,7 @@ fn an_ensemble_that_keeps_no_axis_is_a_table_over_the_scalar() {
         let [r, g, b] = node.rgb.map(|c| c as f32);
         assert_eq!(table.value(i, 0, 0), [r, g, b, node.tau as f32]);
     }
-    // One that is switched off does not count.
+    // A disabled member does not count.
     let off = Member { enabled: false, ..kept(Space::Cov, vec![]) };
     assert!(!ensemble(vec![off]).keeps_axes());
 }
@@ -242,7 +242,7 @@ fn too_many_scalars_become_steps_near_to_where_they_were() {
     assert_eq!(columns.0.iter().flat_map(Column::scalars).collect::<Vec<_>>(), [0.0, 5.0, 5.0, 9.0]);
 }
 
-/// A shell that is narrower than any run of scalars is there, wherever it lies in its run and in whichever table.
+/// A shell narrower than a run of scalars is kept, wherever it lies in its run and in whichever table.
 #[test]
 fn nothing_that_is_seen_is_lost_where_scalars_become_one() {
     let node = |scalar: f64, tau: f64| Node { scalar, rgb: [tau / 8.0; 3], tau };
@@ -291,7 +291,7 @@ fn a_narrow_shell_is_seen_in_a_table_of_many_lines() {
     );
     assert!(table.values().len() <= MOST_VALUES);
     assert!(table.projection().is_visible_in(0.5001, 0.5039));
-    // Where no other member is.
+    // Where there is no other member.
     let tau = |scalar: f64| table.eval(scalar, 0.1, 0.05).tau;
     assert!((tau(0.502) + 0.1_f64.ln()).abs() < 0.1, "{}", tau(0.502));
     assert_eq!((tau(0.4), tau(0.6)), (0.0, 0.0));

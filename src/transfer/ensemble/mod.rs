@@ -20,8 +20,8 @@ use crate::short::Short;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// What a member's function is defined on. Positions 0..=1 of the axes: of a scalar those of the member's range, of the
-/// others those of the histogram that they are edited over.
+/// The quantities on which a member's function is defined. Axis positions are 0..=1: for the scalar over the member's range, for the others
+/// over the histogram in which they are edited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Space {
@@ -30,14 +30,14 @@ pub enum Space {
     Scalar,
     /// The coefficient of variation of a vertex over time.
     Cov,
-    /// The scalar, and above it the magnitude of its gradient in a cell.
+    /// The scalar (x) and the magnitude of its gradient in a cell (y).
     ScalarGradient,
-    /// The scalar, and above it the coefficient of variation.
+    /// The scalar (x) and the coefficient of variation (y).
     ScalarCov,
 }
 
 impl Space {
-    /// How many axes it has.
+    /// Number of axes, 1 or 2.
     pub fn axes(self) -> usize {
         match self {
             Self::Scalar | Self::Cov => 1,
@@ -46,11 +46,11 @@ impl Space {
     }
 }
 
-/// What gives a member its colours and opacities.
+/// The source of a member's colours and opacities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Function {
-    /// A colour map and opacity points; on one axis.
+    /// A colour map and opacity points, on one axis.
     TransferFunction(TransferFunction),
     /// Shapes over a histogram. Where several overlap, the one with the highest opacity holds, the later one of equal ones.
     Widgets(#[serde(deserialize_with = "widgets_as_data")] Vec<Widget>),
@@ -60,17 +60,17 @@ pub enum Function {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Member {
-    /// What its user calls it.
+    /// Name given by the user.
     pub name: String,
-    /// A member that is not enabled is left out.
+    /// Whether the member is used.
     #[serde(default = "enabled")]
     pub enabled: bool,
-    /// What its function is defined on.
+    /// The quantities on which its function is defined.
     #[serde(default)]
     pub space: Space,
     /// Its colours and opacities.
     pub function: Function,
-    /// Which scalars its axis covers.
+    /// The scalars that its axis covers.
     #[serde(default)]
     pub range: RangePolicy,
     /// How the first axis of its space is stretched.
@@ -79,7 +79,7 @@ pub struct Member {
     /// Its colours and opacities (or optical depths) are multiplied by this before they are blended, 0..=1.
     #[serde(default = "full_weight", deserialize_with = "weight_as_data")]
     pub weight: f64,
-    /// How it is blended with the result of those before it; that of the first enabled one does not matter.
+    /// How it is blended with the result of those before it; ignored for the first enabled member.
     #[serde(default)]
     pub blend: Blend,
     /// How it is reduced to the scalar, if its space has another axis.
@@ -87,18 +87,17 @@ pub struct Member {
     pub reduction: Reduction,
 }
 
-/// Transfer functions that are blended one after the other, the first one to begin with. Without an enabled member nothing
-/// is seen.
+/// Transfer functions that are blended one after the other, beginning with the first. Without an enabled member the result is transparent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ensemble {
-    /// What its user calls it.
+    /// Name given by the user.
     pub name: String,
     /// Whether colours are weighted by opacity while they are blended. One choice for all members: a weighted colour that
     /// is divided by its opacity and weighted again is no longer exact.
     #[serde(default)]
     pub colors: ColorWeighting,
-    /// In the order in which they are blended.
+    /// Members in the order of blending.
     #[serde(default)]
     pub members: Vec<Member>,
 }
@@ -115,14 +114,14 @@ fn is_weight(weight: f64) -> bool {
     (0.0..=1.0).contains(&weight)
 }
 
-/// A weight that is none is refused where it is read: whoever reads a file knows the line.
+/// Rejects a weight outside 0..=1 while reading, where the error has a line number.
 fn weight_as_data<'de, D: Deserializer<'de>>(data: D) -> Result<f64, D::Error> {
     let weight = f64::deserialize(data)?;
     let wrong = || D::Error::custom(format!("a weight of {}; it is a share, 0 to 1", Short(weight)));
     if is_weight(weight) { Ok(weight) } else { Err(wrong()) }
 }
 
-/// As [`weight_as_data`].
+/// Rejects faulty widgets while reading, as [`weight_as_data`] does.
 fn widgets_as_data<'de, D: Deserializer<'de>>(data: D) -> Result<Vec<Widget>, D::Error> {
     let widgets = Vec::<Widget>::deserialize(data)?;
     match widgets.iter().enumerate().find_map(|(i, widget)| Some((i, widget.problem()?))) {
@@ -147,7 +146,7 @@ impl Member {
         }
     }
 
-    /// The member, or what is wrong with it in an ensemble of this opacity kind.
+    /// The member, or its fault in an ensemble of this opacity kind.
     fn checked(&self, kind: OpacityKind) -> Result<&Self, TransferError> {
         let axes = self.space.axes();
         if !is_weight(self.weight) {
@@ -198,7 +197,7 @@ impl Ensemble {
         self.members.iter().filter(|m| m.enabled)
     }
 
-    /// Fails if a member is no function of the scalar.
+    /// Fails if a member is defined on more than the scalar.
     pub(super) fn check_scalars(&self) -> Result<(), TransferError> {
         match self.enabled_members().find(|member| member.space != Space::Scalar) {
             Some(member) => member.bad("is defined on more than the scalar"),
@@ -206,7 +205,7 @@ impl Ensemble {
         }
     }
 
-    /// The opacity kind of the result, `kind` unless all members give extinctions: these are taken as they are.
+    /// The opacity kind of the result: `kind`, but extinction if all members give extinctions.
     fn kind(&self, kind: OpacityKind) -> OpacityKind {
         let mut members = self.enabled_members().peekable();
         if members.peek().is_some() && members.all(Member::gives_extinction) { OpacityKind::Extinction } else { kind }

@@ -1,7 +1,7 @@
-//! Where along its second axis an ensemble changes: the places of a table.
+//! Places of a joint table: the positions on an ensemble's second axis at which curves are taken.
 //!
-//! Where a member changes at once there are two places, just before the edge and behind it; where it changes gradually there are
-//! 64 of the axis and what 64 would miss: points of opacity, and those of colour maps where these bend too much in between.
+//! Where a member has an edge there are two places, just before it and at it; where it changes gradually there are 64 evenly spaced ones
+//! and those that these miss: opacity points, and points of colour maps where these bend too much in between.
 
 use super::{Context, Ensemble, Function, Member, Reduction, Space};
 use crate::transfer::TransferError;
@@ -11,12 +11,12 @@ use crate::transfer::table::OpacityKind;
 use crate::transfer::tolerance::JOINT_TOLERANCE;
 use crate::transfer::widget::{GAP, line_of};
 
-/// Places of an axis along which a member changes gradually: as many as a histogram has bins there, so that both meet at the
+/// Evenly spaced places of an axis along which a member changes gradually: as many as a histogram has bins there, so that both meet at the
 /// octaves between which an axis is not linear.
 const STEPS: usize = 64;
 
-/// Places are multiples of this, the next one above where something changes: half of how far before an edge the place in front of it
-/// is, so that this stays in front. Places nearer to each other than that are one, at which all of their edges have been passed.
+/// Places are rounded up to multiples of this, half the distance [`GAP`] between an edge and the place before it, so that this stays before
+/// the edge. Places nearer to each other are merged into one, behind all of their edges.
 const GRAIN: f64 = 0.5 * GAP;
 
 /// An axis beside the scalar.
@@ -27,7 +27,7 @@ pub(super) enum Second {
 }
 
 impl Member {
-    /// Whether it has axes beside the scalar and keeps them.
+    /// Whether the member is enabled, has this second axis and keeps it.
     pub(super) fn keeps(&self, second: Second) -> bool {
         let axis = match self.space {
             Space::Scalar => None,
@@ -37,7 +37,7 @@ impl Member {
         self.enabled && self.reduction == Reduction::Keep && axis == Some(second)
     }
 
-    /// The positions of its second axis between which it is linear, as far as it is anywhere.
+    /// The positions on its second axis between which it is linear, as far as it is anywhere.
     fn places(&self, kind: OpacityKind) -> Vec<f64> {
         match (&self.function, self.space) {
             (Function::Widgets(widgets), Space::ScalarGradient | Space::ScalarCov) => {
@@ -61,18 +61,18 @@ impl Member {
         }
     }
 
-    /// The places where a function of the second axis alone changes gradually.
+    /// The places at which a function of the second axis alone is sampled.
     fn gradual(&self) -> impl Iterator<Item = f64> {
         steps().chain(self.map.points().iter().map(|p| p[0]))
     }
 
-    /// The place of a point of the member's axis: behind it, if rounding decides.
+    /// The place of a position on the member's axis, rounded so as not to lie before it.
     fn place_of(&self, position: f64) -> f64 {
         let at = self.map.inverse(position);
         if self.map.eval(at) < position { at.next_up() } else { at }
     }
 
-    /// [`Self::place_of`] a point, and of a step the one before it as well.
+    /// [`Self::place_of`] a point, preceded by the place before it if it is a step.
     fn knot(&self, position: f64, is_step: bool) -> impl Iterator<Item = f64> + use<> {
         edge(self.place_of(position)).into_iter().skip(usize::from(!is_step))
     }
@@ -95,8 +95,8 @@ impl Member {
         places
     }
 
-    /// Adds the points of a colour map between `ends`, positions of the member's axis, by which lines along the second axis are within the
-    /// tolerance of tables of its colours: the one that is farthest from a line, and so on in both parts.
+    /// Adds points of a colour map between `ends`, positions of the member's axis, until linear interpolation along the second axis is
+    /// within [`JOINT_TOLERANCE`] of its colours: the farthest point first, then in both parts.
     fn add_bends(&self, colors: &ColorMap, knots: &[f64], ends: [f64; 2], places: &mut Vec<f64>) {
         let [from, to] = ends.map(|position| self.map.inverse(position));
         let ([_, a], [b, _]) = (colors.eval_sides(ends[0]), colors.eval_sides(ends[1]));
@@ -115,12 +115,12 @@ impl Member {
     }
 }
 
-/// The 64 places of an axis and its end.
+/// The 64 evenly spaced places of an axis, and its end.
 fn steps() -> impl Iterator<Item = f64> {
     (0..=STEPS).map(|i| i as f64 / STEPS as f64)
 }
 
-/// Just before, and there.
+/// The places just before an edge and at it.
 fn edge(at: f64) -> [f64; 2] {
     [at - GAP, at]
 }
@@ -145,7 +145,7 @@ pub(super) fn places(
     places.push(0.0);
     places.retain(|at| (0.0..=1.0).contains(at));
     places.sort_by(f64::total_cmp);
-    // On an axis of one value all positions have it; that of the value is 0.
+    // On an axis of one value only position 0 is kept.
     let mut both: Vec<(f64, f64)> = places.into_iter().map(|at| (at, counts.second_at(at))).collect();
     both.dedup_by(|next, kept| next.0 <= kept.0 || next.1 <= kept.1);
     Ok(both.into_iter().unzip())

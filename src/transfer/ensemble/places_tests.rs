@@ -1,4 +1,4 @@
-//! Where lines of a table lie.
+//! Tests of the places of a joint table.
 
 use super::*;
 use crate::moments::{AxisScale, Bins, Histogram2d};
@@ -6,7 +6,7 @@ use crate::transfer::ensemble::Counts2d;
 use crate::transfer::widget::Widget;
 use crate::transfer::{ColorWeighting, Lengths, Polyline, PolylinePoint, Rectangle, Sample, Triangle};
 
-/// Counts over a second axis that has its positions as values.
+/// Counts whose second axis has its positions as values.
 struct Unit;
 
 impl Counts2d for Unit {
@@ -70,7 +70,7 @@ fn edges_next_to_each_other_or_to_a_place_are_not_lost() {
         (vec![rectangle([0.1, 0.3]), rectangle([0.300_000_000_000_000_04, 0.9])], vec![0.1, 0.3, 0.9]),
         (vec![rectangle([1e-9, 1.0])], vec![1e-9]),
         (vec![Widget::Triangle(triangle), rectangle([0.750_000_000_000_000_1, 0.9])], vec![0.75, 0.9]),
-        // One in front of another by less than the place in front of an edge, and by more.
+        // Rectangles one before the other by less, and by more, than the place before an edge.
         (vec![rectangle([0.2, 0.5 - 0.3 * GAP]), rectangle([0.5, 0.6])], vec![0.2, 0.5, 0.6]),
         (vec![rectangle([0.2, 0.5 - 0.7 * GAP]), rectangle([0.5, 0.6])], vec![0.2, 0.5, 0.6]),
     ] {

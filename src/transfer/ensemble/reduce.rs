@@ -1,16 +1,16 @@
-//! Members of two-dimensional spaces, reduced to the scalar by counting values (dissertation 7.3).
+//! Reduction of members of two-dimensional spaces to the scalar by counts of values (dissertation 7.3).
 
 use crate::moments::Histogram2d;
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
 
-/// Counts of values over the positions 0..=1 of two axes, in bins of equal size: of the scalar, over the series' range, and
-/// of what a [`Space`](super::Space) has as its second axis.
+/// Counts of values in bins of equal size over the positions 0..=1 of two axes: the scalar, over the series' range, and the second axis of
+/// a [`Space`](super::Space).
 pub trait Counts2d: Sync {
-    /// Number of bins along the scalar, and along the second axis.
+    /// Number of bins along the scalar and along the second axis.
     fn bins(&self) -> [usize; 2];
 
-    /// How many values lie in a bin.
+    /// Number of values in a bin.
     fn count(&self, x: usize, y: usize) -> u64;
 
     /// The value of the second quantity at a position 0..=1 of its axis.
@@ -31,23 +31,23 @@ impl Counts2d for Histogram2d {
     }
 }
 
-/// What the share of values inside a member's widgets changes when the member is reduced to the scalar.
+/// What is scaled by the share of values inside a member's widgets when the member is reduced to the scalar.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Reduction {
     /// Colour and opacity.
     #[default]
     Intensity,
-    /// Opacity only: what is rare keeps its colour.
+    /// Opacity only: rare values keep their colour.
     Opacity,
-    /// It is not reduced: the ensemble is a table over the member's axes, too ([`Ensemble::joint_table`](super::Ensemble::joint_table)). In
-    /// [`Ensemble::curve`](super::Ensemble::curve), which has no other axes, as `intensity`.
+    /// Nothing: the member keeps its axes in [`Ensemble::joint_table`](super::Ensemble::joint_table).
+    /// [`Ensemble::curve`](super::Ensemble::curve) reduces it as `Intensity`.
     Keep,
 }
 
 impl Reduction {
-    /// The curve over the scalar of what has `side` at a scalar and a second position; `scalar_at` is the scalar at a position of
-    /// the series' range.
+    /// The reduced curve over the scalar; `side` gives colour and opacity at a scalar and a second position, `scalar_at` the scalar at a
+    /// position of the series' range.
     ///
     /// In a column of the counts, with f the share of its values at which opacity is above 0, C and a the means over these
     /// (of colour with the weight of opacity), the curve has f C and f a in the middle of the column, and is linear from
@@ -71,7 +71,7 @@ impl Reduction {
         points
     }
 
-    /// The reduced values of a column with these counts; `None` without any.
+    /// The reduced values of a column of counts; `None` if it is empty.
     fn mean(self, column: impl Iterator<Item = (f64, Side)>) -> Option<Side> {
         let (mut all, mut inside, mut opacity, mut color) = (0.0, 0.0, 0.0, [0.0; 3]);
         for (n, side) in column {
@@ -85,7 +85,7 @@ impl Reduction {
             Self::Opacity => 1.0,
         };
         let mean = |c: f64| if opacity > 0.0 { (share * (c / opacity)).clamp(0.0, 1.0) } else { 0.0 };
-        // The share times the mean over what is inside.
+        // The share times the mean over the values inside.
         (all > 0.0).then(|| Side { rgb: color.map(mean), value: opacity / all })
     }
 }

@@ -8,11 +8,11 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 
-/// Scalars are rounded to 2^-53 or better. Positions rise by 2^10 as fast at most (points of maps are 2^-10 apart), values
-/// as much faster (so are points of functions): 2^-33, some times over.
+/// Bound of rounding. Scalars are rounded to 2^-53 or better. Positions rise by 2^10 as fast at most (points of maps are 2^-10 apart),
+/// values by the same factor again (so are points of functions): 2^-33, several times.
 const ROUNDING: f64 = 1.0 / (1_u64 << 30) as f64;
 
-/// Opacity below which its colour is rounding.
+/// Opacity below which the colour is rounding.
 const UNSEEN: f64 = 1e-6;
 
 fn context() -> Context<'static> {
@@ -62,7 +62,7 @@ fn a_single_member_is_its_transfer_function() {
         for (policy, series) in [("series", (-3.0, 7.5)), ("step", (0.0, 1e9)), ("-1e3,2.5", (0.0, 0.0))] {
             let mut only = member(text);
             only.range = policy.parse().unwrap();
-            // The rule does not matter, having nothing to be blended with.
+            // The rule does not matter, as there is nothing before it.
             only.blend = Blend::Xor;
             let context = Context::new(series, (2.0, 2.5), OpacityKind::Alpha, Lengths::of_unit_distance(0.25));
             let range = only.range.resolve(context.series, context.step).unwrap();
@@ -192,7 +192,7 @@ fn without_a_gradient_or_a_coefficient_of_variation_these_count_as_zero() {
 
 #[test]
 fn exclusive_ors_of_many_ramps_have_too_many_points_to_be_taken() {
-    // Each difference with half of what is left folds the curve once more.
+    // Each difference with half of the rest folds the curve once more.
     let mut members = vec![member("gray@0:0,1:1")];
     for i in 1..30 {
         let mut fold = member("gray");
@@ -255,7 +255,7 @@ fn shares_of_a_column_dim_what_is_reduced() {
     near(0.1, [1.0, 0.5, 0.0], 0.5);
     near(0.3, [0.5, 0.25, 0.0], 0.25);
     near(0.5, [0.0; 3], 0.0);
-    near(0.7, [0.5, 0.25, 0.0], 0.25); // without values: between its neighbours
+    near(0.7, [0.5, 0.25, 0.0], 0.25); // without values: interpolated between its neighbours
     near(0.9, [1.0, 0.5, 0.0], 0.5);
     near(0.0, [1.0, 0.5, 0.0], 0.5);
     assert!(!is_near(0.3, [0.5, 0.25, 0.0], 0.25 + 1e-9) && !is_near(0.3, [0.5, 0.25 + 1e-9, 0.0], 0.25));
@@ -285,7 +285,7 @@ fn a_member_over_a_constant_field_is_reduced_at_the_middle_of_its_axis() {
         let context = Context { series: (value, value), step: (value, value), scalar_cov: Some(&counts), ..context() };
         let drawn = |x: [f64; 2]| on(x).curve(&context).unwrap().eval(value).1;
         assert_eq!([drawn([0.25, 0.75]), drawn([0.0, 0.1])], [0.25, 0.0], "{value}");
-        // As it is without being reduced.
+        // The member at the sample, not reduced.
         let middle = Sample { scalar: value, gradient: 0.4, cov: 0.4 };
         assert_eq!(on([0.25, 0.75]).evaluator(&context).unwrap().eval(&middle).1, 0.25);
     }
@@ -378,11 +378,11 @@ fn random_ensemble() -> impl Strategy<Value = Ensemble> {
     })
 }
 
-/// Largest error of colours (times opacity, if these are weighted) where something is seen, and of opacity.
+/// Largest error of colours (times opacity, if weighted) where visible, and of opacity.
 fn errors(table: &crate::node_table::NodeTable, judge: &Evaluator, weighted: bool, scalars: &[f64]) -> (f64, f64) {
     scalars.iter().fold((0.0, 0.0), |(colour, opacity): (f64, f64), &s| {
         let ((rgb, value), node) = (judge.eval(&at(s)), table.eval(s));
-        // A hundred unit distances of it are seen.
+        // Colours are visible over a hundred unit distances.
         let factor = if weighted { value } else { (100.0 * value).min(1.0) * f64::from(u8::from(value > UNSEEN)) };
         let off = (0..3).map(|c| factor * (node.rgb[c] - rgb[c]).abs()).fold(0.0, f64::max);
         (colour.max(off), opacity.max(((-node.tau).exp() - (1.0 - value)).abs()))

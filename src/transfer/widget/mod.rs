@@ -1,8 +1,8 @@
 //! Widgets (dissertation 7.1): shapes over a histogram that give colour and opacity.
 //!
-//! Plain values in axis positions 0..=1: x to the right, y upwards. A shape has its left and lower edges, but not its right
-//! and upper ones, unless these are the end of the axis: positions outside of 0..=1 count as its ends. So shapes side by
-//! side neither overlap nor leave a gap. Outside of its shape a widget is transparent and black.
+//! Plain values in axis positions 0..=1: x to the right, y upwards. A shape includes its left and lower edges, but its right and upper ones
+//! only at the end of the axis: positions outside of 0..=1 count as its ends. So adjacent shapes neither overlap nor leave a gap. Outside
+//! of its shape a widget is transparent and black.
 
 mod polyline;
 mod rectangle;
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Widget {
-    /// One colour, and a ramp of opacity from left to right; on one axis or two. On one its vertical extent does not matter.
+    /// One colour, and a ramp of opacity from left to right; on one axis (y is ignored) or two.
     Rectangle(Rectangle),
     /// One colour and one opacity; on two axes.
     Triangle(Triangle),
@@ -34,7 +34,7 @@ pub enum Widget {
     Polyline(Polyline),
 }
 
-/// What a pointer is over.
+/// The part of a widget under the pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// A handle, by its index in [`Widget::handles`].
@@ -45,14 +45,14 @@ pub enum Part {
     Body,
 }
 
-/// What editing leaves between two edges of a widget: far below a pixel of any screen.
+/// Least distance between two edges of a widget after editing: far below a pixel of any screen.
 pub(super) const GAP: f64 = 1.0 / 1_048_576.0;
 
-/// Nothing: what a widget gives outside of its shape.
+/// Value of a widget outside of its shape.
 const TRANSPARENT: Side = Side { rgb: [0.0; 3], value: 0.0 };
 
 impl Widget {
-    /// Colour and opacity at a place, on two axes.
+    /// Colour and opacity at a position (x, y), on two axes.
     pub fn eval(&self, x: f64, y: f64) -> ([f64; 3], f64) {
         let side = self.side(x, Some(y));
         (side.rgb, side.value)
@@ -75,7 +75,7 @@ impl Widget {
         }
     }
 
-    /// Whether it is a widget for this many axes.
+    /// Whether it can be used on this many axes.
     pub fn suits(&self, axes: usize) -> bool {
         match self {
             Self::Rectangle(_) => axes == 1 || axes == 2,
@@ -84,7 +84,7 @@ impl Widget {
         }
     }
 
-    /// What is wrong with it, if anything. Editing keeps a widget right.
+    /// The fault of the widget, if any. Editing introduces none.
     pub fn problem(&self) -> Option<&'static str> {
         match self {
             Self::Rectangle(r) => r.problem(),
@@ -93,7 +93,7 @@ impl Widget {
         }
     }
 
-    /// Where along the second axis it changes: extents of it, and whether it changes within them or only at their ends.
+    /// Its extent along the second axis, and whether it changes within it or only at its ends.
     pub(super) fn extent_of_y(&self) -> ([f64; 2], bool) {
         match self {
             Self::Rectangle(r) => (r.y, false),
@@ -102,8 +102,8 @@ impl Widget {
         }
     }
 
-    /// Where it can be taken hold of: corners of a rectangle (from the lower left one, against the clock), base and upper
-    /// corners of a triangle, points of a polyline.
+    /// Handles: corners of a rectangle (from the lower left one, counterclockwise), base and upper corners of a triangle, points of a
+    /// polyline.
     pub fn handles(&self) -> Vec<[f64; 2]> {
         match self {
             Self::Rectangle(r) => r.corners().to_vec(),
@@ -112,8 +112,8 @@ impl Widget {
         }
     }
 
-    /// What of it is at `point`: the nearest handle within `tolerance`, or else the nearest edge, or else the inside (of a
-    /// polyline what is below it). The tolerance has two numbers, since a pixel is not as wide as high in positions.
+    /// The part at `point`: the nearest handle within `tolerance`, or else the nearest edge, or else the body (of a polyline the area below
+    /// it). The tolerance is per axis, since pixels are not square in positions.
     pub fn hit(&self, point: [f64; 2], tolerance: [f64; 2]) -> Option<Part> {
         let scale = |p: [f64; 2]| std::array::from_fn(|i| (p[i] - point[i]) / tolerance[i]);
         let handles: Vec<[f64; 2]> = self.handles().into_iter().map(scale).collect();
@@ -137,7 +137,7 @@ impl Widget {
             .or_else(|| is_inside().then_some(Part::Body))
     }
 
-    /// The widget with a handle where it was dragged to, or as near as the axes and its other handles let it.
+    /// The widget with a handle dragged to `to`, or as near as the axes and its other handles allow.
     #[must_use]
     pub fn moved(&self, handle: usize, to: [f64; 2]) -> Self {
         let mut widget = self.clone();
@@ -152,7 +152,7 @@ impl Widget {
         widget
     }
 
-    /// The widget shifted as a whole, as far as the axes let it.
+    /// The whole widget shifted, as far as the axes allow.
     #[must_use]
     pub fn shifted(&self, by: [f64; 2]) -> Self {
         let mut widget = self.clone();
@@ -179,12 +179,11 @@ impl Widget {
                 shift(1, &mut p.opacity);
             }),
         }
-        // So near to each other that rounding makes two coordinates one: it stays where it was.
+        // Where rounding would merge two coordinates the widget stays unchanged.
         if widget.problem().is_some() { self.clone() } else { widget }
     }
 
-    /// The curve over the positions of the first axis, at a position of the second if there is one: what it gives just left of each
-    /// of its points, and there.
+    /// The curve over the first axis, at a position of the second if there is one: values just left of each of its points, and there.
     fn line(&self, y: Option<f64>) -> Vec<ProfilePoint> {
         let mut points = match (self, y) {
             (Self::Rectangle(r), _) if y.is_none_or(|y| covers(r.y, y)) => r.line(),
@@ -193,7 +192,7 @@ impl Widget {
             (Self::TriangleWithFallOff(t), Some(y)) => t.line(y, true),
             (Self::Rectangle(_) | Self::Triangle(_) | Self::TriangleWithFallOff(_), _) => Vec::new(),
         };
-        // What touches an end of the axis goes on beyond it.
+        // A shape that touches an end of the axis continues beyond it.
         if let Some(first) = points.first_mut().filter(|p| p.scalar <= 0.0) {
             first.left = first.right;
         }
@@ -204,15 +203,14 @@ impl Widget {
     }
 }
 
-/// Colour and opacity of several widgets at a place: those of the one with the highest opacity there, of the later one
-/// where they are equal. So the opacity is never above one that was drawn; to add shapes up, put them into two members.
+/// Colour and opacity of several widgets at a position: those of the one with the highest opacity, of the later one where they are equal.
+/// So the opacity is never above one that was drawn; to add shapes up, put them into two members.
 pub(super) fn topmost(widgets: &[Widget], x: f64, y: Option<f64>) -> Side {
     let over = |below: Side, side: Side| if side.value >= below.value { side } else { below };
     widgets.iter().map(|w| w.side(x, y)).fold(TRANSPARENT, over)
 }
 
-/// The curve of several widgets over the positions of the first axis, at a position of the second if there is one, exactly;
-/// [`topmost`] is its formula.
+/// The exact curve of several widgets over the first axis, at a position of the second if there is one; [`topmost`] is its formula.
 pub(super) fn line_of(widgets: &[Widget], y: Option<f64>, kind: OpacityKind) -> Curve {
     let pieces = |widget: &Widget| Pieces::of(&Curve::new(widget.line(y), kind), ColorWeighting::Plain);
     let over = |below: Pieces, above: Pieces| below.combine(&above, &MoreOpaque);
@@ -220,7 +218,7 @@ pub(super) fn line_of(widgets: &[Widget], y: Option<f64>, kind: OpacityKind) -> 
     Curve::new(all.map(|p| p.plain_points()).unwrap_or_default(), kind)
 }
 
-/// Whether an extent has a position: its lower end, but not its upper one, unless that is the end of the axis.
+/// Whether an extent contains a position: it includes its lower end, and its upper one only at the end of the axis.
 fn covers(extent: [f64; 2], at: f64) -> bool {
     extent[0] <= at && (at < extent[1] || (extent[1] == 1.0 && at <= 1.0))
 }
@@ -229,7 +227,7 @@ fn is_color(rgb: &[f64; 3]) -> bool {
     rgb.iter().all(|c| (0.0..=1.0).contains(c))
 }
 
-/// How far the line from `a` to `b` is from the origin.
+/// Distance of the segment from `a` to `b` from the origin.
 fn distance_to_origin(a: [f64; 2], b: [f64; 2]) -> f64 {
     let along = [b[0] - a[0], b[1] - a[1]];
     let squared = along[0] * along[0] + along[1] * along[1];

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolylinePoint {
-    /// Place on the axis, 0..=1.
+    /// Position on the axis, 0..=1.
     pub position: f64,
     /// Display-referred colour, 0..=1.
     pub rgb: [f64; 3],
-    /// Opacity, 0..=1: its height.
+    /// Opacity, 0..=1, drawn as height.
     pub opacity: f64,
 }
 

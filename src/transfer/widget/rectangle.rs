@@ -5,13 +5,13 @@ use crate::transfer::color_map::lerp;
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
 
-/// One colour in a rectangle; opacity goes linearly from its left end to its right one.
+/// One colour in a rectangle; opacity is linear from its left end to its right one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rectangle {
     /// Left and right end.
     pub x: [f64; 2],
-    /// Lower and upper end. On one axis only its place on the screen.
+    /// Lower and upper end. On one axis only used for drawing.
     pub y: [f64; 2],
     /// Display-referred colour, 0..=1.
     pub rgb: [f64; 3],
@@ -29,7 +29,7 @@ impl Rectangle {
         (!is_opacity || !is_color(&self.rgb)).then_some("colours and opacities are between 0 and 1")
     }
 
-    /// From the lower left one, against the clock.
+    /// The corners, from the lower left one, counterclockwise.
     pub(super) fn corners(&self) -> [[f64; 2]; 4] {
         let ([x0, x1], [y0, y1]) = (self.x, self.y);
         [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
@@ -60,7 +60,7 @@ impl Rectangle {
     }
 }
 
-/// Moves an end of an extent, but not past the other one nor the axis.
+/// Moves an end of an extent, within the axis and not past the other end.
 fn move_end(extent: &mut [f64; 2], end: usize, to: f64) {
     if end == 0 {
         extent[0] = to.clamp(0.0, (extent[1] - GAP).max(0.0));

@@ -173,7 +173,7 @@ proptest! {
                 colors.fold((expected.value - got.value).abs(), f64::max)
             };
             prop_assert!(off(&expected) <= 1e-11, "{x}: {expected:?} {got:?}");
-            // Had the line lost a widget that is a millionth more opaque, it would show.
+            // A line without a widget that is a millionth more opaque would be noticed.
             let lid = rectangle([0.0, 1.0], expected.rgb, [(expected.value + 1e-6).min(1.0); 2]);
             let lost = topmost(&[widgets.clone(), vec![lid]].concat(), x, None);
             prop_assert!(off(&lost) > 1e-11 || expected.value > 0.999_999 || !(0.0..1.0).contains(&x), "{x}: {lost:?}");

@@ -5,8 +5,8 @@ use crate::transfer::color_map::lerp;
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
 
-/// One colour in a triangle that stands on a corner, its base; the opposite edge is level. Over scalar and gradient
-/// magnitude its base is put where the arc of a boundary begins.
+/// One colour in a triangle that stands on a corner, its base; the opposite edge is level. Over scalar and gradient magnitude its base is
+/// put where the arc of a boundary begins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Triangle {
@@ -14,9 +14,9 @@ pub struct Triangle {
     pub base: [f64; 2],
     /// y of the upper edge.
     pub top: f64,
-    /// x of its left end.
+    /// x of the left end of the upper edge.
     pub left: f64,
-    /// x of its right end.
+    /// x of the right end of the upper edge.
     pub right: f64,
     /// Display-referred colour, 0..=1.
     pub rgb: [f64; 3],
@@ -39,15 +39,15 @@ impl Triangle {
         [self.base, [self.right, self.top], [self.left, self.top]]
     }
 
-    /// Where a place lies between the left side, at -1, and the right one, at 1, if it is inside. The right side and the
-    /// upper edge are not, unless they are the end of the axis; nor is the base, a point.
+    /// Position of a point between the left side, at -1, and the right one, at 1, if it is inside. The right side and the upper edge are
+    /// inside only at the end of the axis; the base, a single point, never is.
     pub(super) fn place(&self, x: f64, y: f64) -> Option<f64> {
         let [left, right] = self.sides_at(y)?;
         let is_inside = left <= x && (x < right || (x == 1.0 && right == 1.0));
         is_inside.then(|| ((x - left) - (right - x)) / (right - left))
     }
 
-    /// Left and right side at a height, if the triangle is that high.
+    /// x of the left and right sides at height y; `None` outside of the triangle.
     fn sides_at(&self, y: f64) -> Option<[f64; 2]> {
         let height = (y - self.base[1]) / (self.top - self.base[1]);
         let is_inside = height > 0.0 && (height < 1.0 || (height == 1.0 && self.top == 1.0));
@@ -55,7 +55,7 @@ impl Triangle {
         (is_inside && left < right).then_some([left, right])
     }
 
-    /// The curve over x at a height.
+    /// The curve over x at height y.
     pub(super) fn line(&self, y: f64, falls_off: bool) -> Vec<ProfilePoint> {
         let Some([left, right]) = self.sides_at(y.clamp(0.0, 1.0)) else { return Vec::new() };
         let side = |value: f64| Side { rgb: self.rgb, value };
