@@ -12,11 +12,11 @@
 //!
 //! 1. Short segments have exact opacity, to f32 rounding, however short; a constant extinction is exact at any length.
 //! 2. Entries are weighted by extinction: colours without extinction do not contribute (no dark or foreign fringes), and a function of one
-//! colour gives that colour exactly.
+//!    colour gives that colour exactly.
 //! 3. Lengths are spaced by their square root, since entries change with m d, and most segments are much shorter than the
 //!    longest; between two lengths entries are linear in the length.
 //! 4. Scalars are spaced evenly over the range of the nodes. Beyond it the function is constant: segments are cut there, and parts outside
-//! need no table.
+//!    need no table.
 //! 5. Entries are integrals over a table with fewer nodes ([`NodeTable::thinned`]) than the exact integrator uses.
 //! 6. Segments longer than the longest length of the table are composited in equal parts.
 //!

@@ -1,8 +1,10 @@
 //! Blending rules (dissertation 7.3.1), for curves and for values at one scalar.
 
-use super::pieces::{Piece, Pieces, Quadratic, Rule, VALUE, absolute_difference, crossings, is_below, level_cuts};
+use super::opacity::OpacityKind;
+use super::pieces::{
+    ColorWeighting, Piece, Pieces, Quadratic, Rule, VALUE, absolute_difference, crossings, is_below, level_cuts,
+};
 use super::profile::Side;
-use super::table::OpacityKind;
 use serde::{Deserialize, Serialize};
 
 /// How a member of an ensemble is blended with the result of those before it.
@@ -19,17 +21,6 @@ pub enum Blend {
     Xor8,
     /// C = |C1 - C2|, a = |a1 - a2|: exclusive or where both are 0 or 1, and continuous.
     Xor,
-}
-
-/// How colours enter the blending rules of an ensemble.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ColorWeighting {
-    /// Colours as they are.
-    #[default]
-    Plain,
-    /// Colours times opacity. The result is divided by the resulting opacity, and at most 1.
-    Opacity,
 }
 
 /// Levels of [`Blend::Xor8`] above 0.

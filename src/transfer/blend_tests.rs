@@ -30,7 +30,12 @@ fn curve() -> impl Strategy<Value = Curve> {
 }
 
 fn blended(rule: Blend, a: &Curve, b: &Curve, weighting: ColorWeighting) -> Curve {
-    let pieces = rule.pieces(&Pieces::of(a, weighting), &Pieces::of(b, weighting), weighting, OpacityKind::Alpha);
+    let pieces = rule.pieces(
+        &Pieces::of(a.points(), weighting),
+        &Pieces::of(b.points(), weighting),
+        weighting,
+        OpacityKind::Alpha,
+    );
     Curve::new(pieces.to_curve(weighting).unwrap(), OpacityKind::Alpha)
 }
 
@@ -102,7 +107,7 @@ fn a_lost_crossing_is_noticed() {
         Curve::new(vec![point(0.0, from), point(1.0, to)], OpacityKind::Alpha)
     };
     let (a, b) = (ramp(0.0, 1.0), ramp(0.625, 0.375));
-    let [pa, pb] = [&a, &b].map(|c| Pieces::of(c, ColorWeighting::Plain));
+    let [pa, pb] = [&a, &b].map(|c| Pieces::of(c.points(), ColorWeighting::Plain));
     let off = |curve: &Curve| {
         let places = (0..=64).map(|i| f64::from(i) / 64.0);
         let error = |s: f64| {

@@ -1,10 +1,11 @@
 //! [`Curve`]: colour and opacity over the scalar, linear between points.
 
 use super::TransferError;
-use super::blend::{ColorWeighting, Mix};
-use super::pieces::Pieces;
+use super::blend::Mix;
+use super::opacity::OpacityKind;
+use super::pieces::{ColorWeighting, Pieces};
 use super::profile::{ProfilePoint, Side};
-use super::table::{OpacityKind, node_table};
+use super::table::node_table;
 use super::tolerance::{Lengths, Tolerance};
 use crate::node_table::NodeTable;
 
@@ -85,7 +86,7 @@ impl Curve {
             return Ok(b.clone());
         }
         check_span([a, b])?;
-        let mixed = Pieces::of(a, weighting).combine(&Pieces::of(b, weighting), &Mix(f));
+        let mixed = Pieces::of(&a.points, weighting).combine(&Pieces::of(&b.points, weighting), &Mix(f));
         Ok(Curve::new(mixed.to_curve(weighting)?, kind))
     }
 

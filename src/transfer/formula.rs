@@ -3,13 +3,14 @@
 //! The reference for tables and renderers: it uses neither curves nor nodes, and simplifies nothing.
 
 use super::TransferError;
-use super::blend::{ColorWeighting, mix_sides};
+use super::blend::mix_sides;
 use super::ensemble::{Context, Ensemble, Evaluator, Sample, Space};
 use super::function::{OpacityValues, PositionKind, TransferFunction};
+use super::opacity::OpacityKind;
+use super::pieces::ColorWeighting;
 use super::profile::{Axis, OnAxis, Side};
 use super::range::MappedRange;
 use super::range_map::RangeMap;
-use super::table::OpacityKind;
 use super::tolerance::{COLOR_TOLERANCE, Lengths};
 use crate::node_table::{Node, NodeTable, NodeTableError};
 use serde::{Deserialize, Serialize};

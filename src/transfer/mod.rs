@@ -6,6 +6,7 @@
 //! by way of [`Curve`]s. `docs/transfer-functions.md` is the user's page.
 
 mod blend;
+mod built_in;
 mod color_map;
 mod color_space;
 mod curve;
@@ -15,6 +16,7 @@ mod first_look;
 mod formula;
 mod function;
 mod keyframes;
+mod opacity;
 mod paraview;
 mod pieces;
 mod profile;
@@ -25,7 +27,7 @@ mod text;
 mod tolerance;
 mod widget;
 
-pub use blend::{Blend, ColorWeighting};
+pub use blend::Blend;
 pub use color_map::{ColorMap, ColorPoint};
 pub use curve::Curve;
 pub use ensemble::{
@@ -34,10 +36,12 @@ pub use ensemble::{
 pub use first_look::FirstLook;
 pub use formula::{BlendedEnsembles, Formula, TransferContent, TransferSource};
 pub use function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
+pub use opacity::OpacityKind;
 pub use paraview::{ColorMapEntry, color_maps_to_json, read_color_maps};
+pub use pieces::ColorWeighting;
 pub use range::{MappedRange, RangePolicy};
 pub use range_map::RangeMap;
-pub use table::{OpacityKind, build_node_table};
+pub use table::build_node_table;
 pub use tolerance::{COLOR_TOLERANCE, DEPTH_SHARE, DEPTH_TOLERANCE, JOINT_TOLERANCE, Lengths};
 pub use widget::{Part, Polyline, PolylinePoint, Rectangle, Triangle, Widget};
 

@@ -10,12 +10,22 @@
 //! constant when it is cut, and neighbours that come from one cut have the same value there, bit for bit.
 
 use super::TransferError;
-use super::blend::ColorWeighting;
 use super::color_map::lerp;
-use super::curve::Curve;
 use super::profile::{ProfilePoint, Side};
 use super::table::CURVE_PART;
 use super::tolerance::COLOR_TOLERANCE;
+use serde::{Deserialize, Serialize};
+
+/// How colours enter the blending rules of an ensemble.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ColorWeighting {
+    /// Colours as they are.
+    #[default]
+    Plain,
+    /// Colours times opacity. The result is divided by the resulting opacity, and at most 1.
+    Opacity,
+}
 
 /// Bernstein coefficients of a polynomial of degree two over 0..=1.
 pub(super) type Quadratic = [f64; 3];
@@ -87,9 +97,8 @@ fn part(q: &Quadratic, a: f64, b: f64) -> Quadratic {
 }
 
 impl Pieces {
-    /// The pieces of a curve, with colours times opacity if weighted.
-    pub(super) fn of(curve: &Curve, weighting: ColorWeighting) -> Self {
-        let points = curve.points();
+    /// The pieces of a curve of these points, sorted by scalar, with colours times opacity if weighted.
+    pub(super) fn of(points: &[ProfilePoint], weighting: ColorWeighting) -> Self {
         let constant = |from, to, side: Side| piece(from, to, &side, &side, weighting);
         let mut pieces = Vec::with_capacity(points.len() + 1);
         if let (Some(first), Some(last)) = (points.first(), points.last()) {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::transfer::Curve;
 use proptest::prelude::*;
 
 fn quadratic() -> impl Strategy<Value = Quadratic> {

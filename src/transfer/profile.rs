@@ -3,9 +3,9 @@
 use super::TransferError;
 use super::color_map::{lerp, mix};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
+use super::opacity::OpacityKind;
 use super::range::MappedRange;
 use super::range_map::RangeMap;
-use super::table::OpacityKind;
 use super::tolerance::Tolerance;
 
 /// Colour and opacity at one side of a scalar.

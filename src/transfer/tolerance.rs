@@ -1,7 +1,7 @@
 //! [`Lengths`] for which a table is made, and how far it may then be from its transfer function.
 
 use super::TransferError;
-use super::table::{OPAQUE_DEPTH, OpacityKind};
+use super::opacity::{OPAQUE_DEPTH, OpacityKind};
 use serde::{Deserialize, Serialize};
 
 /// Largest error of the optical depth of a path of any length up to the longest one, if that is larger than

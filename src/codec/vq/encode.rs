@@ -11,7 +11,7 @@
 //!
 //! Deviations from the dissertation (6.1.1), none of which a decoder sees:
 //! 1. the fine vectors are the residuals of the first codebook, not those of the exact group means; the second codebook then repairs errors
-//! of the first;
+//!    of the first;
 //! 2. training on some 40 vectors an entry instead of all, and searching in at most 16 of 64 dimensions, unless
 //!    [`Search::Exact`] is asked for.
 //!

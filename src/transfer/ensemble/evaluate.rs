@@ -3,13 +3,14 @@
 use super::{Counts2d, Ensemble, Function, Member, Reduction, Space};
 use crate::slowdown::{Slow, waste};
 use crate::transfer::TransferError;
-use crate::transfer::blend::ColorWeighting;
 use crate::transfer::curve::{Curve, check_span};
 use crate::transfer::function::PositionKind;
+use crate::transfer::opacity::OpacityKind;
+use crate::transfer::pieces::ColorWeighting;
 use crate::transfer::pieces::{MOST_POINTS, Piece, Pieces, VALUE};
 use crate::transfer::profile::{Axis, OnAxis, Precision, ProfilePoint, Side, profile};
 use crate::transfer::range::{MappedRange, RangePolicy};
-use crate::transfer::table::{CURVE_PART, OpacityKind};
+use crate::transfer::table::CURVE_PART;
 use crate::transfer::tolerance::{Lengths, Tolerance};
 use crate::transfer::widget::{Widget, line_of, topmost};
 
@@ -253,7 +254,7 @@ impl Ensemble {
         check_span(&curves)?;
         let mut result: Option<Pieces> = None;
         for (Resolved { member, .. }, curve) in members.iter().zip(&curves) {
-            let pieces = weigh(&Pieces::of(curve, colors), member.weight, colors);
+            let pieces = weigh(&Pieces::of(curve.points(), colors), member.weight, colors);
             let blended = match &result {
                 None => pieces,
                 Some(before) => member.blend.pieces(before, &pieces, colors, kind),

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::transfer::ensemble::{Function, Member, Reduction, Space};
-use crate::transfer::table::OpacityKind;
+use crate::transfer::opacity::OpacityKind;
 use crate::transfer::widget::{GAP, Widget};
 use crate::transfer::{
     Blend, ColorWeighting, JOINT_TOLERANCE, Lengths, Polyline, PolylinePoint, Rectangle, Sample, TransferFunction,

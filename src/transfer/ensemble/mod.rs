@@ -10,11 +10,12 @@ pub use joint::joint_table;
 pub use reduce::{Counts2d, Reduction};
 
 use super::TransferError;
-use super::blend::{Blend, ColorWeighting};
+use super::blend::Blend;
 use super::function::{OpacityValues, PositionKind, TransferFunction};
+use super::opacity::OpacityKind;
+use super::pieces::ColorWeighting;
 use super::range::RangePolicy;
 use super::range_map::RangeMap;
-use super::table::OpacityKind;
 use super::widget::Widget;
 use crate::short::Short;
 use serde::de::Error;

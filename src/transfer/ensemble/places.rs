@@ -7,7 +7,7 @@ use super::{Context, Ensemble, Function, Member, Reduction, Space};
 use crate::transfer::TransferError;
 use crate::transfer::color_map::{ColorMap, mix};
 use crate::transfer::function::TransferFunction;
-use crate::transfer::table::OpacityKind;
+use crate::transfer::opacity::OpacityKind;
 use crate::transfer::tolerance::JOINT_TOLERANCE;
 use crate::transfer::widget::{GAP, line_of};
 

@@ -12,11 +12,11 @@ pub use polyline::{Polyline, PolylinePoint};
 pub use rectangle::Rectangle;
 pub use triangle::Triangle;
 
-use super::blend::{ColorWeighting, MoreOpaque};
+use super::blend::MoreOpaque;
 use super::curve::Curve;
-use super::pieces::Pieces;
+use super::opacity::OpacityKind;
+use super::pieces::{ColorWeighting, Pieces};
 use super::profile::{ProfilePoint, Side};
-use super::table::OpacityKind;
 use serde::{Deserialize, Serialize};
 
 /// A shape with colour and opacity.
@@ -212,7 +212,7 @@ pub(super) fn topmost(widgets: &[Widget], x: f64, y: Option<f64>) -> Side {
 
 /// The exact curve of several widgets over the first axis, at a position of the second if there is one; [`topmost`] is its formula.
 pub(super) fn line_of(widgets: &[Widget], y: Option<f64>, kind: OpacityKind) -> Curve {
-    let pieces = |widget: &Widget| Pieces::of(&Curve::new(widget.line(y), kind), ColorWeighting::Plain);
+    let pieces = |widget: &Widget| Pieces::of(Curve::new(widget.line(y), kind).points(), ColorWeighting::Plain);
     let over = |below: Pieces, above: Pieces| below.combine(&above, &MoreOpaque);
     let all = widgets.iter().map(pieces).reduce(over);
     Curve::new(all.map(|p| p.plain_points()).unwrap_or_default(), kind)
