@@ -1,4 +1,4 @@
-//! Jobs of tests.
+//! Jobs for tests.
 
 use super::RenderJob;
 use crate::camera::Camera;
