@@ -8,8 +8,8 @@
 //!                 (c) none does, but the box of an entry face reaches into the block
 //!                 (d) one of the eight neighbours at this stride is split by a to c
 //!                 (e) a layer beside the cells, such as a drawn edge, begins or ends in the block
-//!     rays at half the stride in what is split
-//! the pixels of a block that is not split: colour bilinear between its corners, depth that of the nearest corner
+//!     rays at half the stride in split blocks
+//! the pixels of the other blocks: colour bilinear between its corners, depth that of the nearest corner
 //! ```
 //!
 //! The *domain* is the active cells, whatever is skipped. A block owns its pixels from its first column and row up to those of the next

@@ -12,7 +12,7 @@
 //!       insert it into the pixel's buffer by depth                                           fragment
 //!       more than k there: the nearest leaves; if the ray is within an active cell behind    light
 //!         the last one that left, integrate from that one to this one
-//!   what is left leaves the buffers in order
+//!   the rest leaves the buffers in order
 //!   for each pixel where that was not the right order: again, from all fragments             resolve
 //! ```
 //!

@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! for each row of segments
-//!     drop those behind a piece that nothing shines through
-//!     cut those that begin in front of what there is, drop those that end there
+//!     drop those behind an opaque piece
+//!     cut those that begin in front of `front`, drop those that end there
 //!     the parts of its segments up to the next node of the transfer function
 //!         a step: two optical depths and two colours for each lane, zero where a lane has no piece
-//!     for each lane with nodes on the way: the pieces from node to node, a run: two optical depths and the place in the table
+//!     for each lane with nodes on the way: the pieces from node to node, a run: two optical depths and the index in the table
 //!     the parts behind the last nodes, another step
 //! for each pair of steps or runs of up to eight
 //!     weigh their pieces side by side
 //!     add them to the light of their lanes, one step or run after the other
-//!     at the end of a row: lanes that have become opaque take no more
+//!     at the end of a row: opaque lanes take no more light
 //! ```
 //!
 //! Every operation is one of [`RayLight`](super::super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
