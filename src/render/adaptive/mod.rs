@@ -9,7 +9,7 @@
 //!                 (d) one of the eight neighbours at this stride is split by a to c
 //!                 (e) a layer beside the cells, such as a drawn edge, begins or ends in the block
 //!     rays at half the stride in split blocks
-//! the pixels of the other blocks: colour bilinear between its corners, depth that of the nearest corner
+//! the pixels of the other blocks: colour bilinear between their corners, depth that of the nearest corner
 //! ```
 //!
 //! The *domain* is the active cells, whatever is skipped. A block owns its pixels from its first column and row up to those of the next

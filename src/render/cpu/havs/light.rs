@@ -20,7 +20,7 @@ pub(super) struct RayOptics<'a, M> {
 
 impl<M: Medium> RayOptics<'_, M> {
     /// The gap behind a point at which the ray enters the cell `far`: one segment in that cell. If some faces are not drawn, the gap may
-    /// extend beyond the cell, whose value is then used up to its end.
+    /// extend beyond the cell, whose cell value then applies to the whole gap.
     #[inline(always)]
     fn segment(&self, from: RayPoint, far: u32, to: &Fragment) -> Segment {
         let depth = [from.depth, to.depth];
