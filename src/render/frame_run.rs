@@ -1,36 +1,36 @@
-//! A frame from its job to its last pixel: what all renderers have in common.
+//! The part of rendering that all renderers share: a frame from its job to its last pixel.
 
 use super::{Advance, Contrast, Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use std::time::{Duration, Instant};
 
-/// Draws one kind of layer on one device, slice by slice. Whoever has it ([`FrameRun`]) keeps the clock, the flag that cancels,
-/// the frame and its times.
+/// Draws one kind of layer on one device, slice by slice. Its owner ([`FrameRun`]) keeps the clock, the cancel flag, the frame and its
+/// times.
 pub trait LayerRenderer: Send {
-    /// A job under way: what it needs beyond the renderer's buffers.
+    /// A job under way: its state beyond the renderer's buffers.
     type Job: Send;
 
-    /// Prepares a job whose parts belong together; `None` if no pixel is left to be drawn. Makes the planes (or the texture) as
-    /// large as the image, all pixels transparent, and adds to the statistics what it counts.
+    /// Prepares a checked job; `None` if no pixel is left to draw. Sizes the planes (or the texture) to the image with all pixels
+    /// transparent, and adds its counts to the statistics.
     ///
     /// # Errors
     /// If the job lacks what this renderer needs, or is beyond the device.
     fn begin(&mut self, job: RenderJob, frame: &mut Frame) -> Result<Option<Self::Job>, RenderError>;
 
-    /// Draws for about `budget`, at least one unit of work; whether all pixels are there. May leave work undone once the job
-    /// is cancelled.
+    /// Draws for about `budget`, at least one unit of work; true once all pixels are final. May leave work undone once the job is
+    /// cancelled.
     ///
     /// # Errors
     /// If the device is lost or fails.
     fn advance(&mut self, budget: Duration, job: &mut Self::Job, frame: &mut Frame) -> Result<bool, RenderError>;
 
-    /// The contrast at which the last slice gave each pixel a value, if better ones follow ([`RenderJob::previews`]).
+    /// The contrast of the preview that the last slice completed, if better ones follow ([`RenderJob::previews`]).
     fn preview(&self) -> Option<Contrast> {
         None
     }
 
-    /// Forgets what a job that is not wanted any more has under way outside of it.
+    /// Drops the work that an unwanted job has in flight on the device.
     ///
     /// # Errors
     /// If the device is lost or fails.
@@ -38,13 +38,13 @@ pub trait LayerRenderer: Send {
         Ok(())
     }
 
-    /// As [`Renderer::slice`].
+    /// The longest slice, as [`Renderer::slice`].
     fn slice(&self) -> Duration {
         Duration::MAX
     }
 }
 
-/// A renderer of frames that are one layer.
+/// A renderer of frames of one layer.
 pub struct FrameRun<L: LayerRenderer> {
     pub(in crate::render) layer: L,
     frame: Frame,
@@ -56,12 +56,12 @@ struct UnderWay<J> {
     job: J,
     cancel: Cancel,
     started: Instant,
-    /// Milliseconds that the frame took before it came here.
+    /// Milliseconds spent on the frame before `begin`.
     ms_before: f64,
 }
 
 impl<L: LayerRenderer> FrameRun<L> {
-    /// A renderer of such layers, without a job.
+    /// A renderer with this layer, without a job.
     pub fn of(layer: L) -> Self {
         Self { layer, frame: Frame::default(), under_way: None }
     }
@@ -109,13 +109,13 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
         let stats = &mut self.frame.stats;
         stats.ms_render += milliseconds_since(slice_started);
         stats.ms_frame = *ms_before + milliseconds_since(*started);
-        // What was under way when the job was cancelled may not be what it should be.
+        // Pixels drawn while the job was cancelled may be wrong.
         let is_done = matches!(advanced, Ok(true)) && !cancel.is_cancelled();
         if is_done || advanced.is_err() {
             self.under_way = None;
         }
         if let Err(failed) = advanced {
-            // What failed is said once.
+            // The first error is the one to report.
             let _ = self.layer.abandon();
             return Err(failed);
         }
@@ -153,7 +153,7 @@ mod tests {
     use crate::render::testing;
     use std::sync::Arc;
 
-    /// Draws a pixel each time it is asked to, and notes what it is asked for.
+    /// Draws one pixel per call, and can be told to fail or to be cancelled.
     #[derive(Default)]
     struct PixelByPixel {
         /// The pixel at which it fails.
@@ -194,7 +194,7 @@ mod tests {
         }
     }
 
-    /// Of 2 x 2 pixels.
+    /// A job of 2 x 2 pixels.
     fn job() -> RenderJob {
         let mesh = Arc::new(Mesh::build(kuhn_grid([1; 3])).unwrap().0);
         let camera = Camera::default_for(mesh.positions.world_bounds()).unwrap();
@@ -203,7 +203,7 @@ mod tests {
         testing::job(&mesh, scalars, &camera, (2, 2), Arc::new(table))
     }
 
-    /// How many pixels are there, and whether that is all.
+    /// Number of pixels drawn, and whether the frame is done.
     fn drawn(advance: Advance<'_>) -> (usize, bool) {
         let is_done = matches!(advance, Advance::Done(_));
         let frame = advance.frame();

@@ -1,15 +1,15 @@
-//! [`JointScene`]: what a job has beside its scalars if its transfer function is of more than them, and the medium that it is.
+//! [`JointScene`]: the joint transfer function of a job with the values that it takes beside the scalar, and its medium.
 //!
-//! The order stage gives a job its quantities: coefficients of variation, which a series finds once, and the magnitudes of the gradients of
-//! the scalars that are shown, for each frame.
+//! The order stage gives a job these values: coefficients of variation, computed once per series, and the gradient magnitudes of the
+//! scalars shown, computed for each frame.
 //!
-//! - **The reference** clips the quantity of vertices as the scalar, cuts segments at nodes, rows and diagonals (`reference/joint.rs`), and
-//!   finds values by `JointTable::eval`; the integrator of the fast paths counts rectangles from line to line instead.
-//! - **On the CPU** (`cpu/values.rs`) the walk finds the quantity on each face from its edge functions; the renderer of faces keeps
-//!   fragments as small as they are and evaluates the faces of the cell at both ends of a gap again.
-//! - **On the GPU** nothing more is bound: the quantity of vertices lies behind the view vertices, layers of cells and the table in the
-//!   buffer of the node table. Fragments have the quantity of their place, 32 bytes instead of 24. Eight storage buffers are enough; a
-//!   table that does not fit the binding is `BeyondGpu`.
+//! - **The reference** clips the value at vertices as it clips the scalar, cuts segments at nodes, rows and diagonals
+//!   (`reference/joint.rs`), and evaluates `JointTable::eval`; the fast paths' integrator counts rectangles from line to line.
+//! - **On the CPU** (`cpu/values.rs`) the walk interpolates the value on each face from its edge functions; the face renderer keeps its
+//!   fragments unchanged and evaluates the cell's faces at both ends of a gap again.
+//! - **On the GPU** no further buffer is bound: values at vertices lie behind the view vertices, table layers of cells and the table in
+//!   the node table's buffer. Fragments carry their value, 32 bytes instead of 24. Eight storage buffers are enough; a table larger than
+//!   the binding is `BeyondGpu`.
 
 use super::RenderError;
 use super::medium::{Medium, Segment};
@@ -19,21 +19,20 @@ use crate::optics::Accumulator;
 use crate::optics::joint::JointSegment;
 use std::sync::Arc;
 
-/// A transfer function of the scalar and of up to two quantities beside it, with these quantities. Cheap to clone.
+/// A transfer function of the scalar and of up to two values beside it, with these values. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct JointScene {
     /// The transfer function.
     pub table: Arc<JointTable>,
-    /// One value per vertex of the mesh, in the unit of the table's rows, linear in a cell. A vertex with NaN has the lowest row, and
-    /// so have all if there are none.
+    /// One value per vertex of the mesh, in the unit of the table's rows, linear in a cell. NaN counts as the lowest row; `None` as NaN
+    /// everywhere.
     pub vertex_values: Option<Arc<Vec<f32>>>,
-    /// One value per cell of the mesh, in the unit of the table's layers. A cell with NaN has the lowest layer, and so have all if
-    /// there are none.
+    /// One value per cell of the mesh, in the unit of the table's layers. NaN counts as the lowest table layer; `None` as NaN everywhere.
     pub cell_values: Option<Arc<Vec<f32>>>,
 }
 
 impl JointScene {
-    /// Checks that the quantities are those of a mesh.
+    /// Checks that there is one value per vertex or cell of a mesh.
     pub(super) fn check(&self, mesh: &Mesh) -> Result<(), RenderError> {
         let check = |values: &Option<Arc<Vec<f32>>>, of: &'static str, expected: usize| match values {
             Some(values) if values.len() != expected => {
@@ -52,7 +51,7 @@ impl JointScene {
         if value.is_nan() { lowest } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
     }
 
-    /// Value of a cell; NaN lies in the lowest layer.
+    /// Value of a cell; NaN selects the lowest table layer.
     pub(super) fn cell_value(&self, cell: u32) -> f64 {
         self.cell_values.as_ref().map_or(f64::NAN, |values| f64::from(values[cell as usize]))
     }
@@ -61,12 +60,12 @@ impl JointScene {
 /// A [`JointScene`] as a medium.
 pub(super) struct JointMedium<'a> {
     scene: &'a JointScene,
-    /// World length of a unit of a ray's length.
+    /// World length per local unit of length.
     scale: f64,
 }
 
 impl<'a> JointMedium<'a> {
-    /// The medium of rays in the local coordinates of a mesh.
+    /// The medium for rays in local coordinates of the mesh.
     pub(super) fn new(scene: &'a JointScene, mesh: &Mesh) -> Self {
         Self { scene, scale: mesh.positions.scale }
     }

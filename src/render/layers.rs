@@ -1,17 +1,17 @@
-//! What a ray meets beside cells: fragments of other layers of the frame.
+//! Fragments of other layers of the frame on the rays of this one.
 //!
-//! A layer that is neither inside cells nor of cells reaches the rays of this one as a list of fragments for each pixel. A fragment has
-//! a depth, at which it cuts the segment of the cell there: the near part ends before it, the far part begins at it.
+//! A layer that does not consist of cells reaches the rays of this one as a list of fragments per pixel. A fragment has a depth, at which
+//! it cuts the segment of the cell there: the near part ends before it, the far part begins at it.
 //!
-//! Fragments come nearest first, equal ones in the order of their layers, and are composited as well before the cells, in gaps, behind
-//! them, and where there are none; not in front of the near plane, nor behind what is opaque. The code for a frame of one layer has none of
-//! this (`NoLayers`). The GPU leaves such jobs to the CPU. The surface of the domain is such a layer.
+//! Fragments are sorted nearest first, equal depths in layer order. They are composited in front of the cells, in gaps, behind them and
+//! where there are no cells, but not in front of the near plane nor behind an opaque depth. Frames of one layer compile to code without
+//! them (`NoLayers`). The GPU leaves such jobs to the CPU. The surface of the domain is such a layer.
 
 use super::{RenderError, RenderJob};
 use crate::camera::View;
 use std::ops::Range;
 
-/// Something flat that a ray passes through.
+/// A point at which a ray passes through a surface of another layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerFragment {
     /// World length along the viewing direction, from the eye (parallel projection: from the camera's position); finite.
@@ -20,20 +20,20 @@ pub struct LayerFragment {
     pub rgba: [f32; 4],
 }
 
-/// The fragments of all pixels of a plane that is rendered.
+/// The fragments of all pixels of a rendered plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayerFragments {
-    /// For each pixel, row by row from the top, where its fragments end; they begin where those of the pixel before end.
+    /// Per pixel, row by row from the top, the end of its fragments; they begin where those of the previous pixel end.
     ends: Vec<u32>,
-    /// Those of a pixel nearest first, equal ones in the order of their layers.
+    /// The fragments of each pixel, nearest first, equal depths in layer order.
     fragments: Vec<LayerFragment>,
 }
 
 impl LayerFragments {
-    /// Lists for a plane of `pixels` pixels from (pixel, fragment) pairs, which come layer by layer.
+    /// Sorts (pixel, fragment) pairs, given layer by layer, into lists for a plane of `pixels` pixels.
     ///
     /// # Errors
-    /// If a pixel is beyond the plane, or a depth, colour or opacity is not a number between its bounds.
+    /// If a pixel is beyond the plane, or a depth, colour or opacity is out of range.
     pub fn new(pixels: usize, found: impl IntoIterator<Item = (u32, LayerFragment)>) -> Result<Self, RenderError> {
         let mut found: Vec<(u32, LayerFragment)> = found.into_iter().collect();
         for &(pixel, LayerFragment { depth, rgba }) in &found {
@@ -42,7 +42,7 @@ impl LayerFragments {
                 return Err(RenderError::BadLayerFragment { pixel, depth, rgba });
             }
         }
-        // Stable: equal ones stay in the order of their layers.
+        // Stable sort: equal depths stay in layer order.
         found.sort_by(|(a, of_a), (b, of_b)| a.cmp(b).then(of_a.depth.total_cmp(&of_b.depth)));
         let mut ends = Vec::with_capacity(pixels);
         for pixel in 0..pixels {
@@ -65,42 +65,42 @@ impl LayerFragments {
     }
 }
 
-/// The fragments of a frame as renderers read them; [`NoLayers`] leaves no code behind.
+/// The fragments of a frame as renderers read them; [`NoLayers`] compiles to no code.
 pub(in crate::render) trait Layers: Sync {
-    /// Those on a ray that are still to come.
+    /// The fragments on a ray that are still ahead.
     type Ahead<'a>: Ahead
     where
         Self: 'a;
 
-    /// Whether rays may meet some.
+    /// Whether rays may meet fragments.
     const ANY: bool;
 
-    /// Those of the ray of a pixel, from the near distance on.
+    /// The fragments on a pixel's ray from the near distance on.
     fn ahead(&self, column: usize, row: usize) -> Self::Ahead<'_>;
 
-    /// Whether a rectangle of pixels has some.
+    /// Whether a rectangle of pixels has fragments.
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
 
-    /// Whether a layer begins or ends in a rectangle of pixels: some of them have more fragments than others.
+    /// Whether a layer begins or ends in a rectangle: its pixels differ in their number of fragments.
     fn ends_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
 }
 
-/// Fragments on a ray that are still to come.
+/// The fragments on a ray that are still ahead.
 pub(in crate::render) trait Ahead: Copy {
-    /// None.
+    /// An empty list.
     const NONE: Self;
 
-    /// Local depth of the next one; infinite if there is none.
+    /// Local depth of the next fragment; infinite if there is none.
     fn next_depth(&self) -> f64;
 
-    /// Takes the next one, if it lies before a local depth: its local depth and its light.
+    /// Takes the next fragment if it lies before a local depth: its local depth and its light.
     fn take_before(&mut self, depth: f64) -> Option<(f64, [f32; 4])>;
 }
 
-/// A frame of one layer.
+/// The layers of a frame that has only one.
 pub(in crate::render) struct NoLayers;
 
-/// Nothing is ahead.
+/// An empty list of fragments.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct NothingAhead;
 
@@ -142,13 +142,13 @@ impl Ahead for NothingAhead {
 pub(in crate::render) struct JobLayers<'a> {
     fragments: &'a LayerFragments,
     view: &'a View,
-    /// Local depth before which nothing is seen.
+    /// Local depth of the near plane.
     near: f64,
     local_per_world: f64,
 }
 
 impl<'a> JobLayers<'a> {
-    /// Those of a job with this local view.
+    /// The fragments of a job with this local view.
     pub(in crate::render) fn of(job: &'a RenderJob, view: &'a View) -> Option<Self> {
         let near = view.near_depth();
         let local_per_world = 1.0 / job.mesh.positions.scale;
@@ -156,7 +156,7 @@ impl<'a> JobLayers<'a> {
         Some(Self { fragments, view, near, local_per_world })
     }
 
-    /// Those of a pixel; none if no ray is cast for it.
+    /// The fragments of a pixel; empty if no ray is cast for it.
     fn of_pixel(&self, column: usize, row: usize) -> &[LayerFragment] {
         let place = self.view.rendered_in(row, column..column + 1).next();
         place.map_or(&[], |(_, place)| self.fragments.of_pixel(place))
@@ -189,7 +189,7 @@ impl Layers for JobLayers<'_> {
     }
 }
 
-/// Fragments of a pixel from the next one on.
+/// The fragments of a pixel from the next one on.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct FragmentsAhead<'a> {
     rest: &'a [LayerFragment],

@@ -1,27 +1,27 @@
-//! What happens to light inside a cell: [`Segment`] is the part of a ray in it, a [`Medium`] what it passes through.
+//! Light inside a cell: [`Segment`] is the part of a ray in it, a [`Medium`] what it passes through.
 //!
-//! Renderers find out through which cells a ray goes, and in which order; what is in them they leave to a medium. A medium may be
-//! a transfer function of the scalar ([`ScalarMedium`]) or of more ([`JointMedium`](super::joint::JointMedium)); the
-//! [reference](mod@super::reference) has its own, in float64.
+//! Renderers find the cells on a ray and their order; integrating them is left to a medium. A medium may be a transfer function of the
+//! scalar ([`ScalarMedium`]) or of more values ([`JointMedium`](super::joint::JointMedium)); the [reference](mod@super::reference) has
+//! its own, in float64.
 //!
-//! A renderer on the CPU is compiled for each medium; vectors of rays and runs of fragments are fast paths of media of the scalar alone. In
-//! shaders, functions of a medium begin with `medium_`. Isosurfaces and cuts are a medium around that of the volume.
+//! Renderers on the CPU are compiled for each medium; vectors of rays and runs of fragments are fast paths for media of the scalar alone.
+//! In shaders, functions of a medium begin with `medium_`. Isosurfaces and cuts are a medium around that of the volume.
 
 use crate::optics::exact::ExactTable;
 use crate::optics::{Accumulator, Integrator};
 
-/// The part of a ray inside a cell, or what is left of that. Scalars and values are linear in depth.
+/// The part of a ray inside a cell, or a piece of that part. Scalars and values are linear in depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::render) struct Segment {
     /// The cell.
     pub(in crate::render) cell: u32,
-    /// Depths at which the ray enters the cell and leaves it, or begins in it.
+    /// Depths at which the ray enters (or begins in) the cell and leaves it.
     pub(in crate::render) depth: [f64; 2],
-    /// Scalars there.
+    /// Scalars at these depths.
     pub(in crate::render) scalar: [f64; 2],
-    /// The quantity of vertices there, for media that [have one](Medium::HAS_VALUES).
+    /// Values at these depths, for media that [have them](Medium::HAS_VALUES).
     pub(in crate::render) value: [f64; 2],
-    /// Depths between which light passes: all of `depth`, or a part of it.
+    /// Depths between which light is integrated: all of `depth`, or a part of it.
     pub(in crate::render) part: [f64; 2],
     /// Scalars at the ends of `part`.
     pub(in crate::render) part_scalar: [f64; 2],
@@ -36,10 +36,10 @@ pub(in crate::render) struct RayPoint {
     pub(in crate::render) scalar: f64,
 }
 
-/// The ray of a point of the image plane.
+/// The ray through a point of the image plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::render) struct RayLine {
-    /// Coordinates of the point.
+    /// Coordinates of the point on the image plane.
     pub(in crate::render) px: f64,
     pub(in crate::render) py: f64,
     /// Length per unit of depth.
@@ -47,7 +47,7 @@ pub(in crate::render) struct RayLine {
 }
 
 impl Segment {
-    /// The whole way through a cell.
+    /// The whole segment of a cell.
     #[inline(always)]
     pub(in crate::render) fn new(cell: u32, depth: [f64; 2], scalar: [f64; 2], value: [f64; 2], line: RayLine) -> Self {
         Self { cell, depth, scalar, value, part: depth, part_scalar: scalar, line }
@@ -77,7 +77,7 @@ impl Segment {
         between(self.scalar, self.share(depth))
     }
 
-    /// What of it lies between two depths in it.
+    /// The part between two depths in the segment.
     #[inline(always)]
     pub(in crate::render) fn between(self, [from, to]: [f64; 2]) -> Self {
         let ([near, far], [near_scalar, far_scalar]) = (self.part, self.part_scalar);
@@ -86,13 +86,13 @@ impl Segment {
         Self { part: [from, to], part_scalar: [from_scalar, to_scalar], ..self }
     }
 
-    /// What is left of it from a depth on, if there is something.
+    /// The part behind a depth; `None` if it is empty.
     #[inline(always)]
     pub(in crate::render) fn behind(self, depth: f64) -> Option<Self> {
         (self.part[1] > depth).then_some(self.split(depth).1)
     }
 
-    /// What lies before a depth in front of its far end, if there is something, and what lies behind.
+    /// The parts before and behind a depth in front of the far end; the first is `None` if empty.
     #[inline(always)]
     pub(in crate::render) fn split(self, depth: f64) -> (Option<Self>, Self) {
         let ([near, far], [near_scalar, far_scalar]) = (self.part, self.part_scalar);
@@ -104,54 +104,52 @@ impl Segment {
         (Some(before), Self { part: [depth, far], part_scalar: [scalar, far_scalar], ..self })
     }
 
-    /// A depth as a share of the way through the cell.
+    /// A depth as a fraction of the cell's depth interval.
     #[inline(always)]
     fn share(&self, depth: f64) -> f64 {
         (depth - self.depth[0]) / (self.depth[1] - self.depth[0])
     }
 
-    /// The ends of what is left as shares of the way through the cell.
+    /// The ends of the part as fractions of the cell's depth interval.
     pub(in crate::render) fn shares(&self) -> [f64; 2] {
         let ([enter, exit], [near, far]) = (self.depth, self.part);
         [if near == enter { 0.0 } else { self.share(near) }, if far == exit { 1.0 } else { self.share(far) }]
     }
 
-    /// The quantity of vertices at the ends of what is left.
+    /// Values at the ends of the part.
     pub(in crate::render) fn part_value(&self) -> [f64; 2] {
         let [near, far] = self.shares();
         let value = |share: f64| between(self.value, share);
         [if near == 0.0 { self.value[0] } else { value(near) }, if far == 1.0 { self.value[1] } else { value(far) }]
     }
 
-    /// Length of what is left.
+    /// Length of the part.
     #[inline(always)]
     pub(in crate::render) fn length(&self) -> f64 {
         (self.part[1] - self.part[0]) * self.line.length_per_depth
     }
 }
 
-/// What has these values at both ends of the way through a cell, at a share of it.
+/// Linear interpolation between entry and exit.
 #[inline(always)]
 fn between([enter, exit]: [f64; 2], share: f64) -> f64 {
     enter + share * (exit - enter)
 }
 
-/// What rays pass through in cells.
+/// The participating medium in the cells.
 pub(in crate::render) trait Medium: Sync {
-    /// What is known of a ray from the segment before; by default of a ray that enters the volume, or goes on after a gap.
+    /// State of a ray carried from the segment before; the default is for a ray that enters the volume, or goes on after a gap.
     type Ray: Copy + Default;
-    /// What light is gathered in.
+    /// The accumulator of light.
     type Light;
-    /// Whether segments need the quantity of vertices at their ends; renderers do not find it out otherwise. Rays through media that do
-    /// are walked one by one.
+    /// Whether segments need values at their ends; renderers compute them only then, and walk rays through such media one by one.
     const HAS_VALUES: bool;
 
-    /// Passes light through what is left of a segment; returns the number of pieces that were integrated, 0 if nothing was to be
-    /// seen.
+    /// Composites the part of a segment; returns the number of pieces integrated, 0 if nothing was visible.
     fn pass(&self, ray: &mut Self::Ray, segment: &Segment, light: &mut Self::Light) -> u32;
 
-    /// Passes light through whole segments that follow each other without a gap, the first of which begins at the scalar `from`, where
-    /// something has been visible before: the same as [`Self::pass`] for each.
+    /// Composites whole segments that follow each other without a gap, the first of which begins at the scalar `from`, where something
+    /// has been visible before; equals [`Self::pass`] for each.
     #[inline(always)]
     fn pass_run(
         &self,
@@ -169,14 +167,14 @@ pub(in crate::render) trait Medium: Sync {
         false
     }
 
-    /// The quantity of a vertex.
+    /// Value at a vertex.
     #[inline(always)]
     fn vertex_value(&self, _: u32) -> f64 {
         0.0
     }
 
-    /// The table of a transfer function of the scalar that is integrated exactly, if that is all that it is: vectors of rays know
-    /// it.
+    /// The table, if the medium is nothing but an exactly integrated transfer function of the scalar; vectors of rays have a fast path
+    /// for it.
     #[inline(always)]
     fn exact_table(&self) -> Option<&ExactTable> {
         None
@@ -187,7 +185,7 @@ pub(in crate::render) trait Medium: Sync {
 pub(in crate::render) struct ScalarMedium<'a, I>(pub(in crate::render) &'a I);
 
 impl<I: Integrator> Medium for ScalarMedium<'_, I> {
-    /// The place in the table at which the last segment ended.
+    /// The position in the table at which the last segment ended.
     type Ray = Option<I::Place>;
     type Light = Accumulator;
     const HAS_VALUES: bool = false;

@@ -1,9 +1,9 @@
-//! From scalars and a view to a frame.
+//! Rendering: from scalars and a view to a frame.
 //!
-//! A [`RenderJob`] is all that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to. Each is a
-//! [`LayerRenderer`], which draws, in a [`FrameRun`], which has the clock, the frame and what else all have in common.
-//! [`reference`](mod@reference) is the float64 judge; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`]
-//! draws faces, all or some of them; both are in [`gpu`] too. [`mod@probe`] says what is seen at a place in the image.
+//! A [`RenderJob`] holds everything that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to. Each
+//! renderer is a [`LayerRenderer`], which draws, in a [`FrameRun`], which has the clock, the frame and all else that renderers share.
+//! [`reference`](mod@reference) is the float64 ground truth; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`] draws all
+//! or some faces; [`gpu`] has both, too. [`mod@probe`] finds the point visible at an image position.
 
 mod adaptive;
 pub mod cpu;
@@ -50,75 +50,73 @@ pub struct RenderJob {
     pub mesh: Arc<Mesh>,
     /// One scalar per vertex of the mesh; finite at the vertices of active cells.
     pub scalars: Arc<Vec<f32>>,
-    /// The same scalars as the store has them, for renderers that decode them where they draw.
+    /// The same scalars as compressed in the store, for renderers that decode them on the device.
     pub compressed: Option<CompressedStep>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
     pub active: Arc<CellSet>,
-    /// All cells with finite scalars, if `active` leaves out some in which nothing is to be seen: a renderer may go through those
-    /// as well where that is cheaper.
+    /// All cells with finite scalars, if `active` leaves out some in which nothing is visible: a renderer may traverse those as well
+    /// where that is cheaper.
     pub finite: Option<Arc<CellSet>>,
     /// The faces to draw, for renderers that draw faces instead of cells.
     pub faces: Option<Arc<DrawnFaces>>,
-    /// How the fragments of those faces come into order.
+    /// How fragments of these faces are brought into depth order.
     pub k_buffer: KBuffer,
     /// Camera and image size.
     pub view: View,
     /// Transfer function.
     pub table: Arc<NodeTable>,
-    /// The transfer function, if it is of more than the scalar; `table` is then its
-    /// [projection](crate::node_table::JointTable::projection), for whatever leaves out where nothing is to be seen. Segments are
-    /// integrated exactly then, whatever the optics.
+    /// The transfer function, if it takes more than the scalar; `table` is then its
+    /// [projection](crate::node_table::JointTable::projection), used to skip regions where nothing is visible. Segments are then
+    /// integrated exactly, whatever `optics` says.
     pub joint: Option<JointScene>,
     /// Isosurfaces in the cells; `None` if there are none.
     pub surfaces: Option<SurfaceScene>,
-    /// What other layers of the frame put before, between and behind the cells; `None` if there are none.
+    /// Fragments of the frame's other layers before, between and behind the cells; `None` if there are none.
     pub fragments: Option<Arc<LayerFragments>>,
-    /// What the table was made from, for the reference alone; without it that integrates the table.
+    /// The source of the table, for the reference only; without it the reference integrates the table.
     pub formula: Option<Arc<TransferSource>>,
-    /// How segments are integrated; the reference does it in its own way.
+    /// How segments are integrated; the reference ignores it.
     pub optics: OpticsKind,
-    /// The transfer function prepared for these optics, if that has been done; a renderer does it itself otherwise.
+    /// The transfer function prepared for these optics; without it the renderer prepares it.
     pub prepared: Option<PreparedOptics>,
-    /// The clusters of the mesh, if they have been made; a renderer that needs them makes its own otherwise.
+    /// The clusters of the mesh; without them a renderer that needs them builds its own.
     pub clusters: Option<Arc<Clusters>>,
-    /// Cells or faces in the view, if they have been placed; a renderer on the CPU does it itself otherwise.
+    /// Cells or faces transformed to the view; without them a renderer on the CPU transforms them itself.
     pub placed: Option<cpu::Placed>,
-    /// The contrast that decides which rays a ray caster casts, where the samples are all pixels; all of them without.
+    /// The contrast threshold of adaptive ray casting when the samples are all pixels; without it all rays are cast.
     pub contrast: Option<Contrast>,
-    /// Contrasts at which the image is shown on the way, falling, where rays that have been cast serve those that follow. The frame in the end is
-    /// the same without.
+    /// Falling contrasts at which previews of the image are shown; rays already cast are reused. The final frame is the same without.
     pub previews: Vec<Contrast>,
-    /// The cells that decide with it, if these are not the active ones.
+    /// The domain of contrast-adaptive sampling, if it is not the active cells.
     pub domain: Option<Arc<CellSet>>,
-    /// How the image comes to another size on the GPU that it is rendered on, if it can
-    /// ([`upsampled_on_gpu`](FrameStats::upsampled_on_gpu)); elsewhere whoever has the image does that.
+    /// How the image is brought to another size on the GPU that renders it, if that GPU can
+    /// ([`upsampled_on_gpu`](FrameStats::upsampled_on_gpu)); otherwise the receiver of the image resizes it.
     pub enlarge: Option<Arc<Enlargement>>,
-    /// What may be left out; the image is the same.
+    /// What may be skipped; the image is the same.
     pub skip: Skip,
-    /// Raised by whoever does not want the frame any more: the job then stops within 5 ms of CPU time and stays
-    /// [`Advance::Partial`].
+    /// Raised when the frame is no longer wanted: the job then stops within 5 ms of CPU time and stays [`Advance::Partial`].
     pub cancel: Cancel,
-    /// How many threads may render at a time.
+    /// How many threads may render at once.
     pub thread_limit: ThreadLimit,
-    /// Whether the frame is for a window: rendered on its GPU, it stays there as the texture of its [`Frame`].
+    /// Whether the frame is for a window: if rendered on the window's GPU, it stays there as the texture of its [`Frame`].
     pub for_window: bool,
-    /// What has been done for the frame so far (decoding); the renderer adds its own counts and times.
+    /// Statistics of the work done before rendering (decoding); the renderer adds its own counts and times.
     pub stats: FrameStats,
 }
 
-/// How a renderer that draws faces brings the fragments of a pixel into order: faces come sorted by their centroids, which
-/// is nearly the order of their fragments, and a buffer of the `k` nearest of them does the rest (dissertation 6.1.3).
+/// How a face renderer sorts the fragments of a pixel: faces come sorted by their centroids, which is nearly the depth order of their
+/// fragments, and a buffer of the `k` nearest fragments corrects the rest (dissertation 6.1.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KBuffer {
     /// Fragments that a pixel holds back before the nearest is composited, 2..=32.
     pub k: u8,
-    /// Whether pixels for which that was not enough are resolved again by sorting all of their fragments.
+    /// Whether pixels for which k was too small are resolved again by sorting all of their fragments.
     pub exact_order: bool,
 }
 
 impl KBuffer {
-    /// As by default.
+    /// The default: k = 8, in exact order.
     pub const USUAL: Self = Self { k: 8, exact_order: true };
 }
 
@@ -131,16 +129,16 @@ impl Default for KBuffer {
 /// A step of a series in codec `vq`.
 #[derive(Clone, Debug)]
 pub struct CompressedStep {
-    /// The block that it is in.
+    /// The block that contains the step.
     pub block: Arc<VqBlock>,
-    /// Which step of the block.
+    /// Index of the step in the block.
     pub step: usize,
 }
 
 /// Why a job cannot be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
-    /// Scalars and mesh do not belong together.
+    /// The number of scalars does not match the mesh.
     #[error("{scalars} scalars for a mesh of {vertices} vertices")]
     ScalarCount {
         /// Scalars given.
@@ -148,25 +146,25 @@ pub enum RenderError {
         /// Vertices of the mesh.
         vertices: usize,
     },
-    /// Active cells and mesh do not belong together.
+    /// The set of active cells does not match the mesh.
     #[error("a set over {set} cells for a mesh of {cells} cells")]
     CellCount {
-        /// Cells that the set knows of.
+        /// Cells in the set's universe.
         set: usize,
         /// Cells of the mesh.
         cells: usize,
     },
-    /// Quantities beside the scalar and mesh do not belong together.
+    /// The number of values beside the scalar does not match the mesh.
     #[error("{given} values beside the scalar for a mesh of {expected} {of}")]
     JointValueCount {
         /// Values given.
         given: usize,
         /// Vertices or cells.
         of: &'static str,
-        /// How many of them the mesh has.
+        /// Vertices or cells of the mesh.
         expected: usize,
     },
-    /// A fragment of another layer is not one.
+    /// A fragment of another layer is out of range.
     #[error(
         "a fragment of pixel {pixel} at depth {depth} with light {rgba:?}: depths are finite, light is not negative, opacity at most 1"
     )]
@@ -178,37 +176,37 @@ pub enum RenderError {
         /// Colour and opacity given.
         rgba: [f32; 4],
     },
-    /// Listed pixels and image do not belong together.
+    /// Listed pixels do not match the image.
     #[error("pixels of an image of {} x {} pixels for one of {} x {}", given.0, given.1, expected.0, expected.1)]
     SampleSize {
-        /// Columns and rows of the image that they are of.
+        /// Columns and rows of the image that the pixels index.
         given: (usize, usize),
-        /// Those of the image to be rendered.
+        /// Columns and rows of the image to be rendered.
         expected: (usize, usize),
     },
-    /// An image and how it comes to another size do not belong together.
+    /// An enlargement does not match the image.
     #[error("to be enlarged is an image of {} x {} pixels, and the job is about {} x {}", expected.0, expected.1, given.0, given.1)]
     EnlargedSize {
-        /// Columns and rows of the job's view; of the rays that are cast, where these are other ones.
+        /// Columns and rows of the view at fault, or of its plane of rays where the two differ.
         given: (usize, usize),
-        /// Those that are enlarged; of the full image, where the view of that is at fault.
+        /// Columns and rows in the enlargement: of the small image for the job's view, of the full image for the frame's.
         expected: (usize, usize),
     },
-    /// Fragments of other layers and image do not belong together.
+    /// Fragments of other layers do not match the image.
     #[error("fragments of other layers for {given} pixels in an image of {expected}")]
     LayerPixels {
-        /// Pixels that they are for.
+        /// Pixels that have fragment lists.
         given: usize,
         /// Pixels of the image.
         expected: usize,
     },
-    /// The source of the transfer function is at fault.
+    /// The source of the transfer function cannot be evaluated.
     #[error("the transfer function cannot be evaluated by its formula: {0}")]
     NoFormula(String),
-    /// A renderer that draws faces has been given none.
+    /// A face renderer has been given no faces.
     #[error("no faces were chosen for a renderer that draws faces")]
     NoFaces,
-    /// Faces to draw and mesh do not belong together.
+    /// A face to draw is not in the mesh.
     #[error("face {face} was to be drawn of a mesh of {faces} faces")]
     NoSuchFace {
         /// Id of the face.
@@ -216,41 +214,40 @@ pub enum RenderError {
         /// Faces of the mesh.
         faces: usize,
     },
-    /// The buffer that puts fragments in order cannot have this size.
+    /// The size of the k-buffer is out of range.
     #[error("a buffer of {0} fragments; choose 2 to 32")]
     BadK(u8),
     /// There is no GPU to render on.
     #[error("no GPU: {0}")]
     NoGpu(String),
-    /// The job is too much for this GPU, or not made for it; a renderer on the CPU can do it.
+    /// The job exceeds this GPU or is not supported by it; a renderer on the CPU can do it.
     #[error("{adapter} cannot render this: {problem}; the CPU can (backend cpu)")]
     BeyondGpu {
         /// Name of the adapter.
         adapter: String,
-        /// What is too much.
+        /// The limit or feature at fault.
         problem: String,
     },
-    /// The driver reset the device, or it is gone.
+    /// The driver reset the device, or the device is gone.
     #[error("the GPU {adapter} was lost: {reason}")]
     DeviceLost {
         /// Name of the adapter.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
-    /// The device failed.
+    /// The device reported an error.
     #[error("the GPU {adapter} failed: {problem}")]
     Gpu {
         /// Name of the adapter.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         problem: String,
     },
 }
 
 impl RenderJob {
-    /// A job with nothing but what every job has: exact optics, all left out that may be, nothing done before, and nobody who
-    /// cancels it.
+    /// A job with the required parts only: exact optics, everything skipped that may be, empty statistics, never cancelled.
     pub fn new(
         mesh: Arc<Mesh>,
         scalars: Arc<Vec<f32>>,
@@ -288,10 +285,10 @@ impl RenderJob {
         }
     }
 
-    /// Checks that the parts belong together.
+    /// Checks that the parts match.
     ///
     /// # Errors
-    /// If scalars, active cells or quantities beside the scalar are of another mesh, or pixels, fragments or another size of another image.
+    /// If scalars, active cells or values beside the scalar do not match the mesh, or pixels, fragments or an enlargement the image.
     pub fn check(&self) -> Result<(), RenderError> {
         let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
         if self.scalars.len() != vertices {
@@ -326,7 +323,7 @@ impl RenderJob {
         self.joint.as_ref().map_or(Ok(()), |joint| joint.check(&self.mesh))
     }
 
-    /// The job with the optics that it is rendered with: exact ones for a joint table.
+    /// The job with its effective optics: exact for a joint table.
     fn with_optics_of_joint_table(mut self) -> Self {
         if self.joint.is_some() {
             self.optics = OpticsKind::Exact;
@@ -351,7 +348,7 @@ impl RenderJob {
 }
 
 impl RenderJob {
-    /// The contrasts by which it is decided which rays are cast, one after the other, 0 for all rays; none if all are cast at once.
+    /// The contrasts of adaptive sampling in falling order, 0 for all rays; empty if all rays are cast at once.
     pub(crate) fn contrasts(&self) -> Vec<f32> {
         if self.view.samples != Samples::ALL {
             return Vec::new();
@@ -369,8 +366,8 @@ impl RenderJob {
         contrasts
     }
 
-    /// The job whose image has the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its number in place of
-    /// opacity, and its depth; `None` if there is none.
+    /// The job that renders guides: the normal (world coordinates, towards the eye) of the nearest surface or section as colour, its
+    /// number as opacity, and its depth; `None` without surfaces.
     pub(crate) fn of_guides(&self) -> Option<Self> {
         let surfaces = Some(self.surfaces.clone()?.into_guides());
         Some(Self {
@@ -391,22 +388,22 @@ impl RenderJob {
     }
 }
 
-/// A rendered image, and what it cost.
+/// A rendered image and its cost.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// What is known of each pixel.
+    /// Colour, depth, normal and surface number of each pixel.
     pub planes: Planes,
-    /// The frame of a job for a window, on that window's GPU: the planes above are empty then.
+    /// The frame of a window's job, on that window's GPU: `planes` are empty then.
     #[cfg(feature = "gpu")]
     pub texture: Option<gpu::FrameTexture>,
-    /// What its rays would lack if they were few, of a frame that had such details itself.
+    /// Details to add to later frames of few rays; set if this frame had such details itself.
     pub details: Option<Arc<residual::Details>>,
     /// Counts and times.
     pub stats: FrameStats,
 }
 
 impl Frame {
-    /// Makes all pixels transparent, in the memory that there is.
+    /// Makes all pixels transparent, keeping the memory.
     fn clear(&mut self, (width_px, height_px): (usize, usize)) {
         #[cfg(feature = "gpu")]
         {
@@ -416,19 +413,19 @@ impl Frame {
     }
 }
 
-/// How far a renderer has come.
+/// Progress of a renderer.
 #[derive(Clone, Copy, Debug)]
 pub enum Advance<'a> {
     /// Some pixels are final, the others still transparent.
     Partial(&'a Frame),
-    /// All pixels have a value, that of the image at this contrast, and better ones follow ([`RenderJob::previews`]).
+    /// All pixels have the value of the image at this contrast, and better ones follow ([`RenderJob::previews`]).
     Preview(&'a Frame, Contrast),
     /// All pixels are final.
     Done(&'a Frame),
 }
 
 impl<'a> Advance<'a> {
-    /// The frame as it is.
+    /// The frame in its present state.
     pub fn frame(self) -> &'a Frame {
         match self {
             Self::Partial(frame) | Self::Preview(frame, _) | Self::Done(frame) => frame,
@@ -436,31 +433,31 @@ impl<'a> Advance<'a> {
     }
 }
 
-/// Renders one job at a time, in slices. Keeps its buffers from job to job: what grows with the mesh or the image is
-/// allocated by the first frame only.
+/// Renders one job at a time, in slices. Keeps its buffers from job to job: those that grow with the mesh or the image are allocated by
+/// the first frame only.
 pub trait Renderer: Send {
-    /// Starts a job; one that was under way is dropped.
+    /// Starts a job; a job under way is dropped.
     ///
     /// # Errors
-    /// If the parts of the job do not belong together.
+    /// If the parts of the job do not match.
     fn begin(&mut self, job: RenderJob) -> Result<(), RenderError>;
 
-    /// Works on the job for about `budget` (at least one tile) and shows what there is; does nothing once the job is
-    /// cancelled. Without a job the last frame is done.
+    /// Works on the job for about `budget` (at least one tile) and returns the progress; does nothing once the job is cancelled. Without
+    /// a job the last frame is done.
     ///
     /// # Errors
     /// If the device is lost or fails; the job is then dropped.
     fn advance(&mut self, budget: Duration) -> Result<Advance<'_>, RenderError>;
 
-    /// Takes the last frame out, so that it can be kept while the next one is rendered to the memory of `replacement`,
-    /// whose pixels count for nothing.
+    /// Takes the last frame out, so that it can be kept while the next one is rendered into the memory of `replacement`, whose pixels are
+    /// ignored.
     fn take_frame(&mut self, replacement: Frame) -> Frame;
 
-    /// The last frame, for what is found on the whole image.
+    /// The last frame, for post-processing of the whole image.
     fn frame_mut(&mut self) -> &mut Frame;
 
-    /// The longest that [`Self::advance`] should work at once for a cancelled job to stop in time: a renderer that looks at
-    /// the flag while it works needs no slices.
+    /// The longest budget for one [`Self::advance`] with which a cancelled job stops in time; unlimited for a renderer that checks the
+    /// flag while it works.
     fn slice(&self) -> Duration {
         Duration::MAX
     }
@@ -473,7 +470,7 @@ pub trait Renderer: Send {
         self.render_with_previews(job, &mut |_, _| ())
     }
 
-    /// The same; `previewed` sees the frame on the way, as often as the job says.
+    /// Renders a whole frame as [`Self::render_unless_cancelled`]; `previewed` is called with each preview that the job asks for.
     ///
     /// # Errors
     /// As [`Self::begin`] and [`Self::advance`].

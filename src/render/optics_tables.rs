@@ -1,4 +1,4 @@
-//! Transfer functions prepared for integration, kept from frame to frame.
+//! Transfer functions prepared for integration, cached between frames.
 
 use super::RenderJob;
 use crate::mesh::Mesh;
@@ -22,7 +22,7 @@ pub enum OpticsTable {
 }
 
 impl OpticsTable {
-    /// Whether that is the same one, not one that is alike.
+    /// Compares by pointer, not by content.
     pub fn is_same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Exact(a), Self::Exact(b)) => Arc::ptr_eq(a, b),
@@ -42,7 +42,7 @@ impl OpticsTable {
     }
 }
 
-/// A table, and what it was made for: a job whose transfer function, mesh or optics are others has no use for it.
+/// A table with its transfer function and mesh: a job with another transfer function, mesh or optics ignores it.
 #[derive(Clone, Debug)]
 pub struct PreparedOptics {
     of: Arc<NodeTable>,
@@ -51,7 +51,7 @@ pub struct PreparedOptics {
 }
 
 impl PreparedOptics {
-    /// The table, if it is the job's.
+    /// The table, if it matches the job.
     fn of_job(&self, job: &RenderJob, resolution: Table3dResolution) -> Option<&OpticsTable> {
         let has_optics = match &self.table {
             OpticsTable::Exact(_) => job.optics == OpticsKind::Exact,
@@ -63,13 +63,13 @@ impl PreparedOptics {
     }
 }
 
-/// The table of the last job. It depends on transfer function, optics and mesh, neither on step nor on view.
+/// Cache of the last job's table, which depends on transfer function, optics and mesh, not on step or view.
 #[derive(Debug, Default)]
 pub struct OpticsTables {
     resolution: Table3dResolution,
     longest_edge: Option<(Arc<Mesh>, f64)>,
     last: Option<Kept>,
-    /// The last pre-integrated table, to be changed where the transfer function changes.
+    /// The last pre-integrated table, updated where the transfer function changes.
     pre_integrated: Option<PreIntegrated>,
     entries_built: u64,
 }
@@ -92,7 +92,7 @@ struct PreIntegrated {
 }
 
 impl OpticsTables {
-    /// Those whose pre-integrated tables have this resolution.
+    /// An empty cache whose pre-integrated tables have this resolution.
     pub fn of_resolution(resolution: Table3dResolution) -> Self {
         Self { resolution, ..Self::default() }
     }
@@ -102,13 +102,13 @@ impl OpticsTables {
         self.entries_built
     }
 
-    /// The table of a job, to be given to it: [`RenderJob::prepared`].
+    /// The table for a job, for its [`RenderJob::prepared`].
     pub fn prepare(&mut self, job: &RenderJob) -> PreparedOptics {
         PreparedOptics { of: job.table.clone(), mesh: job.mesh.clone(), table: self.get(job) }
     }
 
-    /// The table of a job: the job's own if it has one, or the last if that is it, else a new one. If the job is cancelled, one of no
-    /// use.
+    /// The table for a job: the job's own, or the cached one if it matches, else a new one. If the job is cancelled, the table is
+    /// unusable.
     pub fn get(&mut self, job: &RenderJob) -> OpticsTable {
         if let Some(table) = job.prepared.as_ref().and_then(|prepared| prepared.of_job(job, self.resolution)) {
             return table.clone();
@@ -133,7 +133,7 @@ impl OpticsTables {
         table
     }
 
-    /// A pre-integrated table: the last one with what has changed.
+    /// A pre-integrated table: the last one with the changed entries recomputed.
     fn pre_integrated(&mut self, job: &RenderJob, scale: f64, longest_edge: f64) -> Arc<Table3d> {
         let fits = |last: &&PreIntegrated| (last.scale, last.longest_edge) == (scale, longest_edge);
         let last = self.pre_integrated.as_ref().filter(fits);
@@ -186,7 +186,7 @@ mod tests {
         RenderJob { optics, ..testing::job(&mesh, vec![0.0; vertices], &camera, (4, 4), ramp(2.0)) }
     }
 
-    /// Extinction 1 but for one node of eleven.
+    /// Extinction 1 except at one node of eleven.
     fn ramp(tau: f64) -> Arc<NodeTable> {
         let tau_at = |i: u32| if i == 8 { tau } else { 1.0 };
         let node = |i: u32| Node { scalar: f64::from(i), rgb: [0.1 * f64::from(i), 0.5, 1.0], tau: tau_at(i) };
@@ -200,7 +200,7 @@ mod tests {
             let first = job(optics);
             let made = tables.get(&first);
             assert!(tables.get(&first).is_same(&made), "{optics}");
-            // Step and view do not count.
+            // A new step or view keeps the table.
             let moved = RenderJob { scalars: Arc::new(vec![1.0; first.scalars.len()]), ..first.clone() };
             assert!(tables.get(&moved).is_same(&made), "{optics}");
             let alike = RenderJob { table: ramp(2.0), ..first.clone() };
@@ -225,7 +225,7 @@ mod tests {
         tables.get(&RenderJob { optics: OpticsKind::Exact, ..edited.clone() });
         tables.get(&edited);
         assert_eq!(tables.entries_built(), ALL + built);
-        // A mesh of another size is another table.
+        // A mesh of another size needs another table.
         let other = job(OpticsKind::Table3d);
         let mesh = Arc::new(Mesh::build(kuhn_grid_of([2, 1, 1], |_| true)).unwrap().0);
         tables.get(&RenderJob { mesh, table: edited.table.clone(), ..other });

@@ -1,12 +1,11 @@
-//! What is seen at a place in the image: the point in the mesh that a mouse points at.
+//! The visible point at an image position: the point in the mesh under the mouse.
 //!
-//! A volume has no surface to hit. Of all cells on the ray through the place, the one seen is that whose segment gives most to
-//! the opacity of the pixel, transmittance in front of it times its own opacity, as the eye takes the layer that dominates for
-//! the thing itself; of equal ones the nearest. In that cell it is the point in front of which half of the segment's opacity
-//! lies. Both depend on the picture alone: the first visible point would be faint haze in front of what one sees, and the
-//! point where half of the *pixel's* opacity is reached may lie between two layers, where nothing is. The price: of a smooth
-//! haze without any layer the largest cell wins, wherever it is. An isosurface, a section or the domain's surface is met in one point,
-//! and takes its opacity there; what clips cut away is not there, and one looks past lines.
+//! A volume has no surface to hit. Of all cells on the ray, the visible one is the cell whose segment contributes most to the opacity of
+//! the pixel (transmittance in front of it times its own opacity), as the eye takes the dominant layer for the object itself; the nearest
+//! of equal ones. The point in that cell has half of the segment's opacity in front of it. Both depend on the picture alone: the first
+//! visible point would be faint haze in front of the object, and the point where half of the *pixel's* opacity is reached may lie in the
+//! empty space between two layers. The price: in a smooth haze without any layer the largest cell wins, wherever it is. An isosurface, a
+//! section or the domain's surface is met in one point, and contributes its opacity there; clipped parts and drawn edges are ignored.
 //!
 //! ```text
 //! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
@@ -15,8 +14,8 @@
 //! choose    the greatest contribution, and where the segment's own absorption is half
 //! ```
 //!
-//! Clipping and pieces are the reference's own code, so that a probe sees the cells that the judge sees; tests compare the sum
-//! of all contributions with its pixels. All in f64 and on one thread.
+//! Clipping and pieces are the reference's own code, so that a probe finds the reference's cells; tests compare the sum of all
+//! contributions with its pixels. All in f64 and on one thread.
 
 use super::domain::{DomainStyle, DomainSurface};
 use super::medium::Segment;
@@ -28,7 +27,7 @@ use crate::camera::View;
 use crate::visibility::CutPlanes;
 use glam::DVec3;
 
-/// A point in the mesh that is seen in an image.
+/// A visible point in the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// The cell, in the numbering of the mesh (a store's order, not its source's).
@@ -39,16 +38,15 @@ pub struct Probe {
     pub position: DVec3,
     /// Barycentric coordinates in the order of the cell's vertices: not negative, sum 1.
     pub weights: [f64; 4],
-    /// The scalar there: [`interpolate`].
+    /// Scalar at the point: [`interpolate`].
     pub scalar: f64,
     /// World length along the viewing direction, from the eye (parallel projection: from the camera's position).
     pub depth: f64,
-    /// The share of the pixel's opacity that is this cell's, in (0, 1].
+    /// This cell's share of the pixel's opacity, in (0, 1].
     pub share: f64,
 }
 
-/// The value with these weights between the scalars of a cell's vertices; NaN if one of them is not finite. Of four equal
-/// scalars exactly that one.
+/// Interpolates the scalars of a cell's vertices; NaN if one of them is not finite. Four equal scalars are reproduced exactly.
 pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
     if !scalars.iter().all(|s| s.is_finite()) {
         return f64::NAN;
@@ -57,11 +55,11 @@ pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
     first + (1..4).zip(rest).map(|(i, scalar)| weights[i] * (scalar - first)).sum::<f64>()
 }
 
-/// What is seen at a place in the image of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from
-/// the left and from the top, with pixel centres at (i + .5, j + .5). `None` beside the image and where nothing is visible.
+/// The visible point at an image position of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from the left
+/// and from the top, with pixel centres at (i + .5, j + .5). `None` outside the image and where nothing is visible.
 ///
 /// # Errors
-/// If the parts of the job do not belong together.
+/// If the parts of the job do not match.
 pub fn probe(job: &RenderJob, domain: &[DomainSurface], at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
     job.check()?;
     let Some(ray) = Ray::new(job, domain, at_px) else { return Ok(None) };
@@ -77,7 +75,7 @@ pub fn probe(job: &RenderJob, domain: &[DomainSurface], at_px: (f64, f64)) -> Re
     Ok(best.map(|seen| ray.point(job, seen, (seen.contribution / total).min(1.0))))
 }
 
-/// The ray of a place in the image, in the mesh's local coordinates.
+/// The ray through an image position, in the mesh's local coordinates.
 struct Ray {
     view: View,
     px: f64,
@@ -91,20 +89,20 @@ struct Ray {
 struct OnRay {
     number: u32,
     cell: Cell,
-    /// What clips leave of it.
+    /// The part left by clipping.
     segment: Segment,
     /// Depth at which the ray leaves the cell.
     exit: f64,
-    /// Depths at which it passes the domain's surface, into the cell and out of it.
+    /// Depths at which the ray passes the domain's surface, into the cell and out of it.
     on_domain: [Option<f64>; 2],
 }
 
-/// What gives something to the opacity of a pixel: the volume in a cell, or a surface there.
+/// A contribution to the opacity of a pixel: of the volume in a cell, or of a surface there.
 #[derive(Clone, Copy)]
 struct Seen<'a> {
     on_ray: &'a OnRay,
     contribution: f64,
-    /// Where the ray meets it, if it is a surface.
+    /// Depth of the surface; `None` for the volume.
     surface_depth: Option<f64>,
 }
 
@@ -120,9 +118,9 @@ impl Ray {
         is_inside.then_some(Self { view, px, py, cuts, domain })
     }
 
-    /// Where the ray comes into a cell, or leaves it, through a face without a finite cell behind it.
+    /// Depths at which the ray enters a cell, and leaves it, through a face without a finite cell behind it.
     fn on_domain(&self, job: &RenderJob, number: u32, cell: &Cell, ends: [f64; 2]) -> [Option<f64>; 2] {
-        /// What the weight of the corner opposite to a face is rounded to on the face, but at the eye in the cell.
+        /// Bound on the rounded weight of the opposite corner for a point on a face, except at the eye inside the cell.
         const ON_FACE: f64 = 1e-6;
         if self.domain == 0.0 {
             return [None; 2];
@@ -159,7 +157,7 @@ impl Ray {
         };
         let mut found: Vec<OnRay> =
             self.near_cells(job).filter(|&number| job.active.contains(number)).filter_map(clipped).collect();
-        // Stable: of equal ones the cell with the lower number comes first, as in the reference.
+        // Stable sort: of equal intervals the cell with the lower number comes first, as in the reference.
         found.sort_by(|a, b| {
             let (a, b) = (&a.segment, &b.segment);
             a.part[0].total_cmp(&b.part[0]).then(a.part[1].total_cmp(&b.part[1]))
@@ -179,11 +177,10 @@ impl Ray {
         found
     }
 
-    /// All cells that the ray may meet, and a few others: those that do not lie wholly beside it, above or below it, or behind
-    /// the eye.
+    /// A superset of the cells that the ray meets: those that do not lie wholly beside, above or below it, or behind the eye.
     fn near_cells<'a>(&self, job: &'a RenderJob) -> impl Iterator<Item = u32> + 'a {
         let view = &self.view;
-        // Seen along the ray, which is then the origin.
+        // Coordinates across the ray, which is the origin.
         let (across, up, shift) = if view.perspective {
             (view.right - self.px * view.forward, view.up - self.py * view.forward, (0.0, 0.0))
         } else {
@@ -206,12 +203,12 @@ impl Ray {
             .map(|(number, _)| number)
     }
 
-    /// Tells what each visible segment, and each surface in it, gives to the opacity of the ray, from the front, until no more
-    /// comes through.
+    /// Reports the contribution of each visible segment, and of each surface in it, to the opacity of the ray, from the front, until the
+    /// ray is opaque.
     fn absorb<'a>(&self, job: &RenderJob, chain: &'a [OnRay], mut give: impl FnMut(Seen<'a>)) {
         let table = Transfer::of(job);
         let mut depth_so_far = 0.0_f64;
-        // What an optical depth more takes of the light.
+        // Light absorbed by a further optical depth.
         let mut take = |depth: f64| {
             let taken = (-depth_so_far).exp() * -(-depth).exp_m1();
             depth_so_far += depth;
@@ -272,7 +269,7 @@ impl Ray {
         })
     }
 
-    /// The point of a surface, or that of a segment in front of which half of its opacity lies.
+    /// The point of a surface, or the point of a segment in front of which half of its opacity lies.
     fn point(&self, job: &RenderJob, Seen { on_ray, surface_depth, .. }: Seen<'_>, share: f64) -> Probe {
         let OnRay { number, cell, segment, .. } = on_ray;
         let depth = surface_depth.unwrap_or_else(|| {
@@ -282,7 +279,7 @@ impl Ray {
         });
         let weights = normalised(cell.weights(self.at(depth)));
         let (mesh, tet) = (&job.mesh, job.mesh.topology.tets[*number as usize]);
-        // From the corners and not from the eye, which may be far away.
+        // From the corners, as the eye may be far away.
         let corners = mesh.positions.corners(tet);
         let local: DVec3 = (0..4).map(|i| weights[i] * corners[i].as_dvec3()).sum();
         Probe {
@@ -300,16 +297,16 @@ impl Ray {
 /// A piece of a segment on which extinction is linear.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Its share of the segment's length.
+    /// Fraction of the segment's length.
     share: f64,
     /// Extinction at its ends.
     from: f64,
     to: f64,
-    /// Its optical depth.
+    /// Optical depth of the piece.
     depth: f64,
 }
 
-/// The share of a segment's length in front of which half of its opacity lies.
+/// The fraction of a segment's length in front of which half of its opacity lies.
 fn half_absorbed(pieces: &[Piece]) -> f64 {
     let total: f64 = pieces.iter().map(|piece| piece.depth).sum();
     // 1 - exp(-target) is half of 1 - exp(-total).
@@ -326,18 +323,18 @@ fn half_absorbed(pieces: &[Piece]) -> f64 {
     1.0
 }
 
-/// Where, as a share of its length, a piece with extinction linear between `from` and `to` has absorbed this share of its
-/// optical depth: the stable root of a quadratic, in extinctions relative to their mean.
+/// The fraction of a piece's length, extinction linear between `from` and `to`, at which it has absorbed this share of its optical depth:
+/// the stable root of a quadratic, in extinctions relative to their mean.
 fn place_of(share: f64, from: f64, to: f64) -> f64 {
     let mean = 0.5 * from + 0.5 * to;
     let (from, rise) = (from / mean, (to - from) / mean);
     let root = (from * from + 2.0 * rise * share).max(0.0).sqrt();
     let place = 2.0 * share / (from + root);
-    // 0 / 0 at the very begin of a ramp from zero.
+    // 0 / 0 at the start of a ramp from zero.
     if place.is_finite() { place.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Weights that rounding has taken out of the cell, back on it.
+/// Clamps weights that rounding has moved out of the cell back onto it.
 fn normalised(weights: [f64; 4]) -> [f64; 4] {
     let weights = weights.map(|w| w.max(0.0));
     let sum: f64 = weights.iter().sum();

@@ -1,4 +1,4 @@
-//! Points that are seen, against the reference's pixels and closed forms.
+//! Probed points against the reference's pixels and closed forms.
 
 use super::*;
 use crate::camera::{Camera, Projection};
@@ -16,7 +16,7 @@ fn table(nodes: &[(f64, f64)]) -> Arc<NodeTable> {
     Arc::new(NodeTable::new(nodes).unwrap())
 }
 
-/// Looks along +X at a row of cubes whose first face is in the plane x = 0, with one pixel on the middle of it.
+/// Looks along +X at a row of cubes whose first face is in the plane x = 0, with one pixel at its middle.
 fn along_x(cubes: usize, value: impl Fn(f64) -> f32, nodes: &[(f64, f64)], projection: Projection) -> RenderJob {
     let (mesh, _) = Mesh::build(kuhn_grid([cubes, 1, 1])).unwrap();
     let scalars = (0..mesh.positions.local.len()).map(|v| value(mesh.positions.world(v).x)).collect();
@@ -29,7 +29,7 @@ const PARALLEL: Projection = Projection::Parallel { scale: 2.0 };
 const PERSPECTIVE: Projection = Projection::Perspective { view_angle: 20.0 };
 const MIDDLE: (f64, f64) = (4.5, 4.5);
 
-/// Positions within [-1, 1] are f32: what a coordinate of a mesh of this size in the world is rounded by, and some.
+/// Bound on the rounding of a world coordinate: positions within [-1, 1] are f32.
 fn rounding(job: &RenderJob) -> f64 {
     4.0 * f64::from(f32::EPSILON) * job.mesh.positions.scale
 }
@@ -41,7 +41,7 @@ fn sum_of_contributions(job: &RenderJob, at_px: (f64, f64)) -> f64 {
     sum
 }
 
-/// A mesh with random values, holes among them, seen from a random place.
+/// A mesh with random values and holes, seen from a random eye.
 fn random_job(random: &mut Random) -> RenderJob {
     let mut raw = jittered(kuhn_grid([3, 2, 3]), random);
     let offset = if random.below(3) == 0 { DVec3::new(3e7, -2e7, 5e6) } else { DVec3::ZERO };
@@ -65,7 +65,7 @@ fn random_job(random: &mut Random) -> RenderJob {
     let near = [0.0, 1.0][random.below(2)];
     let camera =
         Camera { position: target + distance * direction, focal_point: target, view_up: DVec3::Z, projection, near };
-    // A step to an opaque plateau at times.
+    // Sometimes with a step to an opaque plateau.
     let most = [0.6, 30.0, 1e300][random.below(3)];
     let nodes = [(-0.7, 0.0), (-0.1, 0.3), (0.2, 0.0), (0.6, 0.1), (0.6, most), (0.8, 0.02)];
     let job = job(&Arc::new(mesh), scalars, &camera, (11, 9), table(&nodes));
@@ -123,7 +123,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
             empty += usize::from(probe.is_none());
         }
     }
-    // A ten-thousandth less extinction shows wherever the ray is neither transparent nor opaque.
+    // A ten-thousandth less extinction is noticed wherever the ray is neither transparent nor opaque.
     assert!(seen > 5000 && empty > 1000 && caught > seen / 4, "{seen} seen, {empty} empty, {caught} caught");
 }
 
@@ -147,8 +147,8 @@ fn a_point_lies_on_the_ray_in_its_cell_and_has_its_scalar() {
         assert!((probe.scalar - by_hand).abs() <= 16.0 * f64::EPSILON, "seed {seed}");
         noticed += usize::from((f64::from(scalars[0]) - by_hand).abs() > 16.0 * f64::EPSILON);
         assert!(probe.share > 0.0 && probe.share <= 1.0);
-        // Through the camera it comes back to where one pointed at: of view coordinates rounded by a few 2^-53 of the
-        // distance (and of the offset in the world), and of weights clamped by the inflation of cells.
+        // The camera projects it back to the pointed position, within the rounding of view coordinates by a few 2^-53 of the distance
+        // (and of the offset in the world), and of weights clamped by the inflation of cells.
         let view = job.view;
         let p = view.to_view(probe.position);
         let (x, y) = if view.perspective { (p.x / p.z, p.y / p.z) } else { (p.x, p.y) };
@@ -164,7 +164,7 @@ fn a_point_lies_on_the_ray_in_its_cell_and_has_its_scalar() {
 
 #[test]
 fn in_a_layer_the_point_is_where_half_of_what_its_cell_absorbs_is() {
-    // One thick cube of constant extinction: the first cell on the ray has most, and its half is at a known depth.
+    // One thick cube of constant extinction: the first cell on the ray contributes most, and its half is at a known depth.
     for (tau, projection) in [(1e-9, PARALLEL), (1.0, PARALLEL), (50.0, PARALLEL), (1.0, PERSPECTIVE)] {
         let job = along_x(1, |_| 0.0, &[(0.0, tau)], projection);
         let probe = probe(&job, &[], MIDDLE).unwrap().unwrap();
@@ -174,7 +174,7 @@ fn in_a_layer_the_point_is_where_half_of_what_its_cell_absorbs_is() {
         let [near, far] = of_cell.segment.part.map(|d| d * job.mesh.positions.scale);
         let opacity = |length: f64| -(-tau * length).exp_m1();
         let passed = probe.depth - near;
-        // Exact but for rounding of depths below 8, which a small segment's opacity has in full.
+        // Exact except for rounding of depths below 8, which a small segment's opacity has in full.
         let bound = 64.0 * f64::EPSILON * tau.max(1e-9);
         assert!((opacity(passed) - 0.5 * opacity(far - near)).abs() <= bound, "{tau}: {passed} of {}", far - near);
         assert!((probe.position.x - (probe.depth - 4.0)).abs() <= rounding(&job));
@@ -183,7 +183,7 @@ fn in_a_layer_the_point_is_where_half_of_what_its_cell_absorbs_is() {
 
 #[test]
 fn the_layer_that_dominates_is_taken_and_not_the_haze_in_front_of_it() {
-    // Value = x: haze from 0 to 8, a layer at 5 to 5.5; then one that is seen no less, but behind an opaque one.
+    // Value = x: haze from 0 to 8, a layer at 5 to 5.5; then an equal layer behind an opaque one.
     let layer = [(0.0, 0.01), (5.0, 0.01), (5.0, 4.0), (5.5, 4.0), (5.5, 0.01), (8.0, 0.01)];
     let job_of = |nodes: &[(f64, f64)]| along_x(8, |x| x as f32, nodes, PARALLEL);
     let found = probe(&job_of(&layer), &[], MIDDLE).unwrap().unwrap();
@@ -205,7 +205,7 @@ fn an_opaque_plateau_is_met_at_its_first_point() {
 
 #[test]
 fn of_equal_contributions_the_nearest_counts() {
-    // Values 0 and 1 by turns make equal layers at 0.5: extinction so thin that what is in front takes nothing away.
+    // Values alternating between 0 and 1 make equal layers at 0.5: extinction so thin that the front absorbs nothing.
     let thin = 1e-20;
     let job = along_x(6, |x| (x as i64 % 2) as f32, &[(0.0, 0.0), (0.5, thin), (1.0, 0.0)], PARALLEL);
     let ray = Ray::new(&job, &[], MIDDLE).unwrap();
@@ -265,14 +265,14 @@ fn where_nothing_is_to_be_seen_nothing_is_found() {
 #[test]
 fn a_place_in_the_world_far_from_the_origin_costs_no_digits() {
     let near = along_x(3, |x| x as f32, &[(0.0, 2.0)], PERSPECTIVE);
-    // A power of two times the coordinates' own unit: the mesh is the same, bit for bit.
+    // A power of two times the coordinates' unit: the mesh is the same, bit for bit.
     let offset = DVec3::new(2f64.powi(40), -(2f64.powi(38)), 2f64.powi(39));
     let mut raw: RawMesh = kuhn_grid([3, 1, 1]);
     raw.points.iter_mut().for_each(|p| *p += offset);
     let (mesh, _) = Mesh::build(raw).unwrap();
     let mut far = RenderJob { mesh: Arc::new(mesh), ..near.clone() };
     assert_eq!(far.mesh.positions.local, near.mesh.positions.local);
-    // What the far eye's coordinates keep.
+    // The precision of the far eye's coordinates.
     far.view.eye = offset + DVec3::new(-4.0, 0.4375, 0.40625);
     let near = RenderJob { view: View { eye: far.view.eye - offset, ..near.view }, ..near };
     let [near, far] = [near, far].map(|job| probe(&job, &[], (4.75, 4.25)).unwrap().unwrap());
@@ -298,14 +298,14 @@ fn half_of_the_opacity_is_found_in_ramps_of_any_strength() {
         for length in [1e-6, 1.0, 1e3] {
             let depth = (0.5 * from + 0.5 * to) * length;
             let place = half_absorbed(&[Piece { share: 1.0, from, to, depth }]);
-            // By bisection.
+            // Expected value by bisection.
             let absorbed = |u: f64| -(-(u * (from + 0.5 * (to - from) * u) * length)).exp_m1();
             let (mut lo, mut hi) = (0.0, 1.0);
             for _ in 0..2000 {
                 let middle = 0.5 * (lo + hi);
                 if absorbed(middle) < 0.5 * absorbed(1.0) { lo = middle } else { hi = middle }
             }
-            // A few roundings of the place, twice as many where the ramp begins at zero and a root is taken.
+            // A few roundings of the position, twice as many where the ramp begins at zero and a root is taken.
             let bound = 32.0 * f64::EPSILON * lo.max(1e-3);
             assert!((place - lo).abs() <= bound, "{from} {to} {length}: {place} {lo}");
             let (first, last) = (from + 0.01 * to, to + 0.01 * from);
@@ -314,7 +314,7 @@ fn half_of_the_opacity_is_found_in_ramps_of_any_strength() {
             noticed += usize::from((other - lo).abs() > bound);
         }
     }
-    // Where ramps are that are not constant, and not opaque at once.
+    // Ramps that are neither constant nor opaque at once.
     assert!(noticed > 10, "{noticed} of 21 other ramps noticed");
 }
 
@@ -325,7 +325,7 @@ fn the_surface_of_the_domain_is_met_where_it_is_and_one_sees_through_it_as_far_a
         let job = along_x(3, |x| x as f32 / 3.0, &haze, projection);
         let with = |style, opacity| [DomainSurface { style, color: None, opacity }];
         let depth = |domain: &[DomainSurface]| probe(&job, domain, MIDDLE).unwrap().unwrap().depth;
-        // The eye is 4 before the first face, and the last one 3 behind that.
+        // The eye is 4 before the first face, and the last face 3 behind that.
         assert!((depth(&with(DomainStyle::Solid, 1.0)) - 4.0).abs() < rounding(&job));
         let found = probe(&job, &with(DomainStyle::Solid, 0.3), MIDDLE).unwrap().unwrap();
         assert!((found.depth - 4.0).abs() < rounding(&job), "of two that take as much, the nearer gives more");
@@ -333,13 +333,13 @@ fn the_surface_of_the_domain_is_met_where_it_is_and_one_sees_through_it_as_far_a
         assert!((found.share - 0.3 / (0.3 + 0.7 * 0.3)).abs() < 1e-2, "{}", found.share);
         assert!(depth(&with(DomainStyle::Edges, 1.0)) > 4.01, "one looks past lines");
     }
-    // Where a cell is missing, there is a face within.
+    // A missing cell has an inner face.
     let mut job = along_x(3, |x| if x > 1.5 { x as f32 } else { f32::NAN }, &haze, PARALLEL);
     job.finite = None;
     let domain = [DomainSurface { style: DomainStyle::Solid, color: None, opacity: 1.0 }];
     let found = probe(&job, &domain, MIDDLE).unwrap().unwrap();
     assert!((found.depth - 6.0).abs() < rounding(&job), "{}", found.depth);
-    // From inside, the face that one comes to is the one behind everything.
+    // From inside, the ray meets the face behind all cells.
     let mut inside = along_x(3, |x| x as f32 / 3.0, &haze, PERSPECTIVE);
     inside.view.eye.x = 1.3;
     let found = probe(&inside, &domain, MIDDLE).unwrap().unwrap();

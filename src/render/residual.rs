@@ -1,11 +1,11 @@
-//! What few rays lack, kept from an earlier moment of the same view.
+//! Detail missing from frames of few rays, taken from an earlier frame of the same view.
 //!
 //! ```text
 //! shown = F_0 + B(L_t - L_0) = D + B(L_t),   D = F_0 - B(L_0)      0 <= colour <= opacity <= 1
 //! ```
-//! L are the rays at every [`STRIDE_PX`]th pixel and in the last column and row, B bilinear interpolation between them, F_0 an image of all rays; L_0
-//! are pixels of it. The *details* D are zero where L has rays, which are shown as they are. They come in bands of rows, so that they can be made
-//! anew a band at a time while time goes on. Depth is that of the nearest ray of L.
+//! L are the rays at every [`STRIDE_PX`]th pixel and in the last column and row, B bilinear interpolation between them, F_0 an image of
+//! all rays; L_0 its pixels at the rays of L. The *details* D are zero at rays of L, whose pixels are shown unchanged. They come in bands
+//! of rows, so that they can be renewed a band at a time during playback. Depth is that of the nearest ray of L.
 
 use crate::camera::Lattice;
 use crate::image::{Planes, RgbaImage};
@@ -14,13 +14,13 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Pixels from one ray to the next.
+/// Pixels between neighbouring rays.
 pub const STRIDE_PX: usize = 4;
 
-/// Rows of a band: those of the renderer's tiles.
+/// Rows of a band, equal to the rows of a renderer's tile.
 const BAND_ROWS: usize = 16;
 
-/// Frames in which all details can be made anew once, some bands in each.
+/// Frames in which all details are renewed once, some bands in each.
 pub const RENEWAL_FRAMES: usize = 32;
 
 /// The pixels that rays are cast for.
@@ -28,17 +28,17 @@ pub fn lattice() -> Lattice {
     Lattice::new(NonZeroUsize::new(STRIDE_PX).unwrap_or(NonZeroUsize::MIN))
 }
 
-/// What images of a view lack if they are only bilinear between the rays of [`lattice`]. Cheap to clone: bands are shared.
+/// Difference between an image of all rays and bilinear interpolation between the rays of [`lattice`]. Cheap to clone: bands are shared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Details {
     /// Width and height in pixels.
     size_px: (usize, usize),
-    /// Rows of pixels, [`BAND_ROWS`] of them but perhaps in the last band.
+    /// Rows of pixels, [`BAND_ROWS`] of them except perhaps in the last band.
     bands: Vec<Arc<Vec<[f32; 4]>>>,
 }
 
 impl Details {
-    /// Those of an image of all rays.
+    /// The details of an image of all rays.
     pub fn of(image: &RgbaImage) -> Self {
         let size_px = (image.width, image.height);
         let between = interpolated(&at_lattice(image), size_px);
@@ -46,12 +46,12 @@ impl Details {
         Self { size_px, bands: (0..Self::count(size_px)).into_par_iter().map(band).collect() }
     }
 
-    /// Bands of an image of so many columns and rows.
+    /// Number of bands of an image of this width and height.
     pub fn count(size_px: (usize, usize)) -> usize {
         size_px.1.div_ceil(BAND_ROWS)
     }
 
-    /// Bands to be made anew in a frame, so that [`RENEWAL_FRAMES`] are enough for all.
+    /// Number of bands to renew per frame, so that [`RENEWAL_FRAMES`] suffice for all.
     pub fn per_frame(size_px: (usize, usize)) -> usize {
         Self::count(size_px).div_ceil(RENEWAL_FRAMES)
     }
@@ -66,7 +66,7 @@ impl Details {
         self.size_px
     }
 
-    /// Takes some bands over from others of the same size.
+    /// Copies some bands from other details of the same size.
     pub fn take_over(&mut self, bands: Range<usize>, from: &Self) {
         if self.size_px == from.size_px {
             let ours = self.bands.iter_mut().zip(&from.bands).enumerate();
@@ -74,7 +74,7 @@ impl Details {
         }
     }
 
-    /// The image of few rays with these details.
+    /// The interpolated image plus these details.
     fn added_to(&self, between: &RgbaImage) -> RgbaImage {
         let mut image = between.clone();
         let bands = image.pixels.par_chunks_mut((BAND_ROWS * self.size_px.0).max(1)).zip(&self.bands);
@@ -89,16 +89,16 @@ impl Details {
     }
 }
 
-/// What pixels were off that were made anew.
+/// Error of the pixels that were renewed, before they were.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ResidualError {
-    /// Pixels.
+    /// Number of renewed pixels.
     pub pixels: u64,
-    /// Root of the mean square of raw accumulators, with details and without.
+    /// Root mean square error of raw accumulators, with details and without.
     pub rmse: [f64; 2],
 }
 
-/// A frame of few rays, at full size and with details.
+/// A frame of few rays, enlarged to full size with details.
 #[derive(Debug)]
 pub struct Residual {
     between: RgbaImage,
@@ -107,7 +107,7 @@ pub struct Residual {
 }
 
 impl Residual {
-    /// Of the planes of [`lattice`]; colour and depth come to full size. The details must be of this size.
+    /// Enlarges the planes of [`lattice`] to full size: colour here, depth in place. The details must be of this size.
     pub fn new(planes: &mut Planes, details: Details) -> Self {
         let between = interpolated(&planes.color, details.size_px);
         let color = details.added_to(&between);
@@ -123,7 +123,7 @@ impl Residual {
         Self { between, color, details }
     }
 
-    /// Some rows of all rays, which begin with those of a band, are here: they are shown, and their details count from now on.
+    /// Shows exact rows, which start with the first row of a band, and replaces the details of their bands.
     pub fn renew(&mut self, bands: Range<usize>, exact: &[[f32; 4]]) -> ResidualError {
         let (size_px @ (width, _), mut exact) = (self.details.size_px, exact);
         let mut squares = [0.0; 2];
@@ -148,13 +148,13 @@ impl Residual {
         ResidualError { pixels, rmse }
     }
 
-    /// The image, and the details that following ones may be given.
+    /// The image, and the details for the frames that follow.
     pub fn finish(self) -> (RgbaImage, Details) {
         (self.color, self.details)
     }
 }
 
-/// The pixels of an image that [`lattice`] has.
+/// The pixels of an image on [`lattice`].
 fn at_lattice(image: &RgbaImage) -> RgbaImage {
     let (lattice, width, height) = (lattice(), image.width, image.height);
     let (columns, rows) = (lattice.count(width), lattice.count(height));
@@ -163,7 +163,7 @@ fn at_lattice(image: &RgbaImage) -> RgbaImage {
     RgbaImage { width: columns, height: rows, pixels }
 }
 
-/// The image that is bilinear between the pixels of [`lattice`], which it keeps as they are.
+/// Bilinear interpolation between the pixels of [`lattice`], which stay unchanged.
 fn interpolated(small: &RgbaImage, (width, height): (usize, usize)) -> RgbaImage {
     let (columns, rows) = (around(width), around(height));
     let mut out = RgbaImage::new(width, height);
@@ -180,19 +180,19 @@ fn interpolated(small: &RgbaImage, (width, height): (usize, usize)) -> RgbaImage
     out
 }
 
-/// Between two numbers: at the ends these.
+/// Linear interpolation, exact at both ends.
 fn mixed(a: f32, b: f32, share: f32) -> f32 {
     a * (1.0 - share) + b * share
 }
 
-/// What rows of an image have more than another.
+/// Rows of one image minus those of another.
 fn lacking(image: &RgbaImage, between: &RgbaImage, rows: Range<usize>) -> Vec<[f32; 4]> {
     let of_rows = rows.start * image.width..rows.end * image.width;
     let pairs = image.pixels[of_rows.clone()].iter().zip(&between.pixels[of_rows]);
     pairs.map(|(exact, between)| std::array::from_fn(|c| exact[c] - between[c])).collect()
 }
 
-/// For each pixel of a line the two places of the lattice around it, and how far it is from the first towards the second.
+/// For each pixel of a line the two lattice indices around it, and its fraction of the way from the first to the second.
 fn around(pixels: usize) -> Vec<(usize, usize, f32)> {
     let lattice = lattice();
     let last = lattice.count(pixels) - 1;
@@ -206,7 +206,7 @@ fn around(pixels: usize) -> Vec<(usize, usize, f32)> {
     (0..pixels).map(of_pixel).collect()
 }
 
-/// For each pixel of a line the nearest place of the lattice.
+/// For each pixel of a line the nearest lattice index.
 fn nearest(pixels: usize) -> Vec<usize> {
     around(pixels).into_iter().map(|(before, after, share)| if share < 0.5 { before } else { after }).collect()
 }
@@ -217,7 +217,7 @@ mod tests {
     use crate::image::compare_raw;
     use crate::mesh::test_meshes::Random;
 
-    /// Colours within their opacities, in no order.
+    /// Random colours within their opacities.
     fn noise(random: &mut Random, (width, height): (usize, usize)) -> RgbaImage {
         let mut image = RgbaImage::new(width, height);
         for pixel in &mut image.pixels {
@@ -270,7 +270,7 @@ mod tests {
             let [before, now] = [(); 2].map(|()| noise(&mut random, size_px));
             let expected = naive(&now, &before);
             let (shown, _) = Residual::new(&mut planes(&now), Details::of(&before)).finish();
-            // Ten sums and products of numbers below 1, each rounded by 2^-25 at most.
+            // Ten sums and products of numbers below 1, each rounded by at most 2^-25.
             let most = 10.0 * 2f64.powi(-25);
             let difference = compare_raw(&shown, &expected).unwrap();
             assert!(difference.max <= most, "{size_px:?}: {difference:?}");
@@ -295,7 +295,7 @@ mod tests {
                 (size_px.0, size_px.1, now.pixels.len())
             );
             let (same, _) = Residual::new(&mut planes(&before), Details::of(&before)).finish();
-            // A difference and a sum, rounded.
+            // One difference and one sum, rounded.
             assert!(compare_raw(&same, &before).unwrap().max <= 2f64.powi(-23), "{size_px:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! Jobs of tests.
+//! Jobs for tests.
 
 use super::RenderJob;
 use crate::camera::Camera;
@@ -7,7 +7,7 @@ use crate::node_table::NodeTable;
 use crate::visibility::finite_cells;
 use std::sync::Arc;
 
-/// All cells with finite scalars, one scalar per vertex, seen from a camera in an image of a width and height through a
+/// A job of all cells with finite scalars, one scalar per vertex, from a camera, the width and height of the image, and a
 /// table.
 pub(crate) fn job(
     mesh: &Arc<Mesh>,

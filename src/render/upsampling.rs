@@ -1,4 +1,4 @@
-//! What a frame is rendered at, and how it comes to full size.
+//! The size that a frame is rendered at, and how it is enlarged to full size.
 
 use crate::camera::View;
 use crate::image::upsample::{Enlarging, JointKernel, MAX_KERNEL_PX};
@@ -9,10 +9,10 @@ use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How many pixels of the frame one of the image that is rendered stands for, in each direction.
+/// How many pixels of the frame one pixel of the rendered image covers in each direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ImageScale {
-    /// One: the image is only filtered.
+    /// One pixel: the image is only filtered.
     #[default]
     #[serde(rename = "1")]
     Full,
@@ -30,7 +30,7 @@ pub enum ImageScale {
 words!(ImageScale, "there is no image scale", ["1" = Full, "1/2" = Half, "1/4" = Quarter, "1/8" = Eighth]);
 
 impl ImageScale {
-    /// Pixels of the frame for one of the image, in each direction.
+    /// Frame pixels per image pixel in each direction.
     pub fn factor(self) -> usize {
         match self {
             Self::Full => 1,
@@ -41,18 +41,18 @@ impl ImageScale {
     }
 }
 
-/// How edges of a reference are told: depths of the domain's boundary ([`crate::render::cpu::layers`]).
+/// How edges are detected: by depths of the domain's boundary ([`crate::render::cpu::layers`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthEdges {
-    /// Width of the Gaussian of differences, where the range of depths in view is 1. Finite, above 0.
+    /// Standard deviation of the Gaussian of depth differences, where the range of depths in view is 1. Finite, above 0.
     pub sigma_depth: f64,
-    /// Layers of depth, 1 to [`MAX_LAYERS`].
+    /// Depth layers, 1 to [`MAX_LAYERS`].
     pub layers: usize,
 }
 
 impl DepthEdges {
-    /// The sigma of section 4.1.3 of the dissertation, and all layers.
+    /// The sigma of section 4.1.3 of the dissertation, and all depth layers.
     pub const USUAL: Self = Self { sigma_depth: 0.01, layers: MAX_LAYERS };
 
     fn check(&self) -> Result<(), String> {
@@ -66,30 +66,30 @@ impl DepthEdges {
     }
 }
 
-/// How a small image comes to full size ([`crate::image::upsample`]).
+/// How a small image is enlarged ([`crate::image::upsample`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpsampleFilter {
-    /// By the nearest sample.
+    /// The nearest sample.
     Nearest,
-    /// Between the four samples around a pixel.
+    /// Bilinear interpolation of the four samples around a pixel.
     Bilinear,
     /// Bilinear, then the joint bilateral filter.
     Joint {
-        /// Omega, pixels of the full image, 1 to [`MAX_KERNEL_PX`].
+        /// Omega: kernel size in pixels of the full image, 1 to [`MAX_KERNEL_PX`].
         kernel_px: usize,
-        /// What it keeps.
+        /// The edges that it keeps.
         edges: DepthEdges,
     },
-    /// Between those of the four samples around a pixel that are on its side of an edge.
+    /// Bilinear interpolation of those of the four samples that are on the pixel's side of an edge.
     Joint2x2 {
-        /// What it keeps.
+        /// The edges that it keeps.
         edges: DepthEdges,
     },
 }
 
 impl UpsampleFilter {
-    /// The word that options have for it.
+    /// The kind of filter, without numbers.
     pub fn kind(&self) -> UpsampleKind {
         match self {
             Self::Nearest => UpsampleKind::Nearest,
@@ -99,7 +99,7 @@ impl UpsampleFilter {
         }
     }
 
-    /// What tells edges, if anything does.
+    /// How edges are detected, if the filter keeps edges.
     pub fn edges(&self) -> Option<DepthEdges> {
         match *self {
             Self::Nearest | Self::Bilinear => None,
@@ -108,7 +108,7 @@ impl UpsampleFilter {
     }
 }
 
-/// A filter without its numbers, as options and project files name it.
+/// A filter without its numbers, as named in options and project files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UpsampleKind {
     /// [`UpsampleFilter::Nearest`].
@@ -129,7 +129,7 @@ words!(
 );
 
 impl UpsampleKind {
-    /// With the numbers of section 4.1.3 of the dissertation.
+    /// The filter with the numbers of section 4.1.3 of the dissertation.
     pub fn usual(self, scale: ImageScale) -> UpsampleFilter {
         let edges = DepthEdges::USUAL;
         match self {
@@ -141,17 +141,17 @@ impl UpsampleKind {
     }
 }
 
-/// An image of fewer pixels that is rendered instead of a frame, and brought to its size.
+/// A smaller image that is rendered instead of the frame and enlarged to its size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked")]
 pub struct Upsampling {
-    /// Its size: ceil(w / factor) x ceil(h / factor) pixels, which cover at least those of the frame, around the same middle.
+    /// Size of the image: ceil(w / factor) x ceil(h / factor) pixels, which cover at least those of the frame, around the same middle.
     pub scale: ImageScale,
-    /// How it comes to full size.
+    /// How the image is enlarged.
     pub filter: UpsampleFilter,
 }
 
-/// One as it is read.
+/// [`Upsampling`] before validation.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Unchecked {
@@ -169,12 +169,12 @@ impl TryFrom<Unchecked> for Upsampling {
 }
 
 impl Upsampling {
-    /// Where the pixels of the image lie in a frame of a size in pixels.
+    /// The positions of the image's pixels in a frame of this size in pixels.
     pub fn enlarging(&self, size_px: (usize, usize)) -> Enlarging {
         Enlarging::by(self.scale.factor(), size_px)
     }
 
-    /// Numbers have their bounds.
+    /// Checks that the numbers are in range.
     pub(crate) fn check(&self) -> Result<(), String> {
         if let Some(edges) = self.filter.edges() {
             edges.check()?;
@@ -188,7 +188,7 @@ impl Upsampling {
     }
 }
 
-/// The view of a small image that is enlarged to that of a view: pixels of its own around the same middle.
+/// The view of the small image that is enlarged to `view`: its own pixels around the same middle.
 pub(crate) fn small_view(enlarging: &Enlarging, view: &View) -> View {
     let (width_px, height_px) = enlarging.small;
     let covers = |small: usize, full: usize| enlarging.per_sample * small as f64 / full as f64;
@@ -201,16 +201,15 @@ pub(crate) fn small_view(enlarging: &Enlarging, view: &View) -> View {
     }
 }
 
-/// How the image of a job comes to the size of its frame, on the device that it is rendered on
-/// ([`RenderJob::enlarge`](crate::render::RenderJob::enlarge)).
+/// How a job's image is enlarged to its frame, on the device that renders it ([`RenderJob::enlarge`](crate::render::RenderJob::enlarge)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Enlargement {
-    /// By what.
+    /// The filter.
     pub filter: UpsampleFilter,
-    /// Where the pixels of the image lie in the frame.
+    /// The positions of the image's pixels in the frame.
     pub enlarging: Enlarging,
     /// The view of the frame.
     pub view: View,
-    /// The cells whose boundary tells edges: the same whatever is skipped.
+    /// The cells whose boundary defines edges, whatever is skipped.
     pub domain: Arc<CellSet>,
 }

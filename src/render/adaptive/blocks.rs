@@ -6,18 +6,18 @@ use crate::stats::FrameStats;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Whether there is such a block: whether the one around it is split, or it is one of the coarsest.
+/// Bit: the block exists, because the block around it is split or it is one of the coarsest.
 const OPEN: u8 = 1;
-/// Why a block is split.
+/// Bits: why a block is split.
 const CONTRAST: u8 = 2;
 const BORDER: u8 = 4;
 const REACHED: u8 = 8;
 const BESIDE: u8 = 16;
 const LAYER: u8 = 32;
-/// What splits neighbours, too.
+/// Reasons that also split neighbours.
 const OF_ITS_OWN: u8 = CONTRAST | BORDER | REACHED;
 
-/// The blocks of a stride: column i has the pixels from i times the stride to the same of i + 1, or to the last.
+/// The blocks of a stride: column i has the pixels from i * stride to (i + 1) * stride, or to the last.
 #[derive(Debug, Default)]
 pub(super) struct Blocks {
     size: (usize, usize),
@@ -27,14 +27,14 @@ pub(super) struct Blocks {
     states: Vec<u8>,
 }
 
-/// The first and the last column and row of a block.
+/// First and last column and row of a block.
 pub(super) struct Corners {
     columns: [usize; 2],
     rows: [usize; 2],
 }
 
 impl Blocks {
-    /// None of the blocks of an image of so many columns and rows.
+    /// Starts an image of this width and height with no block open.
     pub(super) fn begin(&mut self, size: (usize, usize), stride: usize) {
         let count = |pixels: usize| pixels.saturating_sub(1).div_ceil(stride).max(1);
         *self = Self {
@@ -48,12 +48,12 @@ impl Blocks {
         self.states.resize(self.columns * self.rows, 0);
     }
 
-    /// All of them.
+    /// Opens all blocks.
     pub(super) fn open_all(&mut self) {
         self.states.fill(OPEN);
     }
 
-    /// Those in the blocks of twice the stride that are split.
+    /// Opens the blocks inside split blocks of twice the stride.
     pub(super) fn open_in(&mut self, coarser: &Self) {
         let states = self.states.par_chunks_mut(self.columns).enumerate();
         states.for_each(|(row, states)| {
@@ -72,12 +72,12 @@ impl Blocks {
         &self.states
     }
 
-    /// Whether none is split.
+    /// Whether no block is split.
     pub(super) fn are_all_whole(&self) -> bool {
         self.states.iter().all(|&state| state <= OPEN)
     }
 
-    /// Whether a block is there and split.
+    /// Whether a block exists and is split.
     pub(super) fn is_split(&self, (column, row): (usize, usize)) -> bool {
         self.states[row * self.columns + column] > OPEN
     }
@@ -92,7 +92,7 @@ impl Blocks {
         (row / self.stride).min(self.rows - 1)
     }
 
-    /// The columns of blocks, half as wide, in a column of others.
+    /// The columns of these blocks inside a column of coarser ones.
     pub(super) fn columns_in(&self, coarser: &Self, column: usize) -> Range<usize> {
         2 * column..if column + 1 == coarser.columns { self.columns } else { 2 * column + 2 }
     }
@@ -103,7 +103,7 @@ impl Blocks {
         column * self.stride..end
     }
 
-    /// Splits the blocks that there are, by what the rays at their corners have seen.
+    /// Splits open blocks by what the rays at their corners have met.
     pub(super) fn split(
         &mut self,
         seen: &Seen,
@@ -134,7 +134,7 @@ impl Blocks {
         dilated.collect_into_vec(&mut self.states);
     }
 
-    /// Counts blocks by why they are split, and those that are not.
+    /// Counts the split blocks by reason, and the others.
     pub(super) fn count(&self, stats: &mut FrameStats) {
         let of = |mask: u8| self.states.iter().filter(|state| **state & mask != 0).count() as u64;
         let reasons = [CONTRAST, BORDER, REACHED, BESIDE, LAYER].map(of);
@@ -142,13 +142,13 @@ impl Blocks {
         stats.blocks_filled += self.states.iter().filter(|state| **state == OPEN).count() as u64;
     }
 
-    /// Puts the pixels of a row into `words` whose rays, at half the stride, have not been cast and lie in blocks that are split.
+    /// Sets the bits in `words` of a row's pixels that lie in split blocks, at half the stride, and have not been cast.
     pub(super) fn want_in_row(&self, row: usize, half: usize, cast: &PixelBits, words: &mut [u64]) {
         if !row.is_multiple_of(half) && row + 1 != self.size.1 {
             return;
         }
         let owner = self.owner_of_row(row);
-        // The first row of a block is the last one of that above.
+        // The first row of a block is the last row of the block above.
         let above = (row == owner * self.stride && owner > 0).then(|| owner - 1);
         for at in [Some(owner), above].into_iter().flatten() {
             for column in (0..self.columns).filter(|&column| self.is_split((column, at))) {
@@ -162,7 +162,7 @@ impl Blocks {
 }
 
 impl Corners {
-    /// Why a block is to be split, of its own; 0 if it is not.
+    /// The block's own reason to be split; 0 if it has none.
     fn reason(
         &self,
         Seen { planes, met }: &Seen,
@@ -188,13 +188,13 @@ impl Corners {
         }
     }
 
-    /// Whether something is in their columns and rows.
+    /// Whether a predicate holds for the block's columns and rows.
     fn are_around(&self, is_in: impl Fn(Range<usize>, Range<usize>) -> bool) -> bool {
         let Self { columns: [x0, x1], rows: [y0, y1] } = *self;
         is_in(x0..x1 + 1, y0..y1 + 1)
     }
 
-    /// What a pixel between them shows: colour and depth.
+    /// Colour (bilinear) and depth (of the nearest corner) of a pixel in the block.
     pub(super) fn mix(&self, planes: &Planes, x: usize, y: usize) -> ([f32; 4], f32) {
         let Self { columns: [x0, x1], rows: [y0, y1] } = *self;
         let share = |from: usize, to: usize, at: usize| (at - from) as f32 / (to - from).max(1) as f32;

@@ -4,21 +4,21 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// The largest difference between neighbouring rays, in a channel of raw accumulators, at which no more rays are cast between them: 0 to 1.
-/// At 0 all rays are cast.
+/// The largest difference between neighbouring rays, in a channel of raw accumulators, at which no more rays are cast between them,
+/// in 0..=1. At 0 all rays are cast.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "f32", into = "f32")]
 pub struct Contrast(f32);
 
-/// No contrast.
+/// A number that is not a contrast.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a contrast of {0}; it is a difference of colour or opacity between neighbouring rays, 0 to 1")]
 pub struct BadContrast(f32);
 
 impl Contrast {
-    /// A contrast from 0 to 1; `None` of another number.
+    /// A contrast from 0 to 1; `None` for any other number.
     pub const fn new(contrast: f32) -> Option<Self> {
-        // A zero of either sign is 0.
+        // -0 becomes 0.
         if contrast >= 0.0 && contrast <= 1.0 { Some(Self(contrast.abs())) } else { None }
     }
 

@@ -1,4 +1,4 @@
-//! Contrast-adaptive sampling: which rays of an image are cast, and what the other pixels show.
+//! Contrast-adaptive sampling: which rays of an image are cast, and how the other pixels are filled.
 //!
 //! ```text
 //! rays at every 8th pixel in both directions, and in the last column and row
@@ -8,13 +8,13 @@
 //!                 (c) none does, but the box of an entry face reaches into the block
 //!                 (d) one of the eight neighbours at this stride is split by a to c
 //!                 (e) a layer beside the cells, such as a drawn edge, begins or ends in the block
-//!     rays at half the stride in what is split
-//! the pixels of a block that is not split: colour bilinear between its corners, depth that of the nearest corner
+//!     rays at half the stride in split blocks
+//! the pixels of the other blocks: colour bilinear between their corners, depth that of the nearest corner
 //! ```
 //!
-//! The *domain* is the active cells, whatever is skipped. A block owns its pixels from its first column and row to before those of the next block;
-//! the last block of a row or column owns the last pixel, too. A ray is cast once, and is that of its pixel: sampled pixels have the bits of
-//! the exact image. Which rays are cast follows from what others have seen, and from nothing else. A contrast is an observation: what lies
+//! The *domain* is the active cells, whatever is skipped. A block owns its pixels from its first column and row up to those of the next
+//! block; the last block of a row or column owns the last pixel, too. A ray is cast once, through its pixel: sampled pixels have the bits
+//! of the exact image. Which rays are cast follows from the results of earlier rays alone. Contrast is observed, not bounded: features
 //! between samples can be missed (`docs/limitations.md`).
 //!
 //! Refining where neighbouring samples differ is E. Painter, K. Sloan, "Antialiased Ray Tracing by Adaptive Progressive Refinement", SIGGRAPH
@@ -36,38 +36,38 @@ use rayon::prelude::*;
 use std::num::NonZeroUsize;
 use std::ops::Range;
 
-/// Pixels between rays, level by level.
+/// Pixels between rays at each level.
 const STRIDES: [usize; 4] = [8, 4, 2, 1];
 
-/// The last level: rays at every pixel of what is split.
+/// The last level: rays at every pixel of split blocks.
 pub(in crate::render) const LAST: usize = STRIDES.len() - 1;
 
-/// How far the sampling of a frame has come. Keeps its memory from frame to frame.
+/// Progress of a frame's sampling. Keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub(in crate::render) struct Adaptive {
     size: (usize, usize),
-    /// Thresholds that are still to be reached, the next one last.
+    /// Thresholds still to be reached, the next one last.
     contrasts: Vec<f32>,
     level: usize,
     /// The pixels whose rays are cast at this level.
     pub(in crate::render) wanted: PixelBits,
-    /// Those whose rays were cast before.
+    /// Pixels whose rays were cast at earlier levels.
     cast: PixelBits,
-    /// What the rays have seen.
+    /// Results of the rays.
     pub(in crate::render) seen: Seen,
     blocks: [Blocks; LAST],
 }
 
-/// What rays have seen that were cast; other pixels hold anything.
+/// Results of the rays that were cast; undefined at other pixels.
 #[derive(Debug, Default)]
 pub(in crate::render) struct Seen {
     pub(in crate::render) planes: Planes,
-    /// Those that met the domain.
+    /// Pixels whose rays met the domain.
     pub(in crate::render) met: PixelBits,
 }
 
 impl Adaptive {
-    /// Begins an image of so many columns and rows, with thresholds for raw accumulators, the greatest first; 0 casts all rays.
+    /// Begins an image of this width and height, with falling thresholds for raw accumulators; 0 casts all rays.
     pub(in crate::render) fn begin(&mut self, size: (usize, usize), mut contrasts: Vec<f32>) {
         contrasts.reverse();
         (self.size, self.contrasts) = (size, contrasts);
@@ -82,7 +82,7 @@ impl Adaptive {
         }
     }
 
-    /// The coarsest blocks of an image, none of them split.
+    /// Opens the coarsest blocks, none of them split.
     fn begin_blocks(&mut self) {
         self.level = 0;
         for (blocks, stride) in self.blocks.iter_mut().zip(STRIDES) {
@@ -91,7 +91,7 @@ impl Adaptive {
         self.blocks[0].open_all();
     }
 
-    /// Goes on from an image that is filled to the next threshold, at which the rays serve that have been cast; false if there is none.
+    /// Continues from a filled image to the next threshold, reusing its rays; false if there is none.
     pub(in crate::render) fn sharpen(&mut self) -> bool {
         self.contrasts.pop();
         let Some(&contrast) = self.contrasts.last() else { return false };
@@ -99,30 +99,30 @@ impl Adaptive {
         if contrast > 0.0 {
             self.wanted.clear(self.size);
         } else {
-            // Nothing is decided any more: equal corners prove nothing.
+            // No decision is made at 0: equal corners prove nothing.
             self.level = LAST;
             self.wanted.become_rest_of(&self.cast);
         }
         true
     }
 
-    /// The threshold that is being reached.
+    /// The threshold being reached.
     pub(in crate::render) fn contrast(&self) -> f32 {
         self.contrasts.last().copied().unwrap_or(0.0)
     }
 
-    /// The level of the rays that are cast now.
+    /// The level being cast.
     pub(in crate::render) fn level(&self) -> usize {
         self.level
     }
 
-    /// The lattice of this level.
+    /// The lattice of the level being cast.
     pub(in crate::render) fn lattice(&self) -> Lattice {
         Lattice::new(NonZeroUsize::new(STRIDES[self.level]).unwrap_or(NonZeroUsize::MIN))
     }
 
-    /// Goes on from rays that have all been cast to those of the next level; false if there are none, and the image can be filled. `reaches`:
-    /// whether the box of an entry face reaches into some columns and rows; `layer_ends`: whether a layer begins or ends there.
+    /// Continues to the rays of the next level once all of this level are cast; false if there are none, and the image can be filled.
+    /// `reaches`: whether the box of an entry face overlaps some columns and rows; `layer_ends`: whether a layer begins or ends there.
     pub(in crate::render) fn refine(
         &mut self,
         reaches: impl Fn(Range<usize>, Range<usize>) -> bool + Sync,
@@ -150,26 +150,26 @@ impl Adaptive {
                 .for_each(|(row, words)| blocks.want_in_row(row, stride, cast, words));
             self.open_finer();
             self.level += 1;
-            // The corners of the next blocks may have been cast, and their middle not.
+            // The next blocks' corners may all have been cast.
             if !self.wanted.is_empty() {
                 return true;
             }
         }
     }
 
-    /// Whether the ray of a pixel was cast before the level that is being cast; of an image that is filled, at all.
+    /// Whether the ray of a pixel was cast before the current level; for a filled image, at all.
     #[cfg(test)]
     pub(in crate::render) fn has_cast(&self, column: usize, row: usize) -> bool {
         self.cast.contains(column, row)
     }
 
-    /// The states of the blocks of a level, row by row, in the bits of `blocks.rs`.
+    /// The states of a level's blocks, row by row, in the bits of `blocks.rs`.
     #[cfg(all(test, feature = "gpu"))]
     pub(in crate::render) fn states(&self, level: usize) -> &[u8] {
         self.blocks[level].states()
     }
 
-    /// Opens the blocks in those of this level that are split.
+    /// Opens the finer blocks inside split blocks of this level.
     fn open_finer(&mut self) {
         let (coarser, finer) = self.blocks.split_at_mut(self.level + 1);
         if let (Some(coarser), Some(finer)) = (coarser.last(), finer.first_mut()) {
@@ -177,7 +177,7 @@ impl Adaptive {
         }
     }
 
-    /// Fills an image: what rays have seen, and between them what their blocks say.
+    /// Fills an image: results of rays, and their blocks' interpolation between them.
     pub(in crate::render) fn fill(&self, planes: &mut Planes) {
         let width = self.size.0;
         let rows = planes.color.pixels.par_chunks_mut(width).zip(planes.depth.pixels.par_chunks_mut(width));
@@ -190,7 +190,7 @@ impl Adaptive {
         });
     }
 
-    /// Fills the pixels of a row that a block owns.
+    /// Fills a row of the pixels that a block owns.
     fn fill_block(&self, level: usize, at: (usize, usize), row: usize, (color, depth): (&mut [[f32; 4]], &mut [f32])) {
         let Some(blocks) = self.blocks.get(level) else { return };
         if blocks.is_split(at) {
@@ -203,7 +203,7 @@ impl Adaptive {
         }
         let corners = blocks.corners(at);
         for column in blocks.owned_columns(at.0) {
-            // Rays on an edge that a block shares with one that is split have been cast.
+            // Rays on an edge shared with a split block have been cast.
             if !self.cast.contains(column, row) {
                 (color[column], depth[column]) = corners.mix(&self.seen.planes, column, row);
             }

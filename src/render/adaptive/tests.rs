@@ -1,10 +1,10 @@
-//! Against a plain recursion over the blocks, on images that nobody has to render.
+//! Adaptive sampling against a plain recursion over the blocks, on synthetic images.
 
 use super::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// An image, its domain, and where boxes reach.
+/// An image, its domain, and its boxes of entry faces.
 struct Exact {
     size: (usize, usize),
     colors: Vec<[f32; 4]>,
@@ -23,7 +23,7 @@ impl Exact {
             .any(|&[x0, x1, y0, y1]| x0 < columns.end && columns.start < x1 && y0 < rows.end && rows.start < y1)
     }
 
-    /// Smooth, with steps; parts of the domain of any size.
+    /// A smooth image with steps; parts of the domain of any size.
     fn random(size: (usize, usize), seeds: &[(f32, f32, f32)]) -> Self {
         let (mut colors, mut met) = (Vec::new(), Vec::new());
         for (y, x) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (y as f32, x as f32))) {
@@ -45,7 +45,7 @@ impl Exact {
     /// The image with contrast-adaptive sampling, the pixels whose rays were cast, and the counts.
     fn sampled(&self, contrast: f32) -> (Planes, BTreeSet<(usize, usize)>, FrameStats) {
         let (mut adaptive, mut stats, mut cast) = (Adaptive::default(), FrameStats::default(), BTreeSet::new());
-        // Memory of another image.
+        // Memory left over from another image.
         adaptive.begin((9, 30), vec![0.5]);
         adaptive.begin(self.size, vec![contrast]);
         loop {
@@ -153,7 +153,7 @@ proptest! {
                 let of = |x, y| f64::from(exact.colors[exact.at((x, y))][c]);
                 let above = of(x0, y0) * (1.0 - right) + of(x1, y0) * right;
                 let below = of(x0, y1) * (1.0 - right) + of(x1, y1) * right;
-                // Three steps, each rounded twice in f32.
+                // Three interpolations, each rounded twice in f32.
                 prop_assert!((f64::from(filled) - (above * (1.0 - down) + below * down)).abs() < 6.0 * 1.2e-7);
             }
             let nearest = exact.at((if right > 0.5 { x1 } else { x0 }, if down > 0.5 { y1 } else { y0 }));
@@ -168,14 +168,14 @@ fn each_reason_splits_blocks_and_a_part_of_one_pixel_is_found() {
     let mut exact = Exact::random(size, &[]);
     let (_, cast, stats) = exact.sampled(0.1);
     assert_eq!((cast.len(), stats.blocks_split, stats.blocks_filled), (81, [0; 5], 64));
-    // One pixel, which no coarse ray meets, and its box.
+    // One pixel that no coarse ray meets, and its box.
     let part = exact.at((29, 43));
     (exact.colors[part], exact.met[part]) = ([1.0; 4], true);
     exact.boxes.push([29, 30, 43, 44]);
     let (planes, cast, stats) = exact.sampled(0.1);
     assert_eq!(planes.color.pixels, exact.colors);
     assert!(cast.len() < 400 && stats.blocks_split[2] > 0 && stats.blocks_split[3] > 0, "{stats:?}");
-    // Without its box it is missed.
+    // Without its box the pixel is missed.
     exact.boxes.clear();
     assert!(exact.sampled(0.1).0.color.pixels != exact.colors);
     // A border without contrast, and contrast without a border.

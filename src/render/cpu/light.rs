@@ -1,7 +1,7 @@
-//! What a ray has gathered on its way, segment by segment.
+//! Compositing of a ray, segment by segment.
 //!
-//! An image does not depend on which transparent cells are left out: nothing here changes where a segment shows nothing, and the
-//! place in the table is the same whether the ray has come to it through transparent cells or begins there.
+//! An image does not depend on which transparent cells are skipped: invisible segments change nothing here, and the position in the table
+//! is the same whether the ray has come to it through transparent cells or begins there.
 
 use super::super::layers::Ahead;
 use super::super::medium::{Medium, Segment};
@@ -9,7 +9,7 @@ use super::tiles::TilePixel;
 use crate::optics::Accumulator;
 use glam::Vec4;
 
-/// The light of a ray. `R` is what its medium knows of it, `A` the fragments of other layers that it has not met yet.
+/// The light of a ray. `R` is its medium's state, `A` the fragments of other layers still ahead.
 #[derive(Clone, Copy)]
 pub(super) struct RayLight<R, A> {
     light: Accumulator,
@@ -17,29 +17,29 @@ pub(super) struct RayLight<R, A> {
     ahead: A,
     /// Depth up to which the ray has been composited, or the near distance.
     front: f64,
-    /// Whether `front` is a place where something was composited rather than the near distance.
+    /// Whether `front` is the end of a composited segment instead of the near distance.
     composited: bool,
     pub(super) segments: u32,
-    /// Segments that lay before what was already composited.
+    /// Segments in front of what was already composited.
     pub(super) out_of_order: u32,
 }
 
 impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
-    /// A ray that sees nothing nearer than this.
+    /// A ray that starts at the near distance.
     #[inline(always)]
     pub(super) fn new(near_distance: f64, ahead: A) -> Self {
         let (light, ray) = (Accumulator::TRANSPARENT, R::default());
         Self { light, ray, ahead, front: near_distance, composited: false, segments: 0, out_of_order: 0 }
     }
 
-    /// The ray goes on somewhere else.
+    /// Resets the medium's state: the ray continues after a gap.
     #[inline(always)]
     pub(super) fn leave(&mut self) {
         self.ray = R::default();
     }
 
-    /// Goes on along a segment: composites what is left of it behind what there is, unless nothing behind can be seen. Fragments of
-    /// other layers up to its end are composited in their places.
+    /// Advances along a segment: composites the part of it behind `front`, unless the ray is opaque. Fragments of other layers up to its
+    /// end are composited at their depths.
     #[inline(always)]
     pub(super) fn go_on<M: Medium<Ray = R, Light = Accumulator>>(&mut self, medium: &M, segment: Segment) {
         let mut rest = segment;
@@ -77,7 +77,7 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         }
     }
 
-    /// Goes on along whole segments that follow each other up to depth `to`, before all fragments that are ahead.
+    /// Advances along successive whole segments up to depth `to`, in front of all fragments ahead.
     #[inline(always)]
     pub(super) fn go_on_in_run<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
@@ -90,15 +90,15 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         self.front = to;
     }
 
-    /// Depth up to which [`Self::go_on_in_run`] is faster than one segment after the other, of a ray that has seen something before;
-    /// minus infinity if it is nowhere.
+    /// Depth up to which [`Self::go_on_in_run`] is faster than single segments, for a ray on which something was visible; minus infinity
+    /// if nowhere.
     #[inline(always)]
     pub(super) fn runs_up_to<M: Medium<Ray = R, Light = Accumulator>>(&self, medium: &M) -> f64 {
         let is_fast = medium.is_fast_in_runs(&self.ray) && self.light.visible_from < f64::INFINITY && !self.is_opaque();
         if is_fast { self.ahead.next_depth() } else { f64::NEG_INFINITY }
     }
 
-    /// Composites a fragment of another layer, unless nothing behind can be seen.
+    /// Composites a fragment of another layer, unless the ray is opaque.
     fn meet(&mut self, depth: f64, rgba: [f32; 4]) {
         if self.is_opaque() || rgba == [0.0; 4] {
             return;
@@ -108,13 +108,13 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         (self.front, self.composited) = (self.front.max(depth), true);
     }
 
-    /// Whether nothing behind can be seen.
+    /// Whether nothing behind is visible.
     #[inline(always)]
     pub(super) fn is_opaque(&self) -> bool {
         self.light.is_opaque()
     }
 
-    /// What the ray has seen at its end: the fragments that are still ahead lie behind all cells.
+    /// The pixel of a finished ray: fragments still ahead lie behind all cells.
     #[inline(always)]
     pub(super) fn pixel(mut self) -> TilePixel {
         while let Some((depth, rgba)) = self.ahead.take_before(f64::INFINITY) {

@@ -20,7 +20,7 @@ use crate::optics::Accumulator;
 pub use place::{Placed, Placer};
 use std::time::Duration;
 
-/// What every renderer of tiles knows of its job.
+/// State that all tile renderers have of a job.
 struct TileJob {
     job: RenderJob,
     view: View,
@@ -42,19 +42,19 @@ impl TileJob {
     }
 }
 
-/// Whether nothing is to be seen of a job with this transfer function, or nobody waits for it.
+/// Whether nothing is visible in a job with this transfer function, or the job is cancelled.
 fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
     let cells_are_transparent = table.is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
     cells_are_transparent && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 
-/// A renderer of tiles, compiled for each medium, and for frames with and without other layers.
+/// A tile renderer, compiled for each medium, and for frames with and without other layers.
 trait RenderTiles {
     type Job;
 
     fn tile_job(job: &Self::Job) -> &TileJob;
 
-    /// Renders tiles of a job for about `budget`; whether those were the last.
+    /// Renders tiles of a job for about `budget`; true if those were the last.
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
         job: &Self::Job,
@@ -63,7 +63,7 @@ trait RenderTiles {
         frame: &mut Frame,
     ) -> bool;
 
-    /// The same for what is in the cells of the job, and the layers beside it.
+    /// Renders tiles with the medium of the job, and its other layers.
     fn render(&mut self, job: &Self::Job, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, view, .. } = Self::tile_job(job);
         match JobLayers::of(of, view) {

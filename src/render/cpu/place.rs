@@ -1,4 +1,4 @@
-//! Cells and faces in their view: what can be worked out of a job before its renderer is free.
+//! Cells and faces transformed to the view of a job before its renderer is free.
 
 use super::havs::{FacePlacer, FacesInView};
 use super::is_transparent;
@@ -9,7 +9,7 @@ use crate::render::{OpticsTable, RenderJob};
 use crate::visibility::{CellSet, DrawnFaces};
 use std::sync::Arc;
 
-/// The cells of a job in its view, or its faces, to be given to it: [`RenderJob::placed`].
+/// The cells or faces of a job in its view, for its [`RenderJob::placed`].
 #[derive(Clone, Debug)]
 pub struct Placed {
     mesh: Arc<Mesh>,
@@ -33,7 +33,7 @@ impl Placed {
             && self.view == job.view
     }
 
-    /// The cells, if they are those of the job.
+    /// The cells, if they match the job.
     pub(super) fn cells(&self, job: &RenderJob) -> Option<CellsInView> {
         match &self.in_view {
             InView::Cells(cells) => self.is_of(job).then(|| cells.clone()),
@@ -41,7 +41,7 @@ impl Placed {
         }
     }
 
-    /// The faces `drawn`, if they are those of the job.
+    /// The faces `drawn`, if they match the job.
     pub(super) fn faces(&self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> Option<Arc<FacesInView>> {
         match &self.in_view {
             InView::Faces(of, faces) if Arc::ptr_eq(of, drawn) => self.is_of(job).then(|| faces.clone()),
@@ -50,7 +50,7 @@ impl Placed {
     }
 }
 
-/// Places the cells and faces of jobs that are to be drawn on the CPU, from job to job.
+/// Places the cells and faces of successive jobs to be drawn on the CPU.
 #[derive(Debug, Default)]
 pub struct Placer {
     cells: CellPlacer,
@@ -58,8 +58,8 @@ pub struct Placer {
 }
 
 impl Placer {
-    /// Places the cells of a job, or its faces if it has some, unless nothing is to be seen or the job is at fault. `table` is its
-    /// transfer function.
+    /// Places the cells of a job, or its faces if it has some, unless nothing is visible or the job is invalid. `table` is its transfer
+    /// function.
     pub fn place(&mut self, job: &mut RenderJob, table: &OpticsTable) {
         if is_transparent(job, table) || job.check().is_err() {
             return;
@@ -68,7 +68,7 @@ impl Placer {
         let mut stats = std::mem::take(&mut job.stats);
         let in_view = match job.faces.clone() {
             None => Some(InView::Cells(self.cells.place(job, &view, &mut stats))),
-            // The renderer says what is wrong with them.
+            // The renderer reports invalid faces.
             Some(drawn) => {
                 let placed = self.faces.place(job, &view, &drawn, &mut stats);
                 placed.ok().map(|faces| InView::Faces(drawn, faces))
@@ -99,7 +99,7 @@ mod tests {
         Arc::new(DrawnFaces { faces: (0..mesh.topology.faces.len() as u32).collect(), is_complete: true })
     }
 
-    /// One for each renderer.
+    /// One job for each renderer.
     fn jobs() -> [RenderJob; 2] {
         let mesh = Arc::new(Mesh::build(kuhn_grid([3; 3])).unwrap().0);
         let camera = Camera::default_for(mesh.positions.world_bounds()).unwrap();
@@ -160,7 +160,7 @@ mod tests {
                 let drawn = frame(&ahead);
                 assert_eq!(drawn.planes, frame(&RenderJob { placed: None, ..ahead.clone() }).planes, "{number}");
                 assert!(drawn.stats.ms_place > ahead.stats.ms_place, "{number}");
-                // Faces are drawn as exactly as cells: only then the picture may be the same.
+                // Faces are drawn exactly, like cells: only then may the images be equal.
                 assert!(drawn.planes != frame(&job).planes || number == 3, "{number}: the test can fail");
             }
         }

@@ -26,13 +26,13 @@ impl ViewVertex {
     }
 }
 
-/// Vertices that a thread transforms between two looks at the flag that cancels.
+/// Vertices transformed between two checks of the cancel flag.
 pub(super) const CLUSTER: usize = Clusters::VERTICES;
-/// Clusters that are worth a thread's while.
+/// Clusters per task of a thread.
 pub(super) const CLUSTERS_AT_ONCE: usize = 8;
 
-/// Transforms all vertices into the view; some of them if `cancel` is raised. Of clusters (see
-/// [`Clusters`](crate::visibility::Clusters)) that are not `needed`, if that is known, the vertices stay what they were.
+/// Transforms all vertices to the view; only some of them if `cancel` is raised. Vertices of clusters (see
+/// [`Clusters`](crate::visibility::Clusters)) known not to be `needed` are left unchanged.
 pub(super) fn transform(
     view: &View,
     local: &[Vec3],
@@ -54,7 +54,7 @@ pub(super) fn transform(
     });
 }
 
-/// Whether a cluster is, if that is known.
+/// Whether a cluster is needed, or may be.
 #[inline]
 pub(super) fn is_needed(needed: Option<&[bool]>, cluster: usize) -> bool {
     needed.is_none_or(|needed| needed[cluster])
@@ -97,14 +97,14 @@ impl Ray {
     }
 }
 
-/// The edge function of two vertices: twice the signed area of the triangle (origin, a, b), positive if b lies
-/// counter-clockwise of a seen from the ray. Antisymmetric to the last bit.
+/// The edge function of two vertices: twice the signed area of the triangle (origin, a, b), positive if b lies counter-clockwise of a as
+/// seen along the ray. Antisymmetric to the last bit.
 #[inline]
 pub(super) fn edge(a: &Sheared, b: &Sheared) -> f64 {
     a.x * b.y - b.x * a.y
 }
 
-/// Below this an edge function of points with these reaches (|x| + |y|) is taken more carefully ([`accurate_edge`]).
+/// Bound below which an edge function of points with these reaches (|x| + |y|) is recomputed ([`accurate_edge`]).
 ///
 /// Each of its two products is rounded by at most 2^-53 of itself and so is their difference, and the products are at most
 /// the product of the reaches: above 2^-30 of that, the value is right to 2^-21 of itself, and so is its sign. Faces seen
@@ -155,12 +155,11 @@ pub(super) fn accurate_edge(a: &Sheared, b: &Sheared, a_id: u32, b_id: u32) -> (
     (value, positive)
 }
 
-/// Where the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
+/// The point at which the ray hits a triangle, from its edge functions opposite p, q, r, all of them positive.
 ///
-/// The convex combination keeps the depth within the triangle's; the determinant form does not. The scalar is taken relative
-/// to one corner's, so that a constant one stays what it is: it may lie exactly on a step of the table; and kept within the
-/// corners', so that a cell shows nothing beyond its own scalars. Values that rounding has made negative count as zero; a
-/// triangle of nothing but rounding is hit in its middle.
+/// The convex combination keeps the depth within the triangle's; the determinant form does not. The scalar is computed relative to one
+/// corner's, so that a constant one is exact (it may lie on a step of the table), and clamped to the corners', so that a cell shows no
+/// scalars beyond its own. Values that rounding has made negative count as zero; a triangle smaller than rounding is hit in its middle.
 #[inline]
 pub(super) fn hit(e: [f64; 3], p: &Sheared, q: &Sheared, r: &Sheared) -> RayPoint {
     let [wp, wq, wr] = hit_weights(e);
@@ -178,13 +177,13 @@ pub(super) fn hit_weights(e: [f64; 3]) -> [f64; 3] {
     [e[0] * per_sum, e[1] * per_sum, e[2] * per_sum]
 }
 
-/// The greater of two numbers, `b` of equal ones, as an instruction of x86 has it: lanes of a vector do the same.
+/// The greater of two numbers, `b` if equal, as the x86 instruction that vector lanes use.
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The lesser of two numbers, `b` of equal ones.
+/// The lesser of two numbers, `b` if equal.
 #[inline(always)]
 fn less(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
@@ -196,14 +195,14 @@ pub(super) struct Crossing {
     pub(super) corners: [Sheared; 3],
     /// Edge functions opposite the corners.
     pub(super) edges: [f64; 3],
-    /// Where the ray passes through it.
+    /// The point at which the ray passes through the face.
     pub(super) point: RayPoint,
 }
 
 impl Crossing {
-    /// Whether the face is hit in front of the eye; `ids` are those of the corners. The same for both cells at it, whatever
-    /// the order of its corners there: the terms of the weighted depth are summed in the order of the ids. Else a ray whose
-    /// eye is within rounding of a face would start on both sides of it, or on none.
+    /// Whether the face is hit in front of the eye; `ids` are those of the corners. The result is the same for both cells at the face, in
+    /// whatever order they have its corners, as the terms of the weighted depth are summed by id. Otherwise a ray whose eye is within
+    /// rounding of a face could start on both sides of it, or on none.
     pub(super) fn is_in_front(&self, ids: [u32; 3]) -> bool {
         let mut terms: [(u32, f64); 3] = std::array::from_fn(|i| (ids[i], self.edges[i].max(0.0) * self.corners[i].w));
         terms.sort_unstable_by_key(|term| term.0);
@@ -211,7 +210,7 @@ impl Crossing {
     }
 }
 
-/// Where the ray passes through a triangle whose corners it sees counter-clockwise.
+/// The crossing of a ray with a triangle whose corners it sees counter-clockwise.
 #[inline]
 pub(super) fn crossing(ray: &Ray, vertices: &[ViewVertex], ids: [u32; 3]) -> Option<Crossing> {
     let corners = ids.map(|v| ray.shear(&vertices[v as usize]));
@@ -245,7 +244,7 @@ mod tests {
     fn the_depth_of_a_face_seen_edge_on_lies_between_its_corners_and_by_its_plane_it_does_not() {
         let mut far_outside = 0;
         for i in 0..1000 {
-            // A sliver around the ray, turned, 1 long and 1e-17 wide on the image: rounding leaves of it a line, or less.
+            // A sliver around the ray, rotated, 1 long and 1e-17 wide on the image: rounding reduces it to a line, or less.
             let (sin, cos) = (0.1 + 0.001 * f64::from(i)).sin_cos();
             let at = |along: f64, across: f64, w: f64| {
                 let across = 1e-17 * across;
@@ -253,7 +252,7 @@ mod tests {
             };
             let (p, q, r) = (at(-0.7, -1.0, 3.0), at(0.3, -1.0, 4.0), at(0.1, 2.0, 5.0));
             let depth = by_weights(&p, &q, &r);
-            // Weights add up to 1 but for three roundings.
+            // Weights add up to 1 within three roundings.
             assert!((3.0 - 1e-14..=5.0 + 1e-14).contains(&depth), "{depth}");
             let plane = by_determinant(&p, &q, &r);
             far_outside += u32::from(!(3.0 - 1e-9..=5.0 + 1e-9).contains(&plane));

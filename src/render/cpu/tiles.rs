@@ -1,4 +1,4 @@
-//! The image in tiles, and which of its pixels a triangle may cover.
+//! Tiles of the image, and pixel boxes of triangles.
 
 use super::super::adaptive::{PixelBits, Seen};
 use super::super::{Frame, Planes, RenderJob};
@@ -53,11 +53,11 @@ impl TileGrid {
     }
 }
 
-/// What a ray has seen.
+/// Result of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TilePixel {
     pub(super) rgba: [f32; 4],
-    /// Local depth of the first visible place; infinite if there is none.
+    /// Local depth of the first visible point; infinite if there is none.
     pub(super) depth: f64,
 }
 
@@ -65,37 +65,37 @@ impl TilePixel {
     pub(super) const TRANSPARENT: Self = Self { rgba: [0.0; 4], depth: f64::INFINITY };
 }
 
-/// A tile in its place in the order of the work.
+/// A tile in processing order.
 #[derive(Clone, Copy, Debug)]
 struct TileTurn {
     tile: u32,
-    /// Nanoseconds that it took when it was last rendered.
+    /// Nanoseconds of its last rendering.
     nanos: u64,
-    /// Rays that met something, when it was last rendered.
+    /// Rays that met the domain in its last rendering.
     met: TileBits,
 }
 
-/// Some pixels of a tile: for each row a bit per column.
+/// Some pixels of a tile: bits of the columns per row.
 pub(super) type TileBits = [u16; TILE_PX];
 
-/// The tiles of a grid in the order in which they are done: the costliest of the last frame first, so that only cheap ones are
-/// left when a thread finds no more. The image does not depend on it.
+/// The tiles of a grid in processing order: the costliest of the last frame first, so that only cheap ones remain when threads run out of
+/// work. The image does not depend on it.
 #[derive(Debug, Default)]
 struct TileOrder {
     grid: TileGrid,
     turns: Vec<TileTurn>,
-    /// For each tile its place among them.
+    /// Position of each tile in this order.
     places: Vec<u32>,
 }
 
 impl TileOrder {
-    /// Puts the tiles of a grid in order: by what they cost, or, without a frame of the same grid before, from the centre of the image
+    /// Sorts the tiles of a grid: by their last cost, or, without a previous frame of the same grid, from the centre of the image
     /// outwards; row by row if not `costly_first`.
     fn begin(&mut self, grid: TileGrid, costly_first: bool) {
         if self.grid != grid {
             self.grid = grid;
             self.turns.clear();
-            // What is nearer to the centre counts as costlier.
+            // Tiles nearer to the centre count as costlier.
             let away = |at: usize, count: usize| (2 * at + 1).abs_diff(count) as u64;
             let nearness = |tile: usize| {
                 let [x, y] = [away(tile % grid.columns, grid.columns), away(tile / grid.columns, grid.rows)];
@@ -120,20 +120,20 @@ impl TileOrder {
     }
 }
 
-/// The tiles of one frame after the other, and what threads draw them with.
+/// The tiles of successive frames, and the scratch memory of threads.
 #[derive(Default)]
 pub(super) struct Tiles<S> {
     order: TileOrder,
-    /// Pixels tile by tile in that order, each tile's rows together.
+    /// Pixels tile by tile in processing order, each tile's rows together.
     pixels: Vec<TilePixel>,
-    /// One for each thread.
+    /// Scratch memory per thread.
     scratch: Vec<Mutex<S>>,
-    /// The first place in the order that is still to be done.
+    /// The first position in the order not yet done.
     next: usize,
 }
 
 impl<S: Default + Send> Tiles<S> {
-    /// The tiles of a grid, none of them done; an empty one keeps what the last frame's have cost.
+    /// Starts the tiles of a grid; an empty grid keeps the costs of the last frame.
     pub(super) fn begin(&mut self, grid: TileGrid, costly_first: bool) {
         if grid.tile_count() > 0 {
             self.order.begin(grid, costly_first);
@@ -143,7 +143,8 @@ impl<S: Default + Send> Tiles<S> {
         self.next = 0;
     }
 
-    /// Renders the next tiles of a view's image for about `budget` (one at least) into the planes of the frame; whether that were the last.
+    /// Renders the next tiles of a view's image for about `budget` (at least one) into the planes of the frame; true if they were the
+    /// last.
     pub(super) fn render(
         &mut self,
         job: &RenderJob,
@@ -162,15 +163,16 @@ impl<S: Default + Send> Tiles<S> {
         self.are_done()
     }
 
-    /// Whether all tiles are there.
+    /// Whether all tiles are done.
     pub(super) fn are_done(&self) -> bool {
         self.next * TILE_PX * TILE_PX >= self.pixels.len()
     }
 
-    /// Renders the next tiles of which something `is_rendered` for about `budget` (one at least); returns all tiles that were gone through.
+    /// Renders the next tiles for about `budget` (at least one), skipping those for which `is_rendered` is false; returns all tiles
+    /// passed.
     ///
-    /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that what
-    /// is done is always a prefix, and no thread waits for others before the end of the slice.
+    /// Tiles are handed out one by one, in order, until there is a reason to stop: those handed out are finished, so that the done tiles
+    /// always form a prefix, and no thread waits for others before the end of the slice.
     pub(super) fn render_some(
         &mut self,
         job: &RenderJob,
@@ -191,7 +193,7 @@ impl<S: Default + Send> Tiles<S> {
             .par_bridge()
             .map(|((pixels, TileTurn { tile, nanos, met }), _)| {
                 let _turn = job.thread_limit.turn();
-                // A thread of the pool has a scratch of its own: the lock is never waited for.
+                // Each thread of the pool has its own scratch: the lock is never contended.
                 let slot = rayon::current_thread_index().unwrap_or(0) % scratch.len();
                 let mut scratch = scratch[slot].lock().unwrap_or_else(PoisonError::into_inner);
                 let begun = Instant::now();
@@ -222,14 +224,14 @@ impl<S: Default + Send> Tiles<S> {
     }
 }
 
-/// Tiles in some places of their order.
+/// A range of done tiles in processing order.
 pub(super) struct TilesDone<'a> {
     order: &'a TileOrder,
     /// The pixels of all tiles.
     pixels: &'a [TilePixel],
-    /// Their places.
+    /// Their positions in the order.
     done: Range<usize>,
-    /// World length of a local depth.
+    /// World length of a local unit of depth.
     depth_scale: f64,
 }
 
@@ -267,7 +269,7 @@ impl TilesDone<'_> {
         });
     }
 
-    /// Copies the `wanted` pixels of a lattice, of whose places the tiles are, to where they are in the image.
+    /// Copies the `wanted` pixels from tiles of lattice points to their positions in the image.
     pub(super) fn copy_wanted(&self, lattice: Lattice, wanted: &PixelBits, seen: &mut Seen) {
         let Seen { planes: Planes { color, depth, .. }, met } = seen;
         let (grid, width, height) = (self.order.grid, color.width, color.height);
@@ -296,7 +298,7 @@ impl TilesDone<'_> {
         });
     }
 
-    /// Copies listed pixels into the planes, which have one row of them.
+    /// Copies listed pixels into the planes, which have a single row.
     pub(super) fn copy_pixels(&self, pixels: &PixelSet, planes: &mut Planes) {
         let grid = self.order.grid;
         if self.done.is_empty() {
@@ -335,8 +337,8 @@ pub(super) fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<PixelRe
                 include(1, a.y / a.w);
             }
             if (a.w > 0.0) != (b.w > 0.0) {
-                // The edge leaves the half-space in front of the eye here: towards infinity on the image plane, on the
-                // side of x and y (on both sides if rounding leaves that open).
+                // The edge leaves the half-space in front of the eye here: towards infinity on the image plane, on the side of x and y
+                // (on both sides if rounding leaves that open).
                 let f = a.w / (a.w - b.w);
                 for (axis, value) in [(0, a.x + f * (b.x - a.x)), (1, a.y + f * (b.y - a.y))] {
                     if value >= -1e-9 * extent {
@@ -372,7 +374,7 @@ pub(super) fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<PixelRe
 mod tests {
     use super::*;
 
-    /// 3 x 2 tiles, those at the right and at the bottom not whole.
+    /// 3 x 2 tiles, the rightmost and bottom ones partial.
     const GRID: TileGrid = TileGrid { columns: 3, rows: 2, width: 40, height: 30 };
 
     fn tiles(order: &TileOrder) -> Vec<u32> {
@@ -392,7 +394,7 @@ mod tests {
         assert!(order.turns.iter().enumerate().all(|(at, turn)| order.places[turn.tile as usize] as usize == at));
         order.begin(GRID, false);
         assert_eq!(tiles(&order), [0, 1, 2, 3, 4, 5]);
-        // What they cost is known all the same.
+        // Costs are kept nevertheless.
         order.begin(GRID, true);
         assert_eq!(tiles(&order), [2, 4, 0, 3, 5, 1]);
         order.begin(TileGrid { width: 41, ..GRID }, true);
@@ -403,7 +405,7 @@ mod tests {
     fn tiles_are_copied_from_their_places_and_only_those_that_are_done() {
         let mut order = TileOrder::default();
         order.begin(GRID, true);
-        // The value of a pixel is its place, and its number in the tile.
+        // The value of a pixel encodes its tile's position, and its index in the tile.
         let value = |place: usize, pixel: usize| (1000 * (place + 1) + pixel) as f32;
         let pixels: Vec<TilePixel> = (0..6)
             .flat_map(|place| (0..TILE_PX * TILE_PX).map(move |pixel| value(place, pixel)))
@@ -422,7 +424,7 @@ mod tests {
             assert_eq!(*color, if is_done { [expected; 4] } else { [0.0; 4] }, "{x}, {y}");
             assert_eq!(*depth, if is_done { 0.5 * expected } else { f32::INFINITY }, "{x}, {y}");
         }
-        // All of them listed, from the last to the first.
+        // All pixels listed in reverse.
         let backwards = PixelSet::new((40, 30), &(0..40 * 30).rev().collect::<Vec<u32>>()).unwrap();
         let mut listed = Planes::default();
         listed.clear(40 * 30, 1);

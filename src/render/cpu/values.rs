@@ -1,19 +1,19 @@
-//! The quantity of vertices along a ray, for media that ask for it beside depth and scalar.
+//! Values at vertices, interpolated along a ray for media that need them beside depth and scalar.
 
 use super::super::medium::Medium;
 use super::ray::{Ray, ViewVertex, hit, hit_weights, signed_edge};
 use super::raycast::entries::face_of;
 use crate::mesh::Topology;
 
-/// The quantity of vertices where a ray hits a triangle with these edge functions: with the weights of the scalar, relative to
-/// one corner's and kept within the corners', as it.
+/// Value at a ray's hit of a triangle with these edge functions: with the weights of the scalar, relative to one corner's and clamped to
+/// the corners', as the scalar.
 pub(super) fn value_on_face<M: Medium>(medium: &M, ids: [u32; 3], edges: [f64; 3]) -> f64 {
     let [_, q_weight, r_weight] = hit_weights(edges);
     let [p, q, r] = ids.map(|id| medium.vertex_value(id));
     (p + q_weight * (q - p) + r_weight * (r - p)).clamp(p.min(q).min(r), p.max(q).max(r))
 }
 
-/// A ray that asks cells for the quantity of their vertices: of a fragment nobody knows the face.
+/// A ray that computes values from its cells, as fragments do not know their face.
 pub(super) struct ValuesOnRay<'a, M> {
     pub(super) medium: &'a M,
     pub(super) topology: &'a Topology,
@@ -21,7 +21,7 @@ pub(super) struct ValuesOnRay<'a, M> {
     pub(super) ray: Ray,
 }
 
-/// A point on the ray: its depth, and the value at vertices interpolated there.
+/// A point on the ray: its depth, and the value there.
 #[derive(Clone, Copy)]
 struct ValuePoint {
     depth: f64,
@@ -29,8 +29,8 @@ struct ValuePoint {
 }
 
 impl<M: Medium> ValuesOnRay<'_, M> {
-    /// The quantity of vertices at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves
-    /// `last`. Depths that differ by less than `tie` are one.
+    /// Values at both ends of a gap: at a depth at which the ray enters `first` or begins in it, and where it leaves `last`. Depths that
+    /// differ by less than `tie` are equal.
     pub(super) fn along(&self, first: u32, depth: f64, tie: f64, last: u32) -> [f64; 2] {
         let ends = self.ends_in(first);
         let near = match ends {
@@ -45,8 +45,7 @@ impl<M: Medium> ValuesOnRay<'_, M> {
         [near, exit.or(entry).map_or_else(|| self.anywhere_in(last), |point| point.value)]
     }
 
-    /// Where the ray enters a cell and where it leaves it. The signs of edge functions are exact: a ray with a fragment at the
-    /// cell has both.
+    /// The points of entry and exit of a cell. The signs of edge functions are exact: a ray with a fragment at the cell has both.
     fn ends_in(&self, cell: u32) -> (Option<ValuePoint>, Option<ValuePoint>) {
         let (mut entry, mut exit) = (None, None);
         for opposite in 0..4 {
@@ -61,7 +60,7 @@ impl<M: Medium> ValuesOnRay<'_, M> {
             if signed.iter().any(|edge| edge.1 != enters) {
                 continue;
             }
-            // Seen from behind, edge functions have the other sign.
+            // Edge functions change sign when seen from behind.
             let edges = signed.map(|(edge, _)| if enters { edge } else { -edge });
             let (depth, value) = (hit(edges, &p, &q, &r).depth, value_on_face(self.medium, ids, edges));
             *(if enters { &mut entry } else { &mut exit }) = Some(ValuePoint { depth, value });

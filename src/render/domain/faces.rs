@@ -1,8 +1,8 @@
 //! Faces of the domain's surface as fragments.
 //!
-//! A ray hits a face if it passes the three edges on one side. The edge function of two vertices a, b (view coordinates) is d . (a x b), d the
-//! direction of the ray; its products are the same for b, a but for the sign, so that faces at an edge agree. A zero counts as if the ray was shifted by
-//! (d, d^2), d -> 0. Weights of the corners are the edge functions opposite to them over their sum.
+//! A ray hits a face if it passes the three edges on one side. The edge function of two vertices a, b (view coordinates) is d . (a x b),
+//! d the direction of the ray; its products are the same for b, a except for the sign, so that faces at an edge agree. A zero is decided
+//! for a ray shifted by (d, d^2), d -> 0. Weights of the corners are the edge functions opposite to them over their sum.
 
 use super::{DomainScene, DomainSurface};
 use crate::camera::View;
@@ -69,35 +69,35 @@ fn pixels_of(corners: [DVec3; 3], view: &View) -> Option<(Range<usize>, Range<us
     let range = |values: [f64; 3], half: f64, count: usize| {
         let (lo, hi) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
         let place = |v: f64| (v / half + 1.0) * 0.5 * count as f64;
-        // A pixel more on either side for rounding; casts saturate.
+        // One pixel more on either side for rounding; casts saturate.
         let (first, end) = ((place(lo) - 1.5).max(0.0) as usize, (place(hi) + 1.5).max(0.0) as usize);
         first.min(count)..end.min(count)
     };
     let columns = range(on_plane.map(|p| p.x), view.half_width, width);
-    // Rows go down.
+    // Image rows go down.
     let rows = range(on_plane.map(|p| -p.y), view.half_height, height);
     (!columns.is_empty() && !rows.is_empty()).then_some((columns, rows))
 }
 
-/// The edge function of two vertices: linear in the point of the image plane.
+/// The edge function of two vertices, linear in the point of the image plane.
 struct Edge {
     normal: DVec3,
 }
 
 impl Edge {
     fn new(a: DVec3, b: DVec3, ascends: bool, view: &View) -> Self {
-        // In the order of their numbers: the same products for both faces at the edge.
+        // In vertex order: the same products for both faces at the edge.
         let (from, to) = if ascends { (a, b) } else { (b, a) };
         let normal = if view.perspective {
             from.cross(to)
         } else {
-            // All rays go along z: the cross product of the points on the plane.
+            // All rays are parallel to z: the cross product of the points on the plane.
             DVec3::new(from.y - to.y, to.x - from.x, from.x * to.y - from.y * to.x)
         };
         Self { normal: if ascends { normal } else { -normal } }
     }
 
-    /// The value at a point of the image plane, and whether that is on the left side.
+    /// The value at a point of the image plane, and whether the point is on the left side.
     fn at(&self, px: f64, py: f64) -> (f64, bool) {
         let DVec3 { x, y, z } = self.normal;
         let value = x * px + y * py + z;

@@ -1,4 +1,4 @@
-//! Edges of the domain's surface as fragments: lines of a pixel's width.
+//! Edges of the domain's surface as fragments: lines one pixel wide.
 //!
 //! A line covers, in each column or row of pixels that it crosses, the two pixels around it by their distance from it (Wu, "An efficient
 //! antialiasing technique", SIGGRAPH 1991). Depths and scalars between its ends are those of the line in space.
@@ -8,7 +8,7 @@ use crate::render::layers::LayerFragment;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Lines lie this much before the faces that they bound, local units: these hide them otherwise where rounding has it.
+/// Lines lie this much in front of the faces that they bound, local units: otherwise rounding would let the faces hide them.
 const BEFORE: f64 = 1e-3;
 
 pub(super) fn fragments(
@@ -24,14 +24,14 @@ pub(super) fn fragments(
     edges.par_iter().flat_map_iter(of_edge).collect()
 }
 
-/// An end of a line on the image.
+/// An end of a line in the image.
 #[derive(Clone, Copy)]
 struct End {
-    /// Pixels from the left upper corner.
+    /// Pixels from the upper left corner.
     at: DVec2,
-    /// What is linear on the image: the reciprocal of depth in perspective, depth in parallel projection.
+    /// The depth term that is linear in the image: 1 / depth in perspective, depth in parallel projection.
     depth: f64,
-    /// The scalar times that in perspective, the scalar itself in parallel projection.
+    /// The scalar times 1 / depth in perspective, the scalar itself in parallel projection.
     scalar: f64,
 }
 
@@ -48,12 +48,12 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
         End { at: DVec2::new(x, y), depth, scalar: scalar * if view.perspective { over } else { 1.0 } }
     });
     let across = ends[1].at - ends[0].at;
-    // Along the axis of which it covers more pixels: one place in each of them.
+    // Steps along the axis with the longer extent, one point per pixel.
     let is_flat = across.x.abs() >= across.y.abs();
     let (main, count) = (|p: DVec2| if is_flat { p.x } else { p.y }, if is_flat { width } else { height });
     let (from, to) = (main(ends[0].at), main(ends[1].at));
     let (lo, hi) = (from.min(to).max(0.0), from.max(to).min(count));
-    // Not so for what is no number.
+    // Also returns for NaN.
     if lo.partial_cmp(&hi) != Some(std::cmp::Ordering::Less) {
         return;
     }
@@ -64,7 +64,7 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
         let (depth, scalar) = if view.perspective { (1.0 / depth, scalar / depth) } else { (depth, scalar) };
         let side = ends[0].at + share * across;
         let beside = (if is_flat { side.y } else { side.x }) - 0.5;
-        // How much of the line lies in this column or row, at its ends.
+        // The fraction of this column or row that the line covers, below 1 at its ends.
         let covered = ((place as f64 + 1.0).min(from.max(to)) - (place as f64).max(from.min(to))).clamp(0.0, 1.0);
         for (pixel, weight) in [(beside.floor(), 1.0 - beside.fract()), (beside.floor() + 1.0, beside.fract())] {
             let (column, row) = if is_flat { (place as f64, pixel) } else { (pixel, place as f64) };
@@ -84,7 +84,7 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
     }
 }
 
-/// The part of a line with depths above a millionth of its distance, in perspective; `None` if there is none.
+/// The part of a line at depths above a millionth of its distance, in perspective; `None` if there is none.
 fn before_the_eye([a, b]: [(DVec3, f64); 2], perspective: bool) -> Option<[(DVec3, f64); 2]> {
     let near = 1e-6 * a.0.length().max(b.0.length());
     if !perspective || a.0.z > near && b.0.z > near {

@@ -1,8 +1,8 @@
-//! The surface of the domain: the faces behind which there is no cell with finite scalars, as a surface, as their edges, or as the edges at
-//! which the surface turns.
+//! The surface of the domain: the faces behind which there is no cell with finite scalars, drawn as a surface, as their edges, or as
+//! feature edges.
 //!
-//! It is no part of what is in the cells, but a layer beside them: its [fragments](crate::render::LayerFragments) are found before the cells are drawn, by whatever
-//! draws these.
+//! It is not a medium in the cells but a layer beside them: its [fragments](crate::render::LayerFragments) are computed before the cells
+//! are drawn, by any renderer.
 
 mod faces;
 mod lines;
@@ -23,35 +23,35 @@ use std::sync::{Arc, Weak};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DomainStyle {
-    /// As a surface.
+    /// A surface.
     #[default]
     Solid,
-    /// As the edges of its faces.
+    /// The edges of its faces.
     Wireframe,
-    /// As the edges at which it turns by more than 30 degrees, and those where it ends or meets itself.
+    /// Feature edges: where the surface turns by more than 30 degrees, ends or meets itself.
     Edges,
 }
 
-/// The surface of the domain.
+/// A drawing of the surface of the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DomainSurface {
     /// How it is drawn.
     pub style: DomainStyle,
-    /// Display-referred colour, 0..=1; `None`: that of the transfer function at the scalars there.
+    /// Display-referred colour, 0..=1; `None`: the transfer function's colour of the scalars.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<[f64; 3]>,
-    /// Share of the light that it takes, 0..=1.
+    /// Opacity, 0..=1.
     #[serde(default = "opaque")]
     pub opacity: f64,
 }
 
-/// What a text means that does not say.
+/// Default if the field is missing.
 fn opaque() -> f64 {
     1.0
 }
 
-/// Whether there can be such surfaces.
+/// Checks that colours and opacities are in range.
 ///
 /// # Errors
 /// If a colour or an opacity lies outside of 0..=1.
@@ -63,30 +63,30 @@ pub fn check(domain: &[DomainSurface]) -> Result<(), String> {
     }
 }
 
-/// Cosine of the angle between outward normals of two faces above which their edge is none of the surface's.
+/// Cosine of the angle between outward normals of two faces above which their edge is no feature edge.
 const SMOOTH: f64 = 0.866_025_403_784_438_6;
 
-/// The faces of the surface of the finite cells of a mesh, and their edges; kept while both stay.
+/// The faces and edges of the surface of a mesh's finite cells; cached while both are unchanged.
 #[derive(Debug, Default)]
 pub struct DomainFaces {
     of: Weak<Mesh>,
     finite: Weak<CellSet>,
     /// Vertices of the faces, ascending.
     faces: Vec<[u32; 3]>,
-    /// Vertices of all of their edges, ascending, and of those at which the surface turns.
+    /// Vertices of all edges, ascending, and of the feature edges.
     edges: Vec<[u32; 2]>,
     turns: Vec<[u32; 2]>,
 }
 
 impl DomainFaces {
-    /// Those of the finite cells.
+    /// Updates the faces and edges for these finite cells.
     pub fn update(&mut self, mesh: &Arc<Mesh>, finite: &Arc<CellSet>) {
         if self.of.as_ptr() == Arc::as_ptr(mesh) && self.finite.as_ptr() == Arc::as_ptr(finite) {
             return;
         }
         let topology = &mesh.topology;
         let is_in = |cell: u32| cell != NONE && finite.contains(cell);
-        // With the one finite cell at it.
+        // Faces with their single finite cell.
         let found: Vec<([u32; 3], u32)> = topology
             .faces
             .par_iter()
@@ -116,7 +116,7 @@ impl DomainFaces {
         (self.of, self.finite) = (Arc::downgrade(mesh), Arc::downgrade(finite));
     }
 
-    /// What rays of a view (local coordinates) meet of a surface: pixels by their place in the plane, and fragments.
+    /// The fragments of a surface in a view (local coordinates), each with its pixel's index in the plane.
     pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Vec<(u32, LayerFragment)> {
         match surface.style {
             DomainStyle::Solid => faces::fragments(&self.faces, surface, scene),
@@ -126,7 +126,7 @@ impl DomainFaces {
     }
 }
 
-/// The normal of a face that points away from its cell, of length 1; 0 if the face has no extent.
+/// The outward unit normal of a face; 0 if the face is degenerate.
 fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
     let at = |vertex: u32| mesh.positions.local[vertex as usize].as_dvec3();
     let [a, b, c] = face.map(at);
@@ -135,14 +135,14 @@ fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
     if behind.is_some_and(|vertex| normal.dot(at(vertex) - a) > 0.0) { -normal } else { normal }
 }
 
-/// All that the surface of the domain is drawn from.
+/// Scene data from which the surface of the domain is drawn.
 pub(crate) struct DomainScene<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) scalars: &'a [f32],
-    /// The colours of scalars.
+    /// Colours by scalar.
     pub(crate) colors: &'a NodeTable,
     pub(crate) shading: SurfaceShading,
-    /// In local coordinates.
+    /// The view in local coordinates.
     pub(crate) view: &'a View,
     pub(crate) clips: &'a [Plane],
 }
@@ -159,7 +159,7 @@ impl DomainScene<'_> {
         f64::from(self.scalars[vertex as usize])
     }
 
-    /// The fragment of a place (view coordinates) with a scalar, unless it is clipped; `light` of its colour reaches the eye.
+    /// The fragment at a point (view coordinates) with a scalar, unless it is clipped; `light` scales its colour.
     fn fragment(
         &self,
         surface: &DomainSurface,
@@ -178,7 +178,7 @@ impl DomainScene<'_> {
         Some(LayerFragment { depth: at.z * self.mesh.positions.scale, rgba: [r, g, b, opacity as f32] })
     }
 
-    /// The cosine between a normal (view coordinates) and the light, on the side of the eye at a place.
+    /// The cosine between a normal (view coordinates), turned towards the eye at a point, and the light; 1 without a normal.
     fn light_on(&self, normal: DVec3, at: DVec3) -> f64 {
         let View { right, up, forward, perspective, .. } = *self.view;
         let along = if perspective { at } else { DVec3::Z };

@@ -8,11 +8,11 @@ use std::str::FromStr;
 
 words!(DomainStyle, "there is no surface", ["solid" = Solid, "wireframe" = Wireframe, "edges" = Edges]);
 
-/// Feature edges are gray unless a colour is given: they are seen before light and dark.
+/// Default colour of feature edges: visible on light and dark.
 const GRAY: [f64; 3] = [128.0 / 255.0; 3];
 
 impl DomainSurface {
-    /// One of this style in its usual colour, opaque or not.
+    /// A surface of this style in its default colour, opaque or not.
     pub fn of_style(style: DomainStyle, is_translucent: bool) -> Self {
         let color = (style == DomainStyle::Edges).then_some(GRAY);
         Self { style, color, opacity: if is_translucent { 0.3 } else { 1.0 } }
@@ -25,7 +25,7 @@ impl FromStr for DomainSurface {
     fn from_str(text: &str) -> Result<Self, String> {
         let (style, rest) = text.split_once(':').map_or((text, ""), |(style, rest)| (style, rest));
         let style: DomainStyle = style.parse()?;
-        // Colour and opacity are those of an isosurface.
+        // Colour and opacity are written as for an isosurface.
         let IsosurfaceText { surface: of, by } = format!("0:{rest}").parse()?;
         if by.is_some() {
             return Err(format!("'{text}': the surface of the domain has the colours of the field that is shown"));

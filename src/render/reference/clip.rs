@@ -1,4 +1,4 @@
-//! A tet and a ray.
+//! Clips rays against a tet.
 
 use super::{GRAZING_LENGTH, INFLATION};
 use crate::camera::View;
@@ -13,10 +13,10 @@ pub(in crate::render) struct Cell {
     /// Barycentric coordinate i at a point p is `offset[i] + gradient[i] . p`.
     offset: [f64; 4],
     gradient: [DVec3; 4],
-    /// Its number in the mesh.
+    /// Number in the mesh.
     number: u32,
     scalars: [f64; 4],
-    /// The quantity of its vertices, for a transfer function of more than the scalar.
+    /// Values at its vertices, for a transfer function of more than the scalar.
     vertex_values: [f64; 4],
     /// Pixels whose rays may meet the cell.
     pub(super) columns: Range<usize>,
@@ -24,7 +24,7 @@ pub(in crate::render) struct Cell {
 }
 
 impl Cell {
-    /// A cell of a job whose corners are these in view coordinates; `None` if no pixel can see it.
+    /// A cell of a job from its corners in view coordinates; `None` if no pixel can see it.
     pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
         let tet = job.mesh.topology.tets[number as usize];
         let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
@@ -46,7 +46,7 @@ impl Cell {
         Some(Self { offset, gradient, number, scalars, vertex_values, columns, rows })
     }
 
-    /// Barycentric coordinates of a point in view coordinates, outside of the cell too.
+    /// Barycentric coordinates of a point in view coordinates, also outside of the cell.
     pub(in crate::render) fn weights(&self, point: DVec3) -> [f64; 4] {
         std::array::from_fn(|i| self.offset[i] + self.gradient[i].dot(point))
     }
@@ -67,7 +67,7 @@ impl Cell {
         }
         let grazing = || inside(start, &at_zero, &slope, -INFLATION).filter(|(near, far)| far - near > GRAZING_LENGTH);
         let (near, far) = inside(start, &at_zero, &slope, 0.0).or_else(grazing)?;
-        // Relative to one corner's: a constant scalar stays what it is, exactly on a step of the table perhaps.
+        // Relative to one corner's: a constant scalar stays exact, as it may lie on a step of the table.
         let between = |values: &[f64; 4], depth: f64| -> f64 {
             let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (values[i] - values[0]);
             values[0] + (1..4).map(rise).sum::<f64>()
@@ -102,7 +102,7 @@ fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Rang
         if corners.iter().all(|c| c.z <= 0.0) {
             return None;
         }
-        // A cell that reaches behind the eye may be seen anywhere; few do.
+        // A cell that reaches behind the eye may be visible anywhere; few do.
         if corners.iter().any(|c| c.z <= 1e-9) {
             return all;
         }
@@ -111,7 +111,7 @@ fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Rang
     let range = |values: [f64; 4], half: f64, pixels: usize| {
         let to_px = |v: f64| (v / half + 1.0) * 0.5 * pixels as f64 - 0.5;
         let (lo, hi) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-        // A pixel more on each side than rounding needs.
+        // One pixel more on each side than rounding needs.
         let first = (to_px(lo) - 1.0).floor().clamp(0.0, pixels as f64) as usize;
         let end = (to_px(hi) + 2.0).ceil().clamp(0.0, pixels as f64) as usize;
         (first < end).then_some(first..end)
@@ -121,7 +121,7 @@ fn pixel_ranges(view: &View, corners: &[DVec3; 4]) -> Option<(Range<usize>, Rang
     Some((columns, rows))
 }
 
-/// Segments sorted by their near end, each shortened to begin where the ones before it end, from depth `front` on.
+/// Segments sorted by their near end, each shortened to begin behind depth `front` and behind the ones before it.
 pub(super) fn without_overlap(front: f64, sorted: impl Iterator<Item = Segment>) -> impl Iterator<Item = Segment> {
     let mut front = front;
     sorted.filter_map(move |segment| {

@@ -1,5 +1,5 @@
-//! Cuts, by their definition: a point of the ray is seen if no clip has it on its outer side, and a section where the ray, a line of points,
-//! goes from one side of the plane to the other.
+//! Cuts, by their definition: a point of the ray is visible if no clip has it on its outer side, and a section where the ray passes from
+//! one side of its plane to the other.
 
 use super::integrate::Sum;
 use super::surfaces::toward_eye;
@@ -8,7 +8,7 @@ use crate::render::medium::{Medium, Segment};
 use crate::visibility::CutPlanes;
 use glam::DVec3;
 
-/// Points this close to a clip (local units) lie on it, and a section there is seen.
+/// Points this close to a clip (local units) lie on it, and a section there is visible.
 const ON_PLANE: f64 = 1e-12;
 
 /// A medium that is cut, for one ray.
@@ -17,13 +17,13 @@ pub(super) struct WithCuts<'a, M, C> {
     pub(super) planes: &'a CutPlanes,
     /// The number of the first section.
     pub(super) first_number: u32,
-    /// Whether normals and numbers are shown.
+    /// Whether normals and numbers are rendered.
     pub(super) guides: bool,
-    /// The colour of a section (number from 1) where a segment begins.
+    /// The colour of a section (number from 1) at the start of a segment.
     pub(super) color: C,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
     pub(super) origin: DVec3,
-    /// How far it goes for a unit of depth.
+    /// Direction of the ray, per unit of depth.
     pub(super) direction: DVec3,
 }
 
@@ -36,7 +36,7 @@ impl<M, C> WithCuts<'_, M, C> {
         self.planes.clips.iter().any(|clip| self.distance(clip, depth) > ON_PLANE)
     }
 
-    /// Where planes meet a part of the ray: depth, and of a section its normal and its number.
+    /// Depths at which planes meet a part of the ray; for sections also the normal and number.
     fn met(&self, [near, far]: [f64; 2]) -> Vec<(f64, Option<(DVec3, u32)>)> {
         let CutPlanes { sections, clips } = self.planes;
         let sections = sections.iter().zip(self.first_number..).map(|(plane, n)| (plane, Some((plane.normal, n))));

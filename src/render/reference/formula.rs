@@ -1,19 +1,19 @@
-//! Integration of a segment by the formula of its transfer function: no table.
+//! Integration of a segment by the formula of its transfer function, without a table.
 //!
-//! A segment is cut at the formula's knots. Between them extinction and colour times extinction are replaced, on pieces that are halved
-//! until it makes no difference, by the cubics through four Gauss-Legendre points.
+//! A segment is cut at the formula's knots. Between them extinction and colour times extinction are approximated, on pieces that are
+//! halved until it makes no difference, by the cubics through four Gauss-Legendre points.
 
 use super::integrate::{END_DEPTH, Sum};
 use crate::render::medium::{Medium, Segment};
 use crate::transfer::Formula;
 
-/// Four-point Gauss-Legendre on [0, 1]: places and weights.
+/// Four-point Gauss-Legendre on [0, 1]: nodes and weights.
 const PLACES: [f64; 4] =
     [0.069_431_844_202_973_71, 0.330_009_478_207_571_87, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
 const WEIGHTS: [f64; 4] =
     [0.173_927_422_568_726_92, 0.326_072_577_431_273_05, 0.326_072_577_431_273_05, 0.173_927_422_568_726_92];
 
-/// Row i: the integral from 0 to place i of the cubic through values at the four places, as their weights.
+/// Row i: weights of the values at the four nodes in the integral of their cubic from 0 to node i.
 const CUMULATIVE: [[f64; 4]; 4] = [
     [0.086_963_711_284_363_46, -0.026_604_180_084_998_79, 0.012_627_462_689_404_72, -0.003_555_149_685_795_68],
     [0.188_118_117_499_868_06, 0.163_036_288_715_636_55, -0.027_880_428_602_470_9, 0.006_735_500_594_538_16],
@@ -21,21 +21,21 @@ const CUMULATIVE: [[f64; 4]; 4] = [
     [0.177_482_572_254_522_6, 0.313_445_114_741_868_37, 0.352_676_757_516_271_87, 0.086_963_711_284_363_46],
 ];
 
-/// The cubic in the middle.
+/// Weights for the cubic's value in the middle.
 const MIDDLE: [f64; 4] =
     [-0.092_326_598_440_728_82, 0.592_326_598_440_728_8, 0.592_326_598_440_728_8, -0.092_326_598_440_728_82];
 
-/// The coefficient of its Legendre polynomial of degree three.
+/// Weights for the coefficient of its Legendre polynomial of degree three.
 const CUBIC: [f64; 4] =
     [-0.371_027_003_401_947_33, 0.939_772_470_377_753, -0.939_772_470_377_753, 0.371_027_003_401_947_33];
 
-/// Optical depth of a piece: products of cubics and exponentials are then integrated to rounding.
+/// Maximum optical depth of a piece: products of cubics and exponentials are then integrated to rounding.
 const PIECE_DEPTH: f64 = 0.25;
 
-/// What a piece may be off, in optical depth or in a colour channel: a path has some thousands of pieces.
+/// Error tolerance of a piece, in optical depth or in a colour channel: a path has some thousands of pieces.
 const PIECE_TOLERANCE: f64 = 1e-11;
 
-/// Halvings of what lies between two knots: at a step in between, a piece of this size has all the error.
+/// Maximum halvings between two knots: at a step in between, a piece of this size has all the error.
 const HALVINGS: u32 = 44;
 
 /// Extinction, and each colour channel times extinction.
@@ -74,7 +74,7 @@ fn depth(rates: &[Rates; 4], width: f64) -> f64 {
     rates.iter().zip(WEIGHTS).map(|(rates, weight)| weight * rates[0]).sum::<f64>() * width
 }
 
-/// Shares of the way from `near` to `far` at which there is a knot, in order, and 1.
+/// Fractions of the way from `near` to `far` at the knots in between, in order, and 1.
 fn cuts(knots: &[f64], near: f64, far: f64) -> Vec<f64> {
     let (lo, hi) = (near.min(far), near.max(far));
     let inside = knots.iter().skip(knots.partition_point(|&k| k <= lo)).take_while(|&&k| k < hi);
@@ -86,7 +86,7 @@ fn cuts(knots: &[f64], near: f64, far: f64) -> Vec<f64> {
     cuts
 }
 
-/// A segment on its way.
+/// Integration of a segment.
 struct Walk<'a, 'b> {
     sum: &'a mut Sum,
     formula: &'a Formula<'b>,
@@ -100,7 +100,7 @@ impl Walk<'_, '_> {
         self.formula.eval(self.near + u * self.rise)
     }
 
-    /// What lies between two knots; `depth` is where it begins.
+    /// Integrates between two knots, from depth `depth` on.
     fn stretch(&mut self, begin: f64, end: f64, depth: f64) {
         if end <= begin {
             return;
@@ -119,11 +119,11 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// A stretch on which nothing changes, opaque or not.
+    /// Integrates a stretch of constant colour and extinction, opaque or not.
     fn constant(&mut self, begin: f64, end: f64, depth: f64) {
         let (rgb, tau) = self.at(0.5 * (begin + end));
         let total = tau * (end - begin) * self.length;
-        // Infinite extinction over no length is not a number, and nothing.
+        // Infinite extinction over no length is NaN, and does not count.
         if total.is_nan() || total <= 0.0 {
             return;
         }
@@ -133,7 +133,7 @@ impl Walk<'_, '_> {
         self.sum.depth_so_far += total;
     }
 
-    /// Adds a piece, in halves if one cubic is not enough.
+    /// Adds a piece, halved if one cubic is not accurate enough.
     fn piece(&mut self, begin: f64, end: f64, halvings: u32) {
         if self.sum.depth_so_far > END_DEPTH {
             return;
@@ -147,7 +147,7 @@ impl Walk<'_, '_> {
             return;
         }
         if halvings == 0 && depth(&rates, width) > PIECE_DEPTH {
-            // No cubic follows what touches opacity 1: what has been passed might be negative.
+            // No cubic fits a function that touches opacity 1: its integral might be negative.
             self.constant(begin, end, f64::INFINITY);
             return;
         }
@@ -163,13 +163,13 @@ impl Walk<'_, '_> {
 
     fn rates(&self, u: f64) -> Rates {
         let (rgb, tau) = self.at(u);
-        // Within the last halving of a place that only touches opacity 1.
+        // Within the last halving around a point that only touches opacity 1.
         let tau = tau.min(f64::MAX.sqrt());
         [tau, rgb[0] * tau, rgb[1] * tau, rgb[2] * tau]
     }
 
-    /// Whether the cubics through these points are within the tolerance: what the cubic part of each adds, and how far it is off in
-    /// the middle, which an even kink does not hide from.
+    /// Whether the cubics through these points are within the tolerance: in the contribution of their cubic terms, and in their error in
+    /// the middle, which detects even kinks.
     fn is_smooth(&self, begin: f64, end: f64, rates: &[Rates; 4]) -> bool {
         let width = (end - begin) * self.length;
         let middle = self.rates(0.5 * (begin + end));

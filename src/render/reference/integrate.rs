@@ -18,7 +18,7 @@ const GAUSS: [(f64, f64); 5] = [
 /// Optical depth of a sub-piece: the ten-point rule is then exact to rounding.
 const SUB_PIECE_DEPTH: f64 = 0.5;
 
-/// What lies behind this optical depth is below f64's rounding of the image.
+/// Light from behind this optical depth is below f64's rounding of the image.
 pub(in crate::render) const END_DEPTH: f64 = 40.0;
 
 /// The transfer function of a job, by its table.
@@ -33,8 +33,8 @@ impl<'a> Transfer<'a> {
         job.joint.as_ref().map_or(Self::Scalar(&job.table), Self::Joint)
     }
 
-    /// The segment, cut so that all is linear on each piece: colour and extinction at both ends of each, as seen from inside
-    /// of it, and its share of the length.
+    /// Cuts the segment into linear pieces: colour and extinction at both ends of each, as limits from inside, and its share of the
+    /// length.
     pub(in crate::render) fn pieces(self, segment: &Segment) -> Vec<(Node, Node, f64)> {
         match self {
             Self::Scalar(table) => {
@@ -69,27 +69,27 @@ impl Medium for Transfer<'_> {
     }
 }
 
-/// What a ray has gathered so far.
+/// Accumulated light of a ray.
 pub(in crate::render) struct Sum {
     pub(super) rgb: [f64; 3],
     pub(super) depth_so_far: f64,
-    /// Depth where the first piece with extinction begins; infinite if there was none.
+    /// Depth at which the first piece with extinction begins; infinite if there was none.
     pub(super) visible_from: f64,
-    /// The number of the surface whose normal `rgb` is, if that is asked for.
+    /// The number of the surface whose normal is in `rgb`, if guides are rendered.
     guide: Option<u32>,
 }
 
-/// What a ray sees.
+/// Result of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
     /// Premultiplied colour and opacity.
     pub(super) rgba: [f64; 4],
-    /// Depth where the first piece with extinction begins; infinite if there is none.
+    /// Depth at which the first piece with extinction begins; infinite if there is none.
     pub(super) visible_from: f64,
 }
 
-/// Colour, opacity and first visible depth of a ray through a chain of segments and the fragments of other layers, nearest first;
-/// `scale` is the world length of a local one.
+/// Colour, opacity and first visible depth of a ray through a chain of segments and the fragments of other layers, nearest first; `scale`
+/// is the world length of a local unit.
 pub(super) fn integrate<M: Medium<Light = Sum>>(
     medium: &M,
     chain: impl Iterator<Item = Segment>,
@@ -120,7 +120,7 @@ impl Sum {
         Self { rgb: [0.0; 3], depth_so_far: 0.0, visible_from: f64::INFINITY, guide: None }
     }
 
-    /// A flat thing of opacity a has the optical depth -ln(1 - a).
+    /// Adds a fragment of opacity a, whose optical depth is -ln(1 - a).
     fn add_fragment(&mut self, depth: f64, rgba: [f32; 4]) {
         let [light @ .., opacity] = rgba.map(f64::from);
         let through = (-self.depth_so_far).exp();
@@ -131,7 +131,7 @@ impl Sum {
         }
     }
 
-    /// A surface of this colour, not premultiplied, and opacity.
+    /// Adds a surface of this opacity and colour, not premultiplied.
     pub(super) fn add_surface(&mut self, depth: f64, rgb: [f64; 3], opacity: f64) {
         if opacity == 0.0 {
             return;
@@ -142,7 +142,7 @@ impl Sum {
         self.visible_from = self.visible_from.min(depth);
     }
 
-    /// The nearest surface shows its normal and its number, and hides all else.
+    /// Records the normal and number of the nearest surface, which hides all else.
     pub(super) fn end_with_guide(&mut self, depth: f64, normal: DVec3, number: u32) {
         if self.guide.is_some() {
             return;
@@ -158,8 +158,8 @@ impl Sum {
     }
 }
 
-/// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as seen
-/// from inside the piece, and its share of the length.
+/// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as limits from inside, and
+/// its share of the length.
 fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
     let (lo, hi) = (s0.min(s1), s0.max(s1));
     let mut cuts = vec![lo];
@@ -204,7 +204,7 @@ fn add_piece(rgb: &mut [f64; 3], depth_so_far: &mut f64, from: &Node, to: &Node,
     if total <= 0.0 {
         return;
     }
-    // Where the optical depth reaches x (the stable root of the quadratic).
+    // The point at which the optical depth reaches x (the stable root of the quadratic).
     let place = |x: f64| 2.0 * x / (t0 + (t0 * t0 + 2.0 * slope * x).max(0.0).sqrt());
     let count = (total.min(END_DEPTH) / SUB_PIECE_DEPTH).ceil() as usize;
     let mut begin = 0.0;
@@ -237,12 +237,12 @@ mod tests {
             let line = RayLine { length_per_depth: 0.1, ..RayLine::default() };
             let chain = (0..10).map(|i| Segment::of_scalars(0, point(i), point(i + 1), line));
             let [red, green, _, alpha] = integrate(&Transfer::Scalar(&table), chain, &[], 1.0).rgba;
-            // Ten segments of a tenth: an optical depth of tau. Half of its square is what the first term of the series leaves;
-            // to that come roundings of f64 (measured: 2.2e-16 of it, colours 6.7e-16).
+            // Ten segments of a tenth: an optical depth of tau. The series' first term leaves an error of half its square, plus roundings
+            // of f64 (measured: 2.2e-16 of it, colours 6.7e-16).
             assert!((alpha / tau - 1.0).abs() <= 0.5 * tau + 2e-15, "{tau:e}: {alpha:e}");
             assert!((red / alpha - 1.0).abs() < 5e-15 && (green / alpha - 0.5).abs() < 5e-15, "{tau:e}");
         }
-        // By the definition as it stands there is nothing, or half of it.
+        // The naive form gives nothing, or half of it.
         let naive = |tau: f64| 1.0 - (-tau).exp();
         assert!(naive(1e-18) == 0.0 && (naive(1e-16) / 1e-16 - 1.0).abs() > 0.1);
     }

@@ -4,8 +4,8 @@ use crate::node_table::Node;
 use crate::render::JointScene;
 use crate::render::medium::Segment;
 
-/// The segment, cut where the scalar meets a node, where the quantity of vertices meets a row, and where both together meet the
-/// diagonal of a rectangle: values at both ends of each piece, as seen from inside of it, and its share of the length.
+/// The segment, cut where the scalar meets a node, where the value at vertices meets a row, and where both together meet the diagonal of
+/// a rectangle: table values at both ends of each piece, as limits from inside, and its share of the length.
 pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, f64)> {
     let (table, cell_value) = (&scene.table, scene.cell_value(segment.cell));
     let (scalars, values) = (segment.part_scalar, segment.part_value());
@@ -21,7 +21,7 @@ pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, 
     cuts.sort_by(f64::total_cmp);
     let mut diagonals = Vec::new();
     for pair in cuts.windows(2) {
-        // In one rectangle, that of the middle.
+        // The piece lies in one rectangle, that of its middle.
         let middle = 0.5 * (pair[0] + pair[1]);
         let (Some([left, right]), Some([lower, upper])) =
             (around(table.scalars(), scalar(middle)), around(table.vertex_axis(), value(middle)))
@@ -41,21 +41,20 @@ pub(super) fn pieces(scene: &JointScene, segment: &Segment) -> Vec<(Node, Node, 
     longer.map(|pair| line_between(pair[0], pair[1], at)).collect()
 }
 
-/// The neighbours on an axis that a value lies between.
+/// The axis positions that enclose a value.
 fn around(axis: &[f64], at: f64) -> Option<[f64; 2]> {
     let above = axis.partition_point(|&place| place <= at);
     Some([*axis.get(above.checked_sub(1)?)?, *axis.get(above)?])
 }
 
-/// The values that `at` tends to at both ends of a piece on which it is linear, from two places inside: at the ends it may have a
-/// step.
+/// The limits of `at` at both ends of a piece on which it is linear, extrapolated from two points inside: at the ends it may have a step.
 fn line_between(start: f64, end: f64, at: impl Fn(f64) -> Node) -> (Node, Node, f64) {
     let [first, second] = [0.25, 0.75].map(|f| at(start + f * (end - start)));
     let beyond = |a: f64, b: f64| 1.5 * a - 0.5 * b;
     let line = |a: &Node, b: &Node| Node {
         scalar: beyond(a.scalar, b.scalar),
         rgb: std::array::from_fn(|c| beyond(a.rgb[c], b.rgb[c])),
-        // Rounding may leave a little less than nothing at the foot of a ramp.
+        // Rounding may leave slightly negative values at the foot of a ramp.
         tau: beyond(a.tau, b.tau).max(0.0),
     };
     (line(&first, &second), line(&second, &first), end - start)

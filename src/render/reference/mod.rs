@@ -1,19 +1,19 @@
-//! The judge: float64, brute force, no adjacency, no tables.
+//! The ground truth: float64, brute force, no adjacency, no tables.
 //!
-//! For every pixel every tet is clipped against the ray; the segments are sorted by depth and integrated one after the
-//! other. Slow and obvious. Nothing is shared with the fast paths but the stored coordinates. A job without the
-//! [source](crate::transfer::TransferSource) of its transfer function is judged by its table, and its statistics say so.
+//! For every pixel every tet is clipped against the ray; the segments are sorted by depth and integrated one after the other. Slow and
+//! simple. Nothing is shared with the fast paths except the stored coordinates. A job without the
+//! [source](crate::transfer::TransferSource) of its transfer function is integrated by its table, and its statistics say so.
 //!
 //! 1. A tet is clipped by its barycentric coordinates, which are linear along the ray: the ray is inside where all four
-//!    are >= 0, or, if it is nowhere, where they are >= -[`INFLATION`] over more than [`GRAZING_LENGTH`]: rays that run in a
+//!    are >= 0, or, if nowhere, where they are >= -[`INFLATION`] over more than [`GRAZING_LENGTH`]: rays that run in a
 //!    face or along an edge do not fall between two cells, and a cell that is only touched does not count.
-//! 2. Inflated cells overlap by as much, and invalid meshes more: segments are taken by their near end, each from where
-//!    the last one ended. A point of the ray is in one cell.
+//! 2. Inflated cells overlap slightly, and cells of invalid meshes more: segments are sorted by their near end, each starting where
+//!    the last one ended, so that a point of the ray is in one cell.
 //! 3. A segment is split where the formula of the transfer function has a knot, and integrated by the definition
 //!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. With a table it is split at its nodes, in
 //!    a joint table at all lines of its rectangles.
 //!
-//! Rows are worked on in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
+//! Rows are processed in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
 pub(super) mod clip;
 mod cuts;
@@ -33,21 +33,21 @@ use rayon::prelude::*;
 use std::time::{Duration, Instant};
 use surfaces::{Surfaces, WithSurfaces};
 
-/// Cells that are clipped between two looks at the flag that cancels.
+/// Cells clipped between two checks of the cancel flag.
 const CELLS_AT_ONCE: usize = 1024;
 
 /// Rows of a band.
 const BAND_ROWS: usize = 8;
 
-/// Pixels of a band of listed ones.
+/// Pixels of a band of listed pixels.
 const BAND_PIXELS: usize = 4096;
 
-/// By how much, in barycentric coordinates, cells are inflated: far above f64's rounding of them on anything but slivers of
-/// 1:10^5, far below what an image can show.
+/// Inflation of cells in barycentric coordinates: far above f64's rounding of them except on slivers of 1:10^5, far below what an image
+/// can resolve.
 const INFLATION: f64 = 1e-10;
 
-/// Least length, in local units, of a segment that exists by inflation alone: a cell that is touched in a point is passed in
-/// about [`INFLATION`], one along whose face the ray runs in about the cell's size.
+/// Least length, in local units, of a segment that exists by inflation alone: a cell touched in a point has a segment of about
+/// [`INFLATION`], one along whose face the ray runs of about the cell's size.
 const GRAZING_LENGTH: f64 = 1e-5;
 
 /// The reference renderer. Renders 1M cells to 512 x 512 pixels in seconds.
@@ -129,7 +129,7 @@ impl LayerRenderer for Judge {
 }
 
 impl JudgedJob {
-    /// What the ray of a place in the plane sees in a medium, and of surfaces in it.
+    /// Integrates the ray at an index of the plane, through a medium with the job's surfaces and cuts in it.
     fn integrate<M: Medium<Ray = (), Light = integrate::Sum>>(
         &self,
         medium: &M,
@@ -160,13 +160,13 @@ impl JudgedJob {
     }
 }
 
-/// Renders the pixels from place `first` of the plane on, unless the job is cancelled; returns the number of segments.
+/// Renders the pixels from index `first` of the plane on, unless the job is cancelled; returns the number of segments.
 fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths: &mut [f32]) -> u64 {
     let _turn = active.job.thread_limit.turn();
     let (view, scale) = (&active.view, active.job.mesh.positions.scale);
     let places = first..first + pixels.len();
     let rows = view.rows_of(places.clone());
-    // It has been made before, when the job began.
+    // The formula was validated when the job began.
     let formula = active.job.formula.as_ref().and_then(|source| source.formula().ok());
     let colors = active.job.surfaces.as_ref().and_then(|scene| scene.source()?.formula().ok());
     let mut segments: Vec<(u32, Segment)> = Vec::new();

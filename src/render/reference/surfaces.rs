@@ -1,7 +1,7 @@
-//! Isosurfaces, by their definition: where the scalar on the ray, linear in a cell, passes an isovalue.
+//! Isosurfaces, by their definition: points where the scalar on the ray, linear in a cell, passes an isovalue.
 //!
-//! Nothing is shared with [`surfaces::medium`](crate::render::surfaces) but what is asked for: places, their order, normals and gradients at
-//! vertices are found here once more, in f64 and without regard to time.
+//! Only the request is shared with [`surfaces::medium`](crate::render::surfaces): points, their order, normals and gradients at vertices
+//! are computed independently, in f64 and without optimisation.
 
 use super::integrate::Sum;
 use crate::render::RenderJob;
@@ -14,10 +14,10 @@ pub(super) struct Surfaces {
     sheets: Vec<Sheet>,
     normals: Normals,
     light: Light,
-    /// The mean gradient at each vertex by volume, for smooth normals.
+    /// The volume-weighted mean gradient at each vertex, for smooth normals.
     gradients: Vec<DVec3>,
     lights_volume: bool,
-    /// Whether normals and numbers are shown.
+    /// Whether normals and numbers are rendered.
     guides: bool,
 }
 
@@ -50,7 +50,7 @@ fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
     edges.inverse() * DVec3::new(sa - so, sb - so, sc - so)
 }
 
-/// The sum of the gradients of the finite cells around each vertex, each times the volume of its cell.
+/// The volume-weighted sum of the gradients of the finite cells around each vertex.
 fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; job.mesh.positions.local.len()];
     for (cell, tet) in (0..).zip(&job.mesh.topology.tets) {
@@ -66,7 +66,7 @@ fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
     sums.iter().map(|sum| sum.try_normalize().unwrap_or(DVec3::ZERO)).collect()
 }
 
-/// A normal turned to the side that a ray comes from.
+/// A normal turned against the direction of a ray.
 pub(super) fn toward_eye(normal: DVec3, direction: DVec3) -> DVec3 {
     if normal.dot(direction) > 0.0 { -normal } else { normal }
 }
@@ -79,15 +79,15 @@ pub(super) struct WithSurfaces<'a, M> {
     pub(super) scene: &'a SurfaceScene,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
     pub(super) origin: DVec3,
-    /// How far it goes for a unit of depth.
+    /// Direction of the ray, per unit of depth.
     pub(super) direction: DVec3,
 }
 
-/// Gaps between segments that are rounding, local units: cells are inflated by a tenth of that.
+/// Gaps between segments up to this length, local units, are rounding: cells are inflated by a tenth of it.
 const ROUNDING: f64 = 1e-9;
 
 impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
-    /// Where the last segment ended.
+    /// The end of the last segment.
     type Ray = Option<RayPoint>;
     type Light = Sum;
     const HAS_VALUES: bool = M::HAS_VALUES;
@@ -95,13 +95,13 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
     fn pass(&self, last: &mut Self::Ray, segment: &Segment, sum: &mut Sum) -> u32 {
         let [near, far] = segment.part;
         let [mut s0, s1] = segment.part_scalar.map(|scalar| self.within_cell(segment.cell, scalar));
-        // Two cells that share a face find its scalar each in its own way: the ray is above there, or below, in both.
+        // Two cells compute the scalar on their shared face differently: the ray must be above, or below, in both.
         if let Some(before) = last.replace(RayPoint { depth: far, scalar: s1 })
             && near - before.depth < ROUNDING
         {
             s0 = before.scalar;
         }
-        // Places on the segment as shares of it.
+        // Surfaces met, by their fraction of the segment.
         let mut met: Vec<(f64, &Sheet)> = self
             .surfaces
             .sheets
@@ -109,7 +109,7 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
             .filter(|sheet| (s0 >= sheet.value) != (s1 >= sheet.value))
             .map(|sheet| ((sheet.value - s0) / (s1 - s0), sheet))
             .collect();
-        // Stable: of surfaces at one value the last one comes first from above.
+        // Stable sort: of surfaces at one value the last one comes first from above.
         if s1 < s0 {
             met.reverse();
         }
@@ -143,7 +143,7 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
 }
 
 impl<M: Medium<Ray = (), Light = Sum>> WithSurfaces<'_, M> {
-    /// A segment without surfaces, in the light that falls on the gradient in its middle if the volume is lit.
+    /// Integrates a segment without surfaces, lit by the gradient in its middle if the volume is lit.
     fn pass_volume(&self, segment: &Segment, sum: &mut Sum) -> u32 {
         if !self.surfaces.lights_volume {
             return self.volume.pass(&mut (), segment, sum);
@@ -157,13 +157,13 @@ impl<M: Medium<Ray = (), Light = Sum>> WithSurfaces<'_, M> {
 }
 
 impl<M> WithSurfaces<'_, M> {
-    /// A scalar that rounding has taken out of the range of a cell, back in it.
+    /// Clamps a scalar to the range of a cell against rounding.
     fn within_cell(&self, cell: u32, scalar: f64) -> f64 {
         let corners = self.job.mesh.topology.tets[cell as usize].map(|v| f64::from(self.job.scalars[v as usize]));
         scalar.clamp(corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max))
     }
 
-    /// The colour of another field at a depth in a cell.
+    /// The colour by another field at a depth in a cell.
     pub(super) fn color_by(&self, beside: &FieldBeside, cell: u32, depth: f64) -> [f64; 3] {
         let tet = self.job.mesh.topology.tets[cell as usize];
         beside.color(tet, self.weights(cell, depth))
@@ -177,7 +177,7 @@ impl<M> WithSurfaces<'_, M> {
         [1.0 - weights.element_sum(), weights.x, weights.y, weights.z]
     }
 
-    /// Across a surface in a cell, of any length.
+    /// Normal of a surface in a cell, of any length.
     fn normal(&self, cell: u32, depth: f64) -> DVec3 {
         match self.surfaces.normals {
             Normals::None | Normals::Cell | Normals::Screen | Normals::Depth => gradient(self.job, cell),
@@ -190,7 +190,7 @@ impl<M> WithSurfaces<'_, M> {
         }
     }
 
-    /// The cosine between the normal, turned to the side of the eye, and the light; 1 without a normal.
+    /// The cosine between the normal, turned towards the eye, and the light; 1 without a normal.
     fn light_on(&self, cell: u32, depth: f64) -> f64 {
         if matches!(self.surfaces.normals, Normals::None | Normals::Screen | Normals::Depth) {
             return 1.0;

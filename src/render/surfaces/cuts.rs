@@ -1,4 +1,4 @@
-//! Planes through the cells: sections and clips, and the box that is six clips.
+//! Planes through the cells: sections, clips, and crop boxes of six clips.
 
 use super::text::ByField;
 use crate::mesh::{Plane, Positions};
@@ -16,19 +16,19 @@ use std::str::FromStr;
 pub struct Cut {
     /// A point of the plane, world coordinates.
     pub point: [f64; 3],
-    /// Across the plane, world coordinates, of any length but 0.
+    /// Normal of the plane, world coordinates, of any length but 0.
     pub normal: [f64; 3],
-    /// Whether all is cut away on the side that the normal points to; otherwise the section is drawn, opaque, in the colours of the transfer
-    /// function, without light on it.
+    /// Whether the side that the normal points to is cut away; otherwise the section is drawn, opaque and unlit, in the colours of the
+    /// transfer function.
     #[serde(default)]
     pub clips: bool,
-    /// The place of the field beside whose colours the section has, instead of those of the transfer function.
+    /// Index of the field beside whose colours the section has, instead of those of the transfer function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<u8>,
 }
 
 impl Cut {
-    /// The same plane moved along its normal by a world length.
+    /// The plane moved along its normal by a world length.
     #[must_use]
     pub fn moved(&self, by: f64) -> Self {
         let normal = DVec3::from(self.normal);
@@ -37,17 +37,17 @@ impl Cut {
     }
 }
 
-/// A box outside of which all is cut away.
+/// A box that clips everything outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CropBox {
     /// The corner with the least coordinates, world.
     pub min: [f64; 3],
-    /// The one with the greatest.
+    /// The corner with the greatest coordinates, world.
     pub max: [f64; 3],
 }
 
 impl CropBox {
-    /// Its sides as planes.
+    /// The sides of the box as clips.
     pub fn cuts(&self) -> [Cut; 6] {
         let side = |axis: usize, point: [f64; 3], sign: f64| {
             let mut normal = [0.0; 3];
@@ -58,13 +58,13 @@ impl CropBox {
     }
 }
 
-/// Why there is no such plane.
+/// A point or normal that defines no plane.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "cut {place} has the point {point:?} and the normal {normal:?}; both are three finite numbers, not all of the normal 0"
 )]
 pub struct CutError {
-    /// Zero-based place in the list.
+    /// Zero-based index in the list.
     pub place: usize,
     /// Point given.
     pub point: [f64; 3],
@@ -72,7 +72,7 @@ pub struct CutError {
     pub normal: [f64; 3],
 }
 
-/// Whether there can be such planes.
+/// Checks that the planes are defined.
 ///
 /// # Errors
 /// If a point or a normal is not finite, or a normal is 0.
@@ -87,7 +87,7 @@ pub fn check_cuts(cuts: &[Cut]) -> Result<(), CutError> {
 /// The planes in the local coordinates of a mesh.
 ///
 /// # Errors
-/// As [`check_cuts`]; or a plane is so far away that it has no place there.
+/// As [`check_cuts`]; also if a plane is too far away for local coordinates.
 pub fn cut_planes(cuts: &[Cut], positions: &Positions) -> Result<CutPlanes, CutError> {
     check_cuts(cuts)?;
     let mut planes = CutPlanes::default();
@@ -98,7 +98,7 @@ pub fn cut_planes(cuts: &[Cut], positions: &Positions) -> Result<CutPlanes, CutE
     Ok(planes)
 }
 
-/// A cut as options say it: `point=x,y,z normal=x,y,z [clip] [field=NAME[@MAP]]`.
+/// A cut in the syntax of options: `point=x,y,z normal=x,y,z [clip] [field=NAME[@MAP]]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutText {
     /// The plane.
@@ -129,7 +129,7 @@ impl FromStr for CutText {
 impl FromStr for Cut {
     type Err = String;
 
-    /// `point=x,y,z normal=x,y,z`, and `clip` where that is meant.
+    /// Parses `point=x,y,z normal=x,y,z`, with `clip` for a clip.
     fn from_str(text: &str) -> Result<Self, String> {
         let mut cut = Parts::read(text, ["point", "normal"], "point=x,y,z normal=x,y,z, with or without clip")?;
         let clips = cut.words.pop_if(|word| word == "clip").is_some();
@@ -154,7 +154,7 @@ impl fmt::Display for Cut {
 impl FromStr for CropBox {
     type Err = String;
 
-    /// `min=x,y,z max=x,y,z`.
+    /// Parses `min=x,y,z max=x,y,z`.
     fn from_str(text: &str) -> Result<Self, String> {
         let Parts { values: [min, max], words } = Parts::read(text, ["min", "max"], "min=x,y,z max=x,y,z")?;
         if let Some(word) = words.first() {
@@ -187,7 +187,7 @@ impl fmt::Display for Triple<'_> {
     }
 }
 
-/// Two triples of numbers by their names, and what else stands beside them.
+/// Two named triples of numbers, and the other words.
 struct Parts {
     values: [[f64; 3]; 2],
     words: Vec<String>,

@@ -1,4 +1,4 @@
-//! Where rays meet planes.
+//! Intersections of rays with planes.
 
 use crate::camera::View;
 use crate::mesh::Plane;
@@ -14,7 +14,7 @@ pub(in crate::render) struct CutsInView {
 }
 
 impl CutsInView {
-    /// Planes in the local coordinates of a mesh, in a view in the same.
+    /// Converts planes in local coordinates of a mesh to a view in the same.
     pub(in crate::render) fn new(planes: &CutPlanes, view: &View) -> Self {
         let in_view = |planes: &[Plane]| planes.iter().map(|plane| PlaneInView::new(plane, view)).collect();
         let normals = planes.sections.iter().map(|section| section.normal).collect();
@@ -26,7 +26,7 @@ impl CutsInView {
         self.sections.is_empty() && self.clips.is_empty()
     }
 
-    /// The depths between which clips leave something of a segment, its ends included; `None` if they leave nothing.
+    /// The depths between which clips leave a part of a segment, its ends included; `None` if they leave nothing.
     pub(in crate::render) fn left_of(&self, segment: &Segment) -> Option<[f64; 2]> {
         let [mut from, mut to] = segment.part;
         for clip in &self.clips {
@@ -43,8 +43,8 @@ impl CutsInView {
         (from <= to).then_some([from, to])
     }
 
-    /// The section that the ray of a segment meets next in what is left of it, the nearest first and of equal ones in their order: its depth and
-    /// its number, from 1. `last`: the one before. One at the far end of the segment belongs to the next cell.
+    /// The next section on a segment between two depths, nearest first, equal depths in their order: its depth and its number, from 1.
+    /// `last`: the previous result. A section at the far end of the segment belongs to the next cell.
     pub(in crate::render) fn next_section(
         &self,
         segment: &Segment,
@@ -55,7 +55,7 @@ impl CutsInView {
             let (at_zero, slope) = section.along(segment);
             -at_zero / slope
         };
-        // What is not a number is not among them.
+        // False for NaN.
         let is_met = |(depth, _): &(f64, usize)| *depth >= from && *depth <= to && *depth < segment.part[1];
         let met = self.sections.iter().map(depth).zip(1..).filter(is_met);
         met.filter(|met| *met > last).min_by(|a, b| a.0.total_cmp(&b.0))
@@ -63,13 +63,13 @@ impl CutsInView {
 }
 
 impl CutsInView {
-    /// Across a section, by its number from 1.
+    /// Normal of a section, by its number from 1.
     pub(in crate::render) fn section_normal(&self, number: usize) -> DVec3 {
         self.normals[number - 1]
     }
 }
 
-/// A plane in view coordinates: the distance of a point (x, y, z) from it is x right + y up + z forward + offset.
+/// A plane in view coordinates: the distance of a point (x, y, z) is x right + y up + z forward + offset.
 struct PlaneInView {
     right: f64,
     up: f64,
@@ -84,7 +84,7 @@ impl PlaneInView {
         Self { right, up, forward, offset: plane.distance(view.eye), perspective: view.perspective }
     }
 
-    /// The distance from the plane on the ray of a segment: at depth 0, and by how much it grows for a unit of depth.
+    /// The distance from the plane along the ray of a segment: at depth 0, and its increase per unit of depth.
     #[inline(always)]
     fn along(&self, segment: &Segment) -> (f64, f64) {
         let beside = segment.line.px * self.right + segment.line.py * self.up;

@@ -1,4 +1,4 @@
-//! Isosurfaces and cuts between the pieces of a segment, as a [`Medium`] around that of the volume.
+//! Isosurfaces and cuts within a segment, as a [`Medium`] around that of the volume.
 
 use super::cuts_in_view::CutsInView;
 use super::{FieldBeside, Normals, Sheet, SurfaceScene};
@@ -12,7 +12,7 @@ use crate::render::medium::{Medium, RayLine, ScalarMedium, Segment};
 use crate::render::{OpticsTable, RenderJob};
 use glam::{DVec3, Vec4};
 
-/// A medium with isosurfaces in it, and planes that cut it.
+/// A medium with isosurfaces and cuts in it.
 pub(in crate::render) struct SurfaceMedium<'a, M> {
     volume: M,
     scene: &'a SurfaceScene,
@@ -22,13 +22,13 @@ pub(in crate::render) struct SurfaceMedium<'a, M> {
 }
 
 impl<'a, M> SurfaceMedium<'a, M> {
-    /// The surfaces of a job with this local view, in the medium that its volume is.
+    /// The surfaces of a job with this local view, in the medium of its volume.
     pub(in crate::render) fn new(volume: M, scene: &'a SurfaceScene, job: &'a RenderJob, view: &'a View) -> Self {
         let cuts = CutsInView::new(scene.planes(), view);
         Self { volume, scene, sheets: scene.sheets(), shader: Shader::new(scene, job, view), cuts }
     }
 
-    /// How many surfaces a scalar is above of, or on: those before this place among the sheets.
+    /// Number of surfaces at or below a scalar: the sheets before this index.
     #[inline(always)]
     fn below(&self, scalar: f64) -> usize {
         self.sheets.iter().map(|sheet| usize::from(sheet.value <= scalar)).sum()
@@ -36,7 +36,7 @@ impl<'a, M> SurfaceMedium<'a, M> {
 }
 
 impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
-    /// What is left of a segment between the surfaces in it.
+    /// Composites the part of a segment with the surfaces in it.
     #[inline(always)]
     fn pass_uncut(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
         let passed = segment.part_scalar.map(|scalar| self.below(scalar));
@@ -47,7 +47,7 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
         }
     }
 
-    /// What is left of a segment without surfaces in it.
+    /// Composites the part of a segment without surfaces in it.
     #[inline(always)]
     fn pass_volume(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
         if self.scene.shading().volume {
@@ -57,26 +57,26 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
         }
     }
 
-    /// The same in the light that falls on the gradient in its middle.
+    /// Composites such a part, lit by the gradient in its middle.
     #[inline(never)]
     fn pass_shaded(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
         let lit = self.shader.light_on(segment, 0.5 * segment.part[0] + 0.5 * segment.part[1]) as f32;
-        // A difference of sums would lose the digits of what the segment adds.
+        // Accumulated separately: a difference of sums would lose the digits of the segment's light.
         let mut behind = light.behind();
         let pieces = self.volume.pass(ray, segment, &mut behind);
         light.add_lit(behind, lit);
         pieces
     }
 
-    /// A segment through planes: what clips leave of it, with the sections that the ray meets there, the nearest first and of equal ones
-    /// in their order. A section at the depth of a clip is seen.
+    /// Composites the part of a segment that clips leave, with the sections on it, nearest first, equal depths in their order. A section
+    /// at the depth of a clip is visible.
     #[inline(never)]
     fn pass_cut(&self, ray: &mut M::Ray, segment: &Segment, light: &mut Accumulator) -> u32 {
         let [near, far] = segment.part;
         let Some([from, to]) = self.cuts.left_of(segment) else { return 0 };
         let mut rest = segment.between([from, to]);
         if from > near {
-            // The ray has not been through what lies before.
+            // The ray has skipped the part before.
             *ray = M::Ray::default();
         }
         let (mut pieces, mut last) = (0, (f64::NEG_INFINITY, 0));
@@ -110,7 +110,7 @@ impl<M: Medium<Light = Accumulator>> SurfaceMedium<'_, M> {
         pieces
     }
 
-    /// A segment with surfaces in it, `passed` of all, which the ray meets one after the other.
+    /// Composites a segment that passes surfaces: those between the counts `passed` at its ends, in order.
     #[inline(never)]
     fn pass_surfaces(&self, ray: &mut M::Ray, segment: &Segment, passed: [usize; 2], light: &mut Accumulator) -> u32 {
         let ([near, far], [near_scalar, far_scalar]) = (segment.part, segment.part_scalar);
@@ -173,21 +173,21 @@ impl<M: Medium<Light = Accumulator>> Medium for SurfaceMedium<'_, M> {
     }
 }
 
-/// What the nearest surface shows of itself.
+/// The guide pixel of the nearest surface.
 fn guide(normal: DVec3, number: u32) -> [f32; 4] {
     let [x, y, z] = normal.as_vec3().to_array();
-    // Exact: there are fewer than 2^24.
+    // Exact: numbers are below 2^24.
     [x, y, z, number as f32]
 }
 
-/// How bright surfaces are.
+/// Lighting of surfaces.
 struct Shader<'a> {
     normals: Normals,
-    /// Towards the light, world coordinates, of length 1; none: from the eye.
+    /// Unit vector towards the light, world coordinates; `None` for a light at the eye.
     light: Option<DVec3>,
     mesh: &'a Mesh,
     scalars: &'a [f32],
-    /// Vectors at vertices, for [`Normals::Vertex`].
+    /// Gradient vectors at vertices, for [`Normals::Vertex`].
     gradients: Option<&'a [[f32; 3]]>,
     view: &'a View,
 }
@@ -200,8 +200,8 @@ impl<'a> Shader<'a> {
         Self { normals: shading.normals, light, mesh: &job.mesh, scalars: &job.scalars, gradients, view }
     }
 
-    /// The share of its colour that a surface shows at a depth in the cell of a segment: the cosine between its normal, turned towards the eye,
-    /// and the light. All of it where there is no normal: of a cell too flat for one.
+    /// Brightness of a surface at a depth in the cell of a segment: the cosine between its normal, turned towards the eye, and the light.
+    /// 1 without a normal, as in a cell too flat for one.
     fn light_on(&self, segment: &Segment, depth: f64) -> f64 {
         if matches!(self.normals, Normals::None | Normals::Screen | Normals::Depth) {
             return 1.0;
@@ -215,7 +215,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Across an isosurface at a depth in the cell of a segment, of any length; 0 if there is no such direction.
+    /// Normal of an isosurface at a depth in the cell of a segment, of any length; 0 if undefined.
     fn normal_on(&self, segment: &Segment, depth: f64) -> DVec3 {
         match (self.normals, self.gradients) {
             (Normals::Vertex, Some(gradients)) => self.smooth_normal(segment, depth, gradients),
@@ -223,14 +223,14 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// How far the ray of a segment goes for a unit of depth.
+    /// Direction of the ray of a segment, per unit of depth.
     fn along(&self, segment: &Segment) -> DVec3 {
         let View { right, up, forward, perspective, .. } = *self.view;
         let RayLine { px, py, .. } = segment.line;
         if perspective { px * right + py * up + forward } else { forward }
     }
 
-    /// A normal of length 1 on the side of the eye; 0 if there is none.
+    /// Unit normal turned towards the eye; 0 if there is none.
     fn turned(&self, normal: DVec3, segment: &Segment) -> DVec3 {
         let normal = normal.normalize_or_zero();
         if normal.dot(self.along(segment)) > 0.0 { -normal } else { normal }
@@ -243,32 +243,32 @@ impl<'a> Shader<'a> {
         mesh::tet_gradient(self.mesh.positions.corners(tet), scalars).unwrap_or(DVec3::ZERO)
     }
 
-    /// The gradients of the vertices of a segment's cell, interpolated where the ray is at a depth.
+    /// The vertex gradients of a segment's cell, interpolated on the ray at a depth.
     fn smooth_normal(&self, segment: &Segment, depth: f64, gradients: &[[f32; 3]]) -> DVec3 {
         let (tet, weights) = self.place(segment, depth);
         tet.iter().zip(weights).map(|(&v, weight)| weight * DVec3::from(gradients[v as usize].map(f64::from))).sum()
     }
 
-    /// The colour that another field has where the ray is at a depth.
+    /// The colour by another field on the ray at a depth.
     fn color_by(&self, beside: &FieldBeside, segment: &Segment, depth: f64) -> [f64; 3] {
         let (tet, weights) = self.place(segment, depth);
         beside.color(tet, weights)
     }
 
-    /// Where the ray is at a depth: the vertices of a segment's cell, and barycentric coordinates.
+    /// Position on the ray at a depth: the vertices of a segment's cell, and barycentric coordinates.
     fn place(&self, segment: &Segment, depth: f64) -> ([u32; 4], [f64; 4]) {
         let View { right, up, forward, perspective, eye, .. } = *self.view;
         let RayLine { px, py, .. } = segment.line;
         let (x, y) = if perspective { (px * depth, py * depth) } else { (px, py) };
         let tet = self.mesh.topology.tets[segment.cell as usize];
-        // The point relative to the first corner: the eye may be far away.
+        // Relative to the first corner, as the eye may be far away.
         let corners = self.mesh.positions.corners(tet).map(|corner| corner.as_dvec3());
         let point = (eye - corners[0]) + x * right + y * up + depth * forward;
         (tet, weights(corners, point))
     }
 }
 
-/// Barycentric coordinates of a point, given relative to the first corner, kept within the tet.
+/// Barycentric coordinates of a point, given relative to the first corner, clamped to the tet.
 fn weights(corners: [DVec3; 4], point: DVec3) -> [f64; 4] {
     let [a, b, c] = [1, 2, 3].map(|i| corners[i] - corners[0]);
     let determinant = a.dot(b.cross(c));
@@ -277,10 +277,10 @@ fn weights(corners: [DVec3; 4], point: DVec3) -> [f64; 4] {
     [(1.0 - a - b - c).max(0.0), a, b, c]
 }
 
-/// The volume of a job whose transfer function is of the scalar alone, whatever its optics: one type, since a renderer is compiled for
-/// each.
+/// The volume of a job whose transfer function is of the scalar alone, for all optics in one type, since a renderer is compiled for each
+/// type.
 pub(in crate::render) enum VolumeMedium<'a> {
-    /// Nothing is to be seen of it.
+    /// Nothing is visible.
     Transparent,
     /// Integrated exactly.
     Exact(ScalarMedium<'a, ExactTable>),
@@ -290,10 +290,10 @@ pub(in crate::render) enum VolumeMedium<'a> {
     Partial(ScalarMedium<'a, PartialTable>),
 }
 
-/// What a [`VolumeMedium`] knows of a ray.
+/// State of a ray in a [`VolumeMedium`].
 #[derive(Clone, Copy, Default)]
 pub(in crate::render) enum VolumeRay {
-    /// Nothing.
+    /// No position in a table.
     #[default]
     New,
     Exact(<ExactTable as Integrator>::Place),
@@ -318,7 +318,7 @@ impl Medium for VolumeMedium<'_> {
     const HAS_VALUES: bool = false;
 
     fn pass(&self, ray: &mut VolumeRay, segment: &Segment, light: &mut Accumulator) -> u32 {
-        /// Passes a segment, from the place in a table that the ray knows, if it is of that table.
+        /// Composites a segment, continuing at the ray's position if it is in this table.
         macro_rules! pass {
             ($medium:expr, $kind:ident) => {{
                 let mut place = if let VolumeRay::$kind(place) = *ray { Some(place) } else { None };

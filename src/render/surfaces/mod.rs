@@ -1,18 +1,18 @@
-//! Surfaces inside the cells: isosurfaces and the light on them, and planes that cut them.
+//! Surfaces inside the cells: isosurfaces and their lighting, and cutting planes.
 //!
-//! The scalar is linear in a cell, so an isosurface is flat there, and a ray meets it where the scalar along the ray, linear as
-//! well, passes the isovalue: between successive faces, as in the dissertation (6.1.3.2). A scalar counts as above an isovalue if it is at
-//! least that. A ray meets the surface where one end of its way through a cell is above and the other is not; ends are shared by
-//! neighbouring cells, so that no ray slips through between two of them or meets a surface twice. A cell whose scalars all equal the
-//! isovalue lies above: its border to lower cells is the surface. Where the domain or a hole ends there is no surface.
+//! The scalar is linear in a cell, so an isosurface is flat there, and a ray meets it where the scalar along the ray, linear as well,
+//! passes the isovalue: between successive faces, as in the dissertation (6.1.3.2). A scalar counts as above an isovalue if it is at
+//! least that. A ray meets the surface if one end of its segment in a cell is above and the other is not; ends are shared by neighbouring
+//! cells, so that no ray slips through between two of them or meets a surface twice. A cell whose scalars all equal the isovalue lies
+//! above: its faces towards lower cells are the surface. At the boundary of the domain or of a hole there is no surface.
 //!
-//! A [`Cut`] shows the section of a plane, or clips what lies in front of it: rays pass through what is left of a segment between
-//! the clips, and meet sections where they meet the plane.
+//! A [`Cut`] shows the section of a plane, or clips everything in front of it: rays pass through the parts of segments between the clips,
+//! and meet sections where they meet the plane.
 //!
-//! [`Isosurface`], [`Cut`] and [`SurfaceShading`] are what is asked for; [`SurfaceScene`] is that with the colours of a transfer function, and
-//! [`medium`] puts it between the pieces of a segment; on the GPU `shaders/lib/surfaces.wgsl` does, but for cuts.
+//! [`Isosurface`], [`Cut`] and [`SurfaceShading`] are the request; [`SurfaceScene`] adds the colours of a transfer function, and
+//! [`medium`] inserts the surfaces into segments; on the GPU `shaders/lib/surfaces.wgsl` does, except for cuts.
 //!
-//! On the GPU sheets are uniform, gradients of vertices lie behind the view vertices, and the renderer of faces binds the corners of cells
+//! On the GPU sheets are uniforms, gradients of vertices lie behind the view vertices, and the face renderer binds the corners of cells
 //! as its eighth buffer.
 
 mod cuts;
@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 pub use text::{ByField, IsosurfaceText};
 
-/// Isosurfaces of a frame, at most.
+/// Maximum number of isosurfaces in a frame.
 pub const SURFACES_MAX: usize = 32;
 
 /// A surface on which the scalar has one value.
@@ -41,22 +41,22 @@ pub const SURFACES_MAX: usize = 32;
 pub struct Isosurface {
     /// The isovalue, in the unit of the field.
     pub value: f64,
-    /// Colour of the side towards lower scalars, display-referred red, green and blue in 0..=1; `None`: that of the transfer function at
+    /// Colour of the side towards lower scalars, display-referred red, green and blue in 0..=1; `None`: the transfer function's colour at
     /// the isovalue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub front: Option<[f64; 3]>,
-    /// Colour of the side towards higher scalars; `None`: that of the front.
+    /// Colour of the side towards higher scalars; `None`: the colour of the front.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub back: Option<[f64; 3]>,
-    /// Share of the light that it takes, 0..=1.
+    /// Opacity, 0..=1.
     #[serde(default = "opaque")]
     pub opacity: f64,
-    /// The place of the field beside whose colours it has on both sides, instead of its own.
+    /// Index of the field beside whose colours it has on both sides, instead of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<u8>,
 }
 
-/// What a text means that does not say.
+/// Default if the field is missing.
 fn opaque() -> f64 {
     1.0
 }
@@ -68,31 +68,31 @@ impl Isosurface {
     }
 }
 
-/// Where the normals of surfaces come from.
+/// Source of the normals of surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Normals {
-    /// From nowhere: colours are as they are.
+    /// No normals: colours are unlit.
     None,
     /// The gradient of the scalar in the cell: the normal of the piecewise linear surface, with a facet a cell.
     #[default]
     Cell,
-    /// Gradients at vertices, the means of those of their cells by volume, interpolated in the cell: smooth.
+    /// Volume-weighted mean gradients at vertices, interpolated in the cell: smooth.
     Vertex,
-    /// The depths of neighbouring pixels, by central differences: of the nearest surface alone (dissertation 6.1.3.2).
+    /// Central differences of neighbouring pixels' depths, for the nearest surface alone (dissertation 6.1.3.2).
     Screen,
-    /// From nowhere: the farther the nearest surface, the darker (dissertation 6.1.3.2).
+    /// No normals: the farther the nearest surface, the darker (dissertation 6.1.3.2).
     Depth,
 }
 
-/// Where light comes from.
+/// Direction of the light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Light {
-    /// From the eye.
+    /// Light from the eye.
     #[default]
     Headlight,
-    /// From far away in this direction, world coordinates, of any length but 0.
+    /// Distant light from this direction, world coordinates, of any length but 0.
     From([f64; 3]),
 }
 
@@ -100,19 +100,19 @@ pub enum Light {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceShading {
-    /// Where normals come from.
+    /// Source of the normals.
     #[serde(default)]
     pub normals: Normals,
-    /// Where light comes from.
+    /// Direction of the light.
     #[serde(default)]
     pub light: Light,
-    /// Whether the volume is lit, too: by its gradients, as isosurfaces are that would go through it there.
+    /// Whether the volume is lit, too, by its gradients, like isosurfaces through the same points.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub volume: bool,
-    /// Whether the nearest surface is darker where what lies around it hides it: ambient occlusion, found on the image.
+    /// Whether to darken the nearest surface where its surroundings hide it: ambient occlusion in image space.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub ambient_occlusion: bool,
-    /// Whether depths are smoothed first where faces were left out, for all that is found on the image.
+    /// Whether depths are smoothed where faces were left out, before any lighting in image space.
     #[serde(default = "smooth", skip_serializing_if = "is_smooth")]
     pub smooth: bool,
 }
@@ -130,28 +130,28 @@ impl Default for SurfaceShading {
 }
 
 impl SurfaceShading {
-    /// Whether light is found on the image, from all of its pixels.
+    /// Whether lighting works in image space, on all pixels.
     pub fn is_of_screen(&self) -> bool {
         self.ambient_occlusion || matches!(self.normals, Normals::Screen | Normals::Depth)
     }
 }
 
-/// What a text means that does not say.
+/// Default if the field is missing.
 fn smooth() -> bool {
     true
 }
 
-/// Whether that need not be said.
+/// Whether the value is the default, and not written.
 fn is_smooth(smooth: &bool) -> bool {
     *smooth
 }
 
 impl SurfaceShading {
-    /// Towards the light, world coordinates, of length 1; `None`: from the eye.
+    /// Unit vector towards the light, world coordinates; `None` for a light at the eye.
     pub(in crate::render) fn towards_light(&self) -> Option<DVec3> {
         match self.light {
             Light::Headlight => None,
-            // Squares of very long and very short vectors leave the range of numbers.
+            // Squares of very long and very short vectors overflow or underflow.
             Light::From(direction) => {
                 let direction = DVec3::from(direction);
                 Some((direction / direction.abs().max_element()).normalize())
@@ -160,7 +160,7 @@ impl SurfaceShading {
     }
 }
 
-/// Why there are no such surfaces.
+/// Why surfaces are invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
     /// More than [`SURFACES_MAX`].
@@ -169,7 +169,7 @@ pub enum SurfaceError {
     /// An isovalue that is not finite.
     #[error("isosurface {place} at {value}: isovalues are finite")]
     Value {
-        /// Zero-based place in the list.
+        /// Zero-based index in the list.
         place: usize,
         /// Value given.
         value: f64,
@@ -177,17 +177,17 @@ pub enum SurfaceError {
     /// A colour or an opacity outside of 0..=1.
     #[error("isosurface {place} has a colour or an opacity of {value}; both lie between 0 and 1")]
     Share {
-        /// Zero-based place in the list.
+        /// Zero-based index in the list.
         place: usize,
         /// Value given.
         value: f64,
     },
-    /// A light that comes from nowhere.
+    /// A light without a direction.
     #[error("light from {0:?}; a direction is three finite numbers, not all 0")]
     Light([f64; 3]),
 }
 
-/// Whether there can be such surfaces.
+/// Checks that surfaces and shading are valid.
 ///
 /// # Errors
 /// If there are too many, or a value is not finite or outside of its range.
@@ -213,34 +213,34 @@ pub fn check(surfaces: &[Isosurface], shading: &SurfaceShading) -> Result<(), Su
     }
 }
 
-/// A surface with its colours.
+/// An isosurface with its colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sheet {
-    /// Its place among those asked for, from 1.
+    /// Number in the request, from 1.
     pub(super) number: u32,
     /// The isovalue.
     pub(super) value: f64,
     pub(super) front: [f64; 3],
     pub(super) back: [f64; 3],
     pub(super) opacity: f64,
-    /// The place of the field beside whose colours it has.
+    /// Index of the field beside whose colours it has.
     pub(super) by: Option<u8>,
 }
 
-/// A field beside that of the job.
+/// A further field beside that of the job, as a source of colours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldBeside {
     /// One scalar per vertex of the mesh.
     pub scalars: Arc<Vec<f32>>,
-    /// Its colours.
+    /// Colours by scalar.
     pub colors: Arc<NodeTable>,
 }
 
-/// Where a field beside has no finite value.
+/// Colour where a field beside is not finite.
 const NO_VALUE: [f64; 3] = [0.5; 3];
 
 impl FieldBeside {
-    /// The colour at a place in a cell, by barycentric coordinates.
+    /// The colour at a point of a cell, by barycentric coordinates.
     pub(super) fn color(&self, tet: [u32; 4], weights: [f64; 4]) -> [f64; 3] {
         let scalar: f64 = (0..4).map(|i| weights[i] * f64::from(self.scalars[tet[i] as usize])).sum();
         if scalar.is_finite() { self.colors.eval(scalar).rgb } else { NO_VALUE }
@@ -250,27 +250,27 @@ impl FieldBeside {
 /// The surfaces of a job. Cheap to clone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceScene {
-    /// By isovalue; those of one value in the order in which they were asked for.
+    /// Isosurfaces by isovalue; equal values in the order of the request.
     sheets: Arc<[Sheet]>,
     shading: SurfaceShading,
-    /// One vector a vertex of the mesh along the gradient of the scalar, of any length, local coordinates; for [`Normals::Vertex`].
+    /// One vector per vertex of the mesh along the gradient of the scalar, of any length, local coordinates; for [`Normals::Vertex`].
     gradients: Option<Arc<Vec<[f32; 3]>>>,
     /// Planes that cut the cells.
     planes: CutPlanes,
-    /// For each section the place of the field beside whose colours it has.
+    /// For each section the index of the field beside whose colours it has.
     section_by: Arc<[Option<u8>]>,
     /// Fields beside that of the job.
     beside: Arc<[FieldBeside]>,
-    /// The transfer function whose colours sections have.
+    /// The transfer function that colours sections.
     colors: Arc<NodeTable>,
-    /// What these come from, for the judge.
+    /// The source of these colours, for the reference.
     source: Option<Arc<TransferSource>>,
     /// Whether the nearest surface shows its normal and its number instead of its colour and opacity.
     guides: bool,
 }
 
 impl SurfaceScene {
-    /// Surfaces in a field in the colours of this transfer function.
+    /// Isosurfaces coloured by this transfer function.
     ///
     /// # Errors
     /// As [`check`].
@@ -298,58 +298,58 @@ impl SurfaceScene {
         })
     }
 
-    /// The same with gradients at vertices, for smooth normals: one vector a vertex of the mesh, of any length, local coordinates.
+    /// Adds gradients at vertices for smooth normals: one vector per vertex of the mesh, of any length, local coordinates.
     #[must_use]
     pub fn with_gradients(self, gradients: Arc<Vec<[f32; 3]>>) -> Self {
         Self { gradients: Some(gradients), ..self }
     }
 
-    /// The same cut by planes, local coordinates of the mesh.
+    /// Adds planes that cut the cells, local coordinates of the mesh.
     #[must_use]
     pub fn with_planes(self, planes: CutPlanes) -> Self {
         Self { planes, ..self }
     }
 
-    /// The same for the reference, which finds the colours of sections by their definition.
+    /// Adds the source of the colours, with which the reference colours sections by their definition.
     #[must_use]
     pub fn with_source(self, source: Option<Arc<TransferSource>>) -> Self {
         Self { source, ..self }
     }
 
-    /// The same surfaces, of which the nearest shows its normal (world coordinates, towards the eye) and its number in place of colour and
-    /// opacity, and hides the others.
+    /// Turns the scene into guides: the nearest surface shows its normal (world coordinates, towards the eye) and its number in place of
+    /// colour and opacity, and hides the others.
     #[must_use]
     pub(super) fn into_guides(self) -> Self {
         Self { guides: true, ..self }
     }
 
-    /// Whether they do so.
+    /// Whether the scene shows guides.
     pub(super) fn shows_guides(&self) -> bool {
         self.guides
     }
 
-    /// What the colours come from, if that is known.
+    /// The source of the colours, if known.
     pub(super) fn source(&self) -> Option<&Arc<TransferSource>> {
         self.source.as_ref()
     }
 
-    /// The same with fields beside that of the job, one of them for some of the sections.
+    /// Adds fields beside that of the job, and the index that each section has among them.
     #[must_use]
     pub fn with_beside(self, beside: Vec<FieldBeside>, section_by: Vec<Option<u8>>) -> Self {
         Self { beside: beside.into(), section_by: section_by.into(), ..self }
     }
 
-    /// The field beside at a place, if there is one.
+    /// The field beside at an index, if there is one.
     pub(super) fn beside(&self, by: Option<u8>) -> Option<&FieldBeside> {
         self.beside.get(usize::from(by?))
     }
 
-    /// The field beside whose colours a section has (number from 1), if it has such.
+    /// The field beside whose colours a section has (number from 1), if any.
     pub(super) fn beside_section(&self, number: usize) -> Option<&FieldBeside> {
         self.beside(*self.section_by.get(number - 1)?)
     }
 
-    /// Whether some have colours of another field.
+    /// Whether any colours come from another field.
     pub fn has_beside(&self) -> bool {
         !self.beside.is_empty()
     }
@@ -359,18 +359,18 @@ impl SurfaceScene {
         &self.planes
     }
 
-    /// The colour of a section where the field has this scalar.
+    /// The colour of a section at this scalar.
     pub(super) fn section_color(&self, scalar: f64) -> [f64; 3] {
         self.colors.eval(scalar).rgb
     }
 
-    /// Whether gradients at vertices are needed and not there.
+    /// Whether gradients at vertices are needed but missing.
     pub fn lacks_gradients(&self) -> bool {
         let are_of_use = !self.sheets.is_empty() || self.shading.volume;
         self.shading.normals == Normals::Vertex && are_of_use && self.gradients.is_none()
     }
 
-    /// The gradients at vertices, if it has them.
+    /// The gradients at vertices, if present.
     pub(super) fn gradients(&self) -> Option<&Arc<Vec<[f32; 3]>>> {
         self.gradients.as_ref()
     }
@@ -380,12 +380,12 @@ impl SurfaceScene {
         self.shading.volume
     }
 
-    /// Whether there is neither a surface nor a section.
+    /// Whether there are neither isosurfaces nor sections.
     pub(crate) fn is_empty(&self) -> bool {
         self.sheets.is_empty() && self.planes.sections.is_empty()
     }
 
-    /// The surfaces by isovalue.
+    /// The isosurfaces by isovalue.
     pub(super) fn sheets(&self) -> &[Sheet] {
         &self.sheets
     }
@@ -395,7 +395,7 @@ impl SurfaceScene {
         self.sheets.len() as u32
     }
 
-    /// How they are lit.
+    /// How surfaces are lit.
     pub(super) fn shading(&self) -> SurfaceShading {
         self.shading
     }

@@ -1,8 +1,8 @@
 //! Gradients at vertices, for smooth normals.
 //!
-//! The vector of a vertex is the mean of the gradients in its cells, weighted by their volumes. A gradient times six volumes is the sum of cross
-//! products r_a b x c + r_b c x a + r_c a x b (edges a, b, c from one corner, rises r of the scalar along them): nothing is
-//! divided, so that slivers count as little as they are.
+//! The vector of a vertex is the mean of the gradients in its cells, weighted by their volumes. A gradient times six volumes is the sum
+//! of cross products r_a b x c + r_b c x a + r_c a x b (edges a, b, c from one corner, rises r of the scalar along them), without
+//! division, so that slivers count no more than their volume.
 
 use crate::mesh::Mesh;
 use crate::task::Cancel;
@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Weak};
 
-/// Vertices that a thread looks at between two looks at the flag that cancels.
+/// Vertices processed between two checks of the cancel flag.
 const CHUNK: usize = 4096;
 
-/// Gradients at the vertices of active cells, from step to step.
+/// Gradients at the vertices of active cells, updated from step to step.
 #[derive(Debug, Default)]
 pub struct VertexGradients {
     of: Weak<Mesh>,
@@ -25,7 +25,7 @@ pub struct VertexGradients {
     last: Option<Last>,
 }
 
-/// What the last gradients are of.
+/// The last gradients and their inputs.
 #[derive(Clone, Debug)]
 struct Last {
     scalars: Weak<Vec<f32>>,
@@ -33,15 +33,15 @@ struct Last {
     gradients: Arc<Vec<[f32; 3]>>,
 }
 
-/// A vertex of no active cell, one whose gradient is asked for, and one that has it.
+/// States of a vertex: of no active cell, gradient wanted, gradient known.
 const OUTSIDE: u8 = 0;
 const WANTED: u8 = 1;
 const KNOWN: u8 = 2;
 
 impl VertexGradients {
-    /// For each vertex of an active cell a unit vector (local coordinates) along the gradient of the scalar there, zero where that
-    /// is zero, from all of its cells with finite scalars. Vertices of other cells have a zero, or what they had when their cells were active
-    /// with the same scalars. `None` if `cancel` was raised.
+    /// For each vertex of an active cell the unit vector (local coordinates) along the mean gradient of its cells with finite scalars, or
+    /// zero if that is zero. Vertices of other cells have zero, or their vector from when their cells were active with the same scalars.
+    /// `None` if `cancel` was raised.
     pub fn update(
         &mut self,
         mesh: &Arc<Mesh>,
@@ -89,7 +89,7 @@ impl VertexGradients {
         Some(gradients)
     }
 
-    /// Marks the vertices of active cells that have no gradient; `before`: cells whose vertices have theirs.
+    /// Marks the vertices of active cells that have no gradient yet; `before`: cells whose vertices have theirs.
     fn want(&self, tets: &[[u32; 4]], active: &CellSet, before: Option<&CellSet>) {
         let words = active.words().par_iter().enumerate().with_min_len(256);
         words.for_each(|(at, &word)| {
@@ -108,7 +108,7 @@ impl VertexGradients {
     }
 }
 
-/// A unit vector along the mean gradient in some cells.
+/// The unit vector along the mean gradient in some cells.
 fn gradient(mesh: &Mesh, scalars: &[f32], cells: &[u32]) -> [f32; 3] {
     let sum: DVec3 = cells.iter().map(|&cell| times_six_volumes(mesh, scalars, cell)).sum();
     sum.try_normalize().unwrap_or(DVec3::ZERO).as_vec3().to_array()
@@ -127,10 +127,10 @@ fn times_six_volumes(mesh: &Mesh, scalars: &[f32], cell: u32) -> DVec3 {
     ra * b.cross(c) + rb * c.cross(a) + rc * a.cross(b)
 }
 
-/// The cells that each vertex is a corner of, ascending.
+/// The cells around each vertex, ascending.
 #[derive(Debug, Default)]
 struct CellsOfVertices {
-    /// For each vertex where its cells end; they begin where those of the vertex before end.
+    /// The end of each vertex's cells; they begin where those of the previous vertex end.
     ends: Vec<u32>,
     cells: Vec<u32>,
 }
@@ -143,7 +143,7 @@ impl CellsOfVertices {
         for end in &mut ends {
             sum += std::mem::replace(end, sum);
         }
-        // Now `ends` has the begins, and each goes on to its end.
+        // `ends` now has the starts, and each advances to its end.
         let mut cells = vec![0u32; 4 * tets.len()];
         for (cell, tet) in (0..).zip(tets) {
             for &vertex in tet {
@@ -183,7 +183,7 @@ mod tests {
         let scalars = of(&mesh, |p| 3.0 + direction.dot(p));
         let found = VertexGradients::default().update(&mesh, &scalars, &all, &Cancel::new()).unwrap();
         assert_eq!(found.len(), scalars.len());
-        // Scalars are rounded to 2^-24 of 6, and differ by a tenth or more along an edge.
+        // Scalars are rounded to 2^-24 of 6, and differ by at least a tenth along an edge.
         assert!(found.iter().all(|&v| (Vec3::from(v) - direction.normalize()).length() < 1e-5));
     }
 
@@ -203,7 +203,7 @@ mod tests {
         for (found, sum) in found.iter().zip(&sums) {
             assert!((Vec3::from(*found).as_dvec3() - sum.normalize()).length() < 1e-6);
         }
-        // The same again is not computed again; without a vertex its cells count for nothing.
+        // Unchanged input is not recomputed; without a vertex its cells do not count.
         let again = gradients.update(&mesh, &scalars, &all, &Cancel::new()).unwrap();
         assert!(Arc::ptr_eq(&found, &again));
         let hole = mesh.topology.tets[7][0];

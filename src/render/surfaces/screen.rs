@@ -1,15 +1,15 @@
-//! Light on the nearest surface from the planes of an image alone.
+//! Lighting of the nearest surface in image space.
 //!
-//! The renderer leaves colours as they are and the depth of the nearest surface behind; here that is smoothed where faces were left out,
-//! normals are found by central differences, and colours are multiplied by the light (dissertation 6.1.3.2, after Livnat and Tricoche 2004).
+//! The renderer leaves colours unlit and returns the depth of the nearest surface; this depth is smoothed where faces were left out,
+//! normals are central differences of it, and colours are multiplied by the light (dissertation 6.1.3.2, after Livnat and Tricoche 2004).
 //!
 //! ```text
 //! depth, id -> smoothed (faces left out) -> positions -> normal = horizontal x vertical difference -> light -> colour
 //! ```
-//! A difference is central where both neighbours lie on the same surface; to one side where the other neighbour lies on another one, or so much
-//! farther off that the surface ends in between.
+//! A difference is central where both neighbours lie on the same surface, and one-sided where one of them lies on another surface, or so
+//! much farther away that the surface ends in between.
 //!
-//! Normals and numbers take a second pass over the surfaces alone, of which the nearest shows its normal and number in place of colour and
+//! Normals and numbers take a second pass over the surfaces alone, with the normal and number of the nearest surface as colour and
 //! opacity, on the CPU whatever renders the frame.
 
 use super::{Normals, SurfaceShading};
@@ -18,30 +18,31 @@ use crate::image::{DepthImage, Plane, Planes};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A neighbour that is this many times farther off in depth than the opposite one lies behind an edge.
+/// A neighbour is beyond an edge if its depth difference is this many times that of the opposite neighbour.
 const EDGE: f64 = 8.0;
 
-/// Weights of a row or a column of the smoothing pass, of 16.
+/// Weights of a row or a column of the smoothing pass, in sixteenths.
 const BINOMIAL: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
 
-/// Depths that differ by more pixel lengths than this from one pixel to the next lie on two sides of an edge, for the smoothing pass.
+/// For the smoothing pass, an edge separates depths that differ by more than this many pixel lengths per pixel.
 const STEEP: f64 = 4.0;
 
-/// A pixel without a surface is a hole if surfaces around it have this share of the weights: at a straight edge they have less than a third.
+/// A pixel without a surface is a hole if pixels with surfaces have this share of the weights: at a straight edge they have less than a
+/// third.
 const HOLE: f64 = 0.6;
 
-/// The farthest surface of a mesh keeps this share of its colour when it is shaded by depth.
+/// Brightness of the farthest surface of a mesh when shaded by depth.
 const FARTHEST: f64 = 0.25;
 
-/// Ambient occlusion looks this far, as a share of the height of the image, into this many directions at as many distances.
+/// Ambient occlusion samples up to this distance, as a fraction of the image height, in this many directions at this many distances.
 const REACH: f64 = 0.06;
 const DIRECTIONS: usize = 8;
 const DISTANCES: usize = 3;
-/// Occluders below this share of their distance above the plane of a pixel are the curvature of the surface itself.
+/// Occluders lower than this fraction of their distance above a pixel's plane are curvature of the surface itself.
 const BIAS: f64 = 0.1;
 
-/// Normal and number of the nearest surface of each pixel, and its depth: planes from the image of a job's
-/// [guides](crate::render::RenderJob::of_guides).
+/// Sets the planes of normals and numbers from the image of a job's [guides](crate::render::RenderJob::of_guides); returns the depths of
+/// the nearest surface.
 pub(crate) fn set_guides(planes: &mut Planes, guides: &Planes) -> DepthImage {
     let Plane { width, height, ref pixels } = guides.color;
     let of = |[x, y, z, number]: [f32; 4]| ([x, y, z], number as u32);
@@ -51,20 +52,20 @@ pub(crate) fn set_guides(planes: &mut Planes, guides: &Planes) -> DepthImage {
     guides.depth.clone()
 }
 
-/// What an image is lit by.
+/// Inputs of lighting in image space.
 pub(crate) struct Screen<'a> {
     pub(crate) view: &'a View,
     pub(crate) shading: SurfaceShading,
     /// Least and greatest depth of the mesh in the view.
     pub(crate) depth_range: (f64, f64),
-    /// Number of isosurfaces: what has a greater number is a section, on which no light falls.
+    /// Number of isosurfaces: greater numbers are sections, which are unlit.
     pub(crate) isosurfaces: u32,
     /// Whether faces were left out.
     pub(crate) is_thinned: bool,
 }
 
 impl Screen<'_> {
-    /// Lights the nearest surface, whose normals, numbers and depths are there; normals become those that it is lit by.
+    /// Lights the nearest surface from its normals, numbers and depths; stores the normals used.
     pub(crate) fn light(&self, planes: &mut Planes, mut depth: DepthImage) {
         if self.is_thinned && self.shading.smooth {
             depth = smoothed(planes, &depth, |depth| self.pixel_length(depth));
@@ -97,7 +98,7 @@ impl Screen<'_> {
         }
     }
 
-    /// The point that a pixel sees at a depth, world coordinates relative to the eye.
+    /// The visible point of a pixel at a depth, world coordinates relative to the eye.
     fn point(&self, column: usize, row: usize, depth: f64) -> DVec3 {
         let View { right, up, forward, perspective, .. } = *self.view;
         let (px, py) = self.view.ray(column, row);
@@ -111,14 +112,14 @@ impl Screen<'_> {
         2.0 * half_height / height_px as f64 * if perspective { depth.abs() } else { 1.0 }
     }
 
-    /// Towards the eye from what a pixel sees.
+    /// Unit vector towards the eye from the visible point of a pixel.
     fn to_eye(&self, column: usize, row: usize) -> DVec3 {
         let View { right, up, forward, perspective, .. } = *self.view;
         let (px, py) = self.view.ray(column, row);
         -(if perspective { px * right + py * up + forward } else { forward }).normalize()
     }
 
-    /// Normals by differences of depths.
+    /// Normals from depth differences.
     fn normals(&self, depth: &DepthImage, id: &Plane<u32>) -> Plane<[f32; 3]> {
         let (width, height) = (depth.width, depth.height);
         let place = |column: usize, row: usize| row * width + column;
@@ -129,7 +130,7 @@ impl Screen<'_> {
             if number == 0 {
                 return [0.0; 3];
             }
-            // From one neighbour to the other, or to or from the pixel itself.
+            // Between the two neighbours, or between one and the pixel itself.
             let difference = |before: Option<(usize, usize)>, after: Option<(usize, usize)>| {
                 let on_surface = |n: &(usize, usize)| id.pixels[place(n.0, n.1)] == number;
                 let off = |n: (usize, usize)| f64::from(depth.pixels[place(n.0, n.1)] - depth.pixels[pixel]).abs();
@@ -159,16 +160,16 @@ impl Screen<'_> {
         if normal == DVec3::ZERO { 1.0 } else { normal.dot(toward).max(0.0) }
     }
 
-    /// 1 where the mesh begins, [`FARTHEST`] where it ends.
+    /// Brightness by depth: 1 at the near end of the mesh, [`FARTHEST`] at its far end.
     fn nearness(&self, depth: f64) -> f64 {
         let (near, far) = self.depth_range;
         let share = if far > near { ((depth - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
         1.0 + share * (FARTHEST - 1.0)
     }
 
-    /// The share of light from all around that reaches a pixel: 1 - 2 mean of max(0, n . v / |v| - bias) f(|v|) over places around it on the image,
-    /// v the way to what is seen there, f falling from 1 to 0 at twice the reach (after McGuire et al., "The Alchemy Screen-Space Ambient Obscurance
-    /// Algorithm", HPG 2011).
+    /// The fraction of ambient light that reaches a pixel: 1 - 2 mean of max(0, n . v / |v| - bias) f(|v|) over samples around it in the
+    /// image, v the vector to the visible point there, f falling from 1 to 0 at twice the reach (after McGuire et al., "The Alchemy
+    /// Screen-Space Ambient Obscurance Algorithm", HPG 2011).
     fn openness(&self, depth: &DepthImage, id: &Plane<u32>, normal: DVec3, (column, row): (usize, usize)) -> f64 {
         let (width, height) = (depth.width, depth.height);
         let here = self.point(column, row, f64::from(depth.pixels[row * width + column]));
@@ -207,9 +208,9 @@ fn next(at: usize, count: usize) -> Option<usize> {
     (at + 1 < count).then_some(at + 1)
 }
 
-/// Depths without outliers and noise: medians over 3 x 3 pixels, then means over 5 x 5 with binomial weights. Both are of pairs of pixels on opposite
-/// sides, so that planes stay as they are, also at edges: a pair counts where both see a surface, for the mean without an edge in between. Pixels in
-/// holes get depth, normal, number and colour of what is around them.
+/// Depths without outliers and noise: medians over 3 x 3 pixels, then means over 5 x 5 with binomial weights. Both use pairs of pixels on
+/// opposite sides, so that planes are preserved, also at edges: a pair counts if both show a surface, for the mean without an edge in
+/// between. Pixels in holes get depth, normal, number and colour of their surroundings.
 fn smoothed(planes: &mut Planes, depth: &DepthImage, one_px: impl Fn(f64) -> f64 + Sync) -> DepthImage {
     let (width, height) = (depth.width, depth.height);
     let Planes { color, normal, id, .. } = &*planes;
@@ -237,7 +238,7 @@ fn smoothed(planes: &mut Planes, depth: &DepthImage, one_px: impl Fn(f64) -> f64
             sum.all += if seen(pixel, dx, dy).is_some() { weight } else { 0.0 };
             let Some((at, opposite)) = pair(pixel, dx, dy) else { continue };
             let (Some(a), Some(b)) = (medians[at], medians[opposite]) else { continue };
-            // The farther the pixels, the more a slope makes of their depths.
+            // Depth differences on a slope grow with the pixel distance.
             let steep = STEEP * dx.abs().max(dy.abs()) as f64 * one_px(middle);
             if (a - middle).abs().max((b - middle).abs()) <= steep {
                 sum.weight += weight;
@@ -267,16 +268,16 @@ fn smoothed(planes: &mut Planes, depth: &DepthImage, one_px: impl Fn(f64) -> f64
     smooth
 }
 
-/// What surrounds a pixel, by its weights.
+/// Weighted sums around a pixel.
 #[derive(Clone, Copy, Default)]
 struct Around {
-    /// Weights of all that sees a surface.
+    /// Weights of all pixels with a surface.
     all: f64,
-    /// Those of what lies on the same side of edges.
+    /// Weights of those on the same side of edges.
     weight: f64,
     depth: f64,
     normal: [f64; 3],
     rgba: [f64; 4],
-    /// The greatest number: in a hole two surfaces may meet.
+    /// The greatest number: two surfaces may meet in a hole.
     number: u32,
 }

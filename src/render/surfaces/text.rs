@@ -12,7 +12,7 @@ use std::str::FromStr;
 pub struct ByField {
     /// The field.
     pub field: FieldSelector,
-    /// The colour map, or a file with one; `None`: that of the transfer function.
+    /// The colour map, or a file with one; `None`: the map of the transfer function.
     pub map: Option<String>,
 }
 
@@ -29,7 +29,7 @@ impl FromStr for ByField {
     }
 }
 
-/// An isosurface as options of the command line say it: `0.5`, `-2e3:#ff8800`, `0.5:#9ecbff/#2a4d9b:0.4`, `0.5::0.3`, `0.5:by=pressure`,
+/// An isosurface in the syntax of command-line options: `0.5`, `-2e3:#ff8800`, `0.5:#9ecbff/#2a4d9b:0.4`, `0.5::0.3`, `0.5:by=pressure`,
 /// `0.5:by=velocity:mag@viridis:0.5`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IsosurfaceText {
@@ -45,7 +45,7 @@ impl FromStr for IsosurfaceText {
     fn from_str(text: &str) -> Result<Self, String> {
         let (value, rest) = text.split_once(':').map_or((text, ""), |(value, rest)| (value, rest));
         if let Some(by) = rest.strip_prefix("by=") {
-            // Names of components have a colon: opacity comes behind a colour map only.
+            // Component names contain a colon: an opacity may only follow a colour map.
             let (by, opacity) = match by.split_once('@').and_then(|(field, map)| Some((field, map.split_once(':')?))) {
                 Some((field, (map, opacity))) => (format!("{field}@{map}"), opacity),
                 None => (by.to_owned(), ""),
@@ -76,7 +76,7 @@ impl FromStr for IsosurfaceText {
     }
 }
 
-/// A finite number.
+/// Parses a finite number.
 fn number(text: &str, what: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -84,7 +84,7 @@ fn number(text: &str, what: &str) -> Result<f64, String> {
     }
 }
 
-/// A colour of three bytes in hexadecimal digits.
+/// Parses a colour of three bytes in hexadecimal digits.
 fn color(text: &str) -> Result<[f64; 3], String> {
     let digits =
         text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit()));
@@ -101,7 +101,7 @@ impl fmt::Display for ByField {
 }
 
 impl fmt::Display for IsosurfaceText {
-    /// As it is read; colours to the nearest of 256 levels.
+    /// In the syntax that is read; colours to the nearest of 256 levels.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Isosurface { value, front, back, opacity, .. } = self.surface;
         let color = |rgb: [f64; 3]| {

@@ -1,8 +1,7 @@
-//! Which faces a tile has to look at, in the order of the list.
+//! The faces whose boxes overlap each tile, in list order.
 //!
-//! The list is cut into chunks that depend on its length alone; each chunk has lists of its own for all tiles, filled by one
-//! thread (count, scan, fill). A tile reads the chunks one after the other: the order is that of the list, however many
-//! threads there are.
+//! The list is cut into chunks that depend on its length alone; each chunk has its own lists for all tiles, filled by one thread (count,
+//! scan, fill). A tile reads the chunks one after the other, in list order, however many threads there are.
 
 use super::super::raster::boxes::{Bounds, BoxSource, least};
 use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists, below};
@@ -14,24 +13,24 @@ use crate::visibility::{CellSet, DrawnFaces};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Fewest faces of a chunk: enough to hide the cost of its lists.
+/// Smallest number of faces per chunk: enough to hide the cost of its lists.
 const CHUNK_MIN: usize = 4 * 1024;
-/// Most chunks: each has a counter for every tile.
+/// Largest number of chunks: each has a counter for every tile.
 const CHUNKS_MAX: usize = 128;
 
-/// For each tile the faces whose box meets it.
+/// For each tile the faces whose box overlaps it.
 #[derive(Debug, Default)]
 pub(super) struct FaceBins {
     pub(super) grid: TileGrid,
     chunks: Vec<Chunk>,
     used: usize,
-    /// One for each thread.
+    /// Scratch memory per thread.
     seen: Vec<Mutex<Seen>>,
-    /// Least depth of a corner of a face in each chunk or behind it, rounded to f32.
+    /// Least corner depth of all faces from each chunk on, rounded to f32.
     nearest_from: Vec<f32>,
 }
 
-/// The faces of a list in its order, kept as long as the list is drawn: in the mesh they lie anywhere in memory.
+/// The faces of a list in its order, copied from scattered memory of the mesh and kept as long as the list is drawn.
 #[derive(Debug, Default)]
 pub(super) struct FaceList {
     of: Option<(Arc<Mesh>, Arc<DrawnFaces>, Arc<CellSet>)>,
@@ -43,22 +42,22 @@ impl FaceBins {
         self.used
     }
 
-    /// The faces of a chunk that a tile has to look at.
+    /// The faces of a chunk that may cover a tile.
     pub(super) fn faces(&self, chunk: usize, tile: usize) -> &[TileFace] {
         self.chunks[chunk].lists.faces(tile)
     }
 
-    /// Whether a tile has to look at a face.
+    /// Whether a face may cover a tile.
     pub(super) fn has_faces(&self, tile: usize) -> bool {
         self.chunks[..self.used].iter().any(|chunk| !chunk.lists.faces(tile).is_empty())
     }
 
-    /// No face of this chunk or a later one has a place nearer than that; infinite behind the last chunk.
+    /// Lower bound on the depth of the faces from this chunk on; infinite behind the last chunk.
     pub(super) fn nearest_from(&self, chunk: usize) -> f64 {
         below(self.nearest_from[chunk])
     }
 
-    /// Sorts the faces of a job, `drawn`, into the tiles; some of them if it is cancelled.
+    /// Sorts the faces `drawn` of a job into tiles; only some of them if it is cancelled.
     pub(super) fn fill(
         &mut self,
         source: BoxSource<'_>,
@@ -88,12 +87,12 @@ impl FaceBins {
                     *listed = ListedFace { ids: topology.faces[face as usize], cells };
                 }
             }
-            // A thread of the pool has one of its own: the lock is never waited for.
+            // Each thread of the pool has its own: the lock is never contended.
             let seen = &seen[rayon::current_thread_index().unwrap_or(0) % seen.len()];
             chunk.fill(source, grid, faces, &mut seen.lock().unwrap_or_else(PoisonError::into_inner));
         });
         if job.cancel.is_cancelled() {
-            // Perhaps before all were found.
+            // Cancelled, perhaps before all faces were found.
             list.of = None;
         }
         self.nearest_from.clear();
@@ -105,7 +104,7 @@ impl FaceBins {
 }
 
 impl FaceList {
-    /// Makes room for the faces `drawn` of a job; whether they are still to be found.
+    /// Makes room for the faces `drawn` of a job; true if they are still to be found.
     fn begin(&mut self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> bool {
         let is_kept = self.of.as_ref().is_some_and(|(mesh, faces, active)| {
             Arc::ptr_eq(mesh, &job.mesh) && Arc::ptr_eq(faces, drawn) && Arc::ptr_eq(active, &job.active)

@@ -1,17 +1,17 @@
-//! What a ray meets at a face, and the order of that.
+//! Fragments, and their order on a ray.
 
 use super::super::super::medium::RayPoint;
 use super::super::raster::Hit;
 use crate::mesh::NONE;
 
-/// A place where a ray passes through a face.
+/// The point at which a ray passes through a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fragment {
     pub(super) depth: f64,
     pub(super) scalar: f64,
-    /// The active cell that the ray leaves here; [`NONE`] if there is none.
+    /// The active cell that the ray leaves; [`NONE`] if there is none.
     pub(super) near: u32,
-    /// The active cell that it enters.
+    /// The active cell that the ray enters; [`NONE`] if there is none.
     pub(super) far: u32,
 }
 
@@ -29,13 +29,13 @@ impl Fragment {
         Self { depth, scalar, near, far }
     }
 
-    /// The active cell that the ray leaves here, or `other` if there is none.
+    /// The active cell that the ray leaves, or `other` if there is none.
     pub(super) fn near_or(&self, other: u32) -> u32 {
         if self.near == NONE { other } else { self.near }
     }
 
-    /// Whether this fragment belongs in front of `other`, which came before it. Depths that differ by no more than `tie`
-    /// say nothing: then the cell between the two does, and an exit comes before an entry.
+    /// Whether this fragment belongs in front of `other`, which arrived earlier. Depths that differ by no more than `tie` are undecided:
+    /// the cell between the two then decides, and an exit comes before an entry.
     #[inline(always)]
     pub(super) fn is_before(&self, other: &Self, tie: f64) -> bool {
         let by = self.depth - other.depth;
@@ -66,8 +66,8 @@ pub(super) fn tie(furthest: f64) -> f64 {
     furthest * (1.0 / (1u64 << 48) as f64)
 }
 
-/// Sorts `fragments[sorted..]`, in the order of their arrival, into the `k` before each: what a buffer of `k` fragments
-/// would give out, when the nearest leaves it for each that arrives. `fragments[..sorted]` are in order.
+/// Sorts `fragments[sorted..]`, in order of arrival, into the `k` before each: the output order of a buffer of `k` fragments that emits
+/// its nearest one per arrival. `fragments[..sorted]` are in order.
 #[inline(always)]
 pub(super) fn sort_in_window(fragments: &mut [Fragment], sorted: usize, k: usize, tie: f64) {
     for i in sorted..fragments.len() {
@@ -82,9 +82,9 @@ pub(super) fn sort_in_window(fragments: &mut [Fragment], sorted: usize, k: usize
     }
 }
 
-/// Sorts all fragments of a ray, given in the order of their arrival.
+/// Sorts all fragments of a ray, given in order of arrival.
 pub(super) fn sort_all(fragments: &mut [Fragment], tie: f64) {
-    // Stable: fragments at one depth stay as they came. Those within rounding then change places with their neighbours.
+    // Stable sort: equal depths stay in order of arrival. Fragments within rounding then swap with their neighbours.
     fragments.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     sort_in_window(fragments, 1.min(fragments.len()), fragments.len(), tie);
 }

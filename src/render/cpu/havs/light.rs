@@ -10,17 +10,17 @@ use crate::mesh::NONE;
 use crate::optics::Accumulator;
 use crate::optics::exact::ExactRay;
 
-/// What is the same for all fragments of a ray.
+/// State shared by all fragments of a ray.
 pub(super) struct RayOptics<'a, M> {
     pub(super) values: ValuesOnRay<'a, M>,
-    /// Depths closer than that may be in the wrong order.
+    /// Depths closer than this may be in the wrong order.
     pub(super) tie: f64,
     pub(super) early_termination: bool,
 }
 
 impl<M: Medium> RayOptics<'_, M> {
-    /// The gap behind a point at which the ray enters the cell `far`: one segment in that cell. If some faces are not
-    /// drawn, the gap may be longer than that; the quantity of the cell then holds on to its end.
+    /// The gap behind a point at which the ray enters the cell `far`: one segment in that cell. If some faces are not drawn, the gap may
+    /// extend beyond the cell, whose cell value then applies to the whole gap.
     #[inline(always)]
     fn segment(&self, from: RayPoint, far: u32, to: &Fragment) -> Segment {
         let depth = [from.depth, to.depth];
@@ -33,19 +33,19 @@ impl<M: Medium> RayOptics<'_, M> {
     }
 }
 
-/// A ray that has come as far as its last fragment.
+/// A ray composited up to its last fragment.
 #[derive(Clone, Copy)]
 pub(super) struct FragmentRay<R, A> {
     light: RayLight<R, A>,
-    /// Where the last fragment is; depth -infinity before the first.
+    /// Position of the last fragment; depth -infinity before the first.
     pub(super) last: RayPoint,
-    /// The active cell behind it.
+    /// The active cell behind the last fragment.
     far: u32,
-    /// Fragments nearer than one composited before.
+    /// Fragments nearer than one already composited.
     pub(super) out_of_order: u32,
-    /// The ray did not pass from each cell into the next.
+    /// Whether the ray failed to pass from each cell into the next.
     is_broken: bool,
-    /// Nothing behind the last fragment can be seen.
+    /// Whether nothing behind the last fragment is visible.
     pub(super) is_opaque: bool,
 }
 
@@ -61,7 +61,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         }
     }
 
-    /// Goes on to a fragment that ought not to lie in front of the last one.
+    /// Advances to a fragment, which should not lie in front of the last one.
     #[inline(always)]
     pub(super) fn advance<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
@@ -72,7 +72,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
             if to.near != self.far || to.depth < self.last.depth - optics.tie {
                 self.out_of_order += 1;
             } else {
-                // Put in its place by the cell between the two: within rounding there is nothing to integrate.
+                // Ordered by the cell between the two: a segment within rounding has nothing to integrate.
                 self.far = to.far;
             }
             return;
@@ -90,7 +90,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         self.is_opaque = optics.early_termination && self.light.is_opaque();
     }
 
-    /// Goes on to all of these fragments, one after the other: the same as [`Self::advance`] for each.
+    /// Advances to these fragments in turn; equals [`Self::advance`] for each.
     #[inline(always)]
     pub(super) fn advance_all<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
@@ -107,7 +107,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
             }
             let before = *self;
             if !self.advance_run(optics, &rest[..run]) {
-                // Rays become opaque once: then the run is gone through again, up to there.
+                // A ray becomes opaque only once: the run is then repeated fragment by fragment.
                 *self = before;
                 rest[..run].iter().for_each(|to| self.advance(optics, to));
             }
@@ -115,7 +115,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         }
     }
 
-    /// How many of the fragments follow one behind the other through active cells, where they are composited together.
+    /// Number of fragments that follow each other through active cells and are composited together.
     #[inline(always)]
     fn run_length<M: Medium<Ray = R, Light = Accumulator>>(
         &self,
@@ -135,7 +135,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         fragments.iter().take_while(goes_on).count()
     }
 
-    /// Goes on along a run of fragments (at least one); false, and in a state of no meaning, if the ray becomes opaque.
+    /// Advances along a run of at least one fragment; false, with an undefined state, if the ray becomes opaque.
     #[inline(always)]
     fn advance_run<M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
@@ -156,8 +156,8 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         !self.light.is_opaque()
     }
 
-    /// Goes through one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if
-    /// the ray ends within it.
+    /// Follows one path, from an entry to an exit, of a ray whose paths come in the order of their entries. False if the ray ends within
+    /// it.
     pub(super) fn follow<'f, M: Medium<Ray = R, Light = Accumulator>>(
         &mut self,
         optics: &RayOptics<'_, M>,
@@ -184,7 +184,7 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
         self.light.go_on(optics.values.medium, optics.segment(self.last, self.far, to));
     }
 
-    /// Whether the ray, at its end, has passed from each cell into the next, or has become opaque before it did not.
+    /// Whether the finished ray passed from each cell into the next, or became opaque before it failed to.
     pub(super) fn is_whole(&self) -> bool {
         !self.is_broken && (self.is_opaque || self.far == NONE)
     }
@@ -198,5 +198,5 @@ impl<R: Copy + Default, A: Ahead> FragmentRay<R, A> {
     }
 }
 
-// A tile has 256 of them beside its fragments in the cache.
+// A tile keeps 256 of them in cache beside its fragments.
 const _: () = assert!(size_of::<FragmentRay<Option<ExactRay>, NothingAhead>>() <= 128);

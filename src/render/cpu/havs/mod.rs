@@ -1,8 +1,7 @@
 //! Drawing faces instead of cells: hardware-assisted visibility sorting (HAVS) on the CPU (dissertation 6.1.3).
 //!
-//! The job lists the faces to draw, each once, sorted by the depth of their centroids; that need not be all of them (level
-//! of detail). Per pixel they give fragments, nearly in the order of their depths, and a buffer of the k nearest of them
-//! (the k-buffer) sets most of what is wrong right:
+//! The job lists the faces to draw, each once, sorted by the depth of their centroids, either all or some (level of detail). They give
+//! each pixel fragments nearly in depth order, and a buffer of the k nearest of them (the k-buffer) corrects most errors of the order:
 //!
 //! ```text
 //! vertices to view coordinates and to the image
@@ -13,22 +12,21 @@
 //!       insert it into the pixel's buffer by depth                                           fragment
 //!       more than k there: the nearest leaves; if the ray is within an active cell behind    light
 //!         the last one that left, integrate from that one to this one
-//!   what is left leaves the buffers in order
+//!   the rest leaves the buffers in order
 //!   for each pixel where that was not the right order: again, from all fragments             resolve
 //! ```
 //!
-//! **Gaps.** Between two fragments that follow each other there is matter if an active cell is behind the nearer one. With a
-//! complete list the farther one is the exit of that cell. With an incomplete one the gap spans several cells; faces
-//! between an active cell and none are always drawn, so that holes and the outline stay.
+//! **Gaps.** The gap between two successive fragments is filled if an active cell is behind the nearer one. With a complete list the
+//! farther one is the exit of that cell. With an incomplete one the gap spans several cells; faces between an active cell and none are
+//! always drawn, which preserves holes and the outline.
 //!
-//! **Order.** A fragment nearer than the last one that left is counted and dropped. With a complete list the cells say
-//! more: each fragment must leave the cell that the one before entered. Where they do not, or one was dropped, and exact
-//! order is asked for, the pixel is drawn again: a complete list by following its fragments from cell to cell, which is
-//! what the ray caster does, an incomplete one by sorting all of them. Depths within rounding are put in order by the
-//! cells, an exit before an entry. So a complete list in exact order gives the ray caster's image, however flat the cells
-//! are.
+//! **Order.** A fragment nearer than the last one that left is counted and dropped. With a complete list the cells check the order: each
+//! fragment must leave the cell that the one before entered. If one does not, or one was dropped, and exact order is asked for, the pixel
+//! is drawn again: a complete list by following its fragments from cell to cell, as the ray caster does, an incomplete one by sorting all
+//! of them. Depths within rounding are ordered by their cells, an exit before an entry. So a complete list in exact order gives the ray
+//! caster's image, however flat the cells are.
 //!
-//! Depths are f64: cells of boundary layers are thinner than f32 tells depths apart.
+//! Depths are f64: cells of boundary layers are thinner than the resolution of f32 depths.
 //!
 //! Deviations for speed:
 //! 1. A buffer takes up a batch of fragments before they are sorted into the k before each and leave: the same ones leave
@@ -69,17 +67,17 @@ use std::sync::Arc;
 use std::time::Duration;
 use tile::{RenderTile, Scene, TileScratch};
 
-/// The face renderer.
+/// The face renderer on the CPU.
 pub type Havs = FrameRun<FaceTiles>;
 
-/// Draws faces tile by tile, on the CPU.
+/// Draws faces tile by tile on the CPU.
 #[derive(Default)]
 pub struct FaceTiles {
     placer: FacePlacer,
     tiles: Tiles<TileScratch>,
-    /// For jobs that come without.
+    /// Tables for jobs without prepared optics.
     tables: OpticsTables,
-    /// Use no instructions that not every processor of its kind has.
+    /// Whether to avoid instructions that not every processor of the architecture has.
     portable: bool,
 }
 
@@ -97,16 +95,16 @@ impl Havs {
         Self::default()
     }
 
-    /// The same renderer without instructions that only newer processors have; its images are the same.
+    /// A renderer that avoids instructions of newer processors; its images are the same.
     pub fn portable() -> Self {
         Self::of(FaceTiles { portable: true, ..FaceTiles::default() })
     }
 }
 
-/// The faces of a job.
+/// The faces of a job, checked.
 ///
 /// # Errors
-/// If there are none, if one is not of the mesh, or if k is out of range.
+/// If there are none, if one is not in the mesh, or if k is out of range.
 pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces>, RenderError> {
     let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
     let faces = job.mesh.topology.faces.len();

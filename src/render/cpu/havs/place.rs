@@ -1,4 +1,4 @@
-//! The faces of a job in its view: vertices in view coordinates, and the faces of each tile.
+//! The faces of a job in its view: vertices in view coordinates, and the faces binned into tiles.
 
 use super::super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::super::ray::{self, ViewVertex};
@@ -15,7 +15,7 @@ use crate::visibility::{DrawnFaces, Pool};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Faces in a view, in memory that goes round.
+/// Faces in a view, in recycled memory.
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct FacesInView {
     pub(super) vertices: Vec<ViewVertex>,
@@ -23,7 +23,7 @@ pub(in crate::render::cpu) struct FacesInView {
     pub(super) eye_cells: Vec<u32>,
 }
 
-/// Places the faces of one job after the other.
+/// Places the faces of successive jobs.
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct FacePlacer {
     screen: Vec<ScreenPoint>,
@@ -33,7 +33,7 @@ pub(in crate::render::cpu) struct FacePlacer {
 }
 
 impl FacePlacer {
-    /// The faces `drawn` of a job in its local view, some of them if it is cancelled; adds the time to the statistics.
+    /// Places the faces `drawn` of a job in its local view, only some of them if it is cancelled; adds the time to the statistics.
     ///
     /// # Errors
     /// As [`checked_faces`].

@@ -1,4 +1,4 @@
-//! Pixels for which a buffer of k fragments was not enough, from all of their fragments.
+//! Resolves pixels for which a buffer of k fragments was too small, from all of their fragments.
 
 use super::super::super::layers::Layers;
 use super::super::super::medium::Medium;
@@ -11,13 +11,13 @@ use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
 use crate::optics::Accumulator;
 
-/// Pixels that are resolved at a time: bounds the memory.
+/// Pixels resolved at once: bounds the memory.
 const PIXELS_AT_ONCE: u32 = 64;
 
 /// Resolves the pixels `again` (a bit per column for each row) from all of their fragments.
 ///
-/// A complete list is not sorted but followed: the fragments of a ray form paths from an entry through cell after cell to
-/// an exit, and depths order the paths alone, as in the ray caster.
+/// A complete list is followed instead of sorted: the fragments of a ray form paths from an entry through cell after cell to an exit, and
+/// depths order only the paths, as in the ray caster.
 #[cold]
 #[inline(never)]
 pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
@@ -41,7 +41,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: La
         }
         collect(lanes, scene, tile, rays, &wanted, scratch);
         let fragments = &mut scratch.again;
-        // Stable: the fragments of a pixel stay in the order of the list.
+        // Stable sort: the fragments of a pixel stay in list order.
         fragments.sort_by_key(|(pixel, _)| *pixel);
         let mut of_pixel = Vec::new();
         for run in fragments.chunk_by(|a, b| a.0 == b.0) {
@@ -66,7 +66,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: La
     }
 }
 
-/// All fragments of the pixels `wanted`, in the order of the list.
+/// All fragments of the pixels `wanted`, in list order.
 fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
     scene: &Scene<'_, M, Y>,
@@ -98,7 +98,7 @@ fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     }
 }
 
-/// The paths of a ray through a complete list, in the order of their entries: the fragments come sorted by depth.
+/// The paths of a ray through a complete list, in the order of their entries; `fragments` are sorted by depth.
 fn paths(fragments: &[Fragment]) -> impl Iterator<Item = impl Iterator<Item = &Fragment>> {
     let mut by_near: Vec<&Fragment> = fragments.iter().filter(|f| f.near != NONE).collect();
     by_near.sort_by_key(|f| f.near);
@@ -108,7 +108,7 @@ fn paths(fragments: &[Fragment]) -> impl Iterator<Item = impl Iterator<Item = &F
             let found = by_near.binary_search_by_key(&here.far, |f| f.near).ok().filter(|_| here.far != NONE)?;
             Some(by_near[found])
         };
-        // No path has more fragments than there are: should cells go round in a circle, it ends all the same.
+        // Bounded by the number of fragments, in case the cells form a cycle.
         std::iter::successors(Some(start), next).take(fragments.len())
     })
 }

@@ -1,12 +1,12 @@
-//! Which of a face's cells a ray enters through it.
+//! Which cell of a face a ray enters.
 
 use crate::mesh::{FACE_VERTICES, Mesh, NONE, Topology};
 use crate::visibility::CellSet;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// For each face whether the ray that sees its corners, ascending, counter-clockwise enters its first cell: a bit. Depends
-/// on the mesh alone, and is kept from frame to frame.
+/// One bit per face: whether a ray that sees its ascending corners counter-clockwise enters its first cell. Depends on the mesh alone,
+/// and is kept from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Sides {
     of: Option<Arc<Mesh>>,
@@ -28,8 +28,8 @@ impl Sides {
         self.of = Some(mesh.clone());
     }
 
-    /// The cells of a face in front of it and behind it for a ray that sees its ascending corners counter-clockwise; [`NONE`]
-    /// where there is no active one.
+    /// The active cells in front of a face and behind it for a ray that sees its ascending corners counter-clockwise; [`NONE`] where
+    /// there is none.
     #[inline(always)]
     pub(super) fn cells(&self, topology: &Topology, active: &CellSet, face: u32) -> [u32; 2] {
         let cells = topology.face_cells[face as usize];

@@ -1,4 +1,4 @@
-//! One tile: faces in the order of the list, a buffer of fragments for each pixel.
+//! Draws one tile: faces in list order, a buffer of fragments per pixel.
 
 use super::super::super::layers::{Ahead, Layers};
 use super::super::super::medium::{Medium, RayPoint};
@@ -23,7 +23,7 @@ use crate::stats::FrameStats;
 use crate::task::Cancel;
 use pulp::NullaryFnOnce;
 
-/// What all tiles of a frame read.
+/// Scene data shared by all tiles of a frame.
 pub(super) struct Scene<'a, M, Y> {
     pub(super) topology: &'a Topology,
     pub(super) vertices: &'a [ViewVertex],
@@ -37,18 +37,18 @@ pub(super) struct Scene<'a, M, Y> {
     /// Whether the list has all faces of the active cells.
     pub(super) is_complete: bool,
     pub(super) early_termination: bool,
-    /// Depths closer than that may be in the wrong order.
+    /// Depths closer than this may be in the wrong order.
     pub(super) tie: f64,
     pub(super) cancel: &'a Cancel,
 }
 
 impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
-    /// Fragments that a pixel has room for.
+    /// Capacity of a pixel's buffer in fragments.
     fn room(&self) -> usize {
         usize::from(self.k_buffer.k) + BATCH
     }
 
-    /// Whether rays of a tile meet nothing.
+    /// Whether no ray of a tile meets anything.
     #[inline(never)]
     fn is_transparent_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
         self.eye_cells.is_empty() && !self.bins.has_faces(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
@@ -64,9 +64,8 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         RayOptics { values, tie: self.tie, early_termination: self.early_termination }
     }
 
-    /// Where a ray begins that begins within the active cells: at the eye, with the scalar there, since the next fragment may
-    /// be another one than the cell's exit. If it is sure to be that, the ray begins where it enters the cell, behind the
-    /// eye, as the ray caster has it.
+    /// The start of a ray inside the active cells: at the eye, with the scalar there, since the next fragment need not be the cell's
+    /// exit. If it is certain to be, the ray starts where it enters the cell, behind the eye, as in the ray caster.
     pub(super) fn start_at_eye(&self, ray: &Ray, cell: u32) -> Option<Fragment> {
         let at_eye = EyeCell::new(self.topology, self.vertices, ray, cell)?;
         let (entry, exit) = (at_eye.entry.point, at_eye.exit.point);
@@ -81,25 +80,25 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     }
 }
 
-/// Fragments that a pixel takes up beyond the `k` that it holds back, before they are sorted and composited.
+/// Fragments collected beyond the `k` held back, before they are sorted and composited.
 const BATCH: usize = 16;
 const PIXELS: usize = TILE_PX * TILE_PX;
 
-/// Buffers of a tile, used again from tile to tile.
+/// Buffers of a tile, reused from tile to tile.
 pub(super) struct TileScratch {
-    /// Room for k + [`BATCH`] fragments of each pixel, in the order of their arrival behind those held back.
+    /// Slots for k + [`BATCH`] fragments per pixel, in order of arrival behind those held back.
     slots: Vec<Fragment>,
     counts: [u32; PIXELS],
-    /// How many of them are held back, and sorted.
+    /// Number of fragments held back per pixel, sorted.
     held: [u32; PIXELS],
-    /// Pixels without room.
+    /// Pixels whose slots are full.
     full: Vec<u16>,
     pub(super) faces: Faces,
-    /// Faces that are made ready together.
+    /// Faces set up together.
     batch: [TileFace; FACES_AT_ONCE],
     /// Pixels that a face may cover.
     pub(super) candidates: PixelList,
-    /// Fragments of the pixels that are resolved again.
+    /// Fragments of the pixels being resolved again.
     pub(super) again: Vec<(u32, Fragment)>,
 }
 
@@ -119,7 +118,7 @@ impl Default for TileScratch {
     }
 }
 
-/// Renders one tile into the first pixels of `pixels`, row by row; returns what it cost.
+/// Renders one tile into the first pixels of `pixels`, row by row; returns its statistics.
 pub(super) struct RenderTile<'a, M, Y, L: Lanes> {
     pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, M, Y>,
@@ -177,7 +176,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
     }
 }
 
-/// Faces in the order of the list, fragments through a buffer of k.
+/// Draws faces in list order, with a buffer of k fragments per pixel.
 #[inline(always)]
 fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
@@ -205,7 +204,7 @@ fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
             let TileScratch { slots, counts, full, faces, candidates, .. } = &mut *scratch;
             if next < ready {
                 let slots = slots.as_mut_slice();
-                // A face has at most one fragment for a pixel: the room of each is looked at face by face.
+                // A face adds at most one fragment per pixel, so capacity is checked after each face.
                 faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
                     let count = counts[pixel] as usize;
                     slots[pixel * room + count] = Fragment::at(hit);
@@ -242,7 +241,7 @@ struct OpenPixels {
     /// A bit per column for each row.
     rows: [u16; TILE_PX],
     count: usize,
-    /// Depth of the furthest last fragment of those that are.
+    /// Depth of the furthest last fragment of the opaque pixels.
     furthest: f64,
 }
 
@@ -252,14 +251,14 @@ impl OpenPixels {
         Self { rows: rays.rendered, count, furthest: f64::NEG_INFINITY }
     }
 
-    /// A pixel has become opaque, at this depth.
+    /// Marks a pixel as opaque from this depth on.
     fn close(&mut self, pixel: usize, depth: f64) {
         self.rows[pixel / TILE_PX] &= !(1 << (pixel % TILE_PX));
         self.count -= 1;
         self.furthest = self.furthest.max(depth);
     }
 
-    /// Whether a pixel of a box is still open.
+    /// Whether a box has an open pixel.
     #[inline(always)]
     fn has_some_in(&self, Bounds { x0, x1, y0, y1 }: Bounds) -> bool {
         let columns = ((1u32 << x1) - (1u32 << x0)) as u16;
@@ -267,18 +266,18 @@ impl OpenPixels {
     }
 }
 
-/// The faces of a tile that are still to come.
+/// The faces of a tile still to be drawn.
 struct FaceQueue<'a> {
     next_chunk: usize,
     faces: &'a [TileFace],
-    /// Faces that were left out.
+    /// Number of faces left out.
     hidden: u64,
 }
 
 impl<'a> FaceQueue<'a> {
-    /// Puts the next faces that the rays may meet into `batch` and returns how many, none at the end of the list. Those that
-    /// only opaque pixels could see are left out; in exact order they must lie behind what has been composited, too, or the pixel is
-    /// to be drawn again.
+    /// Puts the next faces that rays may meet into `batch` and returns their number, 0 at the end of the list. Faces over opaque pixels
+    /// only are left out; in exact order only if they also lie behind all that has been composited, or the pixel would have to be drawn
+    /// again.
     #[inline(always)]
     fn take<M: Medium<Light = Accumulator>, Y: Layers>(
         &mut self,
@@ -314,7 +313,7 @@ impl<'a> FaceQueue<'a> {
     }
 }
 
-/// The first fragments of rays that begin within the active cells.
+/// Finds the first fragments of rays that begin within the active cells.
 #[inline(never)]
 fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     scene: &Scene<'_, M, Y>,
@@ -326,7 +325,7 @@ fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     for &cell in scene.eye_cells {
         for pixel in (0..PIXELS).filter(is_rendered) {
             let count = &mut scratch.counts[pixel];
-            // Of the cells around the eye a ray begins in one; a few more would be a matter of rounding.
+            // A ray begins in one of the cells around the eye; more are possible only by rounding.
             if let Some(start) = scene.start_at_eye(&rays.ray(scene.view, pixel), cell)
                 && (*count as usize) < BATCH
             {
@@ -337,8 +336,8 @@ fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     }
 }
 
-/// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns how many
-/// fragments had arrived.
+/// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns the number of fragments
+/// that had arrived.
 #[inline(always)]
 fn let_go<M: Medium<Light = Accumulator>, Y: Layers, A: Ahead>(
     scene: &Scene<'_, M, Y>,
@@ -351,7 +350,7 @@ fn let_go<M: Medium<Light = Accumulator>, Y: Layers, A: Ahead>(
     let k = usize::from(scene.k_buffer.k);
     let (count, held) = (scratch.counts[pixel] as usize, scratch.held[pixel] as usize);
     let fragments = &mut scratch.slots[pixel * scene.room()..][..count];
-    // Nobody sees what comes behind an opaque place, whatever its order.
+    // Nothing behind an opaque depth is visible, whatever the order.
     let leaving = if is_last || light.is_opaque { count } else { count.saturating_sub(k) };
     if !light.is_opaque {
         sort_in_window(fragments, held, k, scene.tie);

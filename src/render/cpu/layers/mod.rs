@@ -1,8 +1,8 @@
-//! The first depths at which rays pass through the boundary of the active cells.
+//! The nearest depths at which rays pass through the boundary of the active cells.
 //!
-//! The boundary are the faces between an active cell and an inactive one, or the outside. Faces that rays enter through and faces that they leave
-//! through count alike, as depth peeling has them (C. Everitt, *Interactive Order-Independent Transparency*, 2001; the dissertation, section
-//! 4.1.2). Each pixel keeps its nearest depths while the faces of its tile are drawn in any order, so that one pass finds all layers.
+//! The boundary is the faces between an active cell and an inactive one or the outside. Entry and exit faces count alike, as in depth
+//! peeling (C. Everitt, *Interactive Order-Independent Transparency*, 2001; the dissertation, section 4.1.2). Each pixel keeps its
+//! nearest depths while the faces of its tile are drawn in any order, so that one pass finds all depth layers.
 
 mod nearest;
 #[cfg(test)]
@@ -23,28 +23,28 @@ pub use nearest::MAX_LAYERS;
 use nearest::{Scene, Scratch};
 use rayon::prelude::*;
 
-/// Faces that are sorted into tiles by one thread: enough to hide the cost of a list for each tile.
+/// Faces sorted into tiles by one thread: enough to hide the cost of a list per tile.
 const FACES_PER_LIST: usize = 8 * 1024;
 
-/// Faces of the mesh that are looked at between two looks at whether the job is cancelled: a fraction of a millisecond.
+/// Faces of the mesh between two checks of the cancel flag: a fraction of a millisecond.
 const FACES_PER_LOOK: usize = 64 * 1024;
 
-/// What a layer that a pixel lacks counts as beside depths of 0 (the nearest place of the boundary in view) to 1 (the farthest one).
+/// Reference value of a missing depth layer; depths are 0 (the nearest point of the boundary in view) to 1 (the farthest).
 pub(in crate::render) const MISSING: f32 = 2.0;
 
-/// The first depths of the boundary in each pixel of an image.
+/// The nearest depths of the boundary in each pixel of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundaryDepths {
-    /// World units along the viewing direction (from the eye; parallel projection: from the camera's position), nearest first; infinite where
-    /// there is no such layer, and from the number of layers on that was asked for.
+    /// World units along the viewing direction (from the eye; parallel projection: from the camera's position), nearest first; infinite
+    /// where there is no such depth layer, and beyond the number of depth layers asked for.
     pub depths: Plane<[f64; MAX_LAYERS]>,
-    /// The least and the greatest depth of the boundary in view, of all layers; `None` if none of it is in view.
+    /// Least and greatest depth of the boundary in view, of all depth layers; `None` if none is in view.
     pub range: Option<[f64; 2]>,
 }
 
 impl BoundaryDepths {
-    /// Finds the first `layers` (at most [`MAX_LAYERS`]) depths of the boundary of a job's active cells in all pixels of its image, whichever of them
-    /// rays are cast for; `None` if the job is cancelled. What lies before the near distance is not in view.
+    /// Finds the nearest `layers` (at most [`MAX_LAYERS`]) depths of the boundary of a job's active cells in all pixels of its image,
+    /// also those without rays; `None` if the job is cancelled. Depths before the near distance do not count.
     pub fn of(job: &RenderJob, layers: usize) -> Option<Self> {
         let view = View { samples: Samples::ALL, ..job.local_view() };
         let (mut vertices, mut screen) = (Vec::new(), Vec::new());
@@ -89,8 +89,8 @@ impl BoundaryDepths {
         })
     }
 
-    /// The depths as a reference of filters: 0 is the nearest place of the boundary within `range`, 1 the farthest, 2 a missing layer. A range
-    /// without extent counts as 1 long. Other images of a view have the range of one of them.
+    /// The depths as a reference of filters: 0 is the nearest point of the boundary within `range`, 1 the farthest, 2 a missing depth
+    /// layer. An empty range counts as 1 long. Images of one view must share a range.
     pub fn reference(&self, range: [f64; 2]) -> Reference {
         let extent = if range[1] > range[0] { range[1] - range[0] } else { 1.0 };
         let share = |depth: f64| if depth.is_finite() { ((depth - range[0]) / extent) as f32 } else { MISSING };
@@ -100,7 +100,7 @@ impl BoundaryDepths {
     }
 }
 
-/// The least of two least ones, and the greatest of two greatest.
+/// Union of two [least, greatest] ranges.
 fn joined(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
@@ -109,7 +109,7 @@ fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
     Bounds { x0: x, x1: x + width, y0: y, y1: y + height }
 }
 
-/// The corners, ascending, of the faces between a cell of a set and none, in the order of the mesh; `None` if the job is cancelled.
+/// The ascending corners of the faces between a cell in a set and none, in mesh order; `None` if the job is cancelled.
 pub(in crate::render) fn boundary_faces(job: &RenderJob, cells: &CellSet) -> Option<Vec<[u32; 3]>> {
     let is_in = |cell: u32| cell != NONE && cells.contains(cell);
     let Topology { faces, face_cells, .. } = &job.mesh.topology;
@@ -126,7 +126,7 @@ pub(in crate::render) fn boundary_faces(job: &RenderJob, cells: &CellSet) -> Opt
     (!job.cancel.is_cancelled()).then(|| found.concat())
 }
 
-/// Some faces, sorted into the tiles of an image.
+/// Sorts faces into the tiles of an image.
 fn lists_of(faces: &[ListedFace], source: BoxSource<'_>, grid: TileGrid) -> TileLists {
     let image = Bounds::of_image(source.view);
     let seen = |face: &ListedFace| {

@@ -8,16 +8,16 @@ use super::super::tiles::TILE_PX;
 use crate::camera::View;
 use pulp::{Arch, NullaryFnOnce, Scalar, Simd};
 
-/// The most layers.
+/// Maximum number of depth layers.
 pub const MAX_LAYERS: usize = 3;
 
-/// What a thread draws a tile with.
+/// Scratch memory of a thread for drawing tiles.
 pub(super) struct Scratch {
     faces: Faces,
     list: PixelList,
-    /// Of each pixel of the tile (row times [`TILE_PX`] plus column) its nearest depths, ascending.
+    /// The nearest depths of each pixel of the tile (row times [`TILE_PX`] plus column), ascending.
     pub(super) depths: [[f64; MAX_LAYERS]; TILE_PX * TILE_PX],
-    /// The least and the greatest of all depths.
+    /// Least and greatest of all depths.
     pub(super) range: [f64; 2],
 }
 
@@ -30,24 +30,24 @@ impl Default for Scratch {
 }
 
 impl Scratch {
-    /// Forgets what was drawn.
+    /// Resets the depths for a new tile.
     pub(super) fn begin(&mut self) {
         self.depths = [[f64::INFINITY; MAX_LAYERS]; TILE_PX * TILE_PX];
         self.range = [f64::INFINITY, f64::NEG_INFINITY];
     }
 }
 
-/// What tiles are drawn from.
+/// Scene data shared by all tiles.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) view: &'a View,
     pub(super) vertices: &'a [ViewVertex],
-    /// At most [`MAX_LAYERS`].
+    /// Number of depth layers, at most [`MAX_LAYERS`].
     pub(super) layers: usize,
 }
 
 impl Scene<'_> {
-    /// Draws some faces of a tile.
+    /// Draws faces into a tile.
     pub(super) fn draw(self, faces: &[TileFace], rays: &TileRays, scratch: &mut Scratch) {
         match Arch::new() {
             #[cfg(target_arch = "x86_64")]
@@ -89,7 +89,7 @@ impl<L: Lanes> NullaryFnOnce for Draw<'_, L> {
     }
 }
 
-/// Puts a depth in its place among the nearest ones, if it is one.
+/// Inserts a depth into the sorted nearest ones, dropping the largest.
 #[inline(always)]
 fn insert(nearest: &mut [f64], mut depth: f64) {
     for kept in nearest {

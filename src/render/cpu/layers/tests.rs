@@ -1,4 +1,4 @@
-//! Layers against the ends of what the float64 reference clips out of rays, cell by cell.
+//! Depth layers against the interval ends that the float64 reference clips out of rays, cell by cell.
 
 use super::*;
 use crate::camera::{Camera, Projection};
@@ -10,12 +10,13 @@ use crate::render::testing;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Local units: intervals, and gaps between them, that are shorter leave their pixel out of the comparison.
+/// Local units: pixels with shorter intervals or gaps are not compared.
 const SHORT: f64 = 1e-5;
-/// Local units: what depths may differ by. Coordinates below 8 are rounded by 1e-15, what a face seen at a flat angle of 1e-5 makes of it by 1e-10.
+/// Local units: tolerance of depths. Coordinates below 8 are rounded by 1e-15, which a face seen at a flat angle of 1e-5 magnifies to
+/// 1e-10.
 const APART: f64 = 1e-9;
 
-/// Two parts, one with a hole through it and a cavity, and cells left out at random.
+/// Two parts, one with a hole through it and a cavity, and some cells left out at random.
 fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
     let keep = |[x, y, z]: [usize; 3]| x != 3 && !(x == 1 && y == 1) && [x, y, z] != [5, 1, 1];
     let (mesh, _) = Mesh::build(jittered(kuhn_grid_of([7, 3, 3], keep), random)).unwrap();
@@ -35,7 +36,7 @@ fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
     job
 }
 
-/// The ends of the intervals of each ray in active cells, local, ascending; `None` where some are too short to tell.
+/// The ends of each ray's intervals in active cells, local, ascending; `None` where some are too short to compare.
 fn ends(job: &RenderJob) -> Vec<Option<Vec<f64>>> {
     let view = job.local_view();
     let topology = &job.mesh.topology;
@@ -55,7 +56,7 @@ fn ends(job: &RenderJob) -> Vec<Option<Vec<f64>>> {
                 _ => intervals.push([near, far]),
             }
         }
-        // The eye is no boundary.
+        // The eye is no part of the boundary.
         let ends = intervals.as_flattened();
         let ends = if view.perspective && ends.first() == Some(&0.0) { &ends[1..] } else { ends };
         ends.array_windows().all(|[a, b]| b - a > SHORT).then(|| ends.to_vec())
@@ -63,7 +64,7 @@ fn ends(job: &RenderJob) -> Vec<Option<Vec<f64>>> {
     (0..view.width_px * view.height_px).into_par_iter().map(of_pixel).collect()
 }
 
-/// Pixels that were compared, those among them with all layers, and those that differ.
+/// Numbers of pixels that were compared, of those with all depth layers, and of those that differ.
 fn compared(job: &RenderJob, layers: usize, found: &BoundaryDepths) -> [usize; 3] {
     let mut counts = [0; 3];
     for (depths, ends) in found.depths.pixels.iter().zip(ends(job)) {
@@ -91,7 +92,7 @@ fn layers_are_the_first_ends_of_the_references_intervals() {
             assert_eq!(differ, 0, "round {round}, {layers} layers: {differ} of {seen}");
             (met, full) = (met + seen, full + whole);
         }
-        // The comparison can fail: another cell, or another place of the eye.
+        // The comparison can fail: another cell, or another eye.
         let mut other = job.clone();
         let some = (0..).find(|&cell| job.active.contains(cell)).unwrap();
         let without =
@@ -119,7 +120,7 @@ fn layers_are_the_same_on_any_number_of_threads_and_the_range_is_that_of_all_of_
     let all: Vec<f64> = ends(&job).into_iter().flatten().flatten().map(|depth| depth * scale).collect();
     let range = found.range.unwrap();
     let (least, most) = (all.iter().copied().fold(f64::MAX, f64::min), all.iter().copied().fold(f64::MIN, f64::max));
-    // Pixels that were left out of the comparison may reach a little further.
+    // Pixels left out of the comparison may extend the range a little.
     assert!(range[0] <= least + 1e-8 && range[1] >= most - 1e-8 && range[0] > least - 0.5 && range[1] < most + 0.5);
     let reference = found.reference(range);
     let values = reference.pixels.as_flattened();

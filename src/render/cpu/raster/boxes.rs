@@ -1,4 +1,4 @@
-//! Which pixels a face may cover.
+//! Pixel boxes of faces.
 
 use super::super::ray::{CLUSTER, CLUSTERS_AT_ONCE, ViewVertex, is_needed};
 use super::super::tiles::pixel_box;
@@ -6,11 +6,11 @@ use crate::camera::View;
 use crate::task::Cancel;
 use rayon::prelude::*;
 
-/// Where a vertex is in the image, in pixels from the middle of the first one (NaN if it is not in front of the eye), and
-/// its depth; four numbers for the sake of one load.
+/// Image position of a vertex, in pixels from the centre of the first one (NaN if it is not in front of the eye), and its depth; padded
+/// to four numbers for a single load.
 pub(in crate::render::cpu) type ScreenPoint = [f32; 4];
 
-/// Places of all vertices in the image; of clusters that are not `needed`, if that is known, they stay what they were.
+/// Projects all vertices to the image; those of clusters known not to be `needed` keep their old positions.
 pub(in crate::render::cpu) fn project(
     view: &View,
     vertices: &[ViewVertex],
@@ -52,7 +52,7 @@ impl Bounds {
     }
 }
 
-/// What boxes of faces are found from.
+/// Data from which boxes of faces are computed.
 #[derive(Clone, Copy)]
 pub(in crate::render::cpu) struct BoxSource<'a> {
     pub(in crate::render::cpu) view: &'a View,
@@ -68,15 +68,15 @@ impl BoxSource<'_> {
         least(a, least(b, c))
     }
 
-    /// Pixels within `clip` whose rays may meet a face in front of the eye; `None` if there are none. Conservative: places
-    /// in the image are right to 2^-22 of its size.
+    /// Pixels within `clip` whose rays may meet a face in front of the eye; `None` if there are none. Conservative: image positions are
+    /// accurate to 2^-22 of the image's size.
     #[inline(always)]
     pub(in crate::render::cpu) fn bounds(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
         let corners = ids.map(|v| self.screen[v as usize]);
         if is_at_eye(&corners) { self.bounds_at_eye(ids, clip) } else { bounds_on_screen(&corners, clip) }
     }
 
-    /// The same for a face that counts only for rays that see its corners counter-clockwise.
+    /// As [`Self::bounds`], for a face that counts only for rays that see its corners counter-clockwise.
     #[inline(always)]
     pub(in crate::render::cpu) fn bounds_from_front(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
         let corners = ids.map(|v| self.screen[v as usize]);
@@ -98,7 +98,7 @@ impl BoxSource<'_> {
     }
 }
 
-/// Whether a corner is not in front of the eye: NaN comes through.
+/// Whether a corner is not in front of the eye: NaN propagates.
 #[inline(always)]
 fn is_at_eye([a, b, c]: &[ScreenPoint; 3]) -> bool {
     (a[0] + b[0] + c[0]).is_nan()
@@ -109,7 +109,7 @@ fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], clip: Bounds) -> Option<Bounds
     let range = |axis: usize, first: usize, end: usize| {
         let pad = 1e-3 + end as f32 * (1.0 / (1u32 << 22) as f32);
         let (lo, hi) = (least(a[axis], least(b[axis], c[axis])) - pad, most(a[axis], most(b[axis], c[axis])) + pad);
-        // Casts of numbers beyond the integers end at the last one. A pixel exactly at an end lies a pad outside.
+        // Casts of numbers beyond the integer range saturate. A pixel exactly at an end lies a pad outside.
         let from = if lo > 0.0 { lo as i32 as usize + 1 } else { 0 };
         let to = if hi > 0.0 { hi as i32 as usize + 1 } else { 0 };
         (from.max(first), to.min(end))
@@ -118,23 +118,22 @@ fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], clip: Bounds) -> Option<Bounds
     (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
 }
 
-/// Whether all rays that meet a face in front of the eye see its corners clockwise, beyond doubt; `size` is that of the
-/// image.
+/// Whether all rays that meet a face in front of the eye certainly see its corners clockwise; `size` is that of the image.
 ///
-/// Let M be the largest coordinate, or `size`, and L the longest side of the face's box, at most 2 M. Rounding to f32 moves
-/// corners by 2^-24 M, and what is rounded in f64, shearing included, by far less: differences are wrong by 2^-22 M at most, and twice
-/// the area, a difference of two products of two of them, by 2^-20 L M + 2^-23 L^2. Overflows come out as not beyond doubt.
+/// Let M be the largest coordinate, or `size`, and L the longest side of the face's box, at most 2 M. Rounding to f32 moves corners by
+/// 2^-24 M, and rounding in f64, shearing included, by far less: differences are wrong by 2^-22 M at most, and twice the area, a
+/// difference of two products of two of them, by 2^-20 L M + 2^-23 L^2. Overflows count as uncertain.
 #[inline(always)]
 fn is_clockwise([a, b, c]: &[ScreenPoint; 3], size: f32) -> bool {
     let [ab, ac] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
-    // The rows of an image go down.
+    // Image rows go down.
     let clockwise = ab[0] * ac[1] - ac[0] * ab[1];
     let longest = most(most(ab[0].abs(), ab[1].abs()), most(ac[0].abs(), ac[1].abs()));
     let largest = most(most(a[0].abs(), a[1].abs()) + longest, size);
     clockwise > longest * largest * (1.0 / (1u32 << 18) as f32)
 }
 
-/// Whether every ray sees the triangle clockwise, beyond doubt, on whichever side of the eye it is.
+/// Whether every ray certainly sees the triangle clockwise, on whichever side of the eye it is.
 #[cold]
 #[inline(never)]
 pub(in crate::render::cpu) fn is_back_facing(view: &View, [a, b, c]: [ViewVertex; 3]) -> bool {
@@ -144,11 +143,11 @@ pub(in crate::render::cpu) fn is_back_facing(view: &View, [a, b, c]: [ViewVertex
     let ray = if view.perspective { [a.x, a.y, a.w] } else { [0.0, 0.0, 1.0] };
     let dot: f64 = (0..3).map(|i| normal[i] * ray[i]).sum();
     let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // Far above f64's rounding: what is in doubt is decided pixel by pixel.
+    // Far above f64's rounding: uncertain cases are decided pixel by pixel.
     dot < -1e-9 * length(&ab) * length(&ac) * length(&ray)
 }
 
-// Both of one instruction, as neither is NaN.
+// Single instructions, as no argument is NaN.
 #[inline(always)]
 pub(in crate::render::cpu) fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }

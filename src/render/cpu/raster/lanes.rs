@@ -1,17 +1,17 @@
-//! The few operations on vectors that the compiler does not find by itself: comparisons that become bits, and the numbers
-//! of the bits that are set. Everything else is written as loops over arrays.
+//! The few vector operations that the compiler does not generate by itself: comparisons to bit masks, and the indices of set bits.
+//! Everything else is written as loops over arrays.
 
 use super::super::tiles::TILE_PX;
 
-/// Pixels that are looked at side by side at first: two rows of eight.
+/// Pixels tested side by side in f32: two rows of eight.
 pub(in crate::render::cpu) const BLOCK: usize = 2 * COLUMNS;
-/// Columns of them.
+/// Columns of a block.
 pub(in crate::render::cpu) const COLUMNS: usize = 8;
 
 /// Pixels of a tile (row times [`TILE_PX`] plus column), with room for a block behind the last.
 pub(in crate::render::cpu) type PixelList = [u32; TILE_PX * TILE_PX + BLOCK];
 
-/// A processor's vectors. The methods do the same on all.
+/// A processor's vectors. All implementations give the same results.
 pub(in crate::render::cpu) trait Lanes: Copy {
     /// A bit for each lane where `a < b`.
     fn less_f32(self, a: [f32; BLOCK], b: [f32; BLOCK]) -> u16;
@@ -19,15 +19,14 @@ pub(in crate::render::cpu) trait Lanes: Copy {
     /// A bit for each lane where `a < b`.
     fn less_f64(self, a: [f64; 8], b: [f64; 8]) -> u8;
 
-    /// Entries of one table by the columns of some pixels of a tile, and of another by their rows.
+    /// For eight pixels of a tile, the entries of one table at their columns, and of another at their rows.
     #[inline(always)]
     fn look_up(self, pixels: &[u32; 8], columns: &[f64; TILE_PX], rows: &[f64; TILE_PX]) -> [[f64; 8]; 2] {
         let pixels = pixels.map(|pixel| pixel as usize);
         [pixels.map(|pixel| columns[pixel % TILE_PX]), pixels.map(|pixel| rows[pixel / TILE_PX % TILE_PX])]
     }
 
-    /// Appends the pixels of a block with its first one at `first` whose bits are set to `list[..count]`; returns the new
-    /// count.
+    /// Appends to `list[..count]` the pixels whose bits are set in a block that begins at pixel `first`; returns the new count.
     #[inline(always)]
     fn push(self, mut bits: u16, first: usize, list: &mut PixelList, count: usize) -> usize {
         let mut end = count;
@@ -76,7 +75,7 @@ mod x86 {
         }
     }
 
-    /// Where the pixels of a block are from its first one.
+    /// Offsets of a block's pixels from its first one.
     const OFFSETS: [i32; BLOCK] = {
         let mut offsets = [0; BLOCK];
         let mut l = 0;
@@ -100,7 +99,7 @@ mod x86 {
 
         #[inline(always)]
         fn look_up(self, pixels: &[u32; 8], columns: &[f64; TILE_PX], rows: &[f64; TILE_PX]) -> [[f64; 8]; 2] {
-            // The lowest four bits of an index count.
+            // Only the lowest four bits of an index are used.
             const { assert!(TILE_PX == 16) };
             let column = self.avx512f._mm512_cvtepu32_epi64(cast::<_, __m256i>(*pixels));
             let row = self.avx512f._mm512_srli_epi64::<4>(column);

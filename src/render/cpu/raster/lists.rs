@@ -1,18 +1,18 @@
-//! For each tile the faces whose box meets it.
+//! For each tile the faces whose box overlaps it.
 
 use super::super::tiles::{TILE_PX, TileGrid};
 use super::boxes::Bounds;
 use crate::mesh::NONE;
 
-/// For each pixel of a tile in one direction, and the one behind the last, a place in another tile.
+/// For each pixel of a tile in one direction, and the one behind the last, an index in another tile.
 pub(in crate::render::cpu) type PlacesInTile = [u8; TILE_PX + 1];
 
-/// A face that a tile has to look at, with what all tiles would else look for: they read them one after the other.
+/// A face that may cover a tile, with the data that tiles need: they read it sequentially.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render::cpu) struct TileFace {
-    /// Corners.
+    /// Corner vertices.
     pub(in crate::render::cpu) ids: [u32; 3],
-    /// In front of it and behind it, for rays that see its corners counter-clockwise.
+    /// Cells in front of the face and behind it, for rays that see its corners counter-clockwise.
     pub(in crate::render::cpu) cells: [u32; 2],
     /// The columns x0..x1 and rows y0..y1 of the tile in its box: x0, x1, y0, y1.
     in_tile: [u8; 4],
@@ -33,8 +33,8 @@ impl TileFace {
         Self { ids: face.face.ids, cells: face.face.cells, in_tile, nearest: face.nearest }
     }
 
-    /// The face with its box in other places than pixels: `columns` and `rows` have for each pixel of the tile, and the one behind the last,
-    /// the first place from there on. `None` if no place is in the box.
+    /// The face with its box in lattice points instead of pixels: `columns` and `rows` map each pixel of the tile, and the one behind the
+    /// last, to the first lattice point from there on. `None` if no lattice point is in the box.
     #[inline(always)]
     pub(in crate::render::cpu) fn in_places(&self, columns: &PlacesInTile, rows: &PlacesInTile) -> Option<Self> {
         let [x0, x1, y0, y1] = self.in_tile.map(|pixel| usize::from(pixel) % (TILE_PX + 1));
@@ -42,13 +42,13 @@ impl TileFace {
         (in_tile[0] < in_tile[1] && in_tile[2] < in_tile[3]).then_some(Self { in_tile, ..*self })
     }
 
-    /// No place of the face is nearer than that.
+    /// Lower bound on the depth of the face.
     #[inline(always)]
     pub(in crate::render::cpu) fn nearest(&self) -> f64 {
         below(self.nearest)
     }
 
-    /// Its box in the tile, from the tile's corner.
+    /// The box within the tile, relative to the tile's corner.
     #[inline(always)]
     pub(in crate::render::cpu) fn bounds(&self) -> Bounds {
         let [x0, x1, y0, y1] = self.in_tile.map(usize::from);
@@ -56,14 +56,14 @@ impl TileFace {
     }
 }
 
-/// Corners and cells of a face, as [`TileFace`] has them.
+/// Corners and cells of a face, as in [`TileFace`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::render::cpu) struct ListedFace {
     pub(in crate::render::cpu) ids: [u32; 3],
     pub(in crate::render::cpu) cells: [u32; 2],
 }
 
-/// A face that can be seen.
+/// A face whose box is not empty.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render::cpu) struct SeenFace {
     pub(in crate::render::cpu) face: ListedFace,
@@ -72,10 +72,10 @@ pub(in crate::render::cpu) struct SeenFace {
     pub(in crate::render::cpu) nearest: f32,
 }
 
-/// Faces that can be seen.
+/// Faces whose boxes are not empty.
 pub(in crate::render::cpu) type Seen = Vec<SeenFace>;
 
-/// For each tile those of some faces whose box meets it, in their order: first the boxes are counted, then the faces stored.
+/// For each tile the faces whose box overlaps it, in order: first the boxes are counted, then the faces stored.
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct TileLists {
     grid: TileGrid,
@@ -85,14 +85,14 @@ pub(in crate::render::cpu) struct TileLists {
 }
 
 impl TileLists {
-    /// Empty lists.
+    /// Empties the lists.
     pub(in crate::render::cpu) fn begin(&mut self, grid: TileGrid) {
         self.grid = grid;
         self.starts.clear();
         self.starts.resize(grid.tile_count() + 1, 0);
     }
 
-    /// Makes room for a face.
+    /// Counts a face.
     #[inline(always)]
     pub(in crate::render::cpu) fn count(&mut self, bounds: Bounds) {
         let ([x0, x1], [y0, y1]) = tiles(bounds);
@@ -109,7 +109,7 @@ impl TileLists {
         for tile in 0..grid.tile_count() {
             self.starts[tile + 1] += self.starts[tile];
         }
-        // No need to clear what is there: all of it is written.
+        // Old entries need no reset: all of them are overwritten.
         self.in_tiles.resize(self.starts[grid.tile_count()] as usize, TileFace::UNUSED);
         for face in seen {
             let ([x0, x1], [y0, y1]) = tiles(face.bounds);
@@ -134,13 +134,13 @@ impl TileLists {
     }
 }
 
-/// No more than the depth that has been rounded to this one.
+/// Lower bound of a depth that was rounded to f32.
 #[inline(always)]
 pub(in crate::render::cpu) fn below(rounded: f32) -> f64 {
     f64::from(rounded) - f64::from(rounded.abs() * f32::EPSILON)
 }
 
-/// The first and last column and row of tiles that a box meets.
+/// First and last column and row of tiles that a box overlaps.
 #[inline(always)]
 fn tiles(Bounds { x0, x1, y0, y1 }: Bounds) -> ([usize; 2], [usize; 2]) {
     ([x0 / TILE_PX, (x1 - 1) / TILE_PX], [y0 / TILE_PX, (y1 - 1) / TILE_PX])

@@ -1,24 +1,22 @@
-//! Which rays of a tile hit a face, and where.
+//! Intersects the rays of a tile with faces.
 //!
-//! A ray hits a face if the three edge functions of the face's corners, sheared along the ray, have one sign, decided as
-//! everywhere by [`signed_edge`](super::ray::signed_edge). Those signs and values are computed pixel by pixel only
-//! where it matters. Elsewhere an edge function of corners p, q that have been sheared along the ray through the middle of
-//! the tile is linear in a pixel's distance (dx, dy) from there,
+//! A ray hits a face if the three edge functions of the face's corners, sheared along the ray, have one sign, decided as everywhere by
+//! [`signed_edge`](super::ray::signed_edge). Those signs and values are computed pixel by pixel only where necessary. Elsewhere an edge
+//! function of corners p, q that have been sheared along the ray through the middle of the tile is linear in a pixel's distance (dx, dy)
+//! from there,
 //!
 //! ```text
 //! E(dx, dy) = p.x q.y - q.x p.y  +  dx (q.h p.y - p.h q.y)  +  dy (p.h q.x - q.h p.x)
 //! ```
 //!
-//! (h: depth in perspective, 1 in parallel projection). Most pixels of a face's box are not hit: sixteen at a time are
-//! looked at in f32, and those that the face certainly misses are left out. For what remains of it, E is computed in f64,
-//! eight pixels at a time.
+//! (h: depth in perspective, 1 in parallel projection). Most pixels of a face's box are not hit: sixteen at a time are tested in f32, and
+//! those that the face certainly misses are left out. For the rest, E is computed in f64, eight pixels at a time.
 //!
-//! **Bound.** Let R be the largest |x| + |y| of a corner sheared along any ray of the tile, and D the largest sum of the
-//! magnitudes that shearing adds up. Shearing, here and pixel by pixel, rounds coordinates by at most 3 2^-53 D; the
-//! products and sums above by at most 6 2^-53 R^2: both ways of computing E differ by less than 2^-48 (R^2 + D R). Above
-//! `2^-30 R^2 + 2^-45 D R` the sign is certain, and the value as accurate as pixel by pixel (there, values above 2^-30 R^2
-//! count as accurate). All the rest, one pixel in many thousands, is asked pixel by pixel: neighbouring faces agree about every
-//! ray, and with the ray caster.
+//! **Bound.** Let R be the largest |x| + |y| of a corner sheared along any ray of the tile, and D the largest sum of the magnitudes that
+//! shearing adds up. Shearing, here and pixel by pixel, rounds coordinates by at most 3 2^-53 D; the products and sums above by at most 6
+//! 2^-53 R^2: both ways of computing E differ by less than 2^-48 (R^2 + D R). Above `2^-30 R^2 + 2^-45 D R` the sign is certain, and the
+//! value as accurate as pixel by pixel (there, values above 2^-30 R^2 count as accurate). The rest, one pixel in many thousands, is
+//! computed pixel by pixel: neighbouring faces agree about every ray, and with the ray caster.
 //!
 //! **Bound in f32.** The three numbers of E and the distances are rounded from f64, by 2^-24 of themselves; products and
 //! sums are rounded as well. The terms' magnitudes sum to at most 2 R^2, each with at most six roundings: less than
@@ -35,7 +33,7 @@ use boxes::{Bounds, least, most};
 use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use lists::TileFace;
 
-/// Pixels, or faces, at a time.
+/// Pixels or faces processed at a time.
 const EIGHT: usize = 8;
 type Eight = [f64; EIGHT];
 
@@ -43,25 +41,25 @@ type Eight = [f64; EIGHT];
 pub(super) struct TileRays {
     pub(super) bounds: Bounds,
     centre: [f64; 2],
-    /// Places of the columns and rows in the image plane.
+    /// Positions of the columns and rows in the image plane.
     px: [f64; TILE_PX],
     py: [f64; TILE_PX],
     /// Distances of the columns and rows from the middle.
     dx: [f64; TILE_PX],
     dy: [f64; TILE_PX],
-    /// The same for the pixels of a block that begins at each column, and at each row.
+    /// The same distances for the pixels of a block that begins at each column, and at each row.
     block_dx: [[f32; BLOCK]; TILE_PX],
     block_dy: [[f32; BLOCK]; TILE_PX],
     /// Largest |dx| and |dy|.
     reach: [f64; 2],
-    /// For each row the pixels that rays are cast for: a bit per column.
+    /// Bits of the columns, per row, whose rays are cast.
     pub(super) rendered: [u16; TILE_PX],
-    /// Whether those are all.
+    /// Whether all rays of the tile are cast.
     all_rendered: bool,
 }
 
 impl TileRays {
-    /// Those of the pixels that rays are cast for in a tile of the image.
+    /// The rays to be cast in a tile of the image.
     pub(super) fn new(view: &View, bounds: Bounds) -> Self {
         let Bounds { x0, x1, y0, y1 } = bounds;
         let in_row = |row: usize| view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0));
@@ -70,11 +68,11 @@ impl TileRays {
         Self::of_lattice(view, Lattice::ALL, bounds, (!is_all).then(some))
     }
 
-    /// Those of a tile of places of a lattice; `bounds` are places. `some`: the ones that rays are cast for, for each row a bit per column;
-    /// all without.
+    /// The rays of a tile of lattice points; `bounds` are lattice indices. `some`: bits of the columns, per row, whose rays are cast; all
+    /// without.
     pub(super) fn of_lattice(view: &View, lattice: Lattice, bounds: Bounds, some: Option<[u16; TILE_PX]>) -> Self {
         let Bounds { x0, x1, y0, y1 } = bounds;
-        // Beyond the image anything will do.
+        // Values beyond the image are unused.
         let [column, row] = [view.width_px, view.height_px].map(|pixels| move |at| lattice.pixel(at, pixels));
         let middle = |first: usize, last: usize| 0.5 * (first + last + 1) as f64;
         let (cx, cy) = view.ray_at(middle(column(x0), column(x1 - 1)), middle(row(y0), row(y1 - 1)));
@@ -98,7 +96,7 @@ impl TileRays {
         Ray::through(view, self.px[pixel % TILE_PX], self.py[pixel / TILE_PX])
     }
 
-    /// Brings the pixels of a list that rays are cast for to its begin, in their order; returns how many.
+    /// Compacts a list to the pixels whose rays are cast, in order; returns their number.
     #[cold]
     #[inline(never)]
     fn keep_rendered(&self, list: &mut [u32]) -> usize {
@@ -112,24 +110,24 @@ impl TileRays {
     }
 }
 
-/// Where a ray passes through a face.
+/// The point at which a ray passes through a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hit {
     pub(super) depth: f64,
     pub(super) scalar: f64,
-    /// Those of the face, in the order in which the ray meets them.
+    /// The cells of the face, in the order in which the ray meets them.
     pub(super) cells: [u32; 2],
-    /// Whether it sees the corners clockwise.
+    /// Whether the ray sees the corners clockwise.
     pub(super) is_turned: bool,
 }
 
-/// Faces that are made ready at a time, so that memory is waited for once.
+/// Faces set up at a time, to overlap their memory latency.
 pub(super) const FACES_AT_ONCE: usize = 32;
 
-/// A number for each of the faces.
+/// One number per face.
 type PerFace = [f64; FACES_AT_ONCE];
 
-/// Faces ready to be met by the rays of a tile.
+/// Faces set up for the rays of a tile.
 pub(super) struct Faces {
     faces: [TileFace; FACES_AT_ONCE],
     /// Edge functions opposite the corners: at the middle of the tile, and per dx and dy.
@@ -138,12 +136,12 @@ pub(super) struct Faces {
     per_dy: [PerFace; 3],
     depth: [PerFace; 3],
     scalar: [PerFace; 3],
-    /// Edge functions that are not above this are asked pixel by pixel.
+    /// Edge functions that are not above this are recomputed pixel by pixel.
     certain: PerFace,
-    /// The edge functions in f32, three numbers each: those that are not above the bound `coarse` are asked in f64.
+    /// The edge functions in f32, three numbers each: those not above the bound `coarse` are recomputed in f64.
     rounded: [[[f32; FACES_AT_ONCE]; 3]; 3],
     coarse: [f32; FACES_AT_ONCE],
-    /// Whether a face is not wholly in front of the eye.
+    /// Whether a face is not entirely in front of the eye.
     at_eye: [bool; FACES_AT_ONCE],
 }
 
@@ -161,12 +159,12 @@ impl Faces {
         at_eye: [false; FACES_AT_ONCE],
     };
 
-    /// Makes some faces, no more than [`FACES_AT_ONCE`], ready for the rays of a tile.
+    /// Sets up at most [`FACES_AT_ONCE`] faces for the rays of a tile.
     #[inline(always)]
     pub(super) fn set(&mut self, view: &View, vertices: &[ViewVertex], rays: &TileRays, faces: &[TileFace]) {
         let count = faces.len().min(FACES_AT_ONCE);
         self.faces[..count].copy_from_slice(&faces[..count]);
-        // Those that fill up the last eight: what was there may be of another mesh.
+        // Pads the last eight: old entries may be of another mesh.
         self.faces[count..count.next_multiple_of(EIGHT)].fill(TileFace::UNUSED);
         let mut first = 0;
         while first < count {
@@ -175,11 +173,11 @@ impl Faces {
         }
     }
 
-    /// Those from `first` on, side by side.
+    /// Sets up eight faces from `first` on, side by side.
     #[inline(always)]
     fn set_eight(&mut self, view: &View, vertices: &[ViewVertex], rays: &TileRays, first: usize) {
         let Some(faces) = self.faces[first..].first_chunk::<EIGHT>() else { return };
-        // Corner by corner.
+        // Gathers the vertices corner by corner.
         let [mut x, mut y, mut w, mut s] = [[[0.0; EIGHT]; 3]; 4];
         for (l, face) in faces.iter().enumerate() {
             for (corner, &id) in face.ids.iter().enumerate() {
@@ -223,14 +221,14 @@ impl Faces {
             put(&mut self.scalar[i], first, s[i]);
         }
         for (l, at_eye) in self.at_eye[first..].iter_mut().take(EIGHT).enumerate() {
-            // A little more than zero: the product with an edge function that is certain must not vanish.
+            // Slightly above zero: the product with a certain edge function must not vanish.
             let least = f64::EPSILON;
             *at_eye = view.perspective && !((h[0][l] > least) & (h[1][l] > least) & (h[2][l] > least));
         }
     }
 
-    /// Gives `hit` each pixel of the tile (row times [`TILE_PX`] plus column) whose ray hits face `i` in front of the eye,
-    /// and where.
+    /// Calls `hit` with each pixel of the tile (row times [`TILE_PX`] plus column) whose ray hits face `i` in front of the eye, and with
+    /// the hit.
     #[inline(always)]
     pub(super) fn hits<L: Lanes>(
         &self,
@@ -278,7 +276,7 @@ impl Faces {
         }
     }
 
-    /// Lists the pixels in the box of face `i` but for those that certainly miss it; returns how many.
+    /// Lists the pixels in the box of face `i` that do not certainly miss it; returns their number.
     #[inline(always)]
     fn candidates<L: Lanes>(&self, lanes: L, i: usize, rays: &TileRays, list: &mut PixelList) -> usize {
         let Bounds { x0: first, x1: end, y0: top, y1: bottom } = self.faces[i].bounds();
@@ -308,11 +306,11 @@ impl Faces {
         count
     }
 
-    /// Edge functions of face `i` in some pixels.
+    /// Edge functions of face `i` at eight pixels.
     #[inline(always)]
     fn edges<L: Lanes>(&self, lanes: L, i: usize, rays: &TileRays, pixels: &[u32; EIGHT]) -> [Eight; 3] {
         let [dx, dy] = lanes.look_up(pixels, &rays.dx, &rays.dy);
-        // Spelled out: mapped, it becomes a call.
+        // Written out, since a mapped closure becomes a call.
         [self.edge(0, i, &dx, &dy), self.edge(1, i, &dx, &dy), self.edge(2, i, &dx, &dy)]
     }
 
@@ -326,7 +324,7 @@ impl Faces {
         values
     }
 
-    /// Of all pixels, as [`hit`](super::ray::hit) has them; of no meaning where the face is not hit.
+    /// Depths and scalars at all pixels, as by [`hit`](super::ray::hit); undefined where the face is not hit.
     #[inline(always)]
     fn depth_and_scalar(&self, i: usize, [e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
         let [p, q, r] = [self.depth[0][i], self.depth[1][i], self.depth[2][i]];
@@ -343,10 +341,10 @@ impl Faces {
     }
 }
 
-/// See the bound above: of f64 values, and of the coordinates that they are made of.
+/// Bounds above: for f64 values, and for the coordinates that they are computed from.
 const ACCURATE: f64 = 1.0 / (1u64 << 30) as f64;
 const SHEARED: f64 = 1.0 / (1u64 << 45) as f64;
-/// Of f32 values.
+/// Bound for f32 values.
 const COARSE: f64 = 1.0 / (1u64 << 19) as f64;
 
 #[inline(always)]
@@ -386,9 +384,9 @@ fn rounded_to_f32(of: &Eight) -> [f32; EIGHT] {
     rounded
 }
 
-/// Of three edge functions the least if all are positive, or have one sign; the most that two differ in sign by.
+/// For three edge functions their least magnitude if all have one sign, and the lesser of the greatest magnitudes of either sign if not.
 ///
-/// That is: the first is positive where they certainly have one sign, the second where they certainly do not.
+/// So the first is positive where they certainly have one sign, the second where they certainly do not.
 #[inline(always)]
 fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
     let (mut all, mut some) = ([0.0; EIGHT], [0.0; EIGHT]);
@@ -404,7 +402,7 @@ fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
     (all, some)
 }
 
-/// Where the ray of one pixel hits a face, by the definition.
+/// The hit of a single pixel's ray by the definition.
 #[cold]
 #[inline(never)]
 fn careful_hit(face: &TileFace, vertices: &[ViewVertex], ray: &Ray) -> Option<Hit> {

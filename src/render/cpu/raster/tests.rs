@@ -11,7 +11,7 @@ use crate::task::Cancel;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A pixel, and what its ray meets there.
+/// A pixel and the hit of its ray.
 type HitIn = (usize, Hit);
 
 /// The hits of all faces of a mesh in one tile, as drawn, and by the definition in every pixel.
@@ -26,7 +26,7 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
     let rays = TileRays::new(view, bounds);
     let (mut drawn, mut defined) = (Vec::new(), Vec::new());
     let (mut faces, mut list) = (Faces::NONE, [0; TILE_PX * TILE_PX + BLOCK]);
-    // No matter which: all differ.
+    // Arbitrary, but all different.
     let listed = |id: u32| ListedFace { ids: mesh.topology.faces[id as usize], cells: [2 * id, 2 * id + 1] };
     let all: Vec<ListedFace> = (0..mesh.topology.faces.len() as u32).map(listed).collect();
     let seen: Vec<TileFace> =
@@ -48,7 +48,7 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
     (drawn, defined)
 }
 
-/// A face in the only tile.
+/// A face in the only tile of the image.
 fn in_tile(face: &ListedFace, bounds: Bounds) -> TileFace {
     TileFace::new(&SeenFace { face: *face, bounds, nearest: 0.0 }, [0, 0])
 }
@@ -63,7 +63,7 @@ fn random_mesh(random: &mut SplitMix64, flatness: i32) -> Option<Arc<Mesh>> {
     Mesh::build(RawMesh { points, cells: tets.into() }).ok().map(|(mesh, _)| Arc::new(mesh))
 }
 
-/// Meshes and views: near, within, far away, from the edge of a flat mesh, in both projections.
+/// Meshes and views: from nearby, from inside, from far away, and onto the edge of a flat mesh, in both projections.
 fn scenes() -> Vec<(Arc<Mesh>, View)> {
     let mut random = SplitMix64::new(11);
     let mut scenes = Vec::new();
@@ -92,8 +92,7 @@ fn sorted(mut hits: Vec<HitIn>) -> Vec<HitIn> {
     hits
 }
 
-/// Whether all hits are the same, at the same places but for the accuracy of three weights (2^-20 each) of depths and
-/// scalars of magnitude `most`.
+/// Whether all hits agree, within the accuracy of three weights (2^-20 each) of depths and scalars of magnitude `most`.
 fn agree((drawn, defined): (Vec<HitIn>, Vec<HitIn>), most: f64) -> bool {
     let (drawn, defined) = (sorted(drawn), sorted(defined));
     let bound = 6.0 / (1 << 20) as f64 * most;
@@ -117,7 +116,7 @@ fn compare(lanes: impl Lanes) {
 #[test]
 fn every_ray_hits_the_same_faces_as_by_the_definition() {
     compare(pulp::Scalar);
-    // Each kind of vectors that this processor has, also those that it has better ones than.
+    // Every kind of vectors that this processor has, not only the best.
     #[cfg(target_arch = "x86_64")]
     {
         pulp::x86::V3::try_new().into_iter().for_each(compare);

@@ -1,4 +1,4 @@
-//! Random meshes, tables, cameras, sizes and contrasts: a ray that is cast has the bits of the whole image, and no way to work changes a frame.
+//! Random meshes, tables, cameras, sizes and contrasts: cast rays have the bits of the whole image, and scheduling changes no frame.
 
 use super::super::super::{Advance, Renderer, testing};
 use super::*;
@@ -12,12 +12,12 @@ use glam::DVec3;
 use proptest::prelude::*;
 use std::cell::Cell;
 
-/// What is rendered, from where, and how many rays may be left out.
+/// A mesh with its view, and the contrast of its sampling.
 #[derive(Clone, Debug)]
 struct Scene {
     cubes: [usize; 3],
     seed: u64,
-    /// From the mesh to the eye, in diameters of the mesh.
+    /// Eye relative to the mesh, in diameters of the mesh.
     eye: [f64; 3],
     parallel: bool,
     size_px: (usize, usize),
@@ -39,7 +39,7 @@ prop_compose! {
 }
 
 impl Scene {
-    /// All rays.
+    /// The job that casts all rays.
     fn whole(&self) -> RenderJob {
         let mut random = Random::new(self.seed);
         let [nx, ny, nz] = self.cubes;
@@ -60,7 +60,7 @@ impl Scene {
         testing::job(&mesh, scalars, &camera, self.size_px, Arc::new(Self::table(&mut random, diameter)))
     }
 
-    /// Transparent, thin and opaque stretches and steps.
+    /// A table of transparent, thin and opaque stretches and steps.
     fn table(random: &mut Random, diameter: f64) -> NodeTable {
         let mut scalars: Vec<f64> = (0..2 + random.below(5)).map(|_| random.signed()).collect();
         scalars.sort_by(f64::total_cmp);
@@ -72,7 +72,7 @@ impl Scene {
         NodeTable::new(scalars.into_iter().map(node).collect()).unwrap()
     }
 
-    /// The rays that contrast asks for.
+    /// The job with contrast-adaptive sampling.
     fn job(&self) -> RenderJob {
         let contrast = |&contrast: &f32| Contrast::new(contrast).unwrap();
         RenderJob {
@@ -83,14 +83,14 @@ impl Scene {
     }
 }
 
-/// An image, and of each of its pixels whether its ray was cast.
+/// An image, and for each pixel whether its ray was cast.
 #[derive(Clone, PartialEq)]
 struct Shown {
     planes: Planes,
     cast: Vec<bool>,
 }
 
-/// The first pixel whose ray was cast and which has not the bits that it has in the whole image.
+/// The first pixel whose ray was cast but whose bits differ from the whole image.
 fn first_wrong(shown: &Shown, whole: &Planes) -> Option<usize> {
     let bits = |planes: &Planes, at: usize| {
         let color = planes.color.pixels[at].map(f32::to_bits);
@@ -103,7 +103,7 @@ fn first_wrong(shown: &Shown, whole: &Planes) -> Option<usize> {
     (0..shown.cast.len()).find(|&at| shown.cast[at] && bits(&shown.planes, at) != bits(whole, at))
 }
 
-/// All images of a job on its way, the last one in the end. Without rays that contrast asks for, all are cast.
+/// All previews of a job and its final image. Without adaptive sampling all rays count as cast.
 fn images(renderer: &mut Raycast, job: &RenderJob, budget: Duration) -> Vec<Shown> {
     renderer.begin(job.clone()).unwrap();
     let width = job.view.width_px;
@@ -124,7 +124,7 @@ fn images(renderer: &mut Raycast, job: &RenderJob, budget: Duration) -> Vec<Show
     }
 }
 
-/// Begins a job and gives it up after so many of the smallest slices; whether it was under way then.
+/// Begins a job and cancels it after this many of the smallest slices; true if it was still under way.
 fn give_up(renderer: &mut Raycast, job: &RenderJob, slices: usize) -> bool {
     let cancel = Cancel::new();
     renderer.begin(RenderJob { cancel: cancel.clone(), ..job.clone() }).unwrap();
@@ -156,7 +156,7 @@ fn rays_that_are_cast_have_the_bits_of_the_whole_image_and_no_way_to_work_change
         prop_assert!(scene.contrast > 0.0 || cast.len() == last.cast.len() && last.planes == whole);
         add(&left_out, last.cast.len() - cast.len());
         add(&on_the_way, shown.len() - 1);
-        // One ray that is off by its last bit is seen.
+        // A ray whose last bit is wrong is noticed.
         let at = cast[at.index(cast.len())];
         let mut other = last.clone();
         let bits = &mut other.planes.color.pixels[at][at % 4];
@@ -167,7 +167,7 @@ fn rays_that_are_cast_have_the_bits_of_the_whole_image_and_no_way_to_work_change
         other.planes.depth.pixels[at] = -1.0;
         prop_assert_eq!(first_wrong(&other, &whole), Some(at));
         add(&noticed, 2);
-        // The same however the work is cut, in whatever order, by however many threads, after whatever came before.
+        // Slices, tile order, number of threads and earlier jobs change nothing.
         prop_assert!(images(&mut renderer, &job, Duration::ZERO) == shown, "in the smallest slices");
         prop_assert!(images(&mut Raycast::portable(), &job, Duration::MAX) == shown, "one ray after the other");
         let mut in_order = job.clone();

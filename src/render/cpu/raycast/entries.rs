@@ -1,9 +1,8 @@
-//! Where rays may enter the active cells: faces, and the tiles that they are in.
+//! The faces through which rays may enter the active cells, binned into tiles.
 //!
-//! The faces are found cluster by cluster (cells that follow each other along the curve), from the bits of the set word by
-//! word. They are then cut into chunks at clusters, so that the chunks depend on the faces alone; each chunk has lists of its
-//! own for all tiles, filled by one thread. A tile reads the chunks one after the other: the order is that of the cells,
-//! however many threads there are.
+//! The faces are found cluster by cluster (cells that are successive along the curve), from the words of the bit set. They are then cut
+//! into chunks of clusters that depend on the faces alone; each chunk has its own lists for all tiles, filled by one thread. A tile reads
+//! the chunks one after the other, in the order of the cells, however many threads there are.
 
 use super::super::raster::boxes::{Bounds, BoxSource};
 use super::super::raster::lists::{Seen, SeenFace, TileFace, TileLists};
@@ -18,20 +17,20 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// Words of a set of cells that make a cluster.
+/// Words of a cell set per cluster.
 pub(super) const CLUSTER_WORDS: usize = Clusters::CELLS / 64;
 
-/// A face of an active cell without an active cell behind it.
+/// A face of an active cell with no active cell behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) struct EntryFace {
-    /// Counter-clockwise seen from outside the cell.
+    /// Corner vertices, counter-clockwise as seen from outside the cell.
     pub(in crate::render::cpu) vertices: [u32; 3],
     pub(in crate::render) cell: u32,
     /// The vertex of the cell (0..4) that is not on the face.
     pub(in crate::render) opposite: u32,
 }
 
-/// All entry faces, in the order of their cells; some of them if `cancel` is raised.
+/// All entry faces, in the order of their cells; only some of them if `cancel` is raised.
 #[cfg(feature = "gpu")]
 pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, cancel: &Cancel, out: &mut Vec<EntryFace>) {
     out.clear();
@@ -48,8 +47,7 @@ pub(super) fn cluster_count(cells: &CellSet) -> usize {
     cells.words().len().div_ceil(CLUSTER_WORDS)
 }
 
-/// Calls `open` with each face (a cell and which of its four) of a cluster that is between an active cell and an inactive one
-/// or the outside.
+/// Calls `open` with each face (cell and local face index) of a cluster between an active cell and an inactive one or the outside.
 #[inline(always)]
 pub(super) fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut open: impl FnMut(u32, usize)) {
     let words = active.words();
@@ -64,11 +62,11 @@ pub(super) fn each_open_face(topology: &Topology, active: &CellSet, cluster: usi
     }
 }
 
-/// The same for an active cell.
+/// Calls `open` with each such face of an active cell.
 #[inline(always)]
 pub(super) fn open_faces(topology: &Topology, active: &CellSet, cell: usize, mut open: impl FnMut(u32, usize)) {
     for (i, neighbour) in topology.neighbours[cell].iter().enumerate() {
-        // No cell lies beyond the last word.
+        // A missing neighbour lies beyond the last word.
         let other = (neighbour.0 >> 2) as usize;
         let is_active = active.words().get(other / 64).is_some_and(|word| word >> (other % 64) & 1 == 1);
         if !is_active {
@@ -77,8 +75,8 @@ pub(super) fn open_faces(topology: &Topology, active: &CellSet, cell: usize, mut
     }
 }
 
-/// About how many faces there are between a cell of `active` and one of `finite` that is not: counted in a part of the
-/// clusters, if there are many.
+/// Estimated number of faces between a cell of `active` and one of `finite` that is not active: counted on a sample of the clusters, if
+/// there are many.
 pub(super) fn count_beside(topology: &Topology, active: &CellSet, finite: &CellSet) -> usize {
     const ENOUGH: usize = 32;
     let every = (cluster_count(active) / ENOUGH).max(1);
@@ -111,13 +109,13 @@ pub(in crate::render) fn cells_at_eye(mesh: &Mesh, active: &CellSet, local_view:
     mesh.cells_near(local_view.eye, tolerance).into_iter().filter(|&cell| active.contains(cell)).collect()
 }
 
-/// Where a ray passes through a cell with the eye in it.
+/// The entry and exit of a ray in a cell with the eye in it.
 pub(in crate::render::cpu) struct EyeCell {
-    /// Behind the eye, or at it.
+    /// Crossing behind the eye, or at it.
     pub(in crate::render::cpu) entry: Crossing,
     /// The vertex of the cell (0..4) that is not on the face of the entry.
     pub(in crate::render::cpu) opposite: u32,
-    /// In front of the eye.
+    /// Crossing in front of the eye.
     pub(in crate::render::cpu) exit: Crossing,
 }
 
@@ -144,20 +142,20 @@ impl EyeCell {
     }
 }
 
-/// Fewest faces of a chunk: enough to hide the cost of its lists.
+/// Smallest number of faces per chunk: enough to hide the cost of its lists.
 const CHUNK_MIN: usize = 4 * 1024;
-/// Most chunks: each has a counter for every tile.
+/// Largest number of chunks: each has a counter for every tile.
 const CHUNKS_MAX: usize = 128;
 
-/// For each tile the entry faces whose pixel box meets it.
+/// For each tile the entry faces whose pixel box overlaps it.
 #[derive(Debug, Default)]
 pub(super) struct EntryBins {
     pub(super) grid: TileGrid,
     /// The clusters of each chunk.
     parts: Vec<Range<usize>>,
-    /// As many as parts, or more.
+    /// Tile lists per chunk; may be more than `parts`.
     chunks: Vec<TileLists>,
-    /// One for each thread.
+    /// Scratch memory per thread.
     seen: Vec<Mutex<Seen>>,
 }
 
@@ -168,10 +166,10 @@ impl EntryBins {
         (chunk < self.parts.len()).then(|| self.chunks[chunk].faces(tile))
     }
 
-    /// Whether the box of an entry face of which a ray may see the front reaches into some columns and rows of pixels.
+    /// Whether the box of an entry face that may be seen from its front overlaps some columns and rows of pixels.
     ///
-    /// Faces so small in the image that f32 leaves their side in doubt are listed from behind, too; a decision that the GPU takes as well is
-    /// about none of these. Twin: `shaders/lib/close_boxes.wgsl`.
+    /// Faces so small in the image that f32 leaves their side uncertain are listed from behind, too; decisions that must equal the GPU's
+    /// ignore these. Twin: `shaders/lib/close_boxes.wgsl`.
     pub(super) fn reach(
         &self,
         columns: Range<usize>,
@@ -192,8 +190,7 @@ impl EntryBins {
         })
     }
 
-    /// Sorts the entry faces of `needed` clusters of cells, or of all, into the tiles of a view; some of them if `cancel` is
-    /// raised.
+    /// Sorts the entry faces of `needed` clusters of cells, or of all, into the tiles of a view; only some of them if `cancel` is raised.
     pub(super) fn fill(&mut self, source: BoxSource<'_>, faces: &EntryFaces, needed: Option<&[bool]>, cancel: &Cancel) {
         self.grid = TileGrid::of(source.view);
         let least = faces.count().div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
@@ -212,7 +209,7 @@ impl EntryBins {
         self.seen.resize_with(rayon::current_num_threads(), Mutex::default);
         let (grid, seen) = (self.grid, &self.seen);
         self.chunks.par_iter_mut().zip(&self.parts).for_each(|(lists, part)| {
-            // A thread of the pool has one of its own: the lock is never waited for.
+            // Each thread of the pool has its own: the lock is never contended.
             let seen = &seen[rayon::current_thread_index().unwrap_or(0) % seen.len()];
             let mut seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
             lists.begin(grid);

@@ -5,7 +5,7 @@
 //! few cells have come or gone       these cells and those beside them are touched: their faces are found, others copied
 //! else                              the faces of all active cells are found
 //! ```
-//! Finding reads the neighbours and corners of cells that lie apart in memory; lists of faces are copied as they lie.
+//! Finding reads neighbours and corners of cells scattered in memory; copying reads lists of faces sequentially.
 
 use super::super::raster::lists::ListedFace;
 use super::entries::{CLUSTER_WORDS, cluster_count, each_open_face, face_of, open_faces};
@@ -17,32 +17,30 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Active cells for each cell that has come or gone, from which on only touched cells are looked at. A cell that came or went
-/// touches five.
+/// Only touched cells are searched if there are at least this many active cells per changed cell. A changed cell touches five.
 const FEW: usize = 8;
 
-/// The faces, cluster by cluster. The two numbers that a listed face has for its cells are which of the cell's four it is, and
-/// the cell.
+/// The faces, cluster by cluster. The two cell numbers of a listed face are its local face index and its cell.
 #[derive(Debug, Default)]
 pub(super) struct EntryFaces {
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     pub(super) clusters: Vec<Vec<ListedFace>>,
-    /// Memory of [`Self::find_touched`]: the faces before, and a bit for each cell.
+    /// Memory of [`Self::find_touched`]: the previous faces, and a bit per cell.
     before: Vec<Vec<ListedFace>>,
     touched: Vec<AtomicU64>,
 }
 
-/// What of the faces was known.
+/// Faces reused from the previous update.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Kept {
-    /// All: the cells are the same.
+    /// Whether all were reused, as the cells are the same.
     pub(super) all: bool,
-    /// Faces that are those of before.
+    /// Number of reused faces.
     pub(super) faces: u64,
 }
 
 impl EntryFaces {
-    /// Finds them, without those that are known if it `may_keep` these; some of them if `cancel` is raised.
+    /// Finds the faces, reusing previous ones if it `may_keep` them; only some of them if `cancel` is raised.
     pub(super) fn update(&mut self, mesh: &Arc<Mesh>, active: &Arc<CellSet>, may_keep: bool, cancel: &Cancel) -> Kept {
         let before = self.of.take().filter(|(of, _)| may_keep && Arc::ptr_eq(of, mesh)).map(|(_, cells)| cells);
         let kept = match before {
@@ -73,7 +71,7 @@ impl EntryFaces {
         });
     }
 
-    /// Finds those of the cells that a change from `before` to `active` touches, and keeps the others, whose number it returns.
+    /// Finds the faces of cells touched by a change from `before` to `active`, and keeps the others, whose number it returns.
     fn find_touched(&mut self, topology: &Topology, before: &CellSet, active: &CellSet) -> u64 {
         self.touch(topology, before, active);
         std::mem::swap(&mut self.clusters, &mut self.before);
@@ -93,12 +91,12 @@ impl EntryFaces {
         kept.sum::<usize>() as u64
     }
 
-    /// Marks the cells that have come or gone, and those beside them.
+    /// Marks the changed cells and their neighbours.
     fn touch(&mut self, topology: &Topology, before: &CellSet, active: &CellSet) {
         self.touched.resize_with(active.words().len(), AtomicU64::default);
         self.touched.iter_mut().for_each(|word| *word.get_mut() = 0);
         let touch = |cell: usize| {
-            // No cell lies beyond the last word.
+            // A missing neighbour lies beyond the last word.
             if let Some(word) = self.touched.get(cell / 64) {
                 word.fetch_or(1 << (cell % 64), Relaxed);
             }
@@ -114,7 +112,7 @@ impl EntryFaces {
     }
 }
 
-/// Whether few cells have come or gone.
+/// Whether few cells have changed.
 fn are_few(before: &CellSet, active: &CellSet) -> bool {
     let changed = before.words().iter().zip(active.words()).map(|(a, b)| (a ^ b).count_ones() as usize).sum::<usize>();
     before.universe() == active.universe() && FEW * changed <= active.count()
@@ -130,7 +128,7 @@ fn listed(topology: &Topology, cell: u32, i: usize) -> ListedFace {
     ListedFace { ids: face_of(topology, cell, i).vertices, cells: [i as u32, cell] }
 }
 
-/// Calls `each` with the places of the bits that are set, from the lowest on.
+/// Calls `each` with the index of each set bit, from the lowest on.
 #[inline(always)]
 fn each_bit(word: u64, mut each: impl FnMut(usize)) {
     let mut rest = word;
@@ -140,11 +138,11 @@ fn each_bit(word: u64, mut each: impl FnMut(usize)) {
     }
 }
 
-/// Faces of a cluster, from those before and what is found.
+/// Merges previous faces of a cluster with found ones.
 struct Merge<'a> {
     topology: &'a Topology,
     active: &'a CellSet,
-    /// Faces before of this word's cells and of later ones.
+    /// Previous faces of this word's cells and later ones.
     before: &'a [ListedFace],
     faces: &'a mut Vec<ListedFace>,
     kept: usize,
@@ -165,7 +163,7 @@ impl Merge<'_> {
         self.keep(64 * at + 64);
     }
 
-    /// Adds the faces before of the cells up to `end`.
+    /// Copies the previous faces of the cells up to `end`.
     fn keep(&mut self, end: usize) {
         let kept = self.leave_out(end);
         self.kept += kept.len();
@@ -174,7 +172,7 @@ impl Merge<'_> {
 }
 
 impl<'a> Merge<'a> {
-    /// The faces before of the cells up to `end`, which are no longer among those to come.
+    /// Removes the previous faces of the cells up to `end` and returns them.
     fn leave_out(&mut self, end: usize) -> &'a [ListedFace] {
         let count = self.before.iter().take_while(|face| (face.cells[1] as usize) < end).count();
         let (out, rest) = self.before.split_at(count);
@@ -195,7 +193,7 @@ mod tests {
         Arc::new(Mesh::build(jet.mesh().unwrap()).unwrap().0)
     }
 
-    /// The faces of a set by [`EntryFaces::find`].
+    /// The faces of a set by a full [`EntryFaces::find`].
     fn found(mesh: &Arc<Mesh>, active: &Arc<CellSet>) -> EntryFaces {
         let mut faces = EntryFaces::default();
         assert_eq!(faces.update(mesh, active, true, &Cancel::new()), Kept::default(), "nothing was known");
@@ -219,7 +217,7 @@ mod tests {
         let mut active = CellSet::of(cells, |cell| cell % 1000 < 600);
         let (mut kept_some, mut kept_none) = (0, 0);
         for round in 0..60 {
-            // Some cells come and go one by one, some in stretches that begin and end anywhere.
+            // Some cells change one by one, some in random stretches.
             let mut next = active.clone();
             for _ in 0..[0, 1, 40, 300, 2000][round % 5] {
                 let (first, member) = (random.below(cells), random.below(2) == 0);

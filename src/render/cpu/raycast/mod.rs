@@ -2,7 +2,7 @@
 //!
 //! 1. **view transform** ([`ray`](super::ray)): vertices to view coordinates, once per frame.
 //! 2. **entries** ([`entries`], [`starts`]): faces between an active cell and an inactive one or the outside, binned into
-//!    tiles; per pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are this one
+//!    tiles; per pixel those that the ray enters through, nearest first. Empty space, holes and separate parts are handled by this one
 //!    mechanism.
 //! 3. **walk** ([`walk`]): from an entry through the active cells to the exit, compositing a segment per cell.
 //!
@@ -15,23 +15,21 @@
 //! the active sub-complex's surface, each walk ends there, whatever rounding does to the shape of slivers, and entries
 //! found by the same edge functions are exactly the starts of the paths.
 //!
-//! Deviations for speed from the plain algorithm:
-//! 1. Entry candidates are culled by conservative pixel boxes, and by the side that is seen of them; those of a tile are met
-//!    by its rays many at a time ([`raster`](super::raster)).
+//! Optimisations of the plain algorithm:
+//! 1. Entry candidates are culled by conservative pixel boxes and by their visible side; the rays of a tile are intersected
+//!    with them many at a time ([`raster`](super::raster)).
 //! 2. Of the three edges of the exit face only those at the new vertex are evaluated.
-//! 3. Where the processor has AVX2 or AVX-512, eight rays are walked side by side, to the same bits ([`lanes`]).
-//! 4. The triangle turns so that the new vertex is its last corner: nothing is written to a place that depends on the step.
+//! 3. Where the processor has AVX2 or AVX-512, eight rays are walked side by side, with bit-identical results ([`lanes`]).
+//! 4. The triangle is rotated so that the new vertex is its last corner: no write address depends on the step.
 //!
-//! Tried and not kept, since they changed nothing (rays of a tile share their cells, which stay in the cache): walking four
-//! or eight rays of a thread in turn, without vectors, to hide the latency of the loads; vertices and neighbours of a cell
-//! side by side.
+//! Tried without effect (rays of a tile share their cells, which stay in the cache): walking four or eight rays of a thread in turn,
+//! without vectors, to hide the latency of the loads; storing vertices and neighbours of a cell side by side.
 //!
-//! What is in the cells is left to a [`Medium`]. Vectors of rays know media of the scalar alone; through others, and in tiles with fragments
-//! of other layers, rays are walked one by one.
+//! Cells are integrated by a [`Medium`]. Only media of the scalar alone are walked in vectors; through others, and in tiles with
+//! fragments of other layers, rays are walked one by one.
 //!
-//! **What a ray sees does not depend on which transparent cells are left out**, to the last bit: scalars of a hit stay within those of
-//! its cell, paths begin as if the ray came through the cell before ([`path`]), and segments that show nothing change nothing
-//! ([`light`](super::light)).
+//! **A pixel does not depend on which transparent cells are skipped**, to the last bit: scalars of a hit stay within those of its cell,
+//! paths begin as if the ray came through the cell before ([`path`]), and invisible segments change nothing ([`light`](super::light)).
 
 #[cfg(test)]
 mod adaptive_tests;
@@ -66,27 +64,27 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use walk::{Scene, TileScratch};
 
-/// Cells so near to the eye, local units, may be the first on a ray: view coordinates are rounded by some 2^-53 of the local
-/// box's diameter, which is below 4.
+/// Tolerance, in local units, for cells that may contain the eye: view coordinates are rounded by some 2^-53 of the local box's diameter,
+/// which is below 4.
 pub(in crate::render::cpu) const EYE_TOLERANCE: f64 = 1e-12;
 
 /// The CPU ray caster.
 pub type Raycast = FrameRun<CellWalk>;
 
-/// Walks from cell to cell, on the CPU.
+/// Walks from cell to cell on the CPU.
 #[derive(Default)]
 pub struct CellWalk {
     placer: CellPlacer,
-    /// Places what decides about rays, where that is not what they go through.
+    /// Places the domain of adaptive sampling, where it differs from the cells walked.
     domain_placer: CellPlacer,
-    /// For each level of adaptive sampling; all pixels are those of the last.
+    /// Tiles per level of adaptive sampling; the last level serves frames of all pixels.
     tiles: [Tiles<TileScratch>; 4],
     adaptive: Adaptive,
-    /// The contrast of the image that the last slice has filled, if more rays are to be cast.
+    /// The contrast of the preview that the last slice filled, if more rays are to be cast.
     preview: Option<Contrast>,
-    /// For jobs that come without.
+    /// Tables for jobs without prepared optics.
     tables: OpticsTables,
-    /// Walk one ray after the other, with no instructions that not every processor of its kind has.
+    /// Whether to walk rays one by one, without instructions that not every processor of the architecture has.
     portable: bool,
 }
 
@@ -94,9 +92,9 @@ pub struct CellWalk {
 pub struct WalkJob {
     tiles: TileJob,
     in_view: CellsInView,
-    /// Whether contrast decides which rays are cast.
+    /// Whether sampling is contrast-adaptive.
     is_adaptive: bool,
-    /// What decides with it, if that is not what rays go through.
+    /// The domain of adaptive sampling, if it differs from the cells walked.
     domain: Option<CellsInView>,
 }
 
@@ -106,19 +104,18 @@ impl Raycast {
         Self::default()
     }
 
-    /// The same renderer without instructions that only newer processors have, one ray after the other; its images are the
-    /// same.
+    /// A renderer that walks rays one by one, without instructions of newer processors; its images are the same.
     pub fn portable() -> Self {
         Self::of(CellWalk { portable: true, ..CellWalk::default() })
     }
 
-    /// How the sampling of the last image went.
+    /// The sampling state of the last image.
     #[cfg(test)]
     pub(in crate::render) fn adaptive(&self) -> &Adaptive {
         &self.layer.adaptive
     }
 
-    /// Whether the box of an entry face of a job reaches into some columns and rows of pixels.
+    /// Whether the box of an entry face of a job overlaps some columns and rows of pixels.
     #[cfg(all(test, feature = "gpu"))]
     pub(in crate::render) fn reaching(job: &RenderJob) -> impl Fn(Range<usize>, Range<usize>) -> bool + Sync {
         let view = job.local_view();
@@ -146,7 +143,7 @@ impl LayerRenderer for CellWalk {
             placed.unwrap_or_else(|| self.placer.place(job, view, &mut frame.stats))
         };
         frame.stats.add_counts(in_view.counts());
-        // What is transparent has no bins.
+        // Transparent jobs have no bins.
         let contrasts = job.contrasts();
         let is_adaptive = !contrasts.is_empty() && in_view.lists.bins.grid.tile_count() > 0;
         let mut domain = None;
@@ -219,7 +216,7 @@ impl RenderTiles for CellWalk {
         let tiles = &mut self.tiles[LAST];
         let done = tiles.render_some(job, budget, &mut frame.stats, |rect| scene.plane.has_some_in(rect), render);
         match &view.samples {
-            // The places of tiles are those of the lattice.
+            // The tiles already consist of lattice points.
             Samples::Lattice(_) => done.copy_lattice(Lattice::ALL, &mut frame.planes),
             Samples::Pixels(pixels) => done.copy_pixels(pixels, &mut frame.planes),
         }
@@ -228,8 +225,7 @@ impl RenderTiles for CellWalk {
 }
 
 impl CellWalk {
-    /// Casts the rays of one level after the other for about `budget`, and fills the image when there are no more; whether no smaller contrast
-    /// follows.
+    /// Casts the rays of successive levels for about `budget`, and fills the image after the last; true if no smaller contrast follows.
     fn render_adaptive<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
         job: &RenderJob,

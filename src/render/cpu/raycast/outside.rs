@@ -1,22 +1,21 @@
-//! Why what lies outside of the view need not be looked at.
+//! Why geometry outside of the view may be skipped.
 //!
-//! A walk asks for the corners of the cells on its path, and no others. Each of them has a face with the ray's origin in its
-//! sheared triangle: the ray's line passes it within the rounding of sheared coordinates, a few 2^-53 of the magnitudes that
-//! they are summed from. [`Clusters`](crate::visibility::Clusters) leaves out what lies outside of the lines' directions by far more.
+//! A walk only accesses the corners of the cells on its path. Each of these has a face with the ray's origin in its sheared triangle: the
+//! ray's line passes it within the rounding of sheared coordinates, a few 2^-53 of the magnitudes that they are summed from.
+//! [`Clusters`](crate::visibility::Clusters) skips what lies outside of the lines' directions by far more.
 //!
-//! In perspective the lines go on behind the eye, and what is there is left out too. A path begins in front of the eye, or
-//! in a cell at the eye that it leaves in front of it. From cell to cell depths increase, but for cells so thin that rounding turns them
-//! inside out; a path that comes back behind the eye does so in a cell at the eye, since rays meet there. Hence: if no cell at the
-//! eye is that thin, all cells of a path have a place in front of the eye, and else nothing is left out.
+//! In perspective the lines extend behind the eye, where geometry is skipped, too. A path begins in front of the eye, or in a cell at the
+//! eye that it leaves in front of it. From cell to cell depths increase, except in cells so thin that rounding inverts them; a path that
+//! returns behind the eye does so in a cell at the eye, since rays meet there. Hence: if no cell at the eye is that thin, all cells of a
+//! path have a point in front of the eye; otherwise nothing is skipped.
 
 use crate::camera::View;
 use crate::mesh::Mesh;
 
-/// Whether paths stay within the view; `eye_cells` may contain the eye.
+/// Whether paths are certain to stay within the view; `eye_cells` may contain the eye.
 ///
-/// A cell turns inside out only if its corners move by about its least height, which is at least the determinant of its
-/// edges divided by the square of the longest one. Coordinates, at most 2 within the local box, are rounded by less than
-/// 2^-48 times the slope of the rays.
+/// A cell inverts only if its corners move by about its least height, which is at least the determinant of its edges divided by the
+/// square of the longest one. Coordinates, at most 2 within the local box, are rounded by less than 2^-48 times the slope of the rays.
 pub(super) fn may_be_left_out(mesh: &Mesh, view: &View, eye_cells: &[u32]) -> bool {
     const THIN: f64 = 1.0 / (1u64 << 32) as f64;
     let least_height = THIN * (1.0 + view.half_width + view.half_height);

@@ -1,23 +1,22 @@
-//! Where a path begins, as if the ray came from further ahead.
+//! The start of a path, as if the ray came from the cell before.
 //!
-//! Depth and scalar where a ray hits a face depend in their last bits on the order of its corners; the walk has them in
-//! the order that follows from the cell it comes from: the vertex that was new there is the last. If that cell is left out
-//! because nothing is to be seen in it, the path begins with the same order, and so with the same bits.
+//! Depth and scalar of a hit depend in their last bits on the order of the face's corners; the walk has them in the order that follows
+//! from the previous cell: the vertex that was new there is the last. If that cell is skipped because nothing is visible in it, the path
+//! begins with the same order, and so with the same bits.
 
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, crossing, hit, signed_edge};
 use super::entries::face_of;
 use super::walk::Scene;
 use crate::mesh::Mesh;
 
-/// Which corner of a triangle around the origin another vertex replaces so that the triangle is still around it, from the signs
-/// of edge(vertex, corner i) as bits i; see the module's essay for why the first and the last entry do not occur.
+/// Index of the corner that a new vertex replaces so that the triangle stays around the origin, from the signs of edge(vertex, corner i)
+/// as bits i; the first and the last entry do not occur (see the module's essay).
 pub(super) const REPLACED: [u8; 8] = [3, 2, 0, 0, 1, 2, 1, 3];
 
-/// The corner that comes after another one, and the one after that.
+/// The next corner and the one after it, cyclically.
 pub(super) const TURNED: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
 
-/// Where a ray passes through face `opposite` of `cell` from outside, with the ids of the face's corners; `None` if it
-/// does not.
+/// The crossing of a ray with face `opposite` of `cell` from outside, and the ids of the face's corners; `None` if it misses the face.
 pub(super) fn enter<M>(scene: &Scene<'_, M>, ray: &Ray, cell: u32, opposite: u32) -> Option<([u32; 3], Crossing)> {
     let ids = face_of(&scene.mesh.topology, cell, opposite as usize).vertices;
     let at = crossing(ray, scene.vertices, ids)?;
@@ -29,8 +28,7 @@ pub(super) fn enter<M>(scene: &Scene<'_, M>, ray: &Ray, cell: u32, opposite: u32
     Some((turn.map(|i| ids[i]), Crossing { corners, edges, point }))
 }
 
-/// The corner of the face that the ray does not see on its way into the cell across it; `None` if there is no such cell
-/// with finite scalars.
+/// The corner of the face that was the newest vertex of the cell across it; `None` if there is no such cell with finite scalars.
 fn newest_corner<M>(
     scene: &Scene<'_, M>,
     ray: &Ray,
@@ -45,7 +43,7 @@ fn newest_corner<M>(
     if !scalar.is_finite() {
         return None;
     }
-    // It may be a vertex of transparent cells only: nobody has brought it into view coordinates.
+    // A vertex of transparent cells only may not have been transformed.
     let sheared = ray.shear(&ViewVertex::of(scene.view, positions.local[far as usize], scalar));
     let is_positive = |i: usize| usize::from(signed_edge(&sheared, &corners[i], far, ids[i]).1) << i;
     let k = REPLACED[is_positive(0) | is_positive(1) | is_positive(2)];

@@ -1,4 +1,4 @@
-//! The cells of a job in its view: vertices in view coordinates, and where rays may enter.
+//! The cells of a job in its view: vertices in view coordinates, and entry faces binned into tiles.
 
 use super::super::raster::boxes::{self, BoxSource, ScreenPoint};
 use super::super::ray::{self, ViewVertex};
@@ -16,30 +16,30 @@ use crate::visibility::{CellSet, Clusters, NeededClusters, Pool};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The clusters of a mesh, if they have been made.
+/// The clusters of a mesh, if they have been built.
 type KnownClusters = Option<(Arc<Mesh>, Arc<Clusters>)>;
 
 /// Cells in a view.
 #[derive(Clone, Debug)]
 pub(in crate::render::cpu) struct CellsInView {
-    /// The cells that rays go through.
+    /// The cells that rays walk through.
     pub(super) cells: Arc<CellSet>,
     pub(super) lists: Arc<EntryLists>,
 }
 
-/// Where rays enter the cells of a view, in memory that goes round.
+/// Entry lists of the cells of a view, in recycled memory.
 #[derive(Debug, Default)]
 pub(super) struct EntryLists {
-    /// Those that may be looked at.
+    /// Vertices in view coordinates; undefined in skipped clusters.
     pub(super) vertices: Vec<ViewVertex>,
     pub(super) bins: EntryBins,
     pub(super) eye_cells: Vec<u32>,
-    /// What that counted.
+    /// Counts of the placement.
     counts: FrameStats,
 }
 
 impl CellsInView {
-    /// Nothing to be seen of these cells.
+    /// Lists for cells of which nothing is visible.
     pub(super) fn nothing(cells: &Arc<CellSet>) -> Self {
         Self { cells: cells.clone(), lists: Arc::default() }
     }
@@ -49,20 +49,20 @@ impl CellsInView {
     }
 }
 
-/// Places the cells of one job after the other.
+/// Places the cells of successive jobs.
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct CellPlacer {
     choice: CellChoice,
     screen: Vec<ScreenPoint>,
     entry_faces: EntryFaces,
-    /// Those of the last mesh that came without.
+    /// Clusters of the last mesh whose job had none.
     clusters: KnownClusters,
     needed: NeededClusters,
     pool: Pool<EntryLists>,
 }
 
 impl CellPlacer {
-    /// The cells of a job in its local view, some of them if it is cancelled; adds the time to the statistics.
+    /// Places the cells of a job in its local view, only some of them if it is cancelled; adds the time to the statistics.
     pub(in crate::render::cpu) fn place(
         &mut self,
         job: &RenderJob,
@@ -99,7 +99,7 @@ impl CellPlacer {
     }
 }
 
-/// Which clusters of cells and vertices may be looked at, and what that saves.
+/// Finds the clusters of cells and vertices that rays may reach, and counts the savings.
 fn find_needed(
     job: &RenderJob,
     view: &View,

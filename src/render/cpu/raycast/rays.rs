@@ -1,7 +1,7 @@
-//! The rays that are cast together: places of a lattice of pixels, in tiles of 16 x 16.
+//! The rays cast together: points of a lattice of pixels, in tiles of 16 x 16.
 //!
-//! A tile of a coarse lattice covers many of the tiles that faces are sorted into, so that its rays fill vectors as those of a whole image do;
-//! of faces between two places nobody has to know. A ray is that of its pixel, whichever rays are cast beside it.
+//! A tile of a coarse lattice covers many of the tiles that faces are sorted into, so that its rays fill vectors as those of a whole
+//! image do; faces between lattice points are skipped. A ray is that of its pixel, whichever rays are cast beside it.
 
 use super::super::super::adaptive::PixelBits;
 use super::super::raster::TileRays;
@@ -13,18 +13,18 @@ use crate::camera::{Lattice, Samples, View};
 use arrayvec::ArrayVec;
 use std::ops::Range;
 
-/// Places of a lattice in the image of a view, all of them or some.
+/// Lattice points in the image of a view, all or some of them.
 #[derive(Clone, Copy)]
 pub(super) struct RayPlane<'a> {
     pub(super) view: &'a View,
     lattice: Lattice,
-    /// Tiles of places.
+    /// Tiles of lattice points.
     pub(super) grid: TileGrid,
-    /// The pixels that rays are cast for; those of the view's samples without.
+    /// The pixels whose rays are cast; `None` for those of the view's samples.
     wanted: Option<&'a PixelBits>,
 }
 
-/// The tiles of an image in a row of tiles, or a column of them, in which a tile of rays has places.
+/// The image tiles, in a row or column of tiles, in which a tile of rays has lattice points.
 pub(super) type TilesInLine = ArrayVec<(usize, PlacesInTile), TILE_PX>;
 
 impl<'a> RayPlane<'a> {
@@ -47,12 +47,12 @@ impl<'a> RayPlane<'a> {
         Self { view, lattice, grid: TileGrid::of_size(size), wanted }
     }
 
-    /// Whether its places are the pixels of the image.
+    /// Whether the lattice points are all pixels of the image.
     pub(super) fn has_all_places(&self) -> bool {
         self.lattice == Lattice::ALL
     }
 
-    /// Column and row of the pixel at a place of a tile, row times the tile's width plus column.
+    /// Column and row of the pixel at a lattice point of a tile, given as row times the tile's width plus column.
     #[inline(always)]
     pub(super) fn pixel(&self, rect: PixelRect, place: usize) -> (usize, usize) {
         let (column, row) = (rect.x + place % rect.width, rect.y + place / rect.width);
@@ -64,7 +64,7 @@ impl<'a> RayPlane<'a> {
         self.wanted.map_or_else(|| self.view.renders(column, row), |wanted| wanted.contains(column, row))
     }
 
-    /// The ray at a place of a tile.
+    /// The ray at a lattice point of a tile.
     #[inline(always)]
     pub(super) fn ray(&self, rect: PixelRect, place: usize) -> Ray {
         let (column, row) = self.pixel(rect, place);
@@ -87,12 +87,12 @@ impl<'a> RayPlane<'a> {
         TileRays::of_lattice(self.view, self.lattice, bounds, is_some.then(some))
     }
 
-    /// Whether rays are cast at places of a tile.
+    /// Whether any ray of a tile is cast.
     pub(super) fn has_some_in(&self, rect: PixelRect) -> bool {
         (rect.y..rect.y + rect.height).any(|row| self.in_row(row, rect) != 0)
     }
 
-    /// The places of a row of a tile that rays are cast for: a bit per column.
+    /// Bits of the columns whose rays are cast in a row of a tile.
     fn in_row(&self, row: usize, rect: PixelRect) -> u16 {
         let row = self.lattice.pixel(row, self.view.height_px);
         let columns = (0..rect.width).map(|i| self.lattice.pixel(rect.x + i, self.view.width_px));
@@ -108,7 +108,7 @@ impl<'a> RayPlane<'a> {
         }
     }
 
-    /// The tiles of the image's columns, and of its rows, in which a tile of rays has places; tiles are told by column and row.
+    /// Columns and rows of the image tiles in which a tile of rays has lattice points.
     pub(super) fn image_tiles(&self, rect: PixelRect) -> [TilesInLine; 2] {
         let in_line = |first: usize, count: usize, pixels: usize| {
             let mut tiles = TilesInLine::new();

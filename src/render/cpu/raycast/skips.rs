@@ -1,31 +1,30 @@
-//! Whether leaving transparent cells out pays.
+//! Whether skipping transparent cells pays.
 //!
-//! A ray that goes around transparent cells leaves the active ones and enters them again, and each entry costs more than a step. Of a
-//! mesh seen from anywhere, let a be the mean area that a face has in the image. A cell is a closed surface of four faces: on
-//! average its image is covered twice by theirs, so that 2 a rays step through it. An entry face is entered from one of
-//! its two sides: by a / 2 rays on average over directions. So `c` transparent cells behind `e` entry faces save 2 a c steps and
-//! cost a e / 2 entries.
+//! A ray that skips transparent cells leaves the active ones and enters them again, and each entry costs more than a step. Averaged over
+//! views of a mesh, let a be the mean area of a face in the image. A cell is a closed surface of four faces: on average they cover its
+//! image twice, so that 2 a rays step through it. An entry face is entered from one of its two sides: by a / 2 rays on average over
+//! directions. So `c` transparent cells behind `e` entry faces save 2 a c steps and cost a e / 2 entries.
 
 use super::entries::count_beside;
 use crate::render::RenderJob;
 use crate::visibility::CellSet;
 use std::sync::{Arc, Weak};
 
-/// Steps that an entry costs: finding its start among the pixels of the face's box, sorting it, and beginning a path
+/// Cost of an entry in steps: finding its start among the pixels of the face's box, sorting it, and beginning a path
 /// (`docs/skipping.md`).
 const STEPS_PER_ENTRY: f64 = 26.0;
 
 /// Chooses between the active cells and all finite ones, from job to job.
 #[derive(Debug, Default)]
 pub(in crate::render) struct CellChoice {
-    /// What was chosen from last; told by its place.
+    /// The active cells of the last choice, compared by pointer.
     active: Weak<CellSet>,
     is_worth_it: bool,
 }
 
 impl CellChoice {
-    /// The cells that rays go through: the active ones, or all finite ones where that is cheaper. The image is the same; where contrast
-    /// decides which rays are cast, those that meet active cells are told from others.
+    /// The cells that rays walk through: the active ones, or all finite ones if that is cheaper. The image is the same. Contrast-adaptive
+    /// sampling needs the active ones.
     pub(in crate::render) fn cells(&mut self, job: &RenderJob) -> Arc<CellSet> {
         let Some(finite) = job.finite.as_ref().filter(|_| job.contrasts().is_empty()) else {
             return job.active.clone();
@@ -39,7 +38,7 @@ impl CellChoice {
     }
 }
 
-/// Whether to go around so many transparent cells, which are behind so many entry faces.
+/// Whether skipping this many transparent cells pays, behind this many entry faces.
 fn is_worth_it(transparent_cells: usize, entry_faces: impl FnOnce() -> usize) -> bool {
     transparent_cells > 0 && 2.0 * transparent_cells as f64 > STEPS_PER_ENTRY * 0.5 * entry_faces() as f64
 }
@@ -50,11 +49,11 @@ mod tests {
 
     #[test]
     fn large_clear_regions_are_gone_around_small_ones_and_single_cells_are_not() {
-        // A ball of n^3 cells has some 6 n^2 faces around it.
+        // A ball of n^3 cells has some 6 n^2 boundary faces.
         assert!(is_worth_it(1_000_000, || 60_000));
         assert!(is_worth_it(64_000, || 9600));
         assert!(!is_worth_it(1000, || 600));
-        // Single cells have four each.
+        // Single cells have four faces each.
         assert!(!is_worth_it(1000, || 4000));
         assert!(!is_worth_it(0, || unreachable!("there is nothing to go around")));
     }

@@ -1,9 +1,9 @@
-//! Where the rays of a tile begin their paths through the active cells.
+//! Starts of the paths of a tile's rays through the active cells.
 //!
-//! A path begins where a ray enters an active cell through a face that has no active cell behind it, in front of the eye, or
-//! within a cell that the eye is in. Exactly those starts are found that [`crossing`](super::super::ray::crossing) finds pixel
-//! by pixel ([`raster`](super::super::raster) says why); depths, by which the paths of a ray are put in order, are right to
-//! 2^-17 of the extent of the face, and computed again where that leaves the order open.
+//! A path begins where a ray enters an active cell through a face that has no active cell behind it, in front of the eye, or within a
+//! cell that contains the eye. The starts are exactly those that [`crossing`](super::super::ray::crossing) finds pixel by pixel (see
+//! [`raster`](super::super::raster)); depths, by which the paths of a ray are sorted, are accurate to 2^-17 of the extent of the face,
+//! and recomputed where that leaves the order open.
 
 use super::super::raster::boxes::is_back_facing;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
@@ -20,10 +20,10 @@ use pulp::{Arch, NullaryFnOnce, Scalar, Simd};
 use std::cmp::Ordering;
 use std::ops::Range;
 
-/// Where a path begins: in `cell`, through the face opposite its vertex `opposite`.
+/// Start of a path: in `cell`, through the face opposite its vertex `opposite`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Start {
-    /// For the order of the paths of a ray only.
+    /// Depth, for the order of the paths of a ray only.
     pub(super) depth: f64,
     pub(super) cell: u32,
     pub(super) opposite: u32,
@@ -32,7 +32,7 @@ pub(super) struct Start {
 /// A start, and the pixel of its ray: row times the tile's width plus column.
 pub(super) type PixelStart = (u32, Start);
 
-/// Where all rays of a frame may begin.
+/// Candidate entries of all rays of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Entries<'a> {
     pub(super) topology: &'a Topology,
@@ -41,20 +41,20 @@ pub(super) struct Entries<'a> {
     pub(super) bins: &'a EntryBins,
     /// Active cells that may contain the eye.
     pub(super) eye_cells: &'a [u32],
-    /// Use no instructions that not every processor of its kind has.
+    /// Whether to avoid instructions that not every processor of the architecture has.
     pub(super) portable: bool,
 }
 
-/// Buffers of a tile, used again from tile to tile.
+/// Buffers of a tile, reused from tile to tile.
 pub(super) struct StartScratch {
     faces: Faces,
-    /// Faces that are made ready together.
+    /// Faces set up together.
     batch: [TileFace; FACES_AT_ONCE],
     /// Pixels that a face may cover.
     candidates: PixelList,
-    /// As they are found.
+    /// Starts as they are found.
     found: Vec<PixelStart>,
-    /// In order.
+    /// Sorted starts.
     starts: Vec<PixelStart>,
 }
 
@@ -71,19 +71,19 @@ impl Default for StartScratch {
 }
 
 impl<'a> Entries<'a> {
-    /// Those of a view.
+    /// The entries of a view.
     pub(super) fn of(topology: &'a Topology, view: &'a View, lists: &'a EntryLists, portable: bool) -> Self {
         let EntryLists { vertices, bins, eye_cells, .. } = lists;
         Self { topology, view, vertices, bins, eye_cells, portable }
     }
 
-    /// Whether the box of an entry face reaches into some columns and rows of pixels.
+    /// Whether the box of an entry face overlaps some columns and rows of pixels.
     pub(super) fn reach(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
         let is_back = |ids: [u32; 3]| is_back_facing(self.view, ids.map(|v| self.vertices[v as usize]));
         self.bins.reach(columns, rows, is_back)
     }
 
-    /// All starts of paths in a tile of rays, by pixel and depth.
+    /// All starts of paths in a tile of rays, sorted by pixel and depth.
     pub(super) fn starts<'s>(
         &self,
         plane: &RayPlane<'_>,
@@ -110,7 +110,7 @@ impl<'a> Entries<'a> {
         &scratch.starts
     }
 
-    /// Sorts the starts of a ray by depths that do not depend on the tile.
+    /// Sorts the starts of a ray by depths recomputed independently of the tile.
     #[cold]
     #[inline(never)]
     fn sort_near(&self, ray: &Ray, starts: &mut [PixelStart]) {
@@ -121,7 +121,7 @@ impl<'a> Entries<'a> {
         starts.sort_unstable_by(by_depth);
     }
 
-    /// The starts of rays in cells that they enter behind (or at) the eye and leave in front of it.
+    /// Finds the starts of rays in cells that they enter behind (or at) the eye and leave in front of it.
     fn find_at_eye(&self, plane: &RayPlane<'_>, (rect, rays): (PixelRect, &TileRays), found: &mut Vec<PixelStart>) {
         for &cell in self.eye_cells {
             for pixel in 0..rect.width * rect.height {
@@ -137,14 +137,14 @@ impl<'a> Entries<'a> {
     }
 }
 
-/// The entry faces that a tile of rays has to look at.
+/// The entry faces that may cover a tile of rays.
 struct FaceFeed<'a> {
     bins: &'a EntryBins,
-    /// The columns and rows of the image's tiles, and the places in them.
+    /// Columns and rows of the image tiles, with their lattice points.
     tiles: [TilesInLine; 2],
-    /// Whether boxes are those of the tile of rays as they are.
+    /// Whether boxes apply unchanged, as every pixel is a lattice point.
     is_of_pixels: bool,
-    /// The next tile, its next list, and what is left of the last one.
+    /// The next tile, its next list, and the rest of the last list.
     tile: usize,
     list: usize,
     rest: &'a [TileFace],
@@ -156,7 +156,7 @@ impl<'a> FaceFeed<'a> {
         Self { bins, tiles, is_of_pixels, tile: 0, list: 0, rest: &[] }
     }
 
-    /// The next faces, to the begin of `batch`; returns how many, none at the end.
+    /// Writes the next faces to the front of `batch`; returns their number, 0 at the end.
     fn next(&mut self, batch: &mut [TileFace; FACES_AT_ONCE]) -> usize {
         let [columns, rows] = &self.tiles;
         let mut ready = 0;
@@ -216,7 +216,7 @@ impl<L: Lanes> NullaryFnOnce for FindEntries<'_, L> {
             faces.set(entries.view, entries.vertices, rays, &batch[..ready]);
             for i in 0..ready {
                 faces.hits(lanes, i, (entries.view, entries.vertices), rays, candidates, |pixel, hit| {
-                    // A cell may be entered through the front of its faces only.
+                    // A cell is entered only through the front of its faces.
                     if !hit.is_turned {
                         let pixel = pixel / TILE_PX * rect.width + pixel % TILE_PX;
                         let [opposite, cell] = hit.cells;
@@ -228,14 +228,15 @@ impl<L: Lanes> NullaryFnOnce for FindEntries<'_, L> {
     }
 }
 
-/// Depths (local units) that differ by less are computed again: in a tile they are right to 2^-17 of the extent of a face, which is below 4.
+/// Depths (local units) that differ by less are recomputed: in a tile they are accurate to 2^-17 of the extent of a face, which is below
+/// 4.
 const NEAR: f64 = 1.0 / (1 << 14) as f64;
 
 fn by_depth((_, a): &PixelStart, (_, b): &PixelStart) -> Ordering {
     a.depth.total_cmp(&b.depth).then(a.cell.cmp(&b.cell)).then(a.opposite.cmp(&b.opposite))
 }
 
-/// Puts starts in order: by pixel, depth, and cell, so that the order does not depend on how they were found.
+/// Sorts starts by pixel, depth, and cell, so that the order does not depend on how they were found.
 fn sort(found: &[PixelStart], sorted: &mut Vec<PixelStart>) {
     const PIXELS: usize = TILE_PX * TILE_PX;
     let mut ends = [0u32; PIXELS];
@@ -249,7 +250,7 @@ fn sort(found: &[PixelStart], sorted: &mut Vec<PixelStart>) {
     sorted.clear();
     sorted.extend_from_slice(found);
     for start in found {
-        // `ends` serves as the cursor, from where the starts of a pixel begin to where they end.
+        // `ends` serves as the cursor, from the start of a pixel's range to its end.
         let end = &mut ends[start.0 as usize % PIXELS];
         sorted[*end as usize] = *start;
         *end += 1;

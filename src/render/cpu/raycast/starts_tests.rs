@@ -15,14 +15,14 @@ use crate::visibility::CellSet;
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
 
-/// A mesh, the active ones of its cells, and a view in its local coordinates.
+/// A mesh, its active cells, and a view in its local coordinates.
 struct Scene {
     mesh: Arc<Mesh>,
     active: Arc<CellSet>,
     view: View,
 }
 
-/// What the starts are found from.
+/// A scene's data for finding starts.
 struct Prepared {
     vertices: Vec<ViewVertex>,
     bins: EntryBins,
@@ -31,7 +31,7 @@ struct Prepared {
 
 impl Scene {
     fn new(mesh: &Arc<Mesh>, active: CellSet, camera: &Camera) -> Self {
-        // Not a multiple of the tiles.
+        // A size that is no multiple of the tiles.
         let mut view = camera.view(40, 21).unwrap();
         view.eye = (view.eye - mesh.positions.origin) / mesh.positions.scale;
         if !view.perspective {
@@ -58,7 +58,7 @@ impl Scene {
         Prepared { vertices, bins, eye_cells }
     }
 
-    /// The starts of each tile, in order.
+    /// The starts of each tile, sorted.
     fn found(&self, prepared: &Prepared, portable: bool, scratch: &mut StartScratch) -> Vec<Vec<PixelStart>> {
         let Prepared { vertices, bins, eye_cells } = prepared;
         let entries = Entries { topology: &self.mesh.topology, view: &self.view, vertices, bins, eye_cells, portable };
@@ -68,7 +68,7 @@ impl Scene {
             .collect()
     }
 
-    /// The same by their definition, with edge functions of a view that is `off` by so many pixels.
+    /// The starts by their definition, with edge functions of a view shifted by `off` pixels.
     fn defined(&self, prepared: &Prepared, off: f64) -> Vec<Vec<PixelStart>> {
         let (topology, grid) = (&self.mesh.topology, prepared.bins.grid);
         let mut off_view = self.view.clone();
@@ -108,8 +108,7 @@ impl Scene {
     }
 }
 
-/// Whether the starts are the same, at the same depths but for the accuracy of three weights (2^-20 each) of depths of
-/// magnitude `most`; and those found are in order.
+/// Whether the starts agree, within the accuracy of three weights (2^-20 each) of depths of magnitude `most`; and those found are sorted.
 fn agree(found: &[Vec<PixelStart>], defined: &[Vec<PixelStart>], most: f64) -> bool {
     let bound = 3.0 / (1 << 20) as f64 * most;
     found.len() == defined.len()
@@ -169,7 +168,7 @@ fn camera(position: DVec3, focal_point: DVec3, projection: Projection) -> Camera
 fn scenes() -> Vec<Scene> {
     let mut random = SplitMix64::new(5);
     let mut scenes = Vec::new();
-    // Slivers: near, within, far away, from the edge of a flat mesh, in both projections.
+    // Slivers from nearby, from inside, from far away, and edge-on to a flat mesh, in both projections.
     for i in 0..120 {
         let Some(mesh) = random_mesh(&mut random, [0, 0, 10, 24][i % 4]) else { continue };
         let distance = [0.3, 2.0, 5.0, 1e4][i / 4 % 4];
@@ -184,7 +183,7 @@ fn scenes() -> Vec<Scene> {
         let camera = camera(distance * direction.normalize_or(DVec3::X), DVec3::ZERO, projection);
         scenes.push(Scene::new(&mesh, some_of(&mesh, 0.8, &mut random), &camera));
     }
-    // Rays through vertices and along faces; the eye on a vertex, on an edge, within.
+    // Rays through vertices and along faces; the eye on a vertex, on an edge, inside.
     let mesh = grid(4);
     let wide = Projection::Perspective { view_angle: 90.0 };
     for (i, (eye, focal)) in [
@@ -213,7 +212,7 @@ fn scenes() -> Vec<Scene> {
 #[test]
 fn the_starts_are_those_of_the_definition() {
     let (mut starts, mut at_eye) = (0, 0);
-    // Used again from mesh to mesh, from large ones to small ones, too.
+    // Scratch reused from mesh to mesh, also from large ones to small ones.
     let mut scratch = StartScratch::default();
     for (i, scene) in scenes().iter().enumerate().rev() {
         let prepared = scene.prepare();

@@ -1,4 +1,4 @@
-//! From an entry through the active cells to the exit.
+//! The cell walk: from an entry through the active cells to the exit.
 
 use super::super::super::layers::{Ahead, Layers, NoLayers};
 use super::super::super::medium::{Medium, RayPoint, Segment};
@@ -21,7 +21,7 @@ use crate::stats::FrameStats;
 use crate::visibility::CellSet;
 use pulp::Arch;
 
-/// What all tiles of a frame read.
+/// Scene data shared by all tiles of a frame.
 pub(super) struct Scene<'a, M> {
     pub(super) mesh: &'a Mesh,
     pub(super) active: &'a CellSet,
@@ -33,20 +33,20 @@ pub(super) struct Scene<'a, M> {
     pub(super) vertices: &'a [ViewVertex],
     pub(super) scalars: &'a [f32],
     pub(super) entries: Entries<'a>,
-    /// Where rays meet the domain that decides which of them are cast, if that is not where they begin.
+    /// Entries into the domain of adaptive sampling, if it differs from the cells walked.
     pub(super) domain: Option<Entries<'a>>,
     pub(super) early_termination: bool,
 }
 
-/// Buffers of a tile, used again from tile to tile.
+/// Buffers of a tile, reused from tile to tile.
 #[derive(Default)]
 pub(super) struct TileScratch {
     starts: StartScratch,
     lanes: LaneScratch,
 }
 
-/// Renders one tile of rays into the first pixels of `pixels`, row by row; returns what it cost, and which rays met an active cell. Not
-/// `portable`: with the widest vectors that this processor has.
+/// Renders one tile of rays into the first pixels of `pixels`, row by row; returns its statistics, and bits of the rays that met the
+/// domain. Unless `portable`, uses the widest vectors of this processor.
 pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     portable: bool,
     scene: &Scene<'_, M>,
@@ -73,7 +73,7 @@ pub(super) fn render_tile<M: Medium<Light = Accumulator>, L: Layers>(
     (walk_from(portable, scene, layers, rect, starts, (&mut scratch.lanes, pixels, stats)), met)
 }
 
-/// Walks the rays of a tile from where they begin.
+/// Walks the rays of a tile from their starts.
 fn walk_from<M: Medium<Light = Accumulator>, L: Layers>(
     portable: bool,
     scene: &Scene<'_, M>,
@@ -108,7 +108,7 @@ fn walk_from<M: Medium<Light = Accumulator>, L: Layers>(
     stats
 }
 
-/// What the rays of a tile see if they meet no cell.
+/// Renders the rays of a tile as if they met no cell.
 fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     scene: &Scene<'_, M>,
     layers: &L,
@@ -123,7 +123,7 @@ fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     }
 }
 
-/// Walks the rays of a tile, one after the other.
+/// Walks the rays of a tile one after the other.
 fn walk_one_by_one<M: Medium<Light = Accumulator>, L: Layers>(
     scene: &Scene<'_, M>,
     layers: &L,
@@ -148,7 +148,7 @@ fn walk_one_by_one<M: Medium<Light = Accumulator>, L: Layers>(
     waste(Slow::WalkPortable, stats.steps as usize);
 }
 
-/// A ray on its way: which path, which cell, and what it has gathered.
+/// State of a ray: its path, cell and light.
 struct Walk<'a, R, A> {
     ray: Ray,
     /// Starts of the paths still to be walked.
@@ -161,9 +161,9 @@ struct Walk<'a, R, A> {
     reaches: [f64; 3],
     ids: [u32; 3],
     edges: [f64; 3],
-    /// Where it does.
+    /// Point of entry.
     last: RayPoint,
-    /// The value at vertices interpolated there, if the medium has one.
+    /// Value at that point, if the medium has values.
     last_value: f64,
     light: RayLight<R, A>,
     steps: u32,
@@ -171,7 +171,7 @@ struct Walk<'a, R, A> {
 }
 
 impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
-    /// A ray at its first start (there is one).
+    /// A ray at its first start (there must be one).
     fn new<M: Medium<Ray = R, Light = Accumulator>>(
         scene: &Scene<'_, M>,
         ray: Ray,
@@ -197,7 +197,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         walk
     }
 
-    /// Adds what the ray has cost.
+    /// Adds the counts of the ray.
     fn count(&self, stats: &mut FrameStats) {
         stats.steps += u64::from(self.steps);
         stats.rays_hit += 1;
@@ -206,7 +206,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         stats.out_of_order += u64::from(self.light.out_of_order);
     }
 
-    /// Goes to the start of the next path, if there is one.
+    /// Moves to the start of the next path; false if there is none.
     fn next_path<M: Medium<Ray = R, Light = Accumulator>>(&mut self, scene: &Scene<'_, M>) -> bool {
         let Some(((_, start), rest)) = self.starts.split_first() else { return false };
         self.starts = rest;
@@ -221,7 +221,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         true
     }
 
-    /// The quantity of vertices on the face that the ray is at.
+    /// Value on the face that the ray is at.
     #[inline(always)]
     fn value_here<M: Medium>(&self, medium: &M) -> f64 {
         if M::HAS_VALUES { value_on_face(medium, self.ids, self.edges) } else { 0.0 }
@@ -236,7 +236,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         let new_id = tet[self.opposite as usize & 3];
         let new = self.ray.shear(&scene.vertices[new_id as usize]);
         let reach = new.reach();
-        // Spelled out rather than mapped: this is the innermost loop.
+        // Written out for speed: this is the innermost loop.
         let [p, q, r] = &self.corners;
         let mut to = [edge(&new, p), edge(&new, q), edge(&new, r)];
         let least = to[0].abs().min(to[1].abs()).min(to[2].abs());
@@ -252,7 +252,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         }
         let gone = self.ids[k];
         let exit = usize::from(tet[1] == gone) + 2 * usize::from(tet[2] == gone) + 3 * usize::from(tet[3] == gone);
-        // The triangle turns so that the new vertex comes last: corners move, none is written in place.
+        // The triangle is rotated so that the new vertex comes last: corners move, none is written in place.
         let (next, after) = TURNED[k];
         let (p, q) = (self.corners[next], self.corners[after]);
         let edges = [-to[after], to[next], self.edges[k]];
@@ -282,8 +282,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
     }
 }
 
-/// The signs of the edge functions from a new vertex to the corners of a triangle as bits, where one is small; values are
-/// refined.
+/// Signs, as bits, of the edge functions from a new vertex to the corners of a triangle, where one is small; values are refined.
 #[cold]
 #[inline(never)]
 pub(super) fn careful_signs(

@@ -1,4 +1,4 @@
-//! The light of eight rays, one after the other: for any medium of scalars.
+//! The light of eight rays, one after the other, for any medium of scalars.
 
 use super::super::super::super::layers::NothingAhead;
 use super::super::super::super::medium::{Medium, RayLine, Segment};
@@ -35,7 +35,7 @@ impl<M: Medium<Light = Accumulator>> Lights for EachLight<'_, M> {
                 todo &= todo - 1;
                 let (from, to) = (rows.from(row, lane), rows.to(row, lane));
                 let light = &mut self.lights[lane];
-                // A path may begin anywhere.
+                // A path may begin in any row.
                 let goes_on = row > 0 && rows.to(row - 1, lane) == from;
                 if !goes_on {
                     light.leave();

@@ -9,15 +9,14 @@
 //!     the rows are composited
 //! ```
 //!
-//! Functions on vectors are inlined by name, closures are not: those that are left stand outside of the loops. A function
+//! Functions on vectors are inlined by attribute, closures are not: the remaining ones stand outside of the loops. A function
 //! that is not inlined is compiled without the processor's instructions.
 //!
-//! Every operation is one of the scalar walk's, on the same numbers in the same order, so that the image is the same to the
-//! last bit. What differs:
-//! 1. Decisions are flags that select; only signs in doubt are decided lane by lane, by the scalar walk's function.
-//! 2. Light is apart from geometry, so that neither waits for the other: [`exact`] composites the segments of eight rays side by
+//! Every operation is one of the scalar walk's, on the same numbers in the same order, so that the image is bit-identical. Differences:
+//! 1. Decisions are masks that select; only uncertain signs are decided lane by lane, by the scalar walk's function.
+//! 2. Light is separate from geometry, so that neither waits for the other: [`exact`] composites the segments of eight rays side by
 //!    side, [`each`] one after the other for other media.
-//! 3. A ray that becomes opaque has gone on for some rows. They are not composited, and not counted as steps.
+//! 3. A ray that becomes opaque has advanced some rows too far. They are neither composited nor counted as steps.
 
 mod each;
 mod exact;
@@ -41,11 +40,11 @@ use std::arch::x86_64::__m256i;
 
 use vector::{Eight, LANES, Lanes};
 
-/// Buffers of a tile, used again from tile to tile.
+/// Buffers of a tile, reused from tile to tile.
 #[derive(Default)]
 pub(super) struct LaneScratch {
     rows: Box<Rows>,
-    /// From tile to tile, since neighbours are alike.
+    /// Carried over between tiles, since neighbours are similar.
     ahead: RowsAhead,
 }
 
@@ -54,7 +53,7 @@ pub(super) struct WalkRays<'a, M, L: Lanes> {
     pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, M>,
     pub(super) rect: PixelRect,
-    /// By pixel and depth.
+    /// Starts sorted by pixel and depth.
     pub(super) starts: &'a [PixelStart],
     pub(super) scratch: &'a mut LaneScratch,
     pub(super) pixels: &'a mut [TilePixel],
@@ -86,14 +85,14 @@ impl<M: Medium<Light = Accumulator>, L: Lanes> NullaryFnOnce for WalkRays<'_, M,
     }
 }
 
-/// The rays of a tile that are still to be walked.
+/// The rays of a tile still to be walked.
 struct Rays<'a, M> {
     scene: &'a Scene<'a, M>,
     rect: PixelRect,
     rest: &'a [PixelStart],
 }
 
-/// What a lane knows of its ray beside [`Slots`].
+/// State of a lane's ray outside [`Slots`].
 #[derive(Clone, Copy)]
 struct Lane<'a> {
     ray: Ray,
@@ -115,7 +114,7 @@ impl<'a, M> Rays<'a, M> {
     }
 }
 
-/// The places of eight rays: for each the face through which it enters its cell, as in the scalar walk.
+/// The positions of eight rays: for each the face through which it enters its cell, as in the scalar walk.
 #[repr(C, align(64))]
 #[derive(Default)]
 struct Slots {
@@ -128,15 +127,15 @@ struct Slots {
     reach: [Eight; 3],
     edges: [Eight; 3],
     ids: [[u32; LANES]; 3],
-    /// Cell and the vertex of it that is not on the face, as in [`CellNeighbour`](crate::mesh::CellNeighbour).
+    /// The cell and its vertex that is not on the face, as in [`CellNeighbour`](crate::mesh::CellNeighbour).
     at: [u32; LANES],
-    /// Depth and scalar where the ray passes through the face.
+    /// Depth and scalar at the face.
     depth: Eight,
     scalar: Eight,
 }
 
 impl Slots {
-    /// A lane goes to the start of its ray's next path; false if there is none.
+    /// Moves a lane to the start of its ray's next path; false if there is none.
     fn next_path<M>(&mut self, scene: &Scene<'_, M>, l: usize, lane: &mut Lane<'_>) -> bool {
         let Some(((_, start), rest)) = lane.starts.split_first() else { return false };
         lane.starts = rest;
@@ -214,7 +213,7 @@ fn store_three<L: Lanes>(lanes: L, of: &[L::F; 3]) -> [Eight; 3] {
     [lanes.store(of[0]), lanes.store(of[1]), lanes.store(of[2])]
 }
 
-/// Rows of a table.
+/// Gathers rows of a table.
 #[inline(always)]
 fn rows_at<T>(table: &[T], at: [u32; LANES]) -> [&T; LANES] {
     let [a, b, c, d, e, f, g, h] = at;
@@ -230,20 +229,20 @@ fn rows_at<T>(table: &[T], at: [u32; LANES]) -> [&T; LANES] {
     ]
 }
 
-/// What all rays walk through, as plain numbers.
+/// Mesh data of the walk, as plain numbers.
 struct Cells<'a> {
     tets: &'a [[u32; 4]],
-    /// Vertices of the cells, one cell after the other.
+    /// Vertices of the cells, cell by cell.
     vertex_of: &'a [u32],
     neighbours: &'a [[u32; 4]],
-    /// x, y, w, s.
+    /// x, y, w and s of each vertex.
     vertices: &'a [[f64; 4]],
-    /// Bits of the active cells, unless all are.
+    /// Bits of the active cells; `None` if all are active.
     active: Option<&'a [u64]>,
     perspective: bool,
 }
 
-/// How lanes have fared in a step.
+/// Outcome of a step.
 struct Stepped {
     /// Bits of the lanes whose paths go on.
     goes_on: u8,
@@ -273,7 +272,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
     let mut slots = Slots::default();
     let mut own: [Option<Lane<'_>>; LANES] = [None; LANES];
     let mut alive = 0u8;
-    // A lane without a ray stands at the first face of the first cell.
+    // Lanes without a ray stay at the first face of the first cell.
     for (i, v) in crate::mesh::FACE_VERTICES[0].into_iter().enumerate() {
         slots.ids[i] = [topology.tets[0][v]; LANES];
     }
@@ -330,13 +329,13 @@ fn walk<'a, M, L: Lanes, K: Lights>(
     }
 }
 
-/// The ray in a lane, if there is one.
+/// The line of the ray in a lane, if there is one.
 #[inline(always)]
 fn line_of(lane: &Option<Lane<'_>>) -> RayLine {
     lane.map_or_else(RayLine::default, |lane| lane.ray.line)
 }
 
-/// The next ray of the tile takes a lane; false if there is none.
+/// Assigns the next ray of the tile to a lane; false if there is none.
 #[inline(never)]
 fn next_ray<'a, M>(
     scene: &Scene<'_, M>,
@@ -349,7 +348,7 @@ fn next_ray<'a, M>(
     own[l].as_mut().is_some_and(|lane| slots.next_path(scene, l, lane))
 }
 
-/// Walks on until a path ends or there are `most` rows, one row at least.
+/// Walks until a path ends or there are `most` rows, at least one row.
 #[inline(always)]
 fn walk_on<L: Lanes, K: Lights>(
     lanes: L,
@@ -379,7 +378,7 @@ fn walk_on<L: Lanes, K: Lights>(
     stepped
 }
 
-/// Each lane walks through one cell.
+/// Walks each lane through one cell.
 #[inline(always)]
 fn step<L: Lanes>(lanes: L, cells: &Cells<'_>, place: &mut Place<L>, alive: u8) -> Stepped {
     let at: [u32; LANES] = cast(place.at);
@@ -410,7 +409,7 @@ fn step<L: Lanes>(lanes: L, cells: &Cells<'_>, place: &mut Place<L>, alive: u8) 
         positive = [lanes.mask(b0), lanes.mask(b1), lanes.mask(b2)];
     }
     let [b0, b1, b2] = positive;
-    // As REPLACED has it: the corner that the new vertex replaces.
+    // As in REPLACED: the corner that the new vertex replaces.
     let k = [lanes.and_not(b1, b2), lanes.and_not(b2, b0)];
     let k2 = lanes.and_not(b0, b1);
     let broken = alive & !(lanes.bits(k[0]) | lanes.bits(k[1]) | lanes.bits(k2));
@@ -430,7 +429,7 @@ fn step<L: Lanes>(lanes: L, cells: &Cells<'_>, place: &mut Place<L>, alive: u8) 
     place.edges = edges;
     let [a, b, c] = place.ids;
     let ids = [lanes.select3_u32(k, [b, c, a]), lanes.select3_u32(k, [c, a, b]), cast(new_ids)];
-    // A lane without a ray stays where it is.
+    // Lanes without a ray stay in place.
     let is_alive = lanes.mask(alive);
     for (id, to) in place.ids.iter_mut().zip(ids) {
         *id = lanes.select_u32(is_alive, to, *id);
@@ -444,7 +443,7 @@ fn step<L: Lanes>(lanes: L, cells: &Cells<'_>, place: &mut Place<L>, alive: u8) 
     Stepped { goes_on, broken }
 }
 
-/// The corners of triangles without the one that a new vertex replaces; that is the last.
+/// The corners of triangles after a new vertex replaces one; the new vertex is the last.
 #[inline(always)]
 fn turned<L: Lanes>(lanes: L, k: [L::M; 2], of: &[L::F; 3], new: L::F) -> [L::F; 3] {
     [lanes.select3(k, [of[1], of[2], of[0]]), lanes.select3(k, [of[2], of[0], of[1]]), new]
@@ -467,14 +466,14 @@ fn is_active(cells: &Cells<'_>, neighbours: [u32; LANES]) -> u8 {
     bits
 }
 
-/// As that of one ray.
+/// As the scalar [`uncertainty`](super::super::ray::uncertainty).
 #[inline(always)]
 fn uncertainty<L: Lanes>(lanes: L, reach_a: L::F, reach_b: L::F) -> L::F {
     const CAREFUL: f64 = 1.0 / (1u64 << 30) as f64;
     lanes.add(lanes.mul(lanes.mul(lanes.splat(CAREFUL), reach_a), reach_b), lanes.splat(f64::MIN_POSITIVE))
 }
 
-/// As that of one ray: depth and scalar.
+/// Depth and scalar, as by the scalar [`hit`](super::super::ray::hit).
 #[inline(always)]
 fn hit<L: Lanes>(lanes: L, e: [L::F; 3], w: &[L::F; 3], s: &[L::F; 3]) -> (L::F, L::F) {
     let (zero, one) = (lanes.splat(0.0), lanes.splat(1.0));
@@ -498,21 +497,21 @@ struct NewVertices {
     ids: [u32; LANES],
 }
 
-/// Edge functions from the new vertices to the corners, and bits of the lanes where they are positive.
+/// Edge functions from the new vertices to the corners, and bits of the lanes in which they are positive.
 struct Careful {
     to: [Eight; 3],
     positive: [u8; 3],
 }
 
 impl Careful {
-    /// Decides these lanes carefully.
+    /// Recomputes doubtful lanes exactly.
     #[cold]
     #[inline(never)]
     fn refine(&mut self, mut doubtful: u8, new: &NewVertices, x: &[Eight; 3], y: &[Eight; 3], ids: &[[u32; LANES]; 3]) {
         while doubtful != 0 {
             let l = doubtful.trailing_zeros() as usize;
             doubtful &= doubtful - 1;
-            // Neither depth nor scalar has a say.
+            // Depth and scalar do not matter here.
             let planar = |x: f64, y: f64| Sheared { x, y, w: 0.0, s: 0.0 };
             let corners = [0, 1, 2].map(|i| planar(x[i][l], y[i][l]));
             let mut to = [0.0; 3];

@@ -1,15 +1,15 @@
-//! What the walk leaves for the light: segments of eight rays, row by row.
+//! Buffer between walk and compositing: segments of eight rays, row by row.
 
 use super::super::super::super::medium::{RayLine, RayPoint};
 use super::super::super::tiles::TilePixel;
 use super::vector::{Eight, LANES};
 use crate::stats::FrameStats;
 
-/// Steps that are walked before their segments are composited, at most.
+/// Maximum number of steps walked before their segments are composited.
 pub(super) const ROWS: usize = 32;
 
-/// How many steps are walked before their segments are composited: few where rays become opaque, whose steps beyond are in vain, more
-/// where they live. An image does not depend on it.
+/// Number of steps walked before their segments are composited: few where rays become opaque, as further steps are wasted, more
+/// elsewhere. The image does not depend on it.
 #[derive(Clone, Copy)]
 pub(super) struct RowsAhead(usize);
 
@@ -20,7 +20,7 @@ impl Default for RowsAhead {
 }
 
 impl RowsAhead {
-    /// As many as there is room for.
+    /// The maximum number of rows.
     pub(super) fn all() -> Self {
         Self(ROWS)
     }
@@ -29,8 +29,8 @@ impl RowsAhead {
         self.0
     }
 
-    /// After rows with so many steps, some of them in vain, in which some rays have become opaque. Half as many from a quarter in vain on,
-    /// since beginning anew costs little beside that; twice as many if less than an eighth would be, with as many rays that end at any step.
+    /// Adapts to rows with `steps` steps, `in_vain` of them wasted, in which `opaque` rays became opaque. Halves from a quarter wasted
+    /// on, since restarting is cheap by comparison; doubles if less than an eighth would be, with as many rays that end at any step.
     pub(super) fn learn(&mut self, steps: u64, in_vain: u64, opaque: u64) {
         if 4 * in_vain > steps {
             self.0 = (self.0 / 2).max(1);
@@ -40,30 +40,30 @@ impl RowsAhead {
     }
 }
 
-/// The last steps of eight rays: in each row the segment of each lane, from one (depth, scalar) place to the next.
+/// The latest steps of eight rays: each row has one segment per lane, between two points of depth and scalar.
 #[repr(C, align(64))]
 pub(super) struct Rows {
     pub(super) from_depth: [Eight; ROWS],
     pub(super) from_scalar: [Eight; ROWS],
     pub(super) to_depth: [Eight; ROWS],
     pub(super) to_scalar: [Eight; ROWS],
-    /// The cells, as in [`CellNeighbour`](crate::mesh::CellNeighbour), for light that [asks for them](Lights::CELLS).
+    /// The cells, as in [`CellNeighbour`](crate::mesh::CellNeighbour), for light that [needs them](Lights::CELLS).
     pub(super) cell: [[u32; LANES]; ROWS],
     /// Bits of the lanes that have a segment.
     pub(super) alive: [u8; ROWS],
     pub(super) count: usize,
-    /// Rays that end here, by row.
+    /// Ends of rays, by row.
     pub(super) ends: Vec<RayEnd>,
 }
 
-/// A ray is at its end, and another one has its lane from the next row on.
+/// The end of a ray; another one takes its lane from the next row on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayEnd {
     pub(super) row: usize,
     pub(super) lane: usize,
-    /// Of the ray that ends.
+    /// Pixel of the ray that ends.
     pub(super) pixel: usize,
-    /// The next one.
+    /// Line of the next ray.
     pub(super) line: RayLine,
 }
 
@@ -84,19 +84,19 @@ impl Default for Rows {
 }
 
 impl Rows {
-    /// Where a step of a lane begins.
+    /// Start of a lane's step.
     #[inline(always)]
     pub(super) fn from(&self, row: usize, lane: usize) -> RayPoint {
         RayPoint { depth: self.from_depth[row][lane], scalar: self.from_scalar[row][lane] }
     }
 
-    /// Where it ends.
+    /// End of a lane's step.
     #[inline(always)]
     pub(super) fn to(&self, row: usize, lane: usize) -> RayPoint {
         RayPoint { depth: self.to_depth[row][lane], scalar: self.to_scalar[row][lane] }
     }
 
-    /// Last row of the ray that has a lane in this one.
+    /// Last row of the ray that occupies a lane in this row.
     #[cold]
     pub(super) fn last_row_of(&self, lane: usize, row: usize) -> usize {
         let end = self.ends.iter().find(|end| end.lane == lane && end.row >= row);
@@ -104,16 +104,16 @@ impl Rows {
     }
 }
 
-/// Where rays leave their light.
+/// Output of finished rays.
 pub(super) struct Out<'a> {
     pub(super) pixels: &'a mut [TilePixel],
     pub(super) stats: &'a mut FrameStats,
-    /// Whether rays end where nothing behind can be seen: steps beyond have not been made.
+    /// Whether rays end once opaque: further steps are then not counted.
     pub(super) early_termination: bool,
 }
 
 impl Out<'_> {
-    /// A ray became opaque in this row.
+    /// Records that a ray became opaque in this row.
     #[cold]
     pub(super) fn stop_early(&mut self, rows: &Rows, lane: usize, row: usize) {
         if self.early_termination {
@@ -125,16 +125,16 @@ impl Out<'_> {
 
 /// The light of eight rays, one in each lane.
 pub(super) trait Lights {
-    /// Whether it asks in which cells segments are.
+    /// Whether compositing needs the cells of segments.
     const CELLS: bool;
 
     /// Composites all rows.
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>);
 
-    /// Lanes with a ray that has nothing yet.
+    /// Starts a ray without light in a lane.
     fn begin(&mut self, lane: usize, line: RayLine);
 
-    /// The light of a ray at its end.
+    /// Outputs the light of a finished ray.
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize);
 
     /// Bits of the lanes whose rays are opaque.

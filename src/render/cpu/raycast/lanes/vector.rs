@@ -1,28 +1,27 @@
-//! Eight numbers side by side: what the walk does with them, on processors with AVX2 and with AVX-512. Every operation is
-//! that of the scalar walk, rounded alike.
+//! Vectors of eight numbers for the walk, on processors with AVX2 and with AVX-512. Every operation rounds as in the scalar walk.
 
 use pulp::core_arch::x86::Avx;
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512d, __m512i, _CMP_LT_OQ};
 
-/// Rays that are walked side by side.
+/// Rays walked side by side.
 pub(super) const LANES: usize = 8;
 
-/// A number for each lane.
+/// One f64 per lane.
 pub(super) type Eight = [f64; LANES];
 
 /// A processor's vectors of eight numbers.
 pub(in super::super) trait Lanes: Copy {
     /// Eight f64.
     type F: Copy;
-    /// A flag for each lane.
+    /// One flag per lane.
     type M: Copy;
 
-    /// The instructions that all of these processors have.
+    /// Instructions common to all of these processors.
     fn avx(self) -> Avx;
 
-    /// Calls a function with all of the processor's instructions.
+    /// Calls a function compiled with all of the processor's instructions.
     fn vectorize(self, call: impl NullaryFnOnce<Output = ()>);
 
     fn load(self, from: &Eight) -> Self::F;
@@ -32,15 +31,15 @@ pub(in super::super) trait Lanes: Copy {
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The greater, `b` of equal ones.
+    /// The greater, `b` if equal.
     fn greater(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The lesser, `b` of equal ones.
+    /// The lesser, `b` if equal.
     fn less(self, a: Self::F, b: Self::F) -> Self::F;
     fn abs(self, a: Self::F) -> Self::F;
-    /// Rounded to f32.
+    /// Rounds to f32.
     fn to_f32(self, a: Self::F) -> __m256;
 
-    /// Where `a < b`.
+    /// Flags where `a < b`.
     fn lt(self, a: Self::F, b: Self::F) -> Self::M;
     fn and(self, a: Self::M, b: Self::M) -> Self::M;
     /// `a` and not `b`.
@@ -77,16 +76,16 @@ pub(in super::super) trait Lanes: Copy {
         self.avx()._mm256_mul_ps(a, b)
     }
 
-    /// The greater, `b` of equal ones.
+    /// The greater, `b` if equal.
     #[inline(always)]
     fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
         self.avx()._mm256_max_ps(a, b)
     }
 
-    /// Columns of eight rows.
+    /// The columns of eight rows.
     fn transpose(self, rows: [&[f64; 4]; LANES]) -> [Self::F; 4];
 
-    /// Columns of eight rows of f32.
+    /// The columns of eight f32 rows.
     #[inline(always)]
     fn transpose_f32(self, rows: [&[f32; LANES]; LANES]) -> [__m256; LANES] {
         let avx = self.avx();
@@ -130,29 +129,29 @@ pub(in super::super) trait Lanes: Copy {
         ]
     }
 
-    /// Of each row of `neighbours` the entry where `tets` has `gone`; the row has it once.
+    /// For each row the entry of `neighbours` where `tets` has `gone`, which occurs once.
     fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i;
 
-    /// -a, to the sign of zero.
+    /// -a, including the sign of zero.
     #[inline(always)]
     fn neg(self, a: Self::F) -> Self::F {
         self.sub(self.splat(-0.0), a)
     }
 
-    /// One of three numbers: the first or the second where their flag is set.
+    /// `a` or `b` where its flag is set, else `c`.
     #[inline(always)]
     fn select3(self, [k0, k1]: [Self::M; 2], [a, b, c]: [Self::F; 3]) -> Self::F {
         self.select(k0, a, self.select(k1, b, c))
     }
 
-    /// One of three numbers: the first or the second where their flag is set.
+    /// `a` or `b` where its flag is set, else `c`.
     #[inline(always)]
     fn select3_u32(self, [k0, k1]: [Self::M; 2], [a, b, c]: [__m256i; 3]) -> __m256i {
         self.select_u32(k0, a, self.select_u32(k1, b, c))
     }
 }
 
-/// Methods of two arguments from the processor's functions for them.
+/// Methods of two arguments from the processor's intrinsics.
 macro_rules! of_two {
     (|$cpu:ident, $a:ident, $b:ident| $($name:ident = $value:expr,)*) => {
         $(
@@ -292,12 +291,12 @@ impl Lanes for V4 {
             self.avx512f._mm512_maskz_compress_epi32(is_gone[1], neighbours[1]),
         ];
         let packed = [self.avx512f._mm512_castsi512_si256(packed[0]), self.avx512f._mm512_castsi512_si256(packed[1])];
-        // Four of each are of use.
+        // Only four of each are used.
         self.avx2._mm256_permute2x128_si256::<0x20>(packed[0], packed[1])
     }
 }
 
-/// Four rows in each of two vectors.
+/// The rows as two vectors of four rows each.
 #[inline(always)]
 fn fours([a, b, c, d, e, f, g, h]: [&[u32; 4]; LANES]) -> [__m512i; 2] {
     [cast([*a, *b, *c, *d]), cast([*e, *f, *g, *h])]
@@ -425,7 +424,7 @@ impl Lanes for V3 {
     }
 }
 
-/// Columns of four rows.
+/// The columns of four rows.
 #[inline(always)]
 fn transpose_four(v3: V3, [a, b, c, d]: [&[f64; 4]; 4]) -> [__m256d; 4] {
     let [a, b, c, d]: [__m256d; 4] = [cast(*a), cast(*b), cast(*c), cast(*d)];

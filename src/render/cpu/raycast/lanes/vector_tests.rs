@@ -1,4 +1,4 @@
-//! Every operation on all vectors that this processor has, against numbers one by one.
+//! Every operation on all vectors of this processor, against scalar arithmetic.
 
 use super::*;
 

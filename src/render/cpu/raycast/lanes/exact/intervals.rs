@@ -1,4 +1,4 @@
-//! The intervals of the transfer function that eight rays are in.
+//! Current intervals of the transfer function of eight rays.
 
 use super::super::vector::{Eight, LANES, Lanes};
 use super::EightF32;
@@ -6,15 +6,15 @@ use crate::optics::exact::IntervalRow;
 use pulp::cast;
 use std::arch::x86_64::__m256;
 
-/// The intervals of the table that hold the last scalars.
+/// The table intervals that hold the last scalars.
 #[derive(Clone, Copy)]
 pub(super) struct Intervals<F, G> {
     pub(super) lo: F,
     pub(super) hi: F,
-    /// Where shares are counted from: `lo`, if that is finite.
+    /// Origin of shares: `lo`, if finite.
     pub(super) origin: F,
     pub(super) per_width: F,
-    /// Red, green, blue and extinction at `lo`, and how much more at `hi`.
+    /// Red, green, blue and extinction at `lo`, and their increase up to `hi`.
     pub(super) at_lo: [G; 4],
     pub(super) rise: [G; 4],
 }
@@ -49,20 +49,20 @@ impl<F: Copy> Intervals<F, __m256> {
         }
     }
 
-    /// How far through their intervals scalars are; 0 in other lanes than those of `mask`.
+    /// Fractions of scalars within their intervals; 0 in lanes outside `mask`.
     #[inline(always)]
     pub(super) fn share<L: Lanes<F = F>>(&self, lanes: L, mask: L::M, scalar: F) -> __m256 {
         let share = lanes.mul(lanes.sub(scalar, self.origin), self.per_width);
         lanes.to_f32(lanes.select(mask, share, lanes.splat(0.0)))
     }
 
-    /// Red, green, blue or extinction there.
+    /// Red, green, blue or extinction at a share.
     #[inline(always)]
     pub(super) fn value<L: Lanes<F = F>>(&self, lanes: L, i: usize, share: __m256) -> __m256 {
         lanes.add_f32(self.at_lo[i], lanes.mul_f32(self.rise[i], share))
     }
 
-    /// A lane goes to another interval. Whole vectors are written, since they are read as such right behind.
+    /// Sets a lane's interval. Whole vectors are written, since they are read as such immediately afterwards.
     #[inline(always)]
     pub(super) fn set<L: Lanes<F = F>>(&mut self, lanes: L, lane: usize, row: &IntervalRow) {
         let mask = lanes.mask(1 << lane);

@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! for each row of segments
-//!     drop those behind a piece that nothing shines through
-//!     cut those that begin in front of what there is, drop those that end there
+//!     drop those behind an opaque piece
+//!     cut those that begin in front of `front`, drop those that end there
 //!     the parts of its segments up to the next node of the transfer function
 //!         a step: two optical depths and two colours for each lane, zero where a lane has no piece
-//!     for each lane with nodes on the way: the pieces from node to node, a run: two optical depths and the place in the table
+//!     for each lane with nodes on the way: the pieces from node to node, a run: two optical depths and the index in the table
 //!     the parts behind the last nodes, another step
 //! for each pair of steps or runs of up to eight
 //!     weigh their pieces side by side
 //!     add them to the light of their lanes, one step or run after the other
-//!     at the end of a row: lanes that have become opaque take no more
+//!     at the end of a row: opaque lanes take no more light
 //! ```
 //!
 //! Every operation is one of [`RayLight`](super::super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
@@ -31,10 +31,10 @@ use crate::optics::exact::ExactTable;
 use intervals::Intervals;
 use steps::{ROOM, Step, Steps};
 
-/// An f32 for each lane.
+/// One f32 per lane.
 type EightF32 = [f32; LANES];
 
-/// What is the same for all rays.
+/// State shared by all rays.
 #[derive(Clone, Copy)]
 pub(super) struct Optics<'a, L> {
     pub(super) lanes: L,
@@ -46,36 +46,36 @@ pub(super) struct Optics<'a, L> {
 pub(super) struct ExactLights<'a, L> {
     optics: Optics<'a, L>,
     intervals: Intervals<Eight, EightF32>,
-    /// Which intervals of the table these are.
+    /// Indices of these intervals in the table.
     interval: [usize; LANES],
     steps: Steps,
     length_per_depth: Eight,
-    /// Depth up to which rays have been composited, or the near distance.
+    /// Depth up to which the rays have been composited, or the near distance.
     front: Eight,
-    /// Bits of the lanes where that is the end of a segment.
+    /// Bits of the lanes whose `front` is the end of a segment.
     composited: u8,
-    /// Bits of the lanes that have passed through a piece that nothing shines through: nothing is split for them.
+    /// Bits of the lanes that have passed an opaque piece: their segments are no longer split.
     closed: u8,
     near_distance: f64,
     /// Red, green, blue and opacity.
     rgba: [EightF32; 4],
     transmittance: EightF32,
     carried: EightF32,
-    /// Depth of the first visible place.
+    /// Depth of the first visible point.
     visible_from: Eight,
-    /// Bits of the lanes whose rays have seen something, and of those that are opaque.
+    /// Bits of the lanes whose rays have met something visible, and of those that are opaque.
     seen: u8,
     opaque: u8,
-    /// Lanes that have a piece in the present row of steps.
+    /// Bits of the lanes with a visible piece in the current row of steps.
     row_visible: u8,
-    /// Ends of rays that have been passed.
+    /// Ray ends already processed.
     ends_passed: usize,
 }
 
 impl<'a, L: Lanes> ExactLights<'a, L> {
     pub(super) fn new(optics: Optics<'a, L>, near_distance: f64) -> Self {
         let zero = [0.0; LANES];
-        // An interval that holds nothing.
+        // An empty interval.
         let intervals = Intervals {
             lo: [f64::INFINITY; LANES],
             hi: [f64::NEG_INFINITY; LANES],
@@ -114,7 +114,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         }
     }
 
-    /// What there is of a new ray before its first segment, as far as splitting goes.
+    /// Resets a lane's splitting state for a new ray.
     #[inline(always)]
     fn change_ray(&mut self, lane: usize, line: RayLine) {
         self.length_per_depth[lane] = line.length_per_depth;

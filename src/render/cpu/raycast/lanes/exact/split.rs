@@ -1,4 +1,4 @@
-//! Segments of eight rays are split at the nodes of the transfer function.
+//! Splits segments of eight rays at the nodes of the transfer function.
 
 use super::super::super::super::super::medium::{RayLine, Segment};
 use super::super::rows::{Out, Rows};
@@ -11,7 +11,7 @@ use crate::optics::DEPTH_MAX;
 use crate::optics::exact::ExactTable;
 use pulp::cast;
 
-/// Segments of the lanes `todo`: scalars at their ends and lengths, and bits of the lanes whose scalars fall.
+/// Segments of the lanes `todo`: scalars at their ends, lengths, and bits of the lanes whose scalars fall.
 struct Segments<F> {
     todo: u8,
     descends: u8,
@@ -39,7 +39,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         let depth = lanes.sub(to_depth, from_depth);
         let length = lanes.mul(depth, lanes.load(&self.length_per_depth));
         let (lo, hi) = (intervals.lo, intervals.hi);
-        // The usual case: no node on the way.
+        // The common case: no node in between.
         let above = lanes.and(lanes.lt(lo, to_scalar), lanes.lt(to_scalar, hi));
         let from = lanes.and_not(lanes.lt(s, hi), lanes.lt(s, lo));
         let within = lanes.bits(lanes.and(above, from));
@@ -63,8 +63,8 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Pieces of segments some of which cross nodes: first ones, whole ones (one lane after the other), last ones. Returns the lanes in
-    /// which something can be seen.
+    /// Adds the pieces of segments some of which cross nodes: first ones, whole ones (lane by lane), last ones. Returns the lanes with
+    /// visible pieces.
     #[inline(always)]
     fn split_at_nodes(
         &mut self,
@@ -87,7 +87,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         let part = lanes.mul(lanes.abs(lanes.sub(end, from)), per_scalar);
         let part = lanes.select(crosses, part, length);
         let (visible, deep) = self.piece(intervals, rows, row, (todo, from, end, part), out);
-        // Nothing behind a deep piece is seen.
+        // Nothing behind a deep piece is visible.
         let crosses = todo & beyond & !deep;
         if crosses == 0 {
             return visible;
@@ -100,7 +100,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         visible | of_whole | of_last
     }
 
-    /// Lanes in `which` begin in front of what there is: those that end there, too, are returned.
+    /// Cuts the segments of the lanes `which`, which begin in front of `front`; returns the lanes whose segments also end there.
     #[cold]
     #[inline(never)]
     fn cut_hidden(&mut self, rows: &mut Rows, row: usize, mut which: u8, out: &mut Out<'_>) -> u8 {
@@ -126,7 +126,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         all
     }
 
-    /// Lanes find the intervals in which their segments begin.
+    /// Finds the intervals in which the segments of lanes begin.
     #[inline(always)]
     fn find_intervals(&mut self, intervals: &mut InRegisters<L>, mut which: u8, descends: u8, scalar: L::F) {
         let Optics { lanes, table } = self.optics;
@@ -144,8 +144,8 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Pieces of the lanes `todo`, from scalar to scalar, of a length: a step, if any can be seen. Returns those that can, and those
-    /// behind which nothing can.
+    /// Adds one piece for each lane in `todo`, between two scalars, as a step if any is visible. Returns the visible lanes, and those
+    /// with nothing visible behind.
     #[inline(always)]
     fn piece(
         &mut self,
@@ -180,8 +180,8 @@ impl<L: Lanes> ExactLights<'_, L> {
     }
 }
 
-/// The interval that holds a scalar, at a node on the side to which a segment goes (a constant one takes the right one); perhaps
-/// this one.
+/// The interval that holds a scalar, at a node the one towards which the segment goes (the right one for a constant scalar), starting
+/// from `index`.
 #[inline(never)]
 fn find_interval(table: &ExactTable, mut index: usize, scalar: f64, ascends: bool) -> usize {
     let guess = table.interval(index);

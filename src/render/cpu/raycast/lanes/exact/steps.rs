@@ -1,4 +1,4 @@
-//! Steps of eight rays: pieces that wait, are weighed side by side and composited one after the other.
+//! Steps of eight rays: queued pieces, weighed side by side and composited one after the other.
 
 use super::super::super::super::super::medium::first_visible;
 use super::super::rows::{Lights, Out, Rows};
@@ -8,16 +8,16 @@ use crate::optics::{OPAQUE_TRANSMITTANCE, WEIGHED_AT_ONCE, weigh_thick, weigh_th
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::__m256;
 
-/// Steps that wait to be weighed, at most.
+/// Capacity of the queue of steps.
 pub(super) const ROOM: usize = 96;
 const _: () = assert!(2 * LANES == WEIGHED_AT_ONCE && ROOM.is_multiple_of(2));
 
-/// Pieces of all lanes that wait to be weighed.
+/// Queued pieces of all lanes.
 #[repr(C, align(64))]
 pub(super) struct Steps {
     pub(super) near_depth: [EightF32; ROOM],
     pub(super) far_depth: [EightF32; ROOM],
-    /// Red, green and blue, of pieces that are not of a run.
+    /// Red, green and blue, for pieces that are not in a run.
     pub(super) near: [[EightF32; 3]; ROOM],
     pub(super) far: [[EightF32; 3]; ROOM],
     pub(super) about: [Step; ROOM],
@@ -27,22 +27,22 @@ pub(super) struct Steps {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Step {
     pub(super) row: usize,
-    /// Bits of the lanes that have a piece, or of the pieces of a run that can be seen.
+    /// Bits of the lanes that have a piece, or of a run's visible pieces.
     pub(super) visible: u8,
-    /// Bits of the lanes that have a segment in front of what there is.
+    /// Bits of the lanes whose segment lies in front of what was already composited.
     pub(super) hidden: u8,
-    /// Whether it is the last one of its row.
+    /// Whether it is the last step of its row.
     pub(super) ends_row: bool,
-    /// If its pieces are of one lane, one behind the other.
+    /// The run, if its pieces are successive pieces of one lane.
     pub(super) run: Option<Run>,
 }
 
-/// Whole pieces of a segment, as many as there are lanes at most.
+/// Whole pieces of a segment, at most as many as lanes.
 #[derive(Clone, Copy)]
 pub(super) struct Run {
     pub(super) lane: usize,
     pub(super) falls: bool,
-    /// Place of the first one in the [`WholePieces`](crate::optics::exact::WholePieces).
+    /// Index of the first one in the [`WholePieces`](crate::optics::exact::WholePieces).
     pub(super) first: usize,
     pub(super) count: usize,
 }
@@ -51,11 +51,11 @@ pub(super) struct Run {
 struct Sum {
     rgba: [__m256; 4],
     transmittance: __m256,
-    /// What rounding has left out of that, as in [`Accumulator`](crate::optics::Accumulator).
+    /// Rounding error of the transmittance, as in [`Accumulator`](crate::optics::Accumulator).
     carried: __m256,
 }
 
-/// A call of [`ExactLights::add_steps`].
+/// Call arguments of [`ExactLights::add_steps`].
 struct AddSteps<'a, 'o, 'p, L> {
     lights: &'a mut ExactLights<'o, L>,
     rows: &'a Rows,
@@ -71,7 +71,7 @@ impl<L: Lanes> NullaryFnOnce for AddSteps<'_, '_, '_, L> {
     }
 }
 
-/// A call of [`weigh_thick`].
+/// Call arguments of [`weigh_thick`].
 struct WeighThick<'a> {
     pub(super) near: &'a [f32; WEIGHED_AT_ONCE],
     pub(super) far: &'a [f32; WEIGHED_AT_ONCE],
@@ -88,7 +88,7 @@ impl NullaryFnOnce for WeighThick<'_> {
 }
 
 impl<L: Lanes> ExactLights<'_, L> {
-    /// Room for another step.
+    /// Appends a step, compositing the queue if full; returns its index.
     #[inline(always)]
     pub(super) fn new_step(&mut self, rows: &Rows, out: &mut Out<'_>) -> usize {
         if self.steps.count == ROOM {
@@ -98,7 +98,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         self.steps.count - 1
     }
 
-    /// Composites the steps that wait.
+    /// Composites the queued steps.
     #[inline(always)]
     pub(super) fn add_steps(&mut self, rows: &Rows, out: &mut Out<'_>) {
         let count = std::mem::take(&mut self.steps.count);
@@ -106,7 +106,7 @@ impl<L: Lanes> ExactLights<'_, L> {
             (self.steps.near_depth[count], self.steps.far_depth[count]) = ([0.0; LANES], [0.0; LANES]);
         }
         let mut sum = self.load_sum();
-        // Runs are added in memory, since they are of one lane.
+        // Runs are added in memory, since each is of one lane.
         let mut in_registers = true;
         for pair in 0..count.div_ceil(2) {
             let near: &[[f32; WEIGHED_AT_ONCE]] = bytemuck::cast_slice(&self.steps.near_depth);
@@ -190,7 +190,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         self.row_visible |= visible;
     }
 
-    /// At the end of a row: lanes that have become opaque take no more.
+    /// Ends a row: lanes that have become opaque receive no more light.
     #[inline(always)]
     fn end_row(&mut self, rows: &Rows, row: usize, sum: &mut Sum, out: &mut Out<'_>) {
         let lanes = self.optics.lanes;
@@ -207,8 +207,8 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Rays that have seen nothing before see something in this row. A table may show light before the transfer function
-    /// has any: the ray is then asked again.
+    /// Sets the first visible depth of rays whose first visible piece is in this row. A table may show light before the transfer function
+    /// has any: the ray is then tested again later.
     #[cold]
     #[inline(never)]
     fn see(&mut self, rows: &Rows, row: usize) {
@@ -221,7 +221,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Rays become opaque at the end of this row.
+    /// Marks rays as opaque at the end of this row.
     #[cold]
     #[inline(never)]
     fn close(&mut self, rows: &Rows, row: usize, mut which: u8, out: &mut Out<'_>) {
@@ -233,7 +233,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Rays are at their ends before this row.
+    /// Finishes rays that end before this row.
     #[inline(never)]
     pub(super) fn pass_ends(&mut self, rows: &Rows, row: usize, out: &mut Out<'_>) {
         while let Some(end) = rows.ends.get(self.ends_passed)

@@ -1,4 +1,4 @@
-//! Pieces from node to node, of a segment of one ray side by side ([`WholePieces`](crate::optics::exact::WholePieces)).
+//! Pieces from node to node, side by side within a segment of one ray ([`WholePieces`](crate::optics::exact::WholePieces)).
 
 use super::super::rows::{Out, Rows};
 use super::super::vector::{Eight, LANES, Lanes};
@@ -12,9 +12,9 @@ use pulp::cast;
 const _: () = assert!(AT_ONCE == LANES);
 
 impl<L: Lanes> ExactLights<'_, L> {
-    /// Whole pieces of segments that cross nodes, of the lanes `which`, behind the piece in the present interval: the lanes go to the intervals
-    /// in which their segments end. `ends` are scalars there, and lengths per scalar. Returns the lanes of which something can be
-    /// seen, and those of which something behind can.
+    /// Adds the whole pieces of segments that cross nodes, in the lanes `which`, behind the piece in the current interval: the lanes move
+    /// to the intervals in which their segments end. `ends` are the scalars there, and lengths per scalar. Returns the lanes with visible
+    /// pieces, and those that still let light through.
     #[inline(always)]
     pub(super) fn whole_pieces(
         &mut self,
@@ -36,7 +36,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         (visible, which & !self.closed)
     }
 
-    /// Lanes go to other intervals: from some lanes on all at once, which costs as much as a few.
+    /// Moves lanes to other intervals: above a few lanes all at once, which costs as much.
     #[inline(always)]
     fn go_to_intervals(&mut self, intervals: &mut InRegisters<L>, mut which: u8) {
         const ALL_AT_ONCE: u32 = 4;
@@ -54,7 +54,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// The whole pieces of one lane's segment up to scalar `to`; whether one of them can be seen.
+    /// Adds the whole pieces of one lane's segment up to scalar `to`; true if one of them is visible.
     #[inline(always)]
     fn run(
         &mut self,
@@ -84,7 +84,7 @@ impl<L: Lanes> ExactLights<'_, L> {
             let mut count = whole.trailing_ones();
             let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
             if deep != 0 {
-                // Nothing behind the first of them is seen.
+                // Nothing behind the first of them is visible.
                 self.closed |= 1 << lane;
                 count = deep.trailing_zeros() + 1;
                 visible &= u8::MAX >> (LANES as u32 - count);
