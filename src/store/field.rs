@@ -3,9 +3,8 @@
 use super::MAGNITUDE_CODEC;
 use super::array::StoredArray;
 use super::folder::Folder;
-use super::layout::{self, FIELDS, FieldAttributes};
+use super::layout::{self, CHECKSUM_PER_STEP, FIELDS, FieldAttributes, moments_array};
 use super::mesh::is_current;
-use super::writer::{CHECKSUM_PER_STEP, moments_array};
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::vq::VqBlock;
 use crate::codec::{

@@ -1,16 +1,26 @@
 //! A folder as source and sink of chunks.
 
-use super::refresh::OpenedSeries;
 use crate::codec::{ChunkSink, ReadRange, seal};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::slowdown::{Slow, waste};
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Tells whether what lies in a store's place is still the series that was opened.
+pub(super) trait SameSeries: Debug + Send + Sync {
+    /// Whether the store is in the state in which the series was found last. If it has changed and goes on with this series, what was just
+    /// looked up may be from any state in between: look again.
+    ///
+    /// # Errors
+    /// If it has become another series.
+    fn is_unchanged(&self, root: &Path) -> FileResult<bool>;
+}
 
 /// Objects are the files below a folder.
 #[derive(Clone, Debug)]
@@ -18,7 +28,7 @@ pub(super) struct Folder {
     root: PathBuf,
     pinned: Pinned,
     /// What the files must be of.
-    series: Option<Arc<OpenedSeries>>,
+    series: Option<Arc<dyn SameSeries>>,
 }
 
 impl Folder {
@@ -27,7 +37,7 @@ impl Folder {
     }
 
     /// The folder of a store, from which nothing is read once another series has taken its place.
-    pub(super) fn of_series(root: impl Into<PathBuf>, series: Arc<OpenedSeries>) -> Self {
+    pub(super) fn of_series(root: impl Into<PathBuf>, series: Arc<dyn SameSeries>) -> Self {
         Self { series: Some(series), ..Self::new(root) }
     }
 

@@ -1,7 +1,7 @@
 //! Names, versions and attributes of the groups of a store.
 
 use super::metadata;
-use crate::codec::Quality;
+use crate::codec::{ArraySpec, Chunking, ElementType, Quality};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
 use crate::files;
@@ -23,6 +23,24 @@ pub(super) const MESH: &str = "mesh/0";
 pub(super) const TIME: &str = "time";
 /// Group of the fields.
 pub(super) const FIELDS: &str = "fields";
+
+/// Array of the checksums of the steps' values, by which a series is known again.
+pub(super) const CHECKSUM_PER_STEP: &str = "checksum_per_step";
+/// Array of the errors of the steps of complete blocks: sum of squares, number of values, largest.
+pub(super) const ERRORS_PER_STEP: &str = "errors_per_step";
+/// Array of the sums of squared errors of each vertex over these steps.
+pub(super) const ERRORS_PER_VERTEX: &str = "errors_per_vertex";
+
+/// The array `moments`: mean, variance and number of finite samples of each vertex, one row and chunk each.
+pub(super) fn moments_array(vertices: u64) -> ArraySpec {
+    ArraySpec {
+        name: "moments".to_owned(),
+        element: ElementType::F64,
+        shape: vec![3, vertices],
+        chunking: Chunking::PerRow,
+        axes: vec!["mean_variance_count", "vertex"],
+    }
+}
 
 /// Attributes of the root group.
 #[derive(Clone, Debug, Serialize, Deserialize)]

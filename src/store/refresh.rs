@@ -5,7 +5,7 @@
 
 use super::Store;
 use super::field::StoredField;
-use super::folder::{EXCHANGE_LOOKS, EXCHANGE_PAUSE};
+use super::folder::{EXCHANGE_LOOKS, EXCHANGE_PAUSE, SameSeries};
 use super::layout::MESH;
 use super::mesh::StoredMesh;
 use crate::codec::{ReadRange, chunk_key};
@@ -95,6 +95,24 @@ pub(super) struct OpenedSeries {
     found_in: Mutex<Option<FileId>>,
 }
 
+impl SameSeries for OpenedSeries {
+    fn is_unchanged(&self, root: &Path) -> FileResult<bool> {
+        let mut found_in = self.found_in.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = FileId::of(root);
+        // While there is no store, nothing of another one can have been found.
+        if now.is_none() || now == *found_in {
+            return Ok(true);
+        }
+        let new = Store::open(root)?;
+        self.check_continued_by(&new)?;
+        if self.fields.iter().any(|field| field.checksums.is_none()) {
+            return Err(Self::is_not(root, "values that an older version has written, which may be others"));
+        }
+        *found_in = new.stamp.id();
+        Ok(false)
+    }
+}
+
 impl OpenedSeries {
     /// The series that `source` reads, of a store in this state.
     pub(super) fn of(
@@ -113,27 +131,6 @@ impl OpenedSeries {
             fields: fields.to_vec(),
             found_in: Mutex::new(stamp.id()),
         }
-    }
-
-    /// Whether the store is in the state in which this series was found last, so that what was just looked up is of this series. If
-    /// it has changed and goes on with this series, what was looked up may be from any state between: look again.
-    ///
-    /// # Errors
-    /// If it has become another series.
-    pub(super) fn is_unchanged(&self, root: &Path) -> FileResult<bool> {
-        let mut found_in = self.found_in.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = FileId::of(root);
-        // While there is no store, nothing of another one can have been found.
-        if now.is_none() || now == *found_in {
-            return Ok(true);
-        }
-        let new = Store::open(root)?;
-        self.check_continued_by(&new)?;
-        if self.fields.iter().any(|field| field.checksums.is_none()) {
-            return Err(Self::is_not(root, "values that an older version has written, which may be others"));
-        }
-        *found_in = new.stamp.id();
-        Ok(false)
     }
 
     fn is_not(root: &Path, what: &str) -> FileError {

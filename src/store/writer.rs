@@ -5,14 +5,15 @@ use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
 use super::importance;
 use super::layout::{
-    self, DERIVED_ATTRIBUTE, DERIVED_VERSION, FIELDS, FieldAttributes, FieldsAttributes, RootAttributes, TIME,
+    self, CHECKSUM_PER_STEP, DERIVED_ATTRIBUTE, DERIVED_VERSION, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS,
+    FieldAttributes, FieldsAttributes, RootAttributes, TIME, moments_array,
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
 use super::refresh::Stamp;
 use super::source_points::SourcePoints;
 use super::staging::Staging;
-use crate::codec::{ArraySpec, ChunkSink, Chunking, ElementType, Encoded, Encoder, Quality, chunk_key, to_bytes};
+use crate::codec::{ChunkSink, Encoded, Encoder, Quality, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, TimeAxis};
 use crate::mesh::{Mesh, Positions, RepairReport};
@@ -246,24 +247,6 @@ impl FieldWriter {
         let bytes = self.sink.bytes + to.sink.bytes + write_moments(&self.root, &group, &statistics)?;
         let bytes = bytes + importance::write(&self.root, &self.folder, moments, &statistics)?;
         Ok(WrittenField { bytes, value_bytes: self.sink.bytes, quality })
-    }
-}
-
-/// Array of the checksums of the steps' values, by which a series is known again.
-pub(super) const CHECKSUM_PER_STEP: &str = "checksum_per_step";
-/// Array of the errors of the steps of complete blocks: sum of squares, number of values, largest.
-pub(super) const ERRORS_PER_STEP: &str = "errors_per_step";
-/// Array of the sums of squared errors of each vertex over these steps.
-pub(super) const ERRORS_PER_VERTEX: &str = "errors_per_vertex";
-
-/// The array `moments`: mean, variance and number of finite samples of each vertex, one row and chunk each.
-pub(super) fn moments_array(vertices: u64) -> ArraySpec {
-    ArraySpec {
-        name: "moments".to_owned(),
-        element: ElementType::F64,
-        shape: vec![3, vertices],
-        chunking: Chunking::PerRow,
-        axes: vec!["mean_variance_count", "vertex"],
     }
 }
 
