@@ -1,6 +1,6 @@
 //! Slow jobs that touch files, on threads of their own.
 
-use super::session::MotionError;
+use super::motion::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;

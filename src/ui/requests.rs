@@ -1,7 +1,7 @@
 //! Makes the requests for frames of a window.
 
+use super::motion::Drawing;
 use super::project_worker::ProjectWorker;
-use super::session::Drawing;
 use super::still::Still;
 use crate::look::{Colors, Keyed, Look, mapped_range};
 use crate::node_table::NodeTable;

@@ -1,8 +1,9 @@
 //! Data of a session beside its pictures.
 
-use super::{Drawing, Session};
+use super::Session;
 use crate::pipeline::FrameTime;
 use crate::ui::Picked;
+use crate::ui::motion::Drawing;
 use crate::ui::picture::Picture;
 use crate::ui::probe::Hover;
 use crate::ui::survey::Surveyed;

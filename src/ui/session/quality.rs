@@ -1,13 +1,13 @@
 //! Quality of frames in motion and at rest.
 
 use super::{Session, Shown};
-use crate::image::upsample::{Enlarging, bilinear};
-use crate::image::{RawDifference, RgbaImage, compare_raw};
-use crate::pipeline::{FrameRequest, RenderMode};
+use crate::image::RgbaImage;
+use crate::pipeline::FrameRequest;
 use crate::playback::State;
-use crate::playback::quality::{Family, Quality, Wanted};
+use crate::playback::quality::Quality;
 use crate::render::Contrast;
 use crate::short::Short;
+use crate::ui::motion::MotionError;
 use std::time::Duration;
 
 /// Time after the last motion until the camera counts as still and the image is drawn in full.
@@ -24,50 +24,6 @@ const PREVIEWS: [f32; 2] = [0.1, 0.02];
 const PREVIEWED_MS: f64 = 100.0;
 /// Largest contrast of a preview relative to that on the screen.
 const BETTER: f32 = 0.5;
-
-/// Inputs of the choice of quality for a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::ui) struct Drawing {
-    /// The chosen renderer.
-    pub(in crate::ui) mode: RenderMode,
-    /// Largest share of faces.
-    pub(in crate::ui) lod: f64,
-    /// Whether contrast may decide which rays are cast.
-    pub(in crate::ui) has_rays: bool,
-    /// Whether there are details of an earlier frame of the same view.
-    pub(in crate::ui) has_details: bool,
-}
-
-impl Drawing {
-    /// The requirements for the quality control.
-    pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
-        let Self { mode, lod, has_rays, has_details } = self;
-        let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };
-        let are_faces = mode == RenderMode::Havs || mode == RenderMode::Auto && lod < 1.0;
-        let has_faces = matches!(mode, RenderMode::Auto | RenderMode::Havs);
-        let family = family.filter(|&family| family != Family::Faces || has_faces);
-        let faces = are_faces.then_some(lod);
-        Wanted { target_ms, family, has_rays, has_details, faces, or_exact: mode == RenderMode::Auto }
-    }
-
-    /// Quality at rest, whatever its cost.
-    pub(in crate::ui) fn at_rest(self) -> Quality {
-        self.wanted(None, None).faces.map_or(Quality::Exact, Quality::Faces)
-    }
-}
-
-/// Error and cost of the last picture of a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionError {
-    /// Quality of the picture.
-    pub quality: Quality,
-    /// Milliseconds of all stages.
-    pub ms: f64,
-    /// Share of the rays that was cast, with adaptive rays.
-    pub rays: Option<f64>,
-    /// Difference from the image in full, after enlarging; `None` if one of them is on the GPU.
-    pub error: Option<RawDifference>,
-}
 
 impl Session {
     /// The quality of a request: its share of width and height, contrast or level.
@@ -163,17 +119,5 @@ impl MotionError {
             rays: matches!(moved.quality, Quality::Rays(_)).then(|| cast as f64 / pixels as f64),
             error: Self::between(color, exact),
         }
-    }
-
-    /// The difference of an image, enlarged if smaller, from the one in full; `None` if one of them is on the GPU.
-    pub(in crate::ui) fn between(image: &RgbaImage, exact: &RgbaImage) -> Option<RawDifference> {
-        if image.pixels.is_empty() || exact.pixels.is_empty() {
-            return None;
-        }
-        let (small, full) = ((image.width, image.height), (exact.width, exact.height));
-        if small == full {
-            return compare_raw(image, exact).ok();
-        }
-        compare_raw(&bilinear(image, &Enlarging::between(small, full)), exact).ok()
     }
 }

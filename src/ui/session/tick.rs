@@ -1,10 +1,11 @@
 //! The periodic update of a session.
 
-use super::{Asked, Drawing, Session, Shown};
+use super::{Asked, Session, Shown};
 use crate::look::Look;
 use crate::pipeline::{Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
 use crate::playback::quality::Quality;
 use crate::ui::jobs::{Done, Screenshot};
+use crate::ui::motion::Drawing;
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;
 use crate::ui::still::Still;

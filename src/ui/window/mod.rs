@@ -4,6 +4,7 @@ mod axes;
 mod blit;
 mod input;
 mod overlay;
+mod painted;
 mod point;
 mod popups;
 mod preview;

@@ -1,6 +1,6 @@
 //! Text over the picture: the field and its error, the time, the legend.
 
-use super::screen::Painted;
+use super::painted::Painted;
 use super::{axes, widgets};
 use crate::export::annotate::ticks::ticks;
 use crate::pipeline::FrameTime;

@@ -1,6 +1,7 @@
 //! The picture on the screen: a frame that was converted and uploaded, or one already on the window's GPU.
 
 use super::blit::{Backdrop, Blit, BoundPicture};
+use super::painted::Painted;
 use super::viewport;
 use crate::pipeline::{FrameTime, SharedFrame, WindowGpu};
 use crate::render::gpu::context::Context;
@@ -51,15 +52,6 @@ pub(super) struct Screen {
     taken: u64,
     /// Background of the newest picture.
     background: [f32; 3],
-}
-
-/// A picture to be painted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Painted {
-    /// Size in its own pixels.
-    pub(super) size: Vec2,
-    /// Time of its frame.
-    pub(super) time: FrameTime,
 }
 
 impl Screen {

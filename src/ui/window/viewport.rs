@@ -1,7 +1,7 @@
 //! The picture, and mouse actions in it.
 
 use super::axes::place_of;
-use super::screen::Painted;
+use super::painted::Painted;
 use super::{overlay, point};
 use crate::ui::{Action, Session};
 use eframe::egui;
