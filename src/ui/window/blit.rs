@@ -2,7 +2,7 @@
 //!
 //! The painter of the widgets could do it as well, but its one shader for everything is costly where a processor stands in for
 //! the GPU, and nearly all pixels of the window are these: without them a window of 1280 x 720 is painted in a third of the
-//! time there (docs/performance.md).
+//! time there (25 to 35 ms a pass instead of 83, llvmpipe on two cores of a Xeon, build for development).
 
 use eframe::egui;
 use eframe::egui_wgpu::{self, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor, wgpu};
