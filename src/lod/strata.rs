@@ -1,4 +1,9 @@
 //! Stratified sampling of the faces over their scalars.
+//!
+//! With rankings of six regular intervals the error at the ends of an interval is at most 1.6 times that in its middle, where it was sampled,
+//! but for the heart's at 25 % of the faces (RMSE 1.3e-2 and 3.5e-3). What flickers is the change of lists: from the last step of an interval to the first of the
+//! next the heart's image at 25 % changes by an RMSE of 4.5e-3 with one list for both and 1.2e-2 with the list of each, 74 % of the faces
+//! being others; jet dye's by 3.6e-4 and 2.6e-3 (24 %). `benches/lod.rs` measures it.
 
 use super::Ranking;
 use super::ranking::hash;

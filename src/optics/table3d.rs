@@ -43,7 +43,8 @@ pub struct Table3dResolution {
 }
 
 impl Default for Table3dResolution {
-    /// The default; measured in `docs/performance.md`.
+    /// The smallest that keeps smooth functions within RMSE 1e-5 and maximum 1e-3 (`docs/performance.md`). 32 or 64 lengths change none of the
+    /// errors by a twentieth, but for that of a slab, which is 3.2e-7 with 16.
     fn default() -> Self {
         Self { scalars: 128, lengths: 16 }
     }

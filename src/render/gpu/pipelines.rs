@@ -1,4 +1,6 @@
-//! Compute pipelines and bind groups of the stages, from their descriptions ([`Stage::bindings`]).
+//! Compute pipelines and bind groups of the stages, from their descriptions ([`Stage::bindings`]). Pipelines are compiled when a scene first
+//! needs them. There is no `wgpu::PipelineCache`: to make one from a file is `unsafe`, as are shaders without checks of bounds, which take
+//! 0.75 to 0.85 of the time on llvmpipe.
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;

