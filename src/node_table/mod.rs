@@ -1,5 +1,5 @@
-//! [`NodeTable`]: the transfer function as every renderer sees it, the reference included; [`JointTable`] if it is of more than
-//! the scalar; [`TransferTable`]: one of both.
+//! [`NodeTable`]: the transfer function as every renderer but the reference sees it (which evaluates the formula, where a job has one);
+//! [`JointTable`] if it is of more than the scalar, the reference included; [`TransferTable`]: one of both.
 
 mod joint;
 mod thinned;

@@ -2,6 +2,8 @@
 //!
 //! Where a member changes at once there are two places, just before the edge and behind it; where it changes gradually there are
 //! 64 of the axis and what 64 would miss: points of opacity, and those of colour maps where these bend too much in between.
+//! The place before an edge is 2^-20 of the axis in front of it, the one behind it less than 2^-21. The built-in maps make 65 (gray) to
+//! 177 (turbo) places.
 
 use super::{Context, Ensemble, Function, Member, Reduction, Space};
 use crate::transfer::TransferError;

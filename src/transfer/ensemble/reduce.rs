@@ -1,4 +1,7 @@
 //! Members of two-dimensional spaces, reduced to the scalar by counting values (dissertation 7.3).
+//!
+//! The dissertation has "the number of scalar values within a 2D widget and the number outside" and lets the fraction reduce the intensity
+//! of the colour. That it also reduces opacity, and the means where opacity is not constant, are decisions made here.
 
 use crate::moments::Histogram2d;
 use crate::transfer::profile::{ProfilePoint, Side};
