@@ -1,4 +1,6 @@
 //! [`JointTable`]: a transfer function of the scalar and up to two more quantities.
+//!
+//! Values are continuous across the diagonals of its rectangles, with a fold along them; finer rows are the remedy where it shows.
 
 use super::{Node, NodeTable};
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,5 @@
-//! [`NodeTable`]: the transfer function used by every renderer, the reference included; [`JointTable`] for more than the scalar;
-//! [`TransferTable`]: either of them.
+//! [`NodeTable`]: the transfer function used by every renderer but the reference, which evaluates the formula where a job has one;
+//! [`JointTable`]: a transfer function of more than the scalar, for the reference too; [`TransferTable`]: either of them.
 
 mod joint;
 mod thinned;

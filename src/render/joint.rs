@@ -10,6 +10,10 @@
 //! - **On the GPU** no further buffer is bound: values at vertices lie behind the view vertices, table layers of cells and the table in
 //!   the node table's buffer. Fragments carry their value, 32 bytes instead of 24. Eight storage buffers are enough; a table larger than
 //!   the binding is `BeyondGpu`.
+//!
+//! Accuracy against the reference (noise as the table, with steps; 48 x 48 pixels, an irregular mesh with a hole; all channels;
+//! `tests/it/render/joint.rs` and `joint_gpu.rs`): RMSE 7e-8 and at most 9e-7 on the CPU, 1e-7 and 5e-6 on the GPU (llvmpipe). A spike of
+//! extinction 300 between rows and nodes 0.1 apart: at most 6e-6 on the CPU, 7e-6 on the GPU.
 
 use super::RenderError;
 use super::medium::{Medium, Segment};

@@ -29,6 +29,13 @@
 //! a vertex and block smaller, and cost decibels where codebooks are good (decaying fields with many entries). `simd` compiles three loops
 //! (search, projection, decoding) for AVX2 and AVX-512 as well, with the same bits. Three lines of numpy in `tests/interop/read_store.py`
 //! decode a step.
+//!
+//! Beside the dissertation's figures (`docs/compression.md` has the commands): of the turbulent jet with 1,024 entries the SNR of steps is 7.2
+//! to 26.6 dB and the ratio 20.7 in the store, 14.6 by the formula ([`paper_bytes`]); the dissertation prints 5.3 to 17.9 dB and 34.7 for its
+//! jet, for which its own formula would give 14.5. With 64 steps in place of 150 a block spans more than twice the time: 9.0 dB instead of
+//! 10.6, images 0.080 apart instead of 0.062. Images of SPX1, Blunt (step 20) and Torso (step 100) with 256 entries, dense (`--tf
+//! 'viridis@0:0.02,1:0.5'`), are off by an RMSE of 5e-5 to 8e-5. Blunt's largest error is 0.0094 in the units of the field with 256 entries and
+//! 0.0046 with 512, where the store is still 22 times smaller than the values.
 
 mod block;
 mod codebook;

@@ -2,6 +2,8 @@
 //!
 //! At one gradient magnitude and one coefficient of variation an ensemble is exactly a curve over the scalar, whatever its blending rules
 //! ([`Ensemble::curve_on`]). A [`JointTable`] has these curves at [`places`] of both axes.
+//! A table with too many values has runs of scalars in place of scalars: a shell within a run stays visible, but its place and shape are
+//! those of the run, and a narrow gap may be filled.
 
 use super::places::{Second, places};
 use super::{Context, Ensemble, Line};

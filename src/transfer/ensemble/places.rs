@@ -2,6 +2,8 @@
 //!
 //! Where a member has an edge there are two places, just before it and at it; where it changes gradually there are 64 evenly spaced ones
 //! and those that these miss: opacity points, and points of colour maps where these bend too much in between.
+//! The place before an edge is 2^-20 of the axis in front of it, the one behind it less than 2^-21. The built-in maps make 65 (gray) to 177
+//! (turbo) places.
 
 use super::{Context, Ensemble, Function, Member, Reduction, Space};
 use crate::transfer::TransferError;

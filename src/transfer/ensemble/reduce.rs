@@ -1,4 +1,7 @@
 //! Reduction of members of two-dimensional spaces to the scalar by counts of values (dissertation 7.3).
+//!
+//! The dissertation has "the number of scalar values within a 2D widget and the number outside" and lets the fraction reduce the intensity
+//! of the colour. That it also reduces opacity, and the means where opacity is not constant, are decisions made here.
 
 use crate::moments::Histogram2d;
 use crate::transfer::profile::{ProfilePoint, Side};
