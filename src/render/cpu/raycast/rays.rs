@@ -1,7 +1,8 @@
 //! The rays that are cast together: places of a lattice of pixels, in tiles of 16 x 16.
 //!
 //! A tile of a coarse lattice covers many of the tiles that faces are sorted into, so that its rays fill vectors as those of a whole image do;
-//! of faces between two places nobody has to know. A ray is that of its pixel, whichever rays are cast beside it.
+//! of faces between two places nobody has to know. A ray is that of its pixel, whichever rays are cast beside it. Leaving faces that hold no
+//! wanted place out of each tile before they are met gained nothing (0.98 to 1.04 of the time).
 
 use super::super::super::adaptive::PixelBits;
 use super::super::raster::TileRays;

@@ -13,6 +13,8 @@
 //!    itself, counted from the middle of the mesh or from the eye. Places are computed in f32 whatever the device has.
 //! 2. Which rays pass through a face is as right as for the face renderer: rays within rounding of the boundary's rim may meet it or not.
 //! 3. Whether a face that reaches the eye is in front of it is not asked exactly.
+//!
+//! Of 178,566 pixels of small images of a mesh with holes and several parts none had a layer that the CPU has not (`stage_tests.rs`).
 
 #[cfg(test)]
 pub(super) mod stage_tests;
