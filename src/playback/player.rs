@@ -3,6 +3,11 @@
 //! A player asks for what is due and for the next two moments, shows frames when their time has come, and after a command that goes
 //! elsewhere never one from before. In real-time mode on a slow machine it finishes the frame at hand, shows it, and goes on with what is
 //! due then.
+//!
+//! ```text
+//! Command, time -> Clock -> Player -> push, replace, seek -> [queue] -> decode -> order -> render -> [frames] -> Player -> screen
+//!                                     expect -> read ahead -> [blocks]
+//! ```
 
 use super::{Clock, Command, CommandError, Mode};
 use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined, Series};
