@@ -2,6 +2,11 @@
 //!
 //! A player requests the due frame and the next two, and after a seek never shows one from before it. In real-time mode on a slow machine
 //! it finishes the frame being rendered, shows it, and goes on with the one due then.
+//!
+//! ```text
+//! Command, time -> Clock -> Player -> push, replace, seek -> [queue] -> decode -> order -> render -> [frames] -> Player -> screen
+//!                                     expect -> read ahead -> [blocks]
+//! ```
 
 use super::{Clock, Command, CommandError, Mode};
 use crate::pipeline::{Delivery, FrameId, FrameRequest, FrameTime, Pipelined, Series};

@@ -7,6 +7,10 @@
 //! p, q are pixels of the full image, I the small image at full size (bilinear), R a reference at full size, and Omega the pixels that are no
 //! further than Omega / 2 from p in each direction. At the image's border Omega is cropped. p itself has the weight 1: k_p is not less.
 //!
+//! What the print leaves open: eq. 4.2 and 4.3 swap I and R; here, as in the text on 4.3, I is small and R is of full size. Eq. 4.3 sums over
+//! q_1, perhaps q of the small image; here q is of full size, as Omega is. f takes distances in the small image while Omega is in pixels of the
+//! full one, literally a filter that is almost flat; here both are of the full one. The "RMS" of figure 4.4 has no definition.
+//!
 //! Sixteen pixels p are worked on side by side, with q at the same offset from each. The planes lie apart, with a margin in which the colour and a
 //! plane that counts (1 within the image) are 0: nothing asks where the border is. Weights of f are a table by offset; g is a
 //! polynomial, right to 2e-7, and not below 2^-126. Sums are made row by row of Omega, and then over rows, in the same order for any thread count.

@@ -11,6 +11,18 @@
 //!
 //! Normals and numbers take a second pass over the surfaces alone, with the normal and number of the nearest surface as colour and
 //! opacity, on the CPU whatever renders the frame.
+//!
+//! The lower row of figure 6.4 on the torso (`tests/it/surfaces.rs`: a close view of 320 x 240 pixels, faces by the coefficient of variation, light
+//! by `screen`): holes, and root mean square angles to the facets of all faces and to smooth normals of all cells. Smoothing takes the picture away
+//! from the facets and towards the smooth surface; holes at the outline are not closed.
+//!
+//! ```text
+//! faces     plain: holes, to facets, to smooth     smoothed: holes, to facets, to smooth
+//! 100 %              0        0         44.1                   0        0         44.1
+//!  50 %             25        9.9       37.5                  23       18.8       34.2
+//!  25 %             68       12.1       32.9                  68       17.3       30.2
+//!  10 %            117       17.3       21.4                 117       18.9       16.3
+//! ```
 
 use super::{Normals, SurfaceShading};
 use crate::camera::View;

@@ -2,6 +2,7 @@
 //!
 //! A tile of a coarse lattice covers many of the tiles that faces are sorted into, so that its rays fill vectors as those of a whole
 //! image do; faces between lattice points are skipped. A ray is that of its pixel, whichever rays are cast beside it.
+//! Leaving out of each tile the faces that hold no wanted pixel gained nothing (0.98 to 1.04 of the time).
 
 use super::super::super::adaptive::PixelBits;
 use super::super::raster::TileRays;

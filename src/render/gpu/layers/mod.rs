@@ -13,6 +13,8 @@
 //!    f32 weights, and to 2^-24 of itself, counted from the middle of the mesh or from the eye. Geometry is always in f32.
 //! 2. Rays meet faces as in the face renderer: those within rounding of the boundary's rim may hit or miss it.
 //! 3. Whether a face that reaches the eye is in front of it is not decided exactly.
+//!
+//! Of 178,566 pixels of small images of a mesh with holes and several parts none had a layer that the CPU has not (`stage_tests.rs`).
 
 #[cfg(test)]
 pub(super) mod stage_tests;
