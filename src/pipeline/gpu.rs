@@ -1,6 +1,6 @@
 //! The GPU of a pipeline: opened when first needed, reopened when it was lost.
 
-use super::backend::Primitive;
+use super::device::Primitive;
 use super::{Backend, WindowGpu};
 use crate::camera::View;
 use crate::mesh::Mesh;

@@ -7,6 +7,7 @@
 
 mod apart;
 mod backend;
+mod device;
 mod distribution;
 mod draw;
 mod enlarging;
@@ -14,6 +15,7 @@ mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod in_sight;
+mod kept;
 mod layer;
 mod pipelined;
 mod prefetch;
@@ -38,17 +40,18 @@ mod transparent;
 mod window_gpu;
 
 pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
-pub use backend::Backend;
+pub use device::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
-pub use pipelined::{Delivery, Pipelined, PipelinedOptions};
+pub use pipelined::{Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
 pub use request::{FrameRequest, PipelineError};
 pub use residual::{ResidualBase, ResidualRequest};
 pub use samples::SampleSet;
 pub use series::Series;
+pub use stages::Delivery;
 pub use time::FrameTime;
 #[cfg(feature = "gpu")]
 pub use window_gpu::WindowGpu;

@@ -12,19 +12,19 @@
 //! between frames, but no state that an image depends on.
 //!
 //! - **Errors and panics** are delivered in place of the frame: channels are bounded, and all requests pass all stages in order. After a
-//! panic the stage is reset.
+//!   panic the stage is reset.
 //! - **Buffers** are recycled. Scalars and frames are reference-counted; the last holder returns the buffer. Memory is bounded by two
-//! preparations, one frame that is rendered and three that are shown or waiting, whatever the playback speed.
+//!   preparations, one frame that is rendered and three that are shown or waiting, whatever the playback speed.
 //! - **Blocks** are loaded in the order in which the player expects to need them ([`crate::codec::blocks`]), on a thread of its own.
 //! - **Frames** of an unchanged view are cached within a budget, keyed by the whole request: a loop over a fixed view is rendered once.
 
-use super::frames::{FrameCache, FramePool, SharedFrame};
+use super::frames::{FrameCache, FramePool};
 use super::prefetch::Prefetcher;
 use super::priority::give_way;
 use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
 use super::series::Series;
-use super::stages::{Shared, decode_all, order_all, render_all};
-use super::{Decode, FrameRequest, Order, Pipeline, PipelineError, Renderers};
+use super::stages::{Delivery, Shared, decode_all, order_all, render_all};
+use super::{Decode, FrameRequest, Order, Pipeline, Renderers};
 use crate::task::ThreadLimit;
 use crossbeam::channel::{Receiver, bounded};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -48,22 +48,6 @@ impl Default for PipelinedOptions {
     fn default() -> Self {
         Self { threads: None, give_way: false, frame_cache_bytes: 256 << 20 }
     }
-}
-
-/// The frame, preview or error of a request.
-#[derive(Clone, Debug)]
-pub struct Delivery {
-    /// Id of the request.
-    pub id: FrameId,
-    /// The request; for a preview, the request of the final frame.
-    pub request: FrameRequest,
-    /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: cancelled requests deliver nothing.
-    pub frame: Result<SharedFrame, PipelineError>,
-    /// Whether the frame comes from the cache; its counts and times are then those of its rendering.
-    pub is_kept: bool,
-    /// Whether it is the requested frame rather than a preview of it ([`FrameRequest::previews`]), which its frame or one of a newer
-    /// request follows.
-    pub is_final: bool,
 }
 
 /// A pipeline whose stages run concurrently. Dropped, it stops within milliseconds, whatever it was doing.

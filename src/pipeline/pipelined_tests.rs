@@ -6,6 +6,7 @@ use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::image::PlaneSamples;
 use crate::node_table::{Node, NodeTable};
+use crate::pipeline::PipelineError;
 use crate::pipeline::{FrameTime, TetDraw};
 use crate::render::Frame;
 use proptest::prelude::*;

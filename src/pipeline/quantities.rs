@@ -4,21 +4,11 @@ use super::series::Series;
 use crate::error::FileResult;
 use crate::histograms::Histogram;
 use crate::mesh::Mesh;
-use crate::moments::{CovDenominator, Distribution};
+use crate::moments::CovDenominator;
 use crate::node_table::JointTable;
 use crate::render::JointScene;
 use crate::task::Cancel;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-
-/// Quantities of a series that do not change over time, computed when first asked for.
-#[derive(Debug, Default)]
-pub(super) struct Quantities {
-    cov: OnceLock<Arc<Vec<f32>>>,
-    /// Locked while they are counted, so that concurrent callers wait for the result.
-    histograms: Mutex<Option<Arc<[Histogram]>>>,
-    /// Locked likewise while it is computed.
-    pub(super) distribution: Mutex<Option<Arc<Distribution>>>,
-}
+use std::sync::{Arc, PoisonError};
 
 /// Gradient magnitudes of the last scalars: a paused series has the same in each frame.
 #[derive(Debug, Default)]

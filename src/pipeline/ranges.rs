@@ -3,41 +3,13 @@
 //! They are learned when a step is first decoded. From then on chunks without a visible cell need not be decoded again: when a loop
 //! restarts, when playback goes back, when the transfer function changes.
 
+use super::kept::StepRanges;
 use super::series::Series;
 use super::time::FrameTime;
 use crate::visibility::{Clusters, Label, TransparentIntervals};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-
-/// Least and greatest scalar of each chunk of a step; NaN if a scalar of the chunk is not finite.
-type StepRanges = Arc<[[f32; 2]]>;
-
-/// Budget in bytes for the ranges of a series, at eight per chunk and step. When it is used up, no further steps are learned: each round of
-/// a loop over all steps then knows the same ones.
-const BYTES_MAX: usize = 64 << 20;
-
-/// The known ranges of a series.
-#[derive(Debug)]
-pub(super) struct ChunkRanges {
-    clusters: OnceLock<Arc<Clusters>>,
-    /// Ranges of chunks, by step; steps beyond `bytes_max` are not kept.
-    steps: Mutex<HashMap<usize, StepRanges>>,
-    bytes_max: usize,
-}
-
-impl Default for ChunkRanges {
-    fn default() -> Self {
-        Self { clusters: OnceLock::new(), steps: Mutex::default(), bytes_max: BYTES_MAX }
-    }
-}
-
-impl ChunkRanges {
-    /// How many steps of this many vertices fit in the budget.
-    fn steps_max(&self, vertices: usize) -> usize {
-        self.bytes_max / (vertices.div_ceil(Clusters::VERTICES).max(1) * size_of::<[f32; 2]>())
-    }
-}
+use std::sync::{Arc, MutexGuard, PoisonError};
 
 /// The chunks needed at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,6 +87,7 @@ fn range(scalars: &[f32]) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::kept::ChunkRanges;
 
     #[test]
     fn as_many_steps_are_learned_as_have_room() {

@@ -1,5 +1,6 @@
 //! The order in which a series' faces are drawn at a level of detail.
 
+use super::kept::{KeptRankings, Key};
 use super::series::Series;
 use crate::error::FileResult;
 use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
@@ -7,7 +8,7 @@ use crate::moments::{CovDenominator, Moments};
 use crate::task::Cancel;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 
 /// How faces are ranked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -51,36 +52,11 @@ impl FromStr for Sampling {
     }
 }
 
-/// Cache key of a ranking within a series.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Key {
-    Error,
-    Random,
-    Global(CovDenominator),
-    /// The step whose scalars are sampled.
-    Step(usize),
-}
-
 /// Steps evaluated for [`Sampling::Error`], evenly spread: more change little, and take longer.
 const ERROR_STEPS: usize = 16;
 
 /// Most cached rankings: four bytes per face each.
 const MOST: usize = 8;
-
-/// The cached rankings of a series, computed when first asked for.
-#[derive(Debug, Default)]
-pub(super) struct Rankings(Mutex<Kept>);
-
-#[derive(Debug, Default)]
-struct Kept {
-    /// The ranking that orders the faces within a stratum.
-    by_hash: Option<Arc<Ranking>>,
-    unordered: Option<Arc<Ranking>>,
-    /// The partition asked for last and its intervals.
-    intervals: Option<(Partition, Arc<[Interval]>)>,
-    /// Rankings by last use, the most recent at the end.
-    rankings: Vec<(Key, Arc<Ranking>)>,
-}
 
 impl Series {
     /// The ranking of the faces at a step, the same [`Arc`] for all steps that share it. A ranking is computed when first asked for, which
@@ -109,7 +85,7 @@ impl Series {
         kept.unordered.get_or_insert_with(|| Arc::new(Ranking::unordered(&self.mesh.topology))).clone()
     }
 
-    fn ranking_in(&self, kept: &mut Kept, key: Key, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
+    fn ranking_in(&self, kept: &mut KeptRankings, key: Key, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
         if let Some(at) = kept.rankings.iter().position(|(of, _)| *of == key) {
             let found = kept.rankings.remove(at);
             let ranking = found.1.clone();
@@ -154,7 +130,7 @@ impl Series {
 
     fn intervals_in(
         &self,
-        kept: &mut Kept,
+        kept: &mut KeptRankings,
         partition: Partition,
         cancel: &Cancel,
     ) -> FileResult<Option<Arc<[Interval]>>> {

@@ -1,8 +1,6 @@
 //! One field of a store, opened for playing.
 
-use super::quantities::Quantities;
-use super::ranges::ChunkRanges;
-use super::rankings::Rankings;
+use super::kept::{ChunkRanges, Quantities, Rankings};
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, Wanted};
 use crate::error::{FileError, FileResult};

@@ -5,9 +5,8 @@
 
 use super::backend::Renderers;
 use super::frames::{FrameCache, FramePool, SharedFrame};
-use super::pipelined::Delivery;
 use super::preparation::{Decode, Decoded, Order, Ordered};
-use super::queue::{Queue, Ticket};
+use super::queue::{FrameId, Queue, Ticket};
 use super::{Backend, FrameRequest, PipelineError, SampleSet};
 use crate::render::{Contrast, Frame};
 use crate::slowdown::{Slow, waste};
@@ -17,6 +16,22 @@ use rayon::ThreadPool;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The frame, preview or error of a request.
+#[derive(Clone, Debug)]
+pub struct Delivery {
+    /// Id of the request.
+    pub id: FrameId,
+    /// The request; for a preview, the request of the final frame.
+    pub request: FrameRequest,
+    /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: cancelled requests deliver nothing.
+    pub frame: Result<SharedFrame, PipelineError>,
+    /// Whether the frame comes from the cache; its counts and times are then those of its rendering.
+    pub is_kept: bool,
+    /// Whether it is the requested frame rather than a preview of it ([`FrameRequest::previews`]), which its frame or one of a newer
+    /// request follows.
+    pub is_final: bool,
+}
 
 /// State shared by all stages.
 #[derive(Clone)]
