@@ -9,7 +9,7 @@ use crate::ui::Session;
 use crate::ui::picture::{Picture, PictureMaker};
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
-use egui::{Shape, Vec2, vec2};
+use egui::{Shape, vec2};
 use std::io;
 use std::sync::Arc;
 

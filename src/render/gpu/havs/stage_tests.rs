@@ -201,7 +201,7 @@ fn column(cubes: usize) -> Mesh {
     let paths = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
     let cube = |c: usize| paths.map(|path| [0, path[0], path[1], 7].map(|v| (4 * c + v) as u32));
     let points = (0..4 * (cubes + 1)).map(corner).collect();
-    Mesh::build(RawMesh { points, tets: (0..cubes).flat_map(cube).collect() }).unwrap().0
+    Mesh::build(RawMesh { points, cells: (0..cubes).flat_map(cube).collect::<Vec<_>>().into() }).unwrap().0
 }
 
 /// Whether the fragments of each pixel, before `step`, are in order of depth and rank; and the most that a pixel has.
