@@ -1,8 +1,7 @@
-//! A series for somebody who looks at it beside its player.
+//! A series for a reader beside its player.
 //!
-//! Thumbnails, curves and surveys read steps in an order of their own. Read through the player's blocks they would throw out
-//! what is about to be shown, and have read ahead what nobody plays. So they have blocks of their own, and use those of the
-//! player where they are in memory already.
+//! Thumbnails, curves and surveys read steps in an order of their own. Through the player's blocks they would evict blocks about to be
+//! shown and read ahead steps that nobody plays. So they have blocks of their own, and use the player's where these are in memory.
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
@@ -15,14 +14,14 @@ use crate::moments::VertexStatistics;
 use crate::task::Cancel;
 use std::sync::Arc;
 
-/// Steps of a player's series.
+/// Source of a player's steps for a reader beside the player.
 struct Apart {
     player: Arc<Series>,
     own: Box<dyn StepSource>,
 }
 
 impl Apart {
-    /// Who gives a step without loading anything into the player's blocks.
+    /// The source that gives a step without loading anything into the player's blocks.
     fn source(&self, step: usize) -> &dyn StepSource {
         if self.player.is_resident(step) { &*self.player.source } else { &*self.own }
     }
@@ -77,9 +76,9 @@ impl StepSource for Apart {
 }
 
 impl Series {
-    /// The same series for somebody beside its player: it uses blocks that the player has in memory, and loads others into
-    /// `block_bytes` of its own. Steps that it is told to expect do not reach the player either. What does not change over time
-    /// is computed once for both.
+    /// The same series for a reader beside its player: it uses blocks that the player has in memory, and loads others into `block_bytes` of
+    /// its own. Steps that it is told to expect do not reach the player either. Data that do not change over time are computed once for
+    /// both.
     #[must_use]
     pub fn apart(self: &Arc<Self>, block_bytes: u64) -> Arc<Self> {
         let blocks = Arc::new(BlockCache::new(block_bytes));

@@ -1,4 +1,4 @@
-//! Where frames are rendered.
+//! The backends of a pipeline and their renderers.
 
 use super::DrawnBy;
 #[cfg(feature = "gpu")]
@@ -17,24 +17,24 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
-    /// On the GPU if there is one, else on the CPU, as all frames that the GPU cannot do. A driver that is software counts
-    /// only if it was asked for by name.
+    /// On the GPU if there is one, else on the CPU, as are all frames that the GPU cannot render. A software driver counts only if it was
+    /// asked for by name.
     #[default]
     Auto,
     /// On the CPU.
     Cpu,
-    /// On a GPU, be it one in software; without one there is no frame.
+    /// On a GPU, software drivers included; without one, rendering fails.
     Gpu,
 }
 
 words!(Backend, "there is no backend", ["auto" = Auto, "cpu" = Cpu, "gpu" = Gpu]);
 
-/// What a renderer that both backends have goes through.
+/// The primitive that a renderer of both backends traverses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Primitive {
     /// Cells, from one to the next along rays.
     Cells,
-    /// Faces, in the order of their depths.
+    /// Faces, in depth order.
     Faces,
 }
 
@@ -42,9 +42,9 @@ pub(super) enum Primitive {
 #[derive(Default)]
 pub(super) struct Renderers {
     cpu: CpuRenderers,
-    /// For normals and numbers of surfaces, whatever renders the frame.
+    /// Render the normals and surface numbers, whatever renders the frame.
     guides: CpuRenderers,
-    /// For rows of all rays, whatever renders the few of their frame.
+    /// Renders the rows that all rays are cast for, whatever renders the few rays of their frame.
     rows: Raycast,
     #[cfg(feature = "gpu")]
     pub(super) gpu: Gpu,
@@ -68,21 +68,21 @@ impl CpuRenderers {
     }
 }
 
-/// Planes of a job that is drawn beside a frame, if there is one; `None` if it was cancelled.
+/// Planes of a job that is rendered beside a frame, if there is one; `None` if it was cancelled.
 fn planes_of(renderer: &mut dyn Renderer, job: Option<RenderJob>) -> Result<Option<Option<Planes>>, RenderError> {
     let Some(job) = job else { return Ok(Some(None)) };
     Ok(renderer.render_unless_cancelled(job)?.map(|frame| Some(frame.planes.clone())))
 }
 
 impl Renderers {
-    /// Forgets what a renderer that panicked may have left behind; the GPU is looked for again.
+    /// Resets the renderers after a panic; the GPU is looked for again.
     pub(super) fn begin_afresh(&mut self) {
         (self.cpu, self.guides, self.rows) = Default::default();
         #[cfg(feature = "gpu")]
         self.gpu.begin_afresh();
     }
 
-    /// Whether there is what the backend needs.
+    /// Checks that the backend is available.
     ///
     /// # Errors
     /// `NoGpu` if a GPU is asked for and there is none.
@@ -106,7 +106,7 @@ impl Renderers {
         Ok(Some(renderer.advance(Duration::ZERO)?.frame()))
     }
 
-    /// The same frame to keep, and its previews on the way; the next one is rendered to the memory that `replacement` gives.
+    /// As [`Self::render`], with a frame to keep and its previews on the way; the next frame uses the memory that `replacement` gives.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -120,7 +120,7 @@ impl Renderers {
         Ok(self.draw(ordered, backend, previewed)?.map(|renderer| renderer.take_frame(replacement())))
     }
 
-    /// The renderer that has drawn a job, with what is done on its image; `None` if it was cancelled.
+    /// The renderer that has drawn a job, with the post-processing of its image; `None` if it was cancelled.
     fn draw(
         &mut self,
         ordered: Ordered,
@@ -172,7 +172,7 @@ impl Renderers {
                 Ok(false) => return Ok(None),
                 Ok(true) => return Ok(self.gpu.renderer_in_use(primitive)),
                 Err(error) if backend == Backend::Gpu => return Err(error),
-                // The CPU can do it, and the GPU has noted why it did not.
+                // The CPU renders the job instead; the GPU has noted its error.
                 Err(_) => {}
             }
         }

@@ -1,4 +1,4 @@
-//! Which part of a series' volume has which values, from some of its steps.
+//! The share of a series' volume that each scalar occupies, from some of its steps.
 
 use super::series::Series;
 use crate::error::FileResult;
@@ -8,15 +8,15 @@ use crate::task::Cancel;
 use crate::transfer::{FirstLook, Lengths, RangePolicy};
 use std::sync::{Arc, PoisonError};
 
-/// Steps that are looked at, evenly over the series, the first and the last among them.
+/// Steps sampled, evenly over the series, the first and the last among them.
 const STEPS: usize = 5;
 
-/// Vertices of a step that are looked at: in so many, a part of one in a hundred is known to a twentieth of it.
+/// Vertices sampled per step: with this many, a share of 1 % has a relative error of a twentieth.
 const VERTICES: usize = 1 << 16;
 
 impl Series {
-    /// Which part of the volume has which values, over five steps of the series and 65,536 vertices of each at most, the same ones
-    /// whenever it is asked for. A vertex has a quarter of each of its cells. `None` if `cancel` was raised.
+    /// The share of the volume per scalar, over at most five steps of the series and 65,536 vertices of each; the same ones in every call.
+    /// A vertex has a quarter of each of its cells. `None` if `cancel` was raised.
     ///
     /// # Errors
     /// If none of these steps can be decoded.
@@ -34,7 +34,7 @@ impl Series {
                     Err(error) => problem = Some(error),
                 }
             }
-            // A step that cannot be read is the problem of those who want to see it.
+            // Whoever shows an unreadable step gets its error.
             if let Some(error) = problem.filter(|_| samples.is_empty()) {
                 return Err(error);
             }
@@ -43,8 +43,8 @@ impl Series {
         Ok(known.clone())
     }
 
-    /// How the series is shown before anybody has said anything, or has said no more than a range. Mean chords are those of the box of the
-    /// mesh, 4 V / S of a convex body (Cauchy), of which the mesh fills a part. Steps that cannot be read are named when they are shown.
+    /// The default look of a series, optionally with a given range. Mean chords are those of the box of the mesh, 4 V / S of a convex body
+    /// (Cauchy), of which the mesh fills a part. Unreadable steps are reported when they are shown.
     pub fn first_look(&self, range: Option<RangePolicy>, cancel: &Cancel) -> FirstLook {
         let values = self.distribution(cancel).ok().flatten().unwrap_or_default();
         let ends = self.field.range.map_or((f64::NAN, f64::NAN), |[lo, hi]| (f64::from(lo), f64::from(hi)));
@@ -69,13 +69,13 @@ impl Series {
     }
 }
 
-/// So many of the numbers below `count` at most, with both ends.
+/// At most `most` of the numbers below `count`, with both ends.
 fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
     let chosen = count.min(most);
     (0..chosen).map(move |i| if chosen < 2 { 0 } else { i * (count - 1) / (chosen - 1) })
 }
 
-/// A quarter of the volume of each cell around a vertex, in local units.
+/// Volume per vertex in local units: a quarter of each of its cells.
 fn vertex_volumes(mesh: &Mesh) -> Vec<f64> {
     let mut volumes = vec![0.0; mesh.positions.local.len()];
     for (cell, tet) in mesh.topology.tets.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! How the cells of a frame are drawn: as users name it, as a request has it, and what that comes to.
+//! How the cells of a frame are drawn: the user's mode, the request's setting, and the renderer that they select.
 
 use super::Sampling;
 use super::text::FaceText;
@@ -7,42 +7,41 @@ use crate::short::Short;
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 
-/// Which renderer, as options and project files name it; with a level of detail, [`TetDraw::chosen`].
+/// The renderer, as options and project files name it; with a level of detail, [`TetDraw::chosen`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RenderMode {
-    /// The fastest that is within the accuracy bounds: the ray caster for all there is, faces below that
-    /// ([`FaceDetail::lod`] less than 1).
+    /// The fastest within the accuracy bounds: the ray caster for all cells, faces for a [`FaceDetail::lod`] below 1.
     #[default]
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
     Raycast,
     /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
     Havs,
-    /// The float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
+    /// Float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
 
 words!(RenderMode, "there is no mode", ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "reference" = Reference]);
 
-/// Which faces are drawn, and how they come into order.
+/// Which faces are drawn, and how they are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "FaceText")]
 pub struct FaceDetail {
-    /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Those of their surface all
-    /// are.
+    /// Level of detail: the share of the interior faces of the active cells that is drawn, 0 to 1. Faces on the surface of the active cells
+    /// are all drawn.
     pub lod: f64,
-    /// Which of them come first.
+    /// Which faces come first.
     pub sampling: Sampling,
-    /// How their fragments come into order.
+    /// How the fragments of faces are sorted.
     pub k_buffer: KBuffer,
 }
 
 impl FaceDetail {
-    /// All faces, as by default.
+    /// All faces: the default.
     pub const ALL: Self = Self { lod: 1.0, sampling: Sampling::Error, k_buffer: KBuffer::USUAL };
 
-    /// A level of detail is a share, and a buffer has its bounds.
+    /// Checks that the level of detail is in 0 to 1 and the k-buffer within its bounds.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self { lod, k_buffer, .. } = self;
         if lod.is_finite() && !(0.0..=1.0).contains(lod) {
@@ -65,23 +64,23 @@ impl Default for FaceDetail {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TetDraw {
-    /// All of them, by the fastest renderer within the accuracy bounds.
+    /// All cells, by the fastest renderer within the accuracy bounds.
     #[default]
     Auto,
-    /// All of them, by rays from cell to cell: [`crate::render::cpu::raycast`].
+    /// All cells, by rays from cell to cell: [`crate::render::cpu::raycast`].
     Raycast,
-    /// By their faces, all or some, through a k-buffer: [`crate::render::cpu::havs`].
+    /// Faces of the cells, all or some, through a k-buffer: [`crate::render::cpu::havs`].
     Faces(FaceDetail),
-    /// All of them, by the float64 judge, [`mod@crate::render::reference`]; on the CPU whatever the backend.
+    /// All cells, by the float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
 
 impl TetDraw {
-    /// By all faces, in their usual order.
+    /// All faces, in their usual order.
     pub const ALL_FACES: Self = Self::Faces(FaceDetail::ALL);
 
-    /// What a user has chosen. A level of detail is about faces: without one that leaves some out, [`RenderMode::Auto`] is
-    /// [`Self::Auto`], and with one it is those faces, so that [`Self::Auto`] itself has nothing to say of faces.
+    /// The setting for a user's mode. A level of detail applies to faces: [`RenderMode::Auto`] becomes these faces if it leaves some out,
+    /// else [`Self::Auto`], which therefore holds no face settings.
     pub fn chosen(mode: RenderMode, faces: FaceDetail) -> Self {
         match mode {
             RenderMode::Auto if faces.lod < 1.0 => Self::Faces(faces),
@@ -92,7 +91,7 @@ impl TetDraw {
         }
     }
 
-    /// Who draws it: the one place in which it is decided what [`Self::Auto`] comes to.
+    /// The renderer; the one place that resolves [`Self::Auto`].
     pub fn drawn_by(self) -> DrawnBy {
         match self {
             Self::Auto | Self::Raycast => DrawnBy::Raycast,
@@ -101,7 +100,7 @@ impl TetDraw {
         }
     }
 
-    /// The share of the interior faces that is drawn; 1 where all cells are.
+    /// The share of the interior faces that is drawn; 1 where whole cells are.
     pub fn lod(self) -> f64 {
         match self {
             Self::Faces(detail) => detail.lod,
@@ -115,9 +114,9 @@ impl TetDraw {
 pub enum DrawnBy {
     /// The ray caster.
     Raycast,
-    /// The renderer of faces.
+    /// The face renderer.
     Faces(FaceDetail),
-    /// The judge.
+    /// The float64 reference.
     Reference,
 }
 
@@ -131,7 +130,7 @@ impl DrawnBy {
         }
     }
 
-    /// The faces that it draws, if it draws faces.
+    /// The faces that it draws; `None` if it draws cells.
     pub fn faces(self) -> Option<FaceDetail> {
         match self {
             Self::Faces(detail) => Some(detail),

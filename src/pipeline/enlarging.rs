@@ -1,5 +1,4 @@
-//! From the small image that was rendered to the frame that was asked for, on the CPU; an image on the GPU comes to its size there
-//! ([`Enlargement`]).
+//! Enlarging the rendered small image to the requested frame, on the CPU; the GPU enlarges its own images ([`Enlargement`]).
 
 use super::{UpsampleFilter, Upsampling};
 use crate::camera::View;
@@ -12,25 +11,25 @@ use crate::stats::FrameStats;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is left to be done on an image that is rendered at another size than its frame.
+/// The enlargement pending for an image that is rendered at another size than its frame.
 #[derive(Debug)]
 pub(super) struct Enlarge {
     filter: UpsampleFilter,
     enlarging: Enlarging,
-    /// The job at full size, and at the size that is rendered: of cells that are the same whatever is skipped.
+    /// The job at full size, and at the rendered size; its cells are the same whatever is skipped.
     full: RenderJob,
     small_view: View,
-    /// Whether the image is transparent, as one of no cells is.
+    /// Whether the image is transparent, as one without cells is.
     is_transparent: bool,
 }
 
 impl Enlarge {
-    /// The view of the image that is rendered for a view: pixels of its own around the same middle.
+    /// The view of the small image: pixels of its own around the same centre.
     pub(super) fn small_view(upsampling: Upsampling, view: &View) -> View {
         small_view(&upsampling.enlarging((view.width_px, view.height_px)), view)
     }
 
-    /// What brings the image of a job to the size of `view`.
+    /// The enlargement of a job's image to the size of `view`.
     pub(super) fn of(upsampling: Upsampling, job: &RenderJob, view: View) -> Self {
         let enlarging = upsampling.enlarging((view.width_px, view.height_px));
         let active = job.domain.as_ref().unwrap_or(&job.active).clone();
@@ -39,14 +38,14 @@ impl Enlarge {
         Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_transparent }
     }
 
-    /// What the GPU needs to know to enlarge the image.
+    /// The GPU's parameters for enlarging the image.
     pub(super) fn enlargement(&self) -> Arc<Enlargement> {
         let Self { filter, enlarging, full, .. } = self;
         let (view, domain) = (full.view.clone(), full.active.clone());
         Arc::new(Enlargement { filter: *filter, enlarging: *enlarging, view, domain })
     }
 
-    /// Brings planes to full size, and counts; false if the job was cancelled: then the planes are of no use.
+    /// Enlarges planes to full size, and counts; false if the job was cancelled: the planes are then unusable.
     pub(super) fn finish(self, planes: &mut Planes, stats: &mut FrameStats) -> bool {
         let _span = tracing::info_span!("upsample").entered();
         let started = Instant::now();
@@ -83,7 +82,7 @@ impl Enlarge {
         }
     }
 
-    /// Depths of the boundary in some views, by the range of those in the first one; `None` if the job was cancelled.
+    /// Depths of the boundary in some views, normalized by the range of the first view; `None` if the job was cancelled.
     fn references<const N: usize>(
         &self,
         views: [&View; N],

@@ -1,4 +1,4 @@
-//! Frames that are done: their memory goes round, and those of an unchanged view are kept for the next time.
+//! Finished frames: their buffers are recycled, and frames of an unchanged view are cached.
 
 use super::FrameRequest;
 use super::series::Series;
@@ -10,10 +10,10 @@ use crossbeam::queue::ArrayQueue;
 use std::ops::Deref;
 use std::sync::{Arc, Weak};
 
-/// Buffers that wait to be used again.
+/// Most spare buffers in the pool.
 const SPARES_MAX: usize = 3;
 
-/// A frame that several may hold. Its memory goes back to the renderer with the last of them.
+/// A shared frame. Its memory goes back to the renderer with the last reference.
 #[derive(Clone, Debug)]
 pub struct SharedFrame(Arc<Pooled>);
 
@@ -31,7 +31,7 @@ impl Deref for SharedFrame {
     }
 }
 
-/// A frame with the pool that its memory goes back to.
+/// A frame and the pool that its memory goes back to.
 #[derive(Debug)]
 struct Pooled {
     frame: Frame,
@@ -40,12 +40,12 @@ struct Pooled {
 
 impl Drop for Pooled {
     fn drop(&mut self) {
-        // If the pool is full, there is one too many.
+        // A full pool drops the buffer.
         let _ = self.pool.spares.push(std::mem::take(&mut self.frame));
     }
 }
 
-/// Memory of frames that nobody holds any more.
+/// Pool of buffers of released frames.
 #[derive(Clone, Debug)]
 pub(super) struct FramePool {
     spares: Arc<ArrayQueue<Frame>>,
@@ -58,7 +58,7 @@ impl Default for FramePool {
 }
 
 impl FramePool {
-    /// Memory for a frame, if there is some; its pixels count for nothing.
+    /// A recycled frame, or an empty one; its pixels are unspecified.
     pub(super) fn spare(&self) -> Frame {
         self.spares.pop().unwrap_or_default()
     }
@@ -84,7 +84,7 @@ fn bytes_on_gpu(_: &Frame) -> u64 {
     0
 }
 
-/// Whether a frame is still there: the GPU that it is on may be lost.
+/// Whether a frame still exists: its GPU may be lost.
 #[cfg(feature = "gpu")]
 fn is_there(frame: &Frame) -> bool {
     frame.texture.as_ref().is_none_or(|texture| texture.context().check().is_ok())
@@ -95,18 +95,17 @@ fn is_there(_: &Frame) -> bool {
     true
 }
 
-/// Frames of one view, within a budget of bytes, by the whole request.
+/// Cache of frames of one view within a budget of bytes, keyed by the whole request.
 ///
-/// When the view changes all go: nobody knows that it comes back. When the budget is used up nothing new is kept. Playing in a
-/// loop that does not fit, the frames that were kept first are there again in every round; if instead the oldest made room, each
-/// would be gone just before its turn.
+/// A change of the view removes all of them: it may never come back. With the budget used up no new frame is kept. In a loop that does not
+/// fit, the frames kept first are hit in every round; evicting the oldest would remove each just before its turn.
 #[derive(Debug, Default)]
 pub(super) struct FrameCache {
     budget_bytes: u64,
     bytes: u64,
-    /// All of the same view.
+    /// Frames of the same view.
     frames: Vec<(FrameRequest, SharedFrame)>,
-    /// What they are of.
+    /// The series of the frames.
     series: Weak<Series>,
 }
 
@@ -115,7 +114,7 @@ impl FrameCache {
         Self { budget_bytes, ..Self::default() }
     }
 
-    /// The frame of a request if there is one.
+    /// The cached frame of a request, if there is one.
     pub(super) fn get(&mut self, series: &Arc<Series>, request: &FrameRequest) -> Option<SharedFrame> {
         self.turn_to(series, request);
         if !request.skip.unchanged {
@@ -128,7 +127,7 @@ impl FrameCache {
         self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
     }
 
-    /// Keeps a frame that is not there yet, if it fits, and depends on no other frame.
+    /// Caches a frame if it is new, fits, and depends on no other frame.
     pub(super) fn put(&mut self, series: &Arc<Series>, request: &FrameRequest, frame: &SharedFrame) {
         if request.residual.is_some() {
             return;
@@ -141,7 +140,7 @@ impl FrameCache {
         }
     }
 
-    /// Lets go of what is of another view.
+    /// Removes the frames of another view.
     fn turn_to(&mut self, series: &Arc<Series>, request: &FrameRequest) {
         let is_other_view = self.frames.first().is_some_and(|(kept, _)| !kept.same_view(request));
         if is_other_view || self.series.as_ptr() != Arc::as_ptr(series) {

@@ -1,4 +1,4 @@
-//! The GPU of a pipeline: looked for when first wanted, started again when it was lost.
+//! The GPU of a pipeline: opened when first needed, reopened when it was lost.
 
 use super::backend::Primitive;
 use super::{Backend, WindowGpu};
@@ -11,10 +11,10 @@ use crate::render::surfaces::SurfaceScene;
 use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
 use std::sync::Arc;
 
-/// Times that a frame is begun again on a new device before its failure counts.
+/// Most restarts of a frame on a new device before its failure counts.
 const RESTARTS_MAX: u64 = 2;
 
-/// The renderers on one GPU. Each is made when it is first needed.
+/// The renderers on one GPU. Each is created when it is first needed.
 struct Renderers {
     context: Arc<Context>,
     raycast: Option<Raycast>,
@@ -26,7 +26,7 @@ impl Renderers {
         Box::new(Self { context, raycast: None, havs: None })
     }
 
-    /// The one that draws faces or the one that draws cells.
+    /// The renderer of faces or of cells.
     fn of(&mut self, primitive: Primitive) -> &mut dyn Renderer {
         let context = || self.context.clone();
         match primitive {
@@ -36,13 +36,13 @@ impl Renderers {
     }
 }
 
-/// A job that was beyond the GPU, as far as it matters for that, and why.
+/// Signature and error of a job that was beyond the GPU.
 struct Beyond {
     mesh: Arc<Mesh>,
     view: View,
     primitive: Primitive,
     faces: usize,
-    /// Values of its table of more than the scalar.
+    /// Number of values of its joint table.
     joint_values: usize,
     extras: [bool; 6],
     error: RenderError,
@@ -55,7 +55,7 @@ impl Beyond {
         Self { mesh, view, primitive, faces, joint_values, extras, error }
     }
 
-    /// Whether a job like that one would be beyond the GPU too.
+    /// Whether a job would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
         let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
         let is_same = is_same && self.extras == extras_of(job);
@@ -63,8 +63,7 @@ impl Beyond {
     }
 }
 
-/// What a job has beside a volume: other layers, surfaces, cuts, light on the volume, colours of other fields, and lists of rays where
-/// contrast decides which are cast.
+/// Features of a job beside a volume: fragments, surfaces, cuts, light on the volume, colours of other fields, and contrast-adaptive rays.
 fn extras_of(job: &RenderJob) -> [bool; 6] {
     let of_scene = |has: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(has);
     let is_cut = of_scene(|scene| !scene.planes().is_empty());
@@ -78,7 +77,7 @@ fn joint_values_of(job: &RenderJob) -> usize {
     job.joint.as_ref().map_or(0, |scene| scene.table.values().len())
 }
 
-/// Faces that a job draws.
+/// Number of faces that a job draws.
 fn faces_of(job: &RenderJob) -> usize {
     job.faces.as_ref().map_or(0, |drawn| drawn.faces.len())
 }
@@ -86,14 +85,14 @@ fn faces_of(job: &RenderJob) -> usize {
 /// The GPU that frames are rendered on, if there is one.
 pub(in crate::pipeline) struct Gpu {
     options: ContextOptions,
-    /// [`Context::new`], or in tests one that gives devices of no use.
+    /// [`Context::new`], or in tests a function that gives unusable devices.
     open: fn(&ContextOptions) -> Result<Context, RenderError>,
-    /// The GPU of the window that shows the frames comes before all others.
+    /// The GPU of the window that shows the frames; takes precedence.
     window: WindowGpu,
     state: State,
-    /// The last job that was beyond it: the next like it would be too.
+    /// The last job that was beyond the GPU; similar jobs skip it.
     beyond: Option<Beyond>,
-    /// Why the last frame that should have been rendered here was not.
+    /// Why the last frame meant for the GPU was not rendered there.
     problem: Option<RenderError>,
 }
 
@@ -101,7 +100,7 @@ pub(in crate::pipeline) struct Gpu {
 enum State {
     #[default]
     NotLookedFor,
-    /// None but perhaps software.
+    /// No hardware GPU; a software one is possible.
     NoHardware(RenderError),
     Absent(RenderError),
     Ready(Box<Renderers>),
@@ -121,22 +120,22 @@ impl Default for Gpu {
 }
 
 impl Gpu {
-    /// Another GPU than the best one; what was begun on the last one is forgotten.
+    /// Chooses another GPU than the best one; all state of the last one is dropped.
     pub(in crate::pipeline) fn choose(&mut self, options: ContextOptions) {
         *self = Self { options, open: self.open, window: self.window.clone(), ..Self::default() };
     }
 
-    /// Renders on a window's GPU while that works.
+    /// Renders on a window's GPU while it works.
     pub(in crate::pipeline) fn share(&mut self, window: WindowGpu) {
         self.window = window;
     }
 
-    /// Looks for the same GPU again when it is needed.
+    /// Resets the state, so that the same GPU is opened again when it is needed.
     pub(in crate::pipeline) fn begin_afresh(&mut self) {
         self.choose(self.options.clone());
     }
 
-    /// The GPU in use, if one has been needed so far.
+    /// The GPU in use; `None` before the first need.
     pub(in crate::pipeline) fn context(&self) -> Option<&Arc<Context>> {
         match &self.state {
             State::Ready(renderers) => Some(&renderers.context),
@@ -144,21 +143,21 @@ impl Gpu {
         }
     }
 
-    /// Why the last frame that should have been rendered here was not.
+    /// Why the last frame meant for the GPU was not rendered there.
     pub(in crate::pipeline) fn problem(&self) -> Option<&RenderError> {
         self.problem.as_ref()
     }
 
-    /// Whether frames of a backend are rendered here.
+    /// Whether frames of a backend are rendered on the GPU.
     ///
     /// # Errors
-    /// `NoGpu` if they must be, and there is no GPU.
+    /// `NoGpu` if the backend requires a GPU and there is none.
     pub(in crate::pipeline) fn is_wanted(&mut self, backend: Backend) -> Result<bool, RenderError> {
         let is_named = !self.options.adapter.is_empty();
         match backend {
             Backend::Cpu => Ok(false),
             Backend::Gpu => self.renderers(false).map(|_| true),
-            // A GPU that was asked for by name and is not there is a mistake; one that was lost for good is not.
+            // A named GPU that is missing is an error; one that was lost for good is not.
             Backend::Auto if is_named => match self.renderers(false) {
                 Err(error @ RenderError::NoGpu(_)) => Err(error),
                 found => Ok(found.is_ok()),
@@ -194,11 +193,11 @@ impl Gpu {
         }
     }
 
-    /// Renders the primitives of a job, unless it is cancelled: whether [`Self::renderer_in_use`] has its frame; `previewed` sees it on the way.
-    /// A device that is lost or fails is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
+    /// Renders the primitives of a job; whether [`Self::renderer_in_use`] has its frame, which it has not if the job was cancelled.
+    /// `previewed` gets its previews. A device that is lost or fails is replaced and the frame begun again, [`RESTARTS_MAX`] times at most.
     ///
     /// # Errors
-    /// Of the last device, or that the job is beyond the GPU.
+    /// The error of the last device, or that the job is beyond the GPU.
     pub(in crate::pipeline) fn draw(
         &mut self,
         job: &RenderJob,
@@ -232,9 +231,9 @@ impl Gpu {
             match error {
                 RenderError::DeviceLost { .. } | RenderError::Gpu { .. } => {
                     self.state = State::NotLookedFor;
-                    // Software does not stand in for hardware that has been lost, unless it was asked for.
+                    // Software does not replace lost hardware, unless it was asked for.
                     if job.stats.gpu_restarts == RESTARTS_MAX || self.renderers(hardware_only).is_err() {
-                        // Without a device to go on with, the loss of this one is what has happened.
+                        // Without another device, the error is the loss of this one.
                         self.state = State::Absent(error.clone());
                         return Err(error);
                     }

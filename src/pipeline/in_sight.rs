@@ -1,4 +1,4 @@
-//! The cells of which something is to be seen.
+//! The visible cells of a request.
 
 use super::series::Series;
 use super::{PipelineError, TetLayer};
@@ -6,7 +6,7 @@ use crate::task::Cancel;
 use crate::visibility::{ActiveCells, Activity, CutCells, CutPlanes, Label, PartCells, TransparentIntervals};
 use std::sync::Arc;
 
-/// Finds the cells in sight from request to request.
+/// Finds the visible cells from request to request.
 #[derive(Debug, Default)]
 pub(super) struct CellsInSight {
     cells: ActiveCells,
@@ -14,22 +14,22 @@ pub(super) struct CellsInSight {
     cut_cells: CutCells,
 }
 
-/// What decides which cells are in sight.
+/// Inputs that decide which cells are visible.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InSight<'a> {
     pub(super) layer: &'a TetLayer,
     pub(super) scalars: &'a Arc<Vec<f32>>,
-    /// The labels of chunks whose scalars are not there; empty if all are.
+    /// Labels of chunks that were not decoded; empty if all were.
     pub(super) known: &'a [Option<Label>],
-    /// Where nothing is to be seen of the volume.
+    /// Scalar intervals where the volume is transparent.
     pub(super) transparent: &'a Arc<TransparentIntervals>,
     pub(super) planes: &'a CutPlanes,
-    /// Whether cells stay that clips cut away.
+    /// Whether cells that clips remove are kept.
     pub(super) keep_away: bool,
 }
 
 impl CellsInSight {
-    /// The cells of a series that are in sight, and how many would be without clips. With `forget`, nothing that is known from before is used.
+    /// The visible cells of a series, and how many would be visible without clips. With `forget`, earlier results are not used.
     ///
     /// # Errors
     /// `Cancelled`.

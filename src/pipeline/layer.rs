@@ -1,4 +1,4 @@
-//! What a frame shows, layer by layer, as plain data.
+//! The layers of a request, as plain data.
 
 use super::text::shared;
 use super::{FrameRequest, TetDraw};
@@ -11,7 +11,7 @@ use crate::transfer::TransferSource;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A layer of a frame: a closed set, so that whoever draws, keeps or writes frames knows all that can be asked for.
+/// A layer of a frame. The set is closed, so that renderers, caches and writers know every kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layer {
@@ -20,25 +20,25 @@ pub enum Layer {
 }
 
 impl Layer {
-    /// The layer of cells, if it is that.
+    /// The layer of cells; `None` for another kind.
     pub fn tets(&self) -> Option<&TetLayer> {
         let Self::Tets(layer) = self;
         Some(layer)
     }
 
-    /// The layer of cells, to be changed.
+    /// The layer of cells, mutable.
     pub(super) fn tets_mut(&mut self) -> Option<&mut TetLayer> {
         let Self::Tets(layer) = self;
         Some(layer)
     }
 
-    /// Whether both show the same.
+    /// Whether both look the same.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         let (Self::Tets(layer), Self::Tets(other)) = (self, other);
         layer.looks_like(other)
     }
 
-    /// Why it cannot be drawn, whatever the series holds.
+    /// Why the layer cannot be drawn, whatever the series holds.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self::Tets(layer) = self;
         surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
@@ -56,16 +56,15 @@ impl Layer {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TetLayer {
-    /// Name of the field, as the series has it ([`StoredField::name`](crate::store::StoredField::name)); `None`: that of the series,
-    /// whichever it is.
+    /// Name of the field, as the series has it ([`StoredField::name`](crate::store::StoredField::name)); `None`: the series' own field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
     /// Transfer function over the field's scalars.
     pub table: TransferTable,
-    /// What the table was made from, if that is known: the reference evaluates it by its formula, and the table without it.
+    /// Source of the table, if known: the reference evaluates its formula, or else the table.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "shared")]
     pub formula: Option<Arc<TransferSource>>,
-    /// How segments are integrated; the reference does it in its own way.
+    /// How ray segments are integrated; the reference has its own way.
     #[serde(default)]
     pub optics: OpticsKind,
     /// Isosurfaces in the cells.
@@ -74,13 +73,13 @@ pub struct TetLayer {
     /// Planes through the cells: sections, and clips of volume, surfaces and sections.
     #[serde(default)]
     pub cuts: Vec<Cut>,
-    /// Other fields of the store, whose colours surfaces and sections have.
+    /// Other fields of the store that colour surfaces and sections.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<ColorsBeside>,
     /// The surface of the domain, once for each way to draw it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
-    /// The connected parts of the mesh that are shown, by their numbers ([`Topology::parts`](crate::mesh::Topology::parts)); all if there is none.
+    /// Numbers of the connected parts of the mesh that are shown ([`Topology::parts`](crate::mesh::Topology::parts)); empty: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<u32>,
     /// Light on surfaces.
@@ -94,18 +93,18 @@ pub struct TetLayer {
     pub draw: TetDraw,
 }
 
-/// Another field of the store, and its colours.
+/// Another field of the store, and its colour table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColorsBeside {
     /// Name of the field as options have it: `NAME`, `NAME:mag` or `NAME:0`.
     pub field: String,
-    /// A table of colours over its scalars.
+    /// Colour table over the field's scalars.
     #[serde(with = "whole")]
     pub colors: Arc<NodeTable>,
 }
 
-/// A shared table by what is in it.
+/// Serializes a shared table by its content.
 mod whole {
     use crate::node_table::NodeTable;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -121,7 +120,7 @@ mod whole {
 }
 
 impl TetLayer {
-    /// The volume of the series' own field, with everything else as by default: the fastest accurate renderer, exact optics.
+    /// The volume of the series' own field, with everything else at its default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
         Self {
             field: None,
@@ -139,7 +138,7 @@ impl TetLayer {
         }
     }
 
-    /// Shows these surfaces, or the volume, or both, cut by planes.
+    /// Applies a look: surfaces, volume or both, cut by planes.
     pub fn show(&mut self, look: &SurfaceLook) {
         let sides = look.crop.iter().flat_map(CropBox::cuts);
         self.cuts = look.cuts.iter().copied().chain(sides).collect();
@@ -148,24 +147,24 @@ impl TetLayer {
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
 
-    /// Whether nothing of it is to be seen, whatever the field.
+    /// Whether it draws nothing, whatever the field.
     pub(super) fn is_empty(&self) -> bool {
         !self.volume && self.surfaces.is_empty() && self.domain.is_empty() && self.cuts.iter().all(|cut| cut.clips)
     }
 
-    /// Whether it shows something in the colours of its transfer function beside the volume: these come from the formula.
+    /// Whether surfaces or sections take colours of the transfer function: these come from the formula.
     pub(super) fn has_colored_surfaces(&self) -> bool {
         self.surfaces.iter().any(|surface| surface.front.is_none())
             || self.cuts.iter().any(|cut| !cut.clips)
             || self.domain.iter().any(|surface| surface.color.is_none())
     }
 
-    /// Whether the picture depends on the formula, and not on the table alone.
+    /// Whether the picture depends on the formula beside the table.
     pub(super) fn needs_formula(&self) -> bool {
         self.draw == TetDraw::Reference || self.has_colored_surfaces()
     }
 
-    /// Whether both show the same.
+    /// Whether both look the same.
     fn looks_like(&self, other: &Self) -> bool {
         let Self { field, table, formula, optics, surfaces, cuts, beside, domain, parts, shading, volume, draw } = self;
         (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
@@ -176,35 +175,35 @@ impl TetLayer {
     }
 }
 
-/// What is to be seen of a field beside colours and opacities of its volume: the part of a [`TetLayer`] that looks have.
+/// The look of a field beside colours and opacities of its volume: the part of a [`TetLayer`] that looks have.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceLook {
     /// Isosurfaces in the cells.
     pub isosurfaces: Vec<Isosurface>,
     /// Planes through volume and surfaces.
     pub cuts: Vec<Cut>,
-    /// The box that is left of both.
+    /// The box that clips both.
     pub crop: Option<CropBox>,
     /// The surface of the domain.
     pub domain: Vec<DomainSurface>,
-    /// Other fields, whose colours surfaces and sections have.
+    /// Other fields that colour surfaces and sections.
     pub beside: Vec<ColorsBeside>,
-    /// The parts of the mesh that are shown; all if there is none.
+    /// Numbers of the parts of the mesh that are shown; empty: all.
     pub parts: Vec<u32>,
     /// Light on isosurfaces.
     pub shading: SurfaceShading,
-    /// Which of the two are drawn.
+    /// Whether volume, surfaces or both are drawn.
     pub shown: Shown,
 }
 
-/// What a timeline says of the surfaces of a look; `None`: nothing.
+/// A timeline's values for the surfaces of a look; `None` keeps the look's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KeyedSurfaces {
     /// Isovalue of the last surface.
     pub isovalue: Option<f64>,
-    /// Its opacity.
+    /// Opacity of the last surface.
     pub opacity: Option<f64>,
-    /// How far the last cut is moved along its normal, world units.
+    /// Offset of the last cut along its normal, world units.
     pub cut: Option<f64>,
 }
 
@@ -221,7 +220,7 @@ pub enum Shown {
 }
 
 impl SurfaceLook {
-    /// The next of volume, surfaces and both. If there is no surface, one at `isovalue`.
+    /// Switches to the next of volume, surfaces and both. If there is no surface, adds one at `isovalue`.
     pub fn show_next(&mut self, isovalue: f64) {
         self.shown = match self.shown {
             Shown::Volume => Shown::Surfaces,
@@ -233,7 +232,7 @@ impl SurfaceLook {
         }
     }
 
-    /// The surfaces as they are at a moment.
+    /// The look with a timeline's values.
     #[must_use]
     pub fn at(&self, moment: KeyedSurfaces) -> Self {
         let mut look = self.clone();
@@ -247,7 +246,7 @@ impl SurfaceLook {
         look
     }
 
-    /// Moves the last surface by `by`, no further than the ends of a range.
+    /// Moves the last isovalue by `by`, clamped to a range.
     pub fn move_isovalue(&mut self, by: f64, (lo, hi): (f64, f64)) {
         if let Some(surface) = self.isosurfaces.last_mut() {
             surface.value = (surface.value + by).clamp(lo, hi);
@@ -255,23 +254,23 @@ impl SurfaceLook {
     }
 }
 
-/// What a text means that does not say.
+/// Default of `volume` in a request's text.
 fn volume() -> bool {
     true
 }
 
-/// Why there is no frame of a request, whatever the series holds, or no request of a text.
+/// Why a request cannot become a frame, whatever the series holds, or a text not a request.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RequestError {
-    /// Two layers of cells.
+    /// The request has two layers of cells.
     #[error("layers {first} and {second} of the request are both of cells (tets); a frame has one of them")]
     TwoOfCells {
-        /// Place of the first of them.
+        /// Index of the first layer.
         first: usize,
-        /// Place of the next one.
+        /// Index of the second layer.
         second: usize,
     },
-    /// A field that is not played.
+    /// The field asked for is not the one played.
     #[error("the request is for the field '{asked}', but the series is of '{played}'; ask for that, or open the other")]
     OtherField {
         /// Name of the field asked for.
@@ -279,41 +278,41 @@ pub enum RequestError {
         /// Name of the field that the series is of.
         played: String,
     },
-    /// Listed pixels that are none of the image's.
+    /// A listed pixel is outside the image, or listed twice, or the list is empty.
     #[error("the pixels of the request: {0}")]
     Pixels(#[from] PixelSetError),
-    /// Surfaces that there cannot be.
+    /// A surface is invalid.
     #[error("the surfaces of the request: {0}")]
     Surfaces(#[from] SurfaceError),
-    /// Light that is found on an image of which not all is there.
+    /// Screen-space light needs the whole image, and some rays are left out.
     #[error(
         "shading by screen, by depth and ambient occlusion need the rays of all pixels; leave them out, or cast all rays"
     )]
     ScreenOfSome,
-    /// Contrast decides which rays are cast, and no rays go from cell to cell.
+    /// Contrast-adaptive rays need the cell walk.
     #[error(
         "rays that contrast asks for go from cell to cell, and {0} draws otherwise; choose raycast or auto, or cast all rays"
     )]
     AdaptiveBy(&'static str),
-    /// Details of another moment that do not fit.
+    /// The details of an earlier frame do not fit.
     #[error("details of an earlier frame cannot be used here: {0}; ask for the frame without them")]
     Details(&'static str),
-    /// An image that is brought to full size, and that is not all there or judged.
+    /// An enlarged image needs all rays and cannot be drawn by the reference.
     #[error("an image that is enlarged needs all of its rays, and is drawn by any renderer but the reference; {0}")]
     Upsampling(String),
-    /// No field of that name beside the one that is shown.
+    /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),
-    /// Planes that there cannot be.
+    /// A plane is invalid.
     #[error("the cuts of the request: {0}")]
     Cuts(#[from] CutError),
-    /// A text that this program does not know.
+    /// The version of the text is unknown.
     #[error("version {0} of a request's text is not known; this program reads {known}", known = FrameRequest::TEXT_VERSION)]
     Version(u32),
-    /// A text that is none, with its place.
+    /// The text is malformed; names line and column.
     #[error("the text of the request: {0}")]
     BadText(String),
-    /// A request that has no text that could be read.
+    /// The request has no text that could be read back.
     #[error("the request has no text: {0}")]
     NoText(String),
 }

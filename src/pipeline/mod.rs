@@ -2,7 +2,7 @@
 //!
 //! [`Series`] is one field of a store. [`Pipeline`] turns requests for its frames into frames, one after the other;
 //! [`Pipelined`] does the same with a thread for each stage: while a frame is rendered, the next one is decoded and ordered.
-//! What did not change since the last request is not done again. A frame shows a step or, between two steps, their linear
+//! Results of the last request that still hold are reused. A frame shows a step or, between two steps, their linear
 //! mixture ([`FrameTime`]), and depends on nothing but its request.
 
 mod apart;
@@ -89,7 +89,7 @@ impl Pipeline {
         Self { series, decode: Decode::default(), order: Order::default(), renderers: Renderers::default() }
     }
 
-    /// What is played.
+    /// The series that is played.
     pub fn series(&self) -> &Arc<Series> {
         &self.series
     }
@@ -109,11 +109,11 @@ impl Pipeline {
         &self.series.field
     }
 
-    /// Reads steps as a frame would and forgets them: whether the store can give them all. Reports each to `progress`.
-    /// Returns the CRC-32C of each step's scalars in memory, by which their content is told from another.
+    /// Decodes steps as a frame would and discards them, to check that the store can give all. Reports each to `progress`. Returns the
+    /// CRC-32C of each step's scalars in memory, which identifies their content.
     ///
     /// # Errors
-    /// That of the first step that cannot be read, or `Cancelled`.
+    /// The error of the first unreadable step, or `Cancelled`.
     pub fn check_steps(
         &self,
         steps: &[usize],
@@ -125,13 +125,13 @@ impl Pipeline {
             progress.advance(1);
             cost.map(|_| crc32c::crc32c(bytemuck::cast_slice(buffer))).ok_or(PipelineError::Cancelled)
         };
-        // All results before the first error among them: which one that is must not depend on threads.
+        // All results are collected before the first error is picked: it must not depend on thread timing.
         let checked: Vec<Result<u32, PipelineError>> =
             steps.par_iter().map_init(|| vec![0.0; self.series.vertices()], read).collect();
         checked.into_iter().collect()
     }
 
-    /// Whether there is what a backend needs: what cannot work fails here, before the first frame.
+    /// Checks that the backend is available, so that a missing one fails before the first frame.
     ///
     /// # Errors
     /// `NoGpu` if a GPU is asked for and there is none.
@@ -139,31 +139,31 @@ impl Pipeline {
         self.renderers.check(backend)
     }
 
-    /// Another GPU, or other limits, than by default.
+    /// Sets the GPU and its limits.
     #[cfg(feature = "gpu")]
     pub fn choose_gpu(&mut self, options: ContextOptions) {
         self.renderers.gpu.choose(options);
     }
 
-    /// Renders on a window's GPU while that works.
+    /// Renders on a window's GPU while it works.
     #[cfg(feature = "gpu")]
     pub fn share_gpu(&mut self, gpu: WindowGpu) {
         self.renderers.gpu.share(gpu);
     }
 
-    /// The GPU in use, once one was needed.
+    /// The GPU in use; `None` before the first need.
     #[cfg(feature = "gpu")]
     pub fn gpu(&self) -> Option<&Arc<Context>> {
         self.renderers.gpu.context()
     }
 
-    /// Why the last frame that should have been rendered on the GPU was not: [`Backend::Auto`] then uses the CPU.
+    /// Why the last frame meant for the GPU was not rendered there: [`Backend::Auto`] then uses the CPU.
     #[cfg(feature = "gpu")]
     pub fn gpu_problem(&self) -> Option<&RenderError> {
         self.renderers.gpu.problem()
     }
 
-    /// Renders a frame of exactly the moment asked for. If the GPU is lost on the way, another device begins it again.
+    /// Renders the frame of exactly the requested time. If the GPU is lost on the way, another device begins it again.
     ///
     /// # Errors
     /// If a step cannot be read or there is no view through the camera.
@@ -171,7 +171,7 @@ impl Pipeline {
         self.render_unless(request, &Cancel::new())
     }
 
-    /// As [`Self::render`], unless `cancel` is raised: then it stops within 5 ms of CPU time.
+    /// As [`Self::render`], unless `cancel` is raised: rendering then stops within 5 ms of CPU time.
     ///
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
@@ -182,7 +182,7 @@ impl Pipeline {
         drawn.ok_or(PipelineError::Cancelled)
     }
 
-    /// The job of a request: decodes what it shows and finds its active cells, unless the last request showed the same.
+    /// The render job of a request: decodes its scalars and finds its active cells, unless the last request showed the same.
     ///
     /// # Errors
     /// As [`Self::render`].

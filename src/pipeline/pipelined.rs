@@ -8,15 +8,15 @@
 //! Decode and order have a thread each and a pool of threads of their own; the renderer has one thread and, on the CPU, the
 //! pool that everything else uses. So the next frame is prepared while one is rendered, and never waits for a tile.
 //!
-//! Every frame is that of its request, bit for bit the one that [`Pipeline`] renders: a stage keeps buffers and sets from frame
-//! to frame, but nothing that an image depends on.
+//! Every frame depends on its request alone, and is bit for bit the one that [`Pipeline`] renders: stages keep buffers and selected faces
+//! between frames, but no state that an image depends on.
 //!
-//! - **Errors and panics** come out where the frame would have: channels are bounded, and all requests pass all stages in order. After a
-//!   panic the stage begins afresh.
-//! - **Memory goes round.** Scalars and frames are counted references; the last holder gives the buffer back. Memory is that of two
-//!   preparations, one frame that is rendered and three that are shown or waiting, however long or fast one plays.
-//! - **Blocks** come in the order in which whoever plays says that it needs them ([`crate::codec::blocks`]), on a thread of its own.
-//! - **Frames** of an unchanged view are kept within a budget, by the whole request: a loop over a view that nobody moves is rendered once.
+//! - **Errors and panics** are delivered in place of the frame: channels are bounded, and all requests pass all stages in order. After a
+//! panic the stage is reset.
+//! - **Buffers** are recycled. Scalars and frames are reference-counted; the last holder returns the buffer. Memory is bounded by two
+//! preparations, one frame that is rendered and three that are shown or waiting, whatever the playback speed.
+//! - **Blocks** are loaded in the order in which the player expects to need them ([`crate::codec::blocks`]), on a thread of its own.
+//! - **Frames** of an unchanged view are cached within a budget, keyed by the whole request: a loop over a fixed view is rendered once.
 
 use super::frames::{FrameCache, FramePool, SharedFrame};
 use super::prefetch::Prefetcher;
@@ -36,12 +36,11 @@ use std::time::{Duration, Instant};
 /// How a pipeline's threads are set up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PipelinedOptions {
-    /// Threads that render on the CPU, and as many that prepare; `None`: as many as rayon's own pool has, which then renders.
+    /// Threads that render on the CPU, and as many that prepare; `None`: rayon's global pool renders, and as many threads prepare.
     pub threads: Option<usize>,
-    /// Whether those threads give way to others (a lower priority): to the one that paints a window. They are then no other
-    /// work's.
+    /// Whether these threads run at a lower priority than the one that paints a window. They then form a pool of their own.
     pub give_way: bool,
-    /// Bytes for frames of an unchanged view, kept for the next round of a loop; 0 keeps none.
+    /// Budget in bytes for frames of an unchanged view, cached for the next round of a loop; 0 caches none.
     pub frame_cache_bytes: u64,
 }
 
@@ -51,25 +50,25 @@ impl Default for PipelinedOptions {
     }
 }
 
-/// What becomes of a request.
+/// The frame, preview or error of a request.
 #[derive(Clone, Debug)]
 pub struct Delivery {
-    /// Which one.
+    /// Id of the request.
     pub id: FrameId,
-    /// What was asked for; of a preview, the request that has it as its frame.
+    /// The request; for a preview, the request of the final frame.
     pub request: FrameRequest,
-    /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: of requests that are not wanted any more nothing
-    /// is heard.
+    /// Its frame, or why there is none. Never [`PipelineError::Cancelled`]: cancelled requests deliver nothing.
     pub frame: Result<SharedFrame, PipelineError>,
-    /// Whether it was rendered for an earlier request; its counts and times are those of then.
+    /// Whether the frame comes from the cache; its counts and times are then those of its rendering.
     pub is_kept: bool,
-    /// Whether it is the frame that was asked for. Otherwise a preview of it ([`FrameRequest::previews`]). The frame follows, or one of a newer request.
+    /// Whether it is the requested frame rather than a preview of it ([`FrameRequest::previews`]), which its frame or one of a newer
+    /// request follows.
     pub is_final: bool,
 }
 
-/// A pipeline whose stages work at the same time. Dropped, it stops within milliseconds, whatever it was doing.
+/// A pipeline whose stages run concurrently. Dropped, it stops within milliseconds, whatever it was doing.
 ///
-/// One thread asks and takes; none of its calls waits for a stage, but [`Self::wait`].
+/// One thread requests and takes frames; of its calls only [`Self::wait`] blocks on a stage.
 pub struct Pipelined {
     series: Arc<Series>,
     shared: Shared,
@@ -99,11 +98,10 @@ fn pool(options: &PipelinedOptions, name: &'static str) -> io::Result<ThreadPool
 }
 
 impl Pipelined {
-    /// Starts the threads of a pipeline. `delivered` is called by one of them whenever there is something to take: to wake up
-    /// an event loop.
+    /// Starts the threads of a pipeline. One of them calls `delivered` whenever there is a delivery to take, to wake up an event loop.
     ///
     /// # Errors
-    /// If the system gives no threads.
+    /// If the system cannot start the threads.
     pub fn start(
         pipeline: Pipeline,
         options: &PipelinedOptions,
@@ -140,43 +138,41 @@ impl Pipelined {
                 })?,
             })
         };
-        // Threads that were started must not wait for requests that nobody can make.
+        // Threads already started must end: nobody can make requests.
         let threads = spawn().inspect_err(|_| shared.queue.close())?;
         let render_threads = options.threads.unwrap_or_else(rayon::current_num_threads);
         Ok(Self { render_threads, series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
     }
 
-    /// Leaves a core to others while `leave` is set, also of what is being rendered on the CPU; if there is but one core, it
-    /// is used.
+    /// Leaves a core to other threads while `leave` is set, effective within the frame being rendered on the CPU; a single core is used
+    /// anyway.
     pub fn leave_a_core(&self, leave: bool) {
         self.shared.thread_limit.set(leave.then(|| self.render_threads.saturating_sub(1)));
     }
 
-    /// What requests are about.
+    /// The series that requests refer to.
     pub fn series(&self) -> &Arc<Series> {
         &self.series
     }
 
-    /// Requests from now on are about another series; those before stay what they are.
+    /// Sets the series of later requests; earlier ones keep theirs.
     pub fn set_series(&mut self, series: Arc<Series>) {
         self.series = series;
     }
 
-    /// Asks for a frame after all others that were asked for; `None` if 64 of them have not been begun. Each is delivered
-    /// once, in order.
+    /// Queues a request behind all others; `None` if 64 are waiting. Each is delivered once, in order.
     #[must_use]
     pub fn push(&self, request: FrameRequest) -> Option<FrameId> {
         self.ask(request, Before::Keep)
     }
 
-    /// Asks for a frame instead of those that are not being rendered yet, or have previews. Other frames that are being rendered or have been are
-    /// delivered first, and if there is none, the one that is next: on a slow machine there is something new to see now and
-    /// then, however fast requests come.
+    /// Requests a frame in place of those not being rendered yet, or with previews. Other frames that are being or have been rendered are
+    /// delivered first, or if there is none, the next one: a slow machine still shows a new frame now and then, however fast requests come.
     pub fn replace(&self, request: FrameRequest) -> Option<FrameId> {
         self.ask(request, Before::DropPrepared)
     }
 
-    /// Asks for a frame instead of all others: no other one is delivered any more, not even one that is there already.
+    /// Requests a frame in place of all others: none of these is delivered any more, not even a finished one.
     pub fn seek(&self, request: FrameRequest) -> Option<FrameId> {
         self.ask(request, Before::DropAll)
     }
@@ -185,39 +181,39 @@ impl Pipelined {
         self.shared.queue.push(self.series.clone(), request, before)
     }
 
-    /// Nothing is wanted any more.
+    /// Cancels all requests.
     pub fn clear(&self) {
         self.shared.queue.clear();
     }
 
-    /// Frames that were asked for, are still wanted and have not been taken.
+    /// Number of requested frames that are still wanted and have not been taken.
     pub fn wanted(&self) -> usize {
         self.shared.queue.wanted()
     }
 
-    /// Whether a frame that was asked for is still on its way.
+    /// Whether a requested frame is still on its way.
     pub fn is_wanted(&self, id: FrameId) -> bool {
         self.shared.queue.is_wanted(id)
     }
 
-    /// Frames that are being prepared: two at most, however fast requests come.
+    /// Number of frames that are being prepared: two at most, however fast requests come.
     pub fn preparations(&self) -> Preparations {
         self.shared.queue.preparations()
     }
 
-    /// Takes the next frame or preview if it is there.
+    /// Takes the next frame or preview; `None` if none is ready.
     pub fn take(&self) -> Option<Delivery> {
         let deliveries = self.deliveries.as_ref()?;
         deliveries.try_iter().find(|delivery| self.takes(delivery))
     }
 
-    /// Whether a frame is still wanted; if it is what was asked for, it then counts as taken.
+    /// Whether a delivery is still wanted; a final one then counts as taken.
     fn takes(&self, delivery: &Delivery) -> bool {
         let queue = &self.shared.queue;
         if delivery.is_final { queue.take(delivery.id) } else { queue.is_wanted(delivery.id) }
     }
 
-    /// Whether all stages work. A stage that does not has a fault that it could not even report: nothing will come any more.
+    /// Whether all stage threads run. One that has ended has a fault that it could not report: no frame will come any more.
     pub fn is_alive(&self) -> bool {
         self.threads.as_ref().is_some_and(|threads| {
             !threads.decode.is_finished() && !threads.order.is_finished() && !threads.render.is_finished()
@@ -238,12 +234,12 @@ impl Pipelined {
         None
     }
 
-    /// Steps that will be shown, in their order: what they are decoded from is read ahead, as far as the budget for it goes.
+    /// Announces the steps that will be shown, in order: their blocks are read ahead within the budget.
     pub fn expect(&self, upcoming: &[usize]) {
         self.prefetcher.expect(&self.series, upcoming);
     }
 
-    /// Stops the threads; the pipeline can go on alone or be started again, and has kept its buffers.
+    /// Stops the threads; the pipeline keeps its buffers, and can render alone or be started again.
     pub fn stop(mut self) -> Pipeline {
         let (decode, order, renderers) = self.end();
         Pipeline { series: self.series.clone(), decode, order, renderers }
@@ -252,11 +248,11 @@ impl Pipelined {
     fn end(&mut self) -> (Decode, Order, Renderers) {
         self.shared.queue.close();
         self.prefetcher.stop();
-        // A renderer that waits for somebody to take its frame learns that nobody will.
+        // Wakes a render thread that is blocked on a delivery.
         self.deliveries = None;
         let Some(threads) = self.threads.take() else { return Default::default() };
         let Threads { decode, order, render } = threads;
-        // Stages catch panics; if one dies of another, a new one is as good.
+        // Stages catch panics; if a thread still dies of one, a new stage replaces it.
         (decode.join().unwrap_or_default(), order.join().unwrap_or_default(), render.join().unwrap_or_default())
     }
 }

@@ -7,9 +7,9 @@ use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-/// A thread that loads what is expected and not in memory yet, in the order in which it will be needed.
+/// A thread that loads the expected blocks that are not in memory, in the order in which they will be needed.
 pub(super) struct Prefetcher {
-    /// The series to read ahead; the newest one.
+    /// The newest series to read ahead.
     wanted: Arc<Mutex<Option<Arc<Series>>>>,
     wake: Option<Sender<()>>,
     cancel: Cancel,
@@ -27,7 +27,7 @@ impl Prefetcher {
                 for () in woken {
                     let series = wanted.lock().unwrap_or_else(PoisonError::into_inner).take();
                     let Some(series) = series else { continue };
-                    // What cannot be read is said when a frame needs it.
+                    // A read error is reported by the frame that needs the block.
                     while !cancel.is_cancelled() && prefetch(&series, &cancel) {}
                 }
             }
@@ -40,7 +40,7 @@ impl Prefetcher {
         series.source.expect(upcoming);
         *self.wanted.lock().unwrap_or_else(PoisonError::into_inner) = Some(series.clone());
         if let Some(wake) = &self.wake {
-            // If it is full, the thread will look anyway.
+            // A full channel means that the thread will look anyway.
             let _ = wake.try_send(());
         }
     }
@@ -50,16 +50,16 @@ impl Prefetcher {
         self.cancel.cancel();
         self.wake = None;
         if let Some(thread) = self.thread.take() {
-            // It returns nothing, and a panic has been reported.
+            // The thread returns nothing, and a panic has been reported.
             let _ = thread.join();
         }
     }
 }
 
-/// Loads one block; whether there may be more to do.
+/// Loads one block; whether there may be more to load.
 fn prefetch(series: &Series, cancel: &Cancel) -> bool {
     let _span = tracing::info_span!("read ahead").entered();
-    // Those that cannot be read are passed over: what is behind them can.
+    // An unreadable block is skipped: those behind it may be readable.
     series.source.prefetch(cancel).unwrap_or(true)
 }
 

@@ -1,4 +1,4 @@
-//! The first two stages of a frame: decode what it shows, order what is to be drawn.
+//! The first two stages of a frame: decode its scalars, then find and sort the cells and faces to draw.
 
 use super::enlarging::Enlarge;
 use super::in_sight::{CellsInSight, InSight};
@@ -31,43 +31,43 @@ use crate::visibility::{
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// What the first stage hands to the second.
+/// Output of the first stage, input of the second.
 #[derive(Debug)]
 pub(super) struct Decoded {
     layer: TetLayer,
     by: DrawnBy,
     scalars: Arc<Vec<f32>>,
     compressed: Option<CompressedStep>,
-    /// Where the table is transparent.
+    /// Scalar intervals where the table is transparent.
     transparent: Arc<TransparentIntervals>,
     /// The colours of surfaces and sections.
     colors: SurfaceColors,
-    /// Other fields at the same moment.
+    /// Other fields at the same time.
     beside: Vec<FieldBeside>,
-    /// The labels of chunks whose scalars are not there; empty if all are.
+    /// Labels of chunks that were not decoded; empty if all were.
     known: Vec<Option<Label>>,
     stats: FrameStats,
 }
 
-/// The first stage.
+/// The first stage: decodes.
 #[derive(Debug, Default)]
 pub(super) struct Decode {
     steps: StepCache,
     transparent: TransparentCache,
     colors: Option<SurfaceColors>,
-    /// Steps of other fields.
+    /// Decoded steps of other fields, by name.
     beside: Vec<(String, StepCache)>,
     blank: Option<Blank>,
 }
 
 impl Decode {
-    /// Buffers of scalars that it has.
+    /// Number of scalar buffers.
     #[cfg(test)]
     pub(super) fn buffers(&self) -> usize {
         self.steps.buffers()
     }
 
-    /// The scalars of a request.
+    /// Decodes the scalars of a request.
     ///
     /// # Errors
     /// If the request is at fault or a step cannot be read, or `Cancelled`.
@@ -90,7 +90,7 @@ impl Decode {
         let colors = SurfaceColors::of(&mut self.colors, layer)?;
         let layer = in_sight(layer);
         let transparent = self.transparent.of(&layer, by, request.skip);
-        // Smooth normals and sections take part of cells in which nothing is to be seen.
+        // Smooth normals and sections also use invisible cells.
         let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
         let is_beside_cells = has_sections || !layer.domain.is_empty();
         let are_all_needed = !request.skip.transparent_chunks || has_smooth_surfaces(&layer) || is_beside_cells;
@@ -101,7 +101,7 @@ impl Decode {
         let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
-        // A mixture of two steps is not in any block, and the CPU has no use for one.
+        // No block holds a mixture of two steps, and the CPU does not use blocks.
         let is_for_gpu = request.backend != Backend::Cpu && by == DrawnBy::Raycast;
         let block = match request.time.toward() {
             None if is_for_gpu => series.source.vq_block(request.time.step())?,
@@ -112,7 +112,7 @@ impl Decode {
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, known, stats })
     }
 
-    /// The other fields of a layer at a moment.
+    /// The other fields of a layer at a time.
     fn beside(
         &mut self,
         series: &Series,
@@ -138,7 +138,7 @@ impl Decode {
     }
 }
 
-/// A layer with the transfer function of what is to be seen of its volume: none, if that is not drawn.
+/// The layer with a transparent transfer function if its volume is not drawn.
 fn in_sight(layer: &TetLayer) -> TetLayer {
     let mut layer = layer.clone();
     if !layer.volume {
@@ -152,16 +152,16 @@ fn has_smooth_surfaces(layer: &TetLayer) -> bool {
     (!layer.surfaces.is_empty() || layer.shading.volume) && layer.shading.normals == Normals::Vertex
 }
 
-/// The colours of a transfer function, also where it is transparent: its table has none there.
+/// The colours of a transfer function, also where it is transparent: its table has no colours there.
 #[derive(Clone, Debug)]
 struct SurfaceColors {
     table: Arc<NodeTable>,
-    /// What they come from, if that is known; the colours of the table otherwise.
+    /// Source of the colours, if known; otherwise the table's colours are used.
     source: Option<Arc<TransferSource>>,
 }
 
 impl SurfaceColors {
-    /// The colours of a layer's surfaces; `last` while these do not change.
+    /// The colours of a layer's surfaces; `last` while they are unchanged.
     fn of(last: &mut Option<Self>, layer: &TetLayer) -> Result<Self, RenderError> {
         let source = layer.formula.as_ref().filter(|_| layer.has_colored_surfaces());
         let Some(source) = source else { return Ok(Self { table: layer.table.over_scalars().clone(), source: None }) };
@@ -176,8 +176,7 @@ impl SurfaceColors {
     }
 }
 
-/// Cells of which nothing is to be seen, where nothing was asked for: nothing has to be decoded for them, and all renderers draw
-/// them in no time.
+/// Stand-in for a request that draws nothing: a transparent table, for which nothing is decoded and every renderer has nothing to draw.
 #[derive(Debug)]
 struct Blank {
     scalars: Arc<Vec<f32>>,
@@ -186,7 +185,7 @@ struct Blank {
 }
 
 impl Blank {
-    /// That of a mesh of so many vertices, the same one until their number changes.
+    /// The stand-in for a number of vertices; `last` until this number changes.
     fn of(last: &mut Option<Self>, vertices: usize) -> &Self {
         let fitting = last.take().filter(|blank| blank.scalars.len() == vertices);
         last.insert(fitting.unwrap_or_else(|| {
@@ -199,7 +198,7 @@ impl Blank {
         }))
     }
 
-    /// What the first stage hands on; the judge stays the judge, who needs no device.
+    /// Output of the first stage; the reference stays the reference, since it needs no device.
     fn decoded(&self, by: DrawnBy) -> Decoded {
         Decoded {
             layer: TetLayer::new(self.table.clone()),
@@ -215,20 +214,20 @@ impl Blank {
     }
 }
 
-/// What the second stage hands to the third.
+/// Output of the second stage, input of the third.
 #[derive(Debug)]
 pub(super) struct Ordered {
     pub(super) job: RenderJob,
     pub(super) by: DrawnBy,
-    /// What is done on the image when it is there; `None` if that is nothing.
+    /// Post-processing of the rendered image; `None` if there is none.
     pub(super) on_image: Option<OnImage>,
-    /// How the image comes to the size of the frame after that; `None` if it has this size.
+    /// Enlargement of the image to the size of the frame; `None` if it has this size.
     pub(super) enlarge: Option<Enlarge>,
-    /// Details that its rays lack; `None` if there are as many as pixels.
+    /// Details to add to the image; `None` if rays are cast for all pixels.
     pub(super) add_details: Option<AddDetails>,
 }
 
-/// What is found on the image of surfaces.
+/// Screen-space light, normals and numbers of surfaces, found on the rendered image.
 #[derive(Debug)]
 pub(super) struct OnImage {
     view: View,
@@ -236,7 +235,7 @@ pub(super) struct OnImage {
     depth_range: (f64, f64),
     isosurfaces: u32,
     is_thinned: bool,
-    /// Whether normals and numbers were asked for.
+    /// Whether the frame keeps normals and numbers.
     keeps_guides: bool,
 }
 
@@ -254,7 +253,7 @@ impl OnImage {
         })
     }
 
-    /// Lights surfaces by what is seen of them.
+    /// Lights surfaces from their planes of normals, numbers and depths.
     pub(super) fn finish(self, planes: &mut Planes, guides: &Planes) {
         let depth = set_guides(planes, guides);
         let Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides } = self;
@@ -267,7 +266,7 @@ impl OnImage {
     }
 }
 
-/// Refuses what cannot be enlarged.
+/// Refuses requests that cannot be enlarged.
 fn check_upsampling(request: &FrameRequest, upsampling: Upsampling, by: DrawnBy) -> Result<(), RequestError> {
     upsampling.check().map_err(RequestError::Upsampling)?;
     let problem = match (by, &request.samples) {
@@ -278,27 +277,27 @@ fn check_upsampling(request: &FrameRequest, upsampling: Upsampling, by: DrawnBy)
     Err(RequestError::Upsampling(problem.to_owned()))
 }
 
-/// The second stage.
+/// The second stage: finds and sorts.
 #[derive(Debug, Default)]
 pub(super) struct Order {
     in_sight: CellsInSight,
-    /// For contrast-adaptive sampling, which is to be the same whatever is skipped.
+    /// Cells for contrast-adaptive sampling, which must not depend on what is skipped.
     domain_in_sight: CellsInSight,
     transparent: TransparentCache,
-    /// For modes that draw faces.
+    /// Selects faces in modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
-    /// Here rather than where it is drawn: a table takes longer than a frame.
+    /// Prepared here, not in the renderer: a table takes longer than a frame.
     tables: OpticsTables,
     gradients: Gradients,
-    /// For smooth normals of surfaces.
+    /// Gradients for smooth normals of surfaces.
     vertex_gradients: VertexGradients,
     domain_faces: DomainFaces,
     placer: Placer,
 }
 
 impl Order {
-    /// Places what is to be drawn on the CPU in its view, while the renderer is busy with the frame before.
+    /// Places the primitives of a CPU job in its view, while the renderer is busy with the frame before.
     pub(super) fn place_ahead(&mut self, Ordered { job, by, .. }: &mut Ordered) {
         if *by != DrawnBy::Reference {
             let table = self.tables.get(job);
@@ -306,10 +305,10 @@ impl Order {
         }
     }
 
-    /// The job of a request whose scalars are there: its view and its active cells.
+    /// The job of a request whose scalars are decoded: its view and its active cells.
     ///
     /// # Errors
-    /// If there is no view through the camera, or `Cancelled`.
+    /// If the camera has no valid view, or `Cancelled`.
     pub(super) fn run(
         &mut self,
         series: &Series,
@@ -338,7 +337,7 @@ impl Order {
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let Decoded { layer, scalars, known, transparent, .. } = &decoded;
         let forget = !request.skip.unchanged;
-        // The judge looks at everything.
+        // The reference skips nothing.
         let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
         let in_sight = InSight { layer, scalars, known, transparent, planes: &planes, keep_away };
         let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
@@ -378,12 +377,12 @@ impl Order {
         let surfaces = self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?;
         let mut job = RenderJob {
             compressed,
-            // Nobody goes through cells whose scalars are not there.
+            // The renderers do not enter cells whose scalars were not decoded.
             finite: Some(finite.clone()).filter(|finite| known.is_empty() && !Arc::ptr_eq(finite, &active)),
             contrast,
             previews: if by == DrawnBy::Raycast { request.previews.clone() } else { Vec::new() },
             domain,
-            // A joint table is integrated exactly: nothing is to be prepared for other optics.
+            // A joint table is integrated exactly: no other optics need preparing.
             optics: if joint.is_some() { OpticsKind::Exact } else { layer.optics },
             formula: layer.formula.filter(|_| joint.is_none()),
             joint,
@@ -408,7 +407,7 @@ impl Order {
         }
         let enlarge = request.upsampling.map(|upsampling| Enlarge::of(upsampling, &job, full_view));
         let add_details = request.residual.as_ref().map(|residual| AddDetails::of(residual, &job)).transpose()?;
-        // Planes are needed here.
+        // The following steps need planes.
         let is_done = on_image.is_none() && add_details.is_none();
         job.for_window &= is_done;
         if !is_done || enlarge.is_some() {
@@ -420,7 +419,7 @@ impl Order {
         Ok(Ordered { job, by, on_image, enlarge, add_details })
     }
 
-    /// The surfaces and cuts of a layer, if it has some.
+    /// The surfaces and cuts of a layer; `None` without any.
     fn surfaces(
         &mut self,
         series: &Series,
@@ -464,7 +463,7 @@ impl Order {
         Ok(Some(Arc::new(fragments)))
     }
 
-    /// The transfer function as the renderers read it, the same [`Arc`] until it or its optics change.
+    /// The transfer function in the renderers' form, the same [`Arc`] until it or its optics change.
     fn prepare_table(&mut self, job: &mut RenderJob) -> Result<(), PipelineError> {
         let built = self.tables.entries_built();
         let prepared = self.tables.prepare(job);

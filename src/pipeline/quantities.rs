@@ -1,4 +1,4 @@
-//! What transfer functions of more than the scalar look at beside it ([`JointTable`](crate::node_table::JointTable)).
+//! The quantities beside the scalar that joint transfer functions read ([`JointTable`](crate::node_table::JointTable)).
 
 use super::series::Series;
 use crate::error::FileResult;
@@ -10,25 +10,25 @@ use crate::render::JointScene;
 use crate::task::Cancel;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// What does not change over time in a series, once it was asked for.
+/// Quantities of a series that do not change over time, computed when first asked for.
 #[derive(Debug, Default)]
 pub(super) struct Quantities {
     cov: OnceLock<Arc<Vec<f32>>>,
-    /// Locked while they are counted: whoever asks meanwhile waits for them.
+    /// Locked while they are counted, so that concurrent callers wait for the result.
     histograms: Mutex<Option<Arc<[Histogram]>>>,
-    /// Likewise.
+    /// Locked likewise while it is computed.
     pub(super) distribution: Mutex<Option<Arc<Distribution>>>,
 }
 
-/// The magnitudes of the gradients of the scalars that were asked for last: a series that stands has the same in each frame.
+/// Gradient magnitudes of the last scalars: a paused series has the same in each frame.
 #[derive(Debug, Default)]
 pub(super) struct Gradients {
-    /// These scalars, and their magnitudes.
+    /// The scalars and their gradient magnitudes.
     last: Option<[Arc<Vec<f32>>; 2]>,
 }
 
 impl Gradients {
-    /// One a cell, in scalars per world length.
+    /// One magnitude per cell, in scalars per world length.
     fn of(&mut self, mesh: &Mesh, scalars: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
         if let Some([of, magnitudes]) = &self.last
             && Arc::ptr_eq(of, scalars)
@@ -44,8 +44,8 @@ impl Gradients {
 }
 
 impl Series {
-    /// The coefficient of variation of every vertex over all steps, with the usual denominator: those that the series' histograms
-    /// count. `None` if `cancel` was raised.
+    /// The coefficient of variation of every vertex over all steps, with the usual denominator, as in the series' histograms. `None` if
+    /// `cancel` was raised.
     ///
     /// # Errors
     /// If the store has none and a step cannot be decoded.
@@ -57,9 +57,8 @@ impl Series {
         Ok(Some(self.quantities.cov.get_or_init(|| Arc::new(cov)).clone()))
     }
 
-    /// How often which values occur over all steps, one histogram for each of [`Kind::ALL`](crate::histograms::Kind::ALL); `None`
-    /// if there are none, or `cancel` was raised. A store that has none of them is counted through once, which takes as long as
-    /// decoding every step.
+    /// Histograms over all steps, one for each of [`Kind::ALL`](crate::histograms::Kind::ALL); `None` if there are none, or `cancel` was
+    /// raised. A store without them is counted once, which takes as long as decoding every step.
     ///
     /// # Errors
     /// If a step has to be decoded and cannot be.
@@ -71,8 +70,8 @@ impl Series {
         Ok(known.clone())
     }
 
-    /// The transfer function of a frame with what it looks at: coefficients of variation as its rows, if it has any but one, and the
-    /// magnitudes of the gradients of these scalars as its layers. `None` if `cancel` was raised.
+    /// The transfer function of a frame with its quantities: coefficients of variation for its rows, if it has more than one, and gradient
+    /// magnitudes of these scalars for its layers. `None` if `cancel` was raised.
     ///
     /// # Errors
     /// As [`Self::coefficients_of_variation`].
@@ -107,7 +106,7 @@ mod tests {
         assert!(Arc::ptr_eq(&cov[0], &cov[1]));
         let histograms = [&apart, &series].map(|series| series.histograms(&cancel).unwrap().unwrap());
         assert!(Arc::ptr_eq(&histograms[0], &histograms[1]));
-        // From what is stored: no step was decoded for either.
+        // Read from the store: no step was decoded for either.
         assert_eq!((series.blocks().statistics().loads, apart.blocks().statistics().loads), (0, 0));
         let other = test_series::jet().histograms(&cancel).unwrap().unwrap();
         assert!(!Arc::ptr_eq(&histograms[0], &other) && histograms[0] == other);

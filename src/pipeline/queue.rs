@@ -1,13 +1,13 @@
-//! Which frames are wanted: requests on their way, newest generation only.
+//! The queue of requests on their way; only requests of the newest generation are wanted.
 //!
-//! The one place where the threads of a pipeline and the one who asks meet. A request is first *waiting*, then *preparing*
-//! (decoded, ordered, ready to be rendered), then *rendering*, then *rendered* until its frame is taken. At most
-//! [`PREPARATIONS`] are preparing: memory does not grow however fast requests come.
+//! It is all that the threads of a pipeline and the requesting thread share. A request is first *waiting*, then *preparing* (decoded,
+//! ordered, ready to be rendered), then *rendering*, then *rendered* until its frame is taken. At most [`PREPARATIONS`] are preparing:
+//! memory does not grow however fast requests come.
 //!
-//! A request goes behind the others. A request that replaces others drops those that are not being rendered; if none
-//! is, all but the first: something must come out however fast requests come. One that goes elsewhere drops all, frames included that are
-//! there already. A dropped request raises its `Cancel`: decoding looks at it every 32,768 vertices and every mebibyte read, the ray caster
-//! before each tile, the GPU between slices of 15 ms.
+//! A new request queues behind the others. One that replaces others drops those that are not being rendered; if none is, all but the first,
+//! so that some frame comes out however fast requests come. A seek drops all, finished frames included. A dropped request raises its
+//! `Cancel`: decoding checks it every 32,768 vertices and every mebibyte read, the ray caster before each tile, the GPU between slices of
+//! 15 ms.
 
 use super::FrameRequest;
 use super::series::Series;
@@ -15,18 +15,18 @@ use crate::task::Cancel;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Frames that are prepared at a time: one that is ready when the renderer is, one behind it.
+/// Most frames in preparation: one ready for the renderer, one behind it.
 pub(super) const PREPARATIONS: usize = 2;
 
-/// Requests that may wait.
+/// Most requests that may wait.
 pub(super) const WAITING_MAX: usize = 64;
 
-/// Tells the requests of a pipeline apart; later ones are greater.
+/// Id of a request in its pipeline; later ones are greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameId(u64);
 
 impl FrameId {
-    /// Requests of the same pipeline before it.
+    /// Number of earlier requests of the same pipeline.
     pub fn number(self) -> u64 {
         self.0
     }
@@ -38,28 +38,28 @@ pub(super) struct Ticket {
     pub(super) id: FrameId,
     pub(super) request: FrameRequest,
     pub(super) series: Arc<Series>,
-    /// Raised when the frame is not wanted any more.
+    /// Raised when the frame is no longer wanted.
     pub(super) cancel: Cancel,
 }
 
-/// Frames between their request and their rendering.
+/// Number of frames in preparation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparations {
-    /// At this moment, those included that are cancelled and have not noticed yet.
+    /// Current number, including cancelled ones that are still running.
     pub now: usize,
-    /// The most at a time so far.
+    /// Maximum so far.
     pub most: usize,
 }
 
-/// What becomes of the requests before a new one.
+/// The fate of earlier requests when a new one is queued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Before {
-    /// They come first.
+    /// All are kept, and come first.
     Keep,
-    /// Those not yet being rendered are not wanted any more, nor one that has previews; but if no other is being rendered, the one that will be
-    /// first is. Else requests that come faster than they can be prepared would never bring a frame.
+    /// Those not yet being rendered are dropped, and one with previews; but if no other is being rendered, the next one to be is kept.
+    /// Otherwise requests that come faster than they can be prepared would never bring a frame.
     DropPrepared,
-    /// None of them is wanted any more.
+    /// All are dropped.
     DropAll,
 }
 
@@ -80,15 +80,15 @@ struct State {
 struct Rendering {
     id: FrameId,
     cancel: Cancel,
-    /// Whether something of it is shown before it is done: it may take long, and gives way.
+    /// Whether it delivers previews: it may take long, and a newer request may drop it.
     has_previews: bool,
 }
 
-/// See the module.
+/// The request queue; see the module.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     state: Mutex<State>,
-    /// Something waits or is not wanted any more, a preparation is over, or the queue is closed.
+    /// Signals a new or dropped request, the end of a preparation, or the close of the queue.
     changed: Condvar,
 }
 
@@ -97,7 +97,7 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a request at the end; `None` if [`WAITING_MAX`] wait already.
+    /// Queues a request; `None` if [`WAITING_MAX`] wait already.
     pub(super) fn push(&self, series: Arc<Series>, request: FrameRequest, before: Before) -> Option<FrameId> {
         let mut state = self.state();
         state.drop_requests(before);
@@ -112,13 +112,13 @@ impl Queue {
         Some(id)
     }
 
-    /// No request is wanted any more.
+    /// Drops all requests.
     pub(super) fn clear(&self) {
         self.state().drop_requests(Before::DropAll);
         self.changed.notify_all();
     }
 
-    /// Frames that are wanted and have not been taken.
+    /// Number of frames that are wanted and have not been taken.
     pub(super) fn wanted(&self) -> usize {
         self.state().wanted.len()
     }
@@ -128,7 +128,7 @@ impl Queue {
         self.state().wanted.contains(&id)
     }
 
-    /// Takes the next request for preparation, once there is one and room for it; `None` once the queue is closed.
+    /// Takes the next request for preparation, once there is one and a free preparation; `None` once the queue is closed.
     pub(super) fn next(&self) -> Option<Ticket> {
         let mut state = self.state();
         loop {
@@ -146,8 +146,7 @@ impl Queue {
         }
     }
 
-    /// Waits until a request that is being prepared is the next to be rendered of those that are still wanted; false if it is not
-    /// wanted itself.
+    /// Waits until a request in preparation is the next wanted one to be rendered; false if it is no longer wanted itself.
     pub(super) fn wait_to_be_next(&self, ticket: &Ticket) -> bool {
         let mut state = self.state();
         loop {
@@ -162,7 +161,7 @@ impl Queue {
         }
     }
 
-    /// A preparation is over: its request is being rendered now, or dropped if it was cancelled. Whether the former.
+    /// Ends a preparation: true if its request is being rendered now, false if it was cancelled and dropped.
     pub(super) fn begin_render(&self, ticket: &Ticket) -> bool {
         let mut state = self.state();
         state.preparing.retain(|(id, _)| *id != ticket.id);
@@ -176,20 +175,20 @@ impl Queue {
         goes_on
     }
 
-    /// The frame is rendered, or could not be: whether it is still wanted.
+    /// Ends a rendering, successful or not: whether the frame is still wanted.
     pub(super) fn end_render(&self, ticket: &Ticket) -> bool {
         self.state().rendering = None;
         !ticket.cancel.is_cancelled()
     }
 
-    /// Whether a frame that comes out is still wanted. It then counts as taken.
+    /// Takes a delivered frame: whether it is still wanted.
     pub(super) fn take(&self, id: FrameId) -> bool {
         let mut state = self.state();
         let at = state.wanted.iter().position(|&wanted| wanted == id);
         at.and_then(|at| state.wanted.remove(at)).is_some()
     }
 
-    /// Ends the queue: nothing is wanted any more.
+    /// Closes the queue and drops all requests.
     pub(super) fn close(&self) {
         let mut state = self.state();
         state.drop_requests(Before::DropAll);
@@ -261,7 +260,7 @@ mod tests {
     #[test]
     fn a_prepared_request_waits_for_those_before_it_as_long_as_they_are_wanted() {
         assert!(wait_ends(|queue, first, _| assert!(queue.begin_render(first))));
-        // The renderer has nothing to do: the first one is kept, the second is not.
+        // An idle renderer: the first one is kept, the second is not.
         assert!(!wait_ends(|queue, _, request| {
             queue.push(jet(), request.clone(), Before::DropPrepared).unwrap();
         }));
@@ -288,7 +287,7 @@ mod tests {
             push(plain.clone());
             let second = queue.next().unwrap();
             assert_eq!((rendering.cancel.is_cancelled(), queue.is_wanted(rendering.id)), (gives_way, !gives_way));
-            // What comes next is kept where nothing else comes out.
+            // With nothing being rendered, the next request is kept.
             push(plain.clone());
             assert_eq!(second.cancel.is_cancelled(), !gives_way);
         }

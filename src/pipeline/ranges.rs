@@ -1,7 +1,7 @@
-//! Between which scalars the chunks of a step's vertices lie, as far as that is known.
+//! Scalar ranges of the chunks of a step's vertices, as far as they are known.
 //!
-//! It is learned when a step is decoded for the first time. From then on chunks of which no cell can be seen need not be
-//! decoded again: when a loop begins anew, when the time goes back, when another transfer function is looked through.
+//! They are learned when a step is first decoded. From then on chunks without a visible cell need not be decoded again: when a loop
+//! restarts, when playback goes back, when the transfer function changes.
 
 use super::series::Series;
 use super::time::FrameTime;
@@ -10,14 +10,14 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Least and greatest scalar of each chunk of a step; NaN if one of its scalars is not finite.
+/// Least and greatest scalar of each chunk of a step; NaN if a scalar of the chunk is not finite.
 type StepRanges = Arc<[[f32; 2]]>;
 
-/// Bytes for the ranges of a series, at eight a chunk and step. When they are taken, those of other steps are not learned: of a
-/// loop over all steps the same ones are known in each round.
+/// Budget in bytes for the ranges of a series, at eight per chunk and step. When it is used up, no further steps are learned: each round of
+/// a loop over all steps then knows the same ones.
 const BYTES_MAX: usize = 64 << 20;
 
-/// The ranges of a series.
+/// The known ranges of a series.
 #[derive(Debug)]
 pub(super) struct ChunkRanges {
     clusters: OnceLock<Arc<Clusters>>,
@@ -33,18 +33,18 @@ impl Default for ChunkRanges {
 }
 
 impl ChunkRanges {
-    /// How many steps of so many vertices are learned.
+    /// How many steps of this many vertices fit in the budget.
     fn steps_max(&self, vertices: usize) -> usize {
         self.bytes_max / (vertices.div_ceil(Clusters::VERTICES).max(1) * size_of::<[f32; 2]>())
     }
 }
 
-/// Which chunks of a moment are needed.
+/// The chunks needed at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Needed {
-    /// Whether each is.
+    /// Whether each chunk is needed.
     pub(super) chunks: Vec<bool>,
-    /// The label of those that are not.
+    /// Labels of the chunks that are not needed.
     pub(super) labels: Vec<Option<Label>>,
 }
 
@@ -54,7 +54,7 @@ impl Series {
         if let Some(clusters) = self.ranges.clusters.get() {
             return clusters;
         }
-        // Outside of the cell: a thread that waits in rayon may be given a task that asks for the clusters, too.
+        // Computed outside of the once-cell: a thread that waits in rayon may be given a task that asks for the clusters, too.
         let clusters = Arc::new(Clusters::new(&self.mesh));
         self.ranges.clusters.get_or_init(|| clusters)
     }
@@ -63,7 +63,7 @@ impl Series {
         self.ranges.steps.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Least and greatest scalar of each chunk of a step, if they have been learned.
+    /// Least and greatest scalar of each chunk of a step; `None` if not learned.
     pub(super) fn ranges_of(&self, step: usize) -> Option<StepRanges> {
         self.known_ranges().get(&step).cloned()
     }
@@ -75,7 +75,7 @@ impl Series {
         if !is_learned(&self.known_ranges()) {
             return;
         }
-        // Without the lock, for the same reason as above.
+        // Computed without the lock, for the same reason as above.
         let ranges = scalars.par_chunks(Clusters::VERTICES).map(range).collect::<Vec<_>>();
         let mut steps = self.known_ranges();
         if is_learned(&steps) {
@@ -83,10 +83,10 @@ impl Series {
         }
     }
 
-    /// Which chunks of a moment are needed where the table is not transparent; `None` if all of them are, or nothing is known.
+    /// The chunks needed at a time where the table is not transparent; `None` if all are needed, or no ranges are known.
     pub(super) fn needed_chunks(&self, time: FrameTime, transparent: &TransparentIntervals) -> Option<Needed> {
         let ranges = self.ranges_of(time.step())?;
-        // What is mixed lies between what it is mixed from.
+        // A mixed scalar lies between the two that it is mixed from.
         let others = match time.toward() {
             None => ranges.clone(),
             Some((next, _)) => self.ranges_of(next)?,

@@ -1,4 +1,4 @@
-//! Which faces of a series come first at a level of detail.
+//! The order in which a series' faces are drawn at a level of detail.
 
 use super::series::Series;
 use crate::error::FileResult;
@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
-    /// At random, more densely where leaving faces out shows: one ranking for all steps ([`sampling_density`]).
+    /// At random, more densely where omitted faces show: one ranking for all steps ([`sampling_density`]).
     #[default]
     Error,
     /// At random.
@@ -51,7 +51,7 @@ impl FromStr for Sampling {
     }
 }
 
-/// What a ranking depends on beside the series.
+/// Cache key of a ranking within a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Key {
     Error,
@@ -61,32 +61,31 @@ enum Key {
     Step(usize),
 }
 
-/// Steps that are looked at for [`Sampling::Error`], evenly spread: more change little, and take longer.
+/// Steps evaluated for [`Sampling::Error`], evenly spread: more change little, and take longer.
 const ERROR_STEPS: usize = 16;
 
-/// Rankings in memory: four bytes a face each.
+/// Most cached rankings: four bytes per face each.
 const MOST: usize = 8;
 
-/// The rankings of a series that were asked for, made when they first are.
+/// The cached rankings of a series, computed when first asked for.
 #[derive(Debug, Default)]
 pub(super) struct Rankings(Mutex<Kept>);
 
 #[derive(Debug, Default)]
 struct Kept {
-    /// What the order within a stratum comes from.
+    /// The ranking that orders the faces within a stratum.
     by_hash: Option<Arc<Ranking>>,
     unordered: Option<Arc<Ranking>>,
-    /// The intervals of the partition asked for last.
+    /// The partition asked for last and its intervals.
     intervals: Option<(Partition, Arc<[Interval]>)>,
-    /// Rankings in the order of their last use, the newest at the end.
+    /// Rankings by last use, the most recent at the end.
     rankings: Vec<(Key, Arc<Ranking>)>,
 }
 
 impl Series {
-    /// The ranking of the faces at a step, the same [`Arc`] for all steps that share it. What the store has not is computed when
-    /// it is first asked for, which takes about a tenth of a second for a million cells, or as long as decoding the whole
-    /// series does ([`Partition::Greedy`], or a store without statistics). Eight rankings are kept. `None` if `cancel` was
-    /// raised.
+    /// The ranking of the faces at a step, the same [`Arc`] for all steps that share it. A ranking is computed when first asked for, which
+    /// takes about a tenth of a second per million cells, or as long as decoding the whole series ([`Partition::Greedy`], or a store
+    /// without statistics). Eight rankings are cached. `None` if `cancel` was raised.
     ///
     /// # Errors
     /// If a step that is needed cannot be decoded.
@@ -104,7 +103,7 @@ impl Series {
         self.ranking_in(&mut kept, key, cancel)
     }
 
-    /// A ranking for a level that draws all faces; made in no time.
+    /// Any ranking, for a level of detail that draws all faces; costs no sorting.
     pub fn any_ranking(&self) -> Arc<Ranking> {
         let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
         kept.unordered.get_or_insert_with(|| Arc::new(Ranking::unordered(&self.mesh.topology))).clone()
@@ -191,7 +190,7 @@ impl Series {
         Ok(Some(intervals))
     }
 
-    /// The scalars of some steps from first to last, vertex by vertex, and how many steps they are. `None` if `cancel` was raised.
+    /// The scalars of some steps from first to last, vertex by vertex, and the number of these steps. `None` if `cancel` was raised.
     fn spread_steps(&self, cancel: &Cancel) -> FileResult<Option<(Vec<f32>, usize)>> {
         let (last, vertices) = (self.times.len().saturating_sub(1), self.vertices());
         let count = self.times.len().min(ERROR_STEPS);
@@ -206,7 +205,7 @@ impl Series {
         Ok(Some((scalars, count)))
     }
 
-    /// Coefficients of variation: those of the store, or from its statistics, or from all steps.
+    /// Coefficients of variation: from the store, its statistics, or all steps.
     pub(super) fn vertex_importance(
         &self,
         denominator: CovDenominator,
@@ -231,7 +230,7 @@ impl Series {
         Ok(Some(cov.into_iter().map(|c| c as f32).collect()))
     }
 
-    /// Hands over every step; whether it came to the end before `cancel` was raised.
+    /// Passes every step to `take`; whether it finished before `cancel` was raised.
     fn for_each_step(&self, cancel: &Cancel, mut take: impl FnMut(&[f32])) -> FileResult<bool> {
         let mut values = vec![0.0; self.vertices()];
         for step in 0..self.times.len() {

@@ -1,4 +1,4 @@
-//! What can be asked of a pipeline, and why it may not become a frame.
+//! Requests to a pipeline, and the errors that they can end in.
 
 use super::text::{as_text, size_px};
 use super::{
@@ -11,51 +11,49 @@ use crate::render::{Contrast, RenderError};
 use crate::visibility::Skip;
 use serde::{Deserialize, Serialize};
 
-/// All that a frame of a series depends on. Plain data: cheap to clone, and text and back ([`Self::to_text`]).
+/// All that a frame of a series depends on. Plain data, cheap to clone; [`Self::to_text`] gives it as text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameRequest {
-    /// Zero-based step of the store, or a moment between two.
+    /// Zero-based step of the store, or a time between two steps.
     pub time: FrameTime,
-    /// Where from.
+    /// Camera.
     pub camera: Camera,
     /// Width and height in pixels.
     #[serde(deserialize_with = "size_px::deserialize")]
     pub size_px: (usize, usize),
-    /// What is seen; nothing without a layer.
+    /// The layers to draw; nothing without one.
     pub layers: Vec<Layer>,
-    /// The pixels that are rendered; the planes of the frame have these.
+    /// The pixels that are rendered, which the planes of the frame have.
     #[serde(default)]
     pub samples: SampleSet,
-    /// An image of another size that is rendered instead, with all of its rays, and brought to full size; `None` if the frame is rendered itself.
+    /// Size of an image that is rendered with all of its rays and enlarged to the frame; `None` renders the frame itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub upsampling: Option<Upsampling>,
-    /// Whether the frame has the planes of normals and numbers of surfaces, where it has surfaces.
+    /// Whether the frame has planes of the normals and numbers of its surfaces, if any.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub guides: bool,
-    /// Where it is rendered.
+    /// The backend.
     #[serde(default)]
     pub backend: Backend,
-    /// Whether it is for a window: a frame that is rendered on the window's GPU (`WindowGpu`) stays
-    /// there. What it shows is the same.
+    /// Whether the frame is for a window: rendered on the window's GPU (`WindowGpu`) it stays there. The picture is the same.
     #[serde(skip)]
     pub for_window: bool,
-    /// Contrasts at which the image is delivered on the way, falling, where it takes rays from cell to cell
-    /// ([`Delivery::is_final`](super::Delivery::is_final)). The frame in the end is the same. A newer request takes the place of one
-    /// with previews even while it is rendered.
+    /// Falling contrasts at which previews are delivered, with rays from cell to cell ([`Delivery::is_final`](super::Delivery::is_final)).
+    /// The final frame is the same. A newer request replaces one with previews even while it is rendered.
     #[serde(skip)]
     pub previews: Vec<Contrast>,
-    /// Details of an earlier frame, which stand for most of the rays: the frame is then near to the one without, and depends on the frame that
-    /// they are of. For players; never kept, and in no text.
+    /// Details of an earlier frame, which replace most of the rays: the frame is then close to the exact one, and depends on that earlier
+    /// frame. For players; never cached, and in no text.
     #[serde(skip)]
     pub residual: Option<ResidualRequest>,
-    /// What may be left out. What it shows is the same.
+    /// The work that may be skipped. The picture is the same.
     #[serde(default, with = "as_text")]
     pub skip: Skip,
 }
 
 impl FrameRequest {
-    /// The volume of a series, with everything else as by default ([`TetLayer::new`]).
+    /// The volume of a series, with everything else at its default ([`TetLayer::new`]).
     ///
     /// `time` is a step or a [`FrameTime`]; `table` covers the field's scalars; `size_px` is width and height.
     pub fn new(
@@ -81,7 +79,7 @@ impl FrameRequest {
         }
     }
 
-    /// The layer of cells, if there is one.
+    /// The layer of cells; `None` without one.
     pub fn tets(&self) -> Option<&TetLayer> {
         self.layers.iter().find_map(Layer::tets)
     }
@@ -95,19 +93,19 @@ impl FrameRequest {
         self
     }
 
-    /// The request with its cells drawn in another way.
+    /// The request with another way to draw its cells.
     #[must_use]
     pub fn with_draw(self, draw: TetDraw) -> Self {
         self.with_tets(|tets| tets.draw = draw)
     }
 
-    /// The share of the interior faces that is drawn; 1 where all cells are.
+    /// The share of the interior faces that is drawn; 1 where whole cells are.
     pub fn lod(&self) -> f64 {
         self.tets().map_or(1.0, |tets| tets.draw.lod())
     }
 
-    /// Whether contrast may decide which rays are cast ([`SampleSet::Adaptive`]): they go from cell to cell, and no light is found on the
-    /// whole image.
+    /// Whether contrast may decide which rays are cast ([`SampleSet::Adaptive`]): they must go from cell to cell, without screen-space
+    /// light.
     pub fn may_leave_rays_out(&self) -> bool {
         let may = |tets: &TetLayer| {
             matches!(tets.draw.drawn_by(), DrawnBy::Raycast)
@@ -116,7 +114,7 @@ impl FrameRequest {
         !self.guides && self.upsampling.is_none() && self.tets().is_some_and(may)
     }
 
-    /// The one layer of cells, if there is one, checked against the name of the field that the series is of.
+    /// The one layer of cells, if any, checked against the name of the series' field.
     ///
     /// # Errors
     /// If there are two, or it is of another field.
@@ -134,9 +132,8 @@ impl FrameRequest {
         }
     }
 
-    /// The same picture, without what says how it comes about: where it is rendered, what is left out or shown on the way, whether it is for a
-    /// window, what the table was made from unless the judge or the colours of surfaces ask for it, and the light on surfaces that are not there. The text of this
-    /// tells pictures apart.
+    /// The request reduced to what the picture depends on: without backend, skipping, previews and window, without the table's source
+    /// unless the reference or surface colours need it, and without light on absent surfaces. Its text identifies the picture.
     #[must_use]
     pub fn without_hints(self) -> Self {
         let without_hints = |tets: &mut TetLayer| {
@@ -156,7 +153,7 @@ impl FrameRequest {
         }
     }
 
-    /// Whether two frames differ in nothing but the moment that they show.
+    /// Whether two requests show the same view, whatever their times.
     pub fn same_view(&self, other: &Self) -> bool {
         let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.guides, r.backend, r.for_window, r.skip);
         rest(self) == rest(other)
@@ -171,24 +168,24 @@ pub enum PipelineError {
     /// The step could not be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// There is no view through the camera.
+    /// The camera has no valid view.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// Somebody asked to stop.
+    /// The request was cancelled.
     #[error("cancelled")]
     Cancelled,
-    /// It asks for what there cannot be.
+    /// The request is invalid.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// Mesh and field do not belong together, or the GPU failed.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A stage panicked: a fault of this program. The frame is lost, the next one begins afresh.
+    /// A stage panicked: a bug in tetreel. The frame is lost; the stage is reset for the next one.
     #[error("tetreel failed at this frame while it was to {stage} it: {message}; please report this")]
     Panicked {
-        /// What was being done: `decode`, `order`, `render`.
+        /// Stage that panicked: `decode`, `order`, `render`.
         stage: &'static str,
-        /// What the panic said.
+        /// Message of the panic.
         message: String,
     },
 }

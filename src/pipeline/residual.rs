@@ -1,4 +1,4 @@
-//! Few rays of a moment, with what they lack from an earlier one: for a player whose camera stands still.
+//! Frames of few rays, with details of an earlier frame added: for a player with a fixed camera.
 
 use super::{DrawnBy, FrameRequest, RequestError, SampleSet, SharedFrame};
 use crate::camera::{PixelSet, Samples, View};
@@ -11,17 +11,17 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Where details come from.
+/// Source of the details.
 #[derive(Clone)]
 pub enum ResidualBase {
-    /// The colours of a frame of all rays of the same view ([`Self::exact`]); whatever else such a frame has is no part of a request.
+    /// The colours of a frame of all rays of the same view ([`Self::exact`]); its other planes are no part of a request.
     Exact(Arc<dyn AsRef<RgbaImage> + Send + Sync>),
     /// Details of a frame of the same view ([`crate::render::Frame::details`]).
     Details(Arc<Details>),
 }
 
 impl ResidualBase {
-    /// Those of a frame of all rays.
+    /// Details from a frame of all rays.
     pub fn exact(frame: SharedFrame) -> Self {
         Self::Exact(Arc::new(frame))
     }
@@ -62,20 +62,20 @@ impl PartialEq for ResidualBase {
     }
 }
 
-/// A frame of few rays with details of an earlier moment ([`crate::render::residual`]).
+/// A frame of few rays with details of an earlier time ([`crate::render::residual`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResidualRequest {
-    /// What the rays lack.
+    /// Source of the details that the rays lack.
     pub base: ResidualBase,
-    /// Bands that all rays are cast for, on the CPU, so that their details are of this moment.
+    /// Bands that all rays are cast for, on the CPU, so that their details are of this time.
     pub anew: Range<usize>,
 }
 
-/// What is left to be done on the rays of a frame.
+/// Details to be added to a frame of few rays.
 #[derive(Debug)]
 pub(super) struct AddDetails {
     request: ResidualRequest,
-    /// The rows that are made anew; `None` if there are none.
+    /// The job of the renewed rows; `None` if there are none.
     anew: Option<RenderJob>,
 }
 
@@ -85,7 +85,7 @@ impl AddDetails {
         View { samples: Samples::Lattice(lattice()), ..view.clone() }
     }
 
-    /// Refuses what has no details.
+    /// Refuses requests that cannot use details.
     pub(super) fn check(request: &FrameRequest, by: DrawnBy) -> Result<(), RequestError> {
         let Some(residual) = &request.residual else { return Ok(()) };
         let has_domain = request.tets().is_some_and(|tets| !tets.domain.is_empty());
@@ -98,7 +98,7 @@ impl AddDetails {
         Err(RequestError::Details(problem))
     }
 
-    /// What is to be done on the rays of a job.
+    /// The details to add to the image of a job.
     pub(super) fn of(residual: &ResidualRequest, job: &RenderJob) -> Result<Self, RequestError> {
         let size_px @ (width, _) = (job.view.width_px, job.view.height_px);
         let rows =
@@ -113,12 +113,12 @@ impl AddDetails {
         Ok(Self { request: residual.clone(), anew })
     }
 
-    /// The job of the rows that are made anew, once.
+    /// Takes the job of the renewed rows.
     pub(super) fn rows(&mut self) -> Option<RenderJob> {
         self.anew.take()
     }
 
-    /// Brings planes to full size, with details, which are returned; `rows` are the planes of [`Self::rows`], which took some time.
+    /// Enlarges planes to full size with details, which are returned; `rows` are the planes of [`Self::rows`], and its rendering time.
     pub(super) fn finish(
         self,
         planes: &mut Planes,

@@ -1,4 +1,4 @@
-//! Which pixels of an image rays are cast for.
+//! The pixels of an image that rays are cast for.
 
 use super::RequestError;
 use crate::camera::{Lattice, PixelSet, Samples};
@@ -8,24 +8,24 @@ use std::num::NonZeroUsize;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// The pixels of an image that rays are cast for. What a ray sees does not depend on which others are cast.
+/// The pixels of an image that rays are cast for. The result of a ray does not depend on other rays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum SampleSet {
-    /// All of them.
+    /// All pixels.
     #[default]
     All,
-    /// Those whose column and whose row are multiples of the stride, or the last: a plane of ceil((w - 1) / stride) + 1 by
-    /// ceil((h - 1) / stride) + 1 pixels. A stride beyond the size of the image leaves its corners.
+    /// Pixels whose column and whose row are multiples of the stride, or the last: a plane of ceil((w - 1) / stride) + 1 by ceil((h - 1) /
+    /// stride) + 1 pixels. A stride beyond the image size leaves its corners.
     Lattice {
         /// Pixels from one to the next.
         stride_px: NonZeroUsize,
     },
-    /// These, row times the width of the image plus column, in any order and each once: a plane of one row, which has their order.
-    /// Rendered on the CPU.
+    /// Listed pixels, row times image width plus column, in any order and each once: a plane of one row, in this order. Rendered on the
+    /// CPU.
     Pixels(#[serde(with = "pixels")] Arc<[u32]>),
-    /// Those that contrast asks for; the others are filled in between, so that the planes have all pixels. By rays from cell to cell. At a
-    /// contrast of 0 these are all of them.
+    /// Pixels chosen by contrast; the others are interpolated, so that the planes have all pixels. With rays from cell to cell. A contrast
+    /// of 0 chooses all.
     Adaptive {
         /// How much neighbouring rays may differ.
         contrast: Contrast,
@@ -33,10 +33,10 @@ pub enum SampleSet {
 }
 
 impl SampleSet {
-    /// The set as renderers have it, for an image of this width and height.
+    /// The set in the renderers' form, for an image of this width and height.
     ///
     /// # Errors
-    /// If pixels are listed that the image does not have, one twice, or none.
+    /// If a listed pixel is outside the image or listed twice, or the list is empty.
     pub fn samples(&self, size_px: (usize, usize)) -> Result<Samples, RequestError> {
         Ok(match self {
             Self::All | Self::Adaptive { .. } => Samples::ALL,
@@ -45,7 +45,7 @@ impl SampleSet {
         })
     }
 
-    /// The contrast that decides which rays are cast, if that is what decides.
+    /// The contrast that decides which rays are cast; `None` for other sets.
     pub fn contrast(&self) -> Option<Contrast> {
         match self {
             Self::Adaptive { contrast } => Some(*contrast),
@@ -54,7 +54,7 @@ impl SampleSet {
     }
 }
 
-/// Parses what `--rays` takes: `exact`, or `adaptive` with a contrast behind a colon.
+/// Parses the value of `--rays`: `exact`, or `adaptive` with a contrast behind a colon.
 impl FromStr for SampleSet {
     type Err = String;
 
@@ -70,7 +70,7 @@ impl FromStr for SampleSet {
     }
 }
 
-/// A shared list by what is in it.
+/// Serializes a shared list by its content.
 mod pixels {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::sync::Arc;

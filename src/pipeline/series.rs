@@ -18,11 +18,10 @@ use crate::task::Cancel;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Where steps come from: [`FieldReader`], or in tests one that fails. Every method is required, so that none is forgotten where one
-/// source stands before another.
+/// Source of decoded steps: [`FieldReader`], or in tests one that fails. No method has a default, so that a wrapping source forgets none.
 pub(super) trait StepSource: Send + Sync {
-    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised. Only those vertices need to be there that are
-    /// wanted, if that is said.
+    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised. With `wanted`, the other vertices may be left
+    /// undecoded.
     fn decode_step(
         &self,
         step: usize,
@@ -31,28 +30,28 @@ pub(super) trait StepSource: Send + Sync {
         cancel: &Cancel,
     ) -> FileResult<Option<DecodeStats>>;
 
-    /// The compressed block that a step is in, if it is in one that a GPU can decode.
+    /// The compressed block of a step; `None` if its codec has none that a GPU can decode.
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
 
-    /// Steps that will be shown, in their order.
+    /// Announces the steps that will be shown, in order.
     fn expect(&self, upcoming: &[usize]);
 
-    /// Loads the first of what the expected steps need and is not in memory; whether there was anything to load.
+    /// Loads the first block that the expected steps need and that is not in memory; whether there was one.
     fn prefetch(&self, cancel: &Cancel) -> FileResult<bool>;
 
     /// Whether a step can be decoded without reading anything.
     fn is_resident(&self, step: usize) -> bool;
 
-    /// The coefficients of variation that were stored, if they are of these steps.
+    /// The stored coefficients of variation, if they are of these steps.
     fn vertex_importance(&self) -> Option<Vec<f32>>;
 
-    /// Mean and variance of every vertex, if they were stored.
+    /// The stored mean and variance of every vertex.
     fn vertex_statistics(&self) -> Option<VertexStatistics>;
 
     /// Histograms of the whole series, one for each of [`Kind::ALL`]; `None` if there are none, or `cancel` was raised.
     fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>>;
 
-    /// So many intervals that were chosen at import.
+    /// The `count` intervals chosen at import.
     fn intervals(&self, count: usize) -> Option<Vec<Interval>>;
 
     /// Another source of the same steps, with its blocks in `blocks`.
@@ -91,7 +90,7 @@ impl StepSource for FieldReader {
     }
 
     fn vertex_statistics(&self) -> Option<VertexStatistics> {
-        // What is damaged is computed again.
+        // Damaged statistics are computed again.
         FieldReader::vertex_statistics(self).ok().flatten()
     }
 
@@ -108,7 +107,7 @@ impl StepSource for FieldReader {
     }
 }
 
-/// One field of a store: what frames are made of. Shared by all stages; it does not change.
+/// One field of a store, opened for playing. Shared by all stages; immutable.
 pub struct Series {
     pub(super) mesh: Arc<Mesh>,
     pub(super) times: TimeAxis,
@@ -124,13 +123,13 @@ pub struct Series {
 /// Other fields of the store of a series, opened when they are first asked for.
 #[derive(Debug, Default)]
 pub(super) struct Beside {
-    /// Where the store is; none of a series that comes from elsewhere.
+    /// Path of the store; `None` for a series from elsewhere.
     store: Option<PathBuf>,
     opened: Mutex<Vec<(FieldSelector, Arc<Series>)>>,
 }
 
 impl Beside {
-    /// The fields of the same store, none of them opened yet.
+    /// An empty set for the same store.
     pub(super) fn of_the_same_store(&self) -> Self {
         Self { store: self.store.clone(), ..Self::default() }
     }
@@ -153,7 +152,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Bytes for blocks of steps, unless another budget is given.
+    /// Default budget in bytes for blocks of steps.
     pub const BLOCK_BYTES: u64 = 256 << 20;
 
     /// Opens a field; the first one if none is named. [`Self::BLOCK_BYTES`] of its blocks are kept in memory.
@@ -172,7 +171,7 @@ impl Series {
         Self::with_mesh(store, field, blocks, Arc::new(store.mesh()?))
     }
 
-    /// Another field of the same store, or the same one after the store has grown: the mesh stays, and so does the budget.
+    /// Another field of the same store, or the same one after the store has grown; mesh and block budget are kept.
     ///
     /// # Errors
     /// If the store has no such field, or it is damaged.
@@ -208,7 +207,7 @@ impl Series {
         })
     }
 
-    /// The blocks of steps that are in memory.
+    /// The cache of decoded blocks.
     pub fn blocks(&self) -> &Arc<BlockCache> {
         &self.blocks
     }
@@ -228,7 +227,7 @@ impl Series {
         &self.times
     }
 
-    /// The field that is played.
+    /// The field of the series.
     pub fn field(&self) -> &StoredField {
         &self.field
     }
@@ -244,10 +243,10 @@ impl Series {
     }
 }
 
-/// How often a store that grows all the time is looked at again.
+/// Most attempts to open a store that keeps growing.
 const LOOKS: usize = 10;
 
-/// A reader of a field and the times of its steps; those of the store as it is now, if steps were added since it was opened.
+/// A reader of a field and the times of its steps; from the store as it is now, if steps were added since it was opened.
 fn open_at_rest(
     store: &Store,
     selector: &FieldSelector,

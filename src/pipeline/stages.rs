@@ -1,7 +1,7 @@
-//! The threads of a pipeline: what each stage does with the requests that come by.
+//! The threads of a pipeline: what each stage does with a request.
 //!
-//! Requests pass all three stages in the order in which they were asked for, whatever becomes of them: an error is handed on
-//! and comes out where the frame would have. A panic is an error of its frame; its stage begins afresh with the next one.
+//! All requests pass all three stages in order: an error is handed on and delivered in place of the frame. A panic is an error of its
+//! frame; its stage is reset for the next one.
 
 use super::backend::Renderers;
 use super::frames::{FrameCache, FramePool, SharedFrame};
@@ -18,7 +18,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What all stages know.
+/// State shared by all stages.
 #[derive(Clone)]
 pub(super) struct Shared {
     pub(super) queue: Arc<Queue>,
@@ -30,7 +30,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Whether a frame will be drawn on the CPU; with [`Backend::Auto`] probably, if the last one was.
+    /// Predicts whether a frame will be drawn on the CPU; with [`Backend::Auto`], as the last frame was.
     fn will_be_on_cpu(&self, backend: Backend) -> bool {
         match backend {
             Backend::Cpu => true,
@@ -44,7 +44,7 @@ impl Shared {
     }
 }
 
-/// A request, and how far it has come: a `T`, a frame from the cache, or a failure.
+/// A request and its state: a `T`, a frame from the cache, or a failure.
 pub(super) type Passed<T> = (Ticket, Result<Content<T>, PipelineError>);
 
 pub(super) enum Content<T> {
@@ -52,7 +52,7 @@ pub(super) enum Content<T> {
     Kept(SharedFrame),
 }
 
-/// Runs a stage; a panic becomes an error. The caller must not go on with what the stage has left behind then.
+/// Runs a stage; a panic becomes an error, after which the caller must reset the stage.
 fn guarded<T>(stage: &'static str, work: impl FnOnce() -> Result<T, PipelineError>) -> Result<T, PipelineError> {
     catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|panic| Err(PipelineError::Panicked { stage, message: panic_message(&*panic) }))
@@ -62,7 +62,7 @@ fn has_panicked<T>(result: &Result<T, PipelineError>) -> bool {
     matches!(result, Err(PipelineError::Panicked { .. }))
 }
 
-/// A span of the trace: which stage works on which frame.
+/// A trace span: a stage's work on a frame.
 fn span(stage: &'static str, ticket: &Ticket) -> tracing::span::EnteredSpan {
     let (frame, time) = (ticket.id.number(), ticket.request.time);
     let toward = time.toward().map_or_else(String::new, |(next, weight)| format!("{next} by {weight}"));
@@ -73,7 +73,7 @@ fn span(stage: &'static str, ticket: &Ticket) -> tracing::span::EnteredSpan {
     }
 }
 
-/// The first stage, until the queue is closed.
+/// Runs the first stage until the queue is closed.
 pub(super) fn decode_all(
     mut decode: Decode,
     shared: &Shared,
@@ -100,7 +100,7 @@ pub(super) fn decode_all(
     decode
 }
 
-/// The second stage, until the first one is through.
+/// Runs the second stage until the first one has ended.
 pub(super) fn order_all(
     mut order: Order,
     shared: &Shared,
@@ -134,7 +134,7 @@ pub(super) fn order_all(
     order
 }
 
-/// The last stage, until the second one is through.
+/// Runs the last stage until the second one has ended.
 pub(super) fn render_all(
     mut renderers: Renderers,
     shared: &Shared,
@@ -157,7 +157,7 @@ pub(super) fn render_all(
                     let (frame, samples) = (Ok(shared.pool.share(copy)), SampleSet::Adaptive { contrast });
                     let request = FrameRequest { samples, previews: Vec::new(), ..ticket.request.clone() };
                     let preview = Delivery { id: ticket.id, request, frame, is_kept: false, is_final: false };
-                    // Nobody waits for it: where there is no room, a better one follows.
+                    // Previews never block: without room this one is dropped, and a better one follows.
                     if to.try_send(preview).is_ok() {
                         delivered();
                     }
@@ -185,7 +185,7 @@ pub(super) fn render_all(
     renderers
 }
 
-/// The frame of a job, and whether it was there already: the same request may have been under way before this one.
+/// The frame of a job, and whether it came from the cache: an earlier, equal request may have been rendered meanwhile.
 fn render(
     renderers: &mut Renderers,
     shared: &Shared,

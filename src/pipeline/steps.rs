@@ -1,4 +1,4 @@
-//! The moments that are in memory: what the last frames showed, and what they were mixed from.
+//! Decoded scalars in memory, by time: those of the last frames, and the steps that they were mixed from.
 
 use super::series::Series;
 use super::time::{FrameTime, mix};
@@ -10,19 +10,19 @@ use crate::visibility::Clusters;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
 
-/// The scalars of a moment.
+/// The scalars at one time.
 #[derive(Debug)]
 struct Held {
     time: FrameTime,
     scalars: Arc<Vec<f32>>,
-    /// The chunks of it that were filled; all if there is no list.
+    /// The chunks that are filled; `None`: all.
     chunks: Option<Vec<bool>>,
-    /// When it was last used, counted in uses.
+    /// Count of uses at the last use.
     used: u64,
 }
 
 impl Held {
-    /// Whether all chunks that are needed are there.
+    /// Whether all needed chunks are filled.
     fn has(&self, needed: Option<&[bool]>) -> bool {
         match (&self.chunks, needed) {
             (None, _) => true,
@@ -34,18 +34,18 @@ impl Held {
     }
 }
 
-/// Most moments that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next
-/// one from. If more are in use, the memory of those let go comes back when their frames are done.
+/// Most times that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next one from. If more
+/// are in use, memory of the released ones returns when their frames are done.
 const HELD_MAX: usize = 5;
 
 /// Vertices that a thread mixes at once: fewer cost more to hand out than to mix.
 const MIX_CHUNK: usize = 16 * 1024;
 
-/// Moments already decoded or mixed, in a pool of buffers. Playing forwards, each step is decoded once, interpolated or
-/// not. A buffer is used again as soon as no frame holds it: there are as many as frames on their way, and one or two more.
+/// Scalars by time, decoded or mixed, in a pool of buffers. Playing forwards, each step is decoded once, interpolated or not. A buffer is
+/// reused as soon as no frame holds it: there are as many as frames on their way, and one or two more.
 #[derive(Debug, Default)]
 pub(super) struct StepCache {
-    /// What `held` are moments of.
+    /// The series of `held`.
     of: Weak<Series>,
     held: Vec<Held>,
     /// A buffer whose filling failed or was cancelled.
@@ -54,9 +54,8 @@ pub(super) struct StepCache {
 }
 
 impl StepCache {
-    /// The scalars of a moment, one per vertex, at least in those chunks of [`Clusters::VERTICES`] that are `needed` (all without a
-    /// list); `None` if `cancel` was raised. The others have their least scalar throughout. Who asks for other chunks of the same moment gets
-    /// all of them, and may go on asking for others.
+    /// The scalars at a time, one per vertex, at least in the `needed` chunks of [`Clusters::VERTICES`] (`None`: all); `None` if `cancel`
+    /// was raised. The other chunks are filled with their least scalar. A call that needs further chunks of a held time fills all of them.
     ///
     /// # Errors
     /// If a step cannot be read.
@@ -99,7 +98,7 @@ impl StepCache {
             stats.vertices_decoded += decoded.vertices_decoded;
             return filled;
         };
-        // What is held here cannot be what the other one is decoded to.
+        // A step that is held must not be overwritten by decoding the other one.
         let known = self.find(next.into(), needed);
         let Some(from) = self.show(series, time.step().into(), needed, cancel, stats)? else { return Ok(None) };
         let to = match known {
@@ -115,7 +114,7 @@ impl StepCache {
         })
     }
 
-    /// Buffers that it has, in use or not.
+    /// Number of buffers, in use or not.
     #[cfg(test)]
     pub(super) fn buffers(&self) -> usize {
         self.held.len() + usize::from(self.spare.is_some())
@@ -128,7 +127,7 @@ impl StepCache {
         Some(found.scalars.clone())
     }
 
-    /// Fills the chunks of a free buffer that are needed with a moment; `fill` says whether it came to its end.
+    /// Fills the needed chunks of a free buffer with the scalars at a time; `fill` returns whether it finished.
     fn fill(
         &mut self,
         time: FrameTime,
@@ -137,15 +136,15 @@ impl StepCache {
         fill: impl FnOnce(&mut [f32]) -> FileResult<bool>,
     ) -> FileResult<Option<Arc<Vec<f32>>>> {
         let mut scalars = self.free_buffer();
-        // Nobody else holds it. A renderer may still know it by a weak reference, to tell whether it has sent it: that is left
-        // behind, and the values move.
+        // No frame holds the buffer. A renderer may still have a weak reference, to tell whether it has uploaded it; `make_mut` leaves that
+        // behind and moves the values.
         let values = Arc::make_mut(&mut scalars);
         values.resize(vertices, 0.0);
         match fill(values) {
             Ok(true) => {
                 self.uses += 1;
                 if needed.is_none() {
-                    // Who needs a part of it has it here.
+                    // The complete buffer replaces partial ones.
                     self.held.retain(|held| held.time != time);
                 }
                 let chunks = needed.map(<[bool]>::to_vec);
@@ -163,7 +162,7 @@ impl StepCache {
         }
     }
 
-    /// A buffer that no frame holds: that of the moment used longest ago, or a new one.
+    /// A buffer that no frame holds: the least recently used, or a new one.
     fn free_buffer(&mut self) -> Arc<Vec<f32>> {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -184,8 +183,8 @@ impl StepCache {
     }
 }
 
-/// `(1 - weight) * from + weight * to` per vertex, in f64. Not finite where one of both is not: a hole in either step is one
-/// in between. Unfinished if `cancel` is raised.
+/// `(1 - weight) * from + weight * to` per vertex, in f64. Not finite if either is not: a hole in either step is one in between. Left
+/// incomplete if `cancel` is raised.
 fn mix_steps(from: &[f32], to: &[f32], weight: f64, cancel: &Cancel, out: &mut [f32]) {
     out.par_chunks_mut(MIX_CHUNK).zip(from.par_chunks(MIX_CHUNK)).zip(to.par_chunks(MIX_CHUNK)).for_each(
         |((out, from), to)| {
@@ -204,7 +203,7 @@ mod tests {
     use super::super::test_series;
     use super::*;
 
-    /// A cache of a fake series, and the steps that it decoded, in order.
+    /// Steps decoded, in order, by a cache of a fake series.
     fn decoded_for(moments: &[FrameTime]) -> Vec<usize> {
         let (series, log) = test_series::logged(8);
         let mut cache = StepCache::default();

@@ -1,7 +1,7 @@
-//! Requests as text: JSON with a version, to be sent, kept and told from each other.
+//! Requests as text: versioned JSON, to be sent, stored and compared.
 //!
-//! What is read is checked where it stands: tables by their constructors, sizes and shares by what they mean, so that every error
-//! has a line and a column. What is written can be read: a number that JSON has no text for is an error that names its place.
+//! Input is checked while it is parsed: tables by their constructors, sizes and shares by their bounds, so that every error has a line and
+//! a column. Output can be read back: a number that JSON cannot hold is an error that names its place.
 
 use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, Upsampling};
 use crate::camera::check_size;
@@ -10,14 +10,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
 use std::io::{self, Write};
 
-/// What is written.
+/// The text as it is written.
 #[derive(Serialize)]
 struct Written<'a> {
     version: u32,
     frame: &'a FrameRequest,
 }
 
-/// What is read.
+/// The text as it is read.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Read {
@@ -26,21 +26,20 @@ struct Read {
     frame: FrameRequest,
 }
 
-/// What is looked at first: a later version may say more, and other things.
+/// Read first: a later version may have other fields.
 #[derive(Deserialize)]
 struct Head {
     version: u32,
 }
 
 impl FrameRequest {
-    /// Version of the text that is written; others are refused.
+    /// Version that is written; others are refused.
     pub const TEXT_VERSION: u32 = 2;
 
-    /// The request as text, which [`Self::from_text`] reads back as the same request. Whether it is for a window is not in it: that
-    /// window is here.
+    /// The request as text, which [`Self::from_text`] reads back as the same request. `for_window` is left out: the window is local.
     ///
     /// # Errors
-    /// If a number is not finite, or the request is one that would not be read.
+    /// If a number is not finite, or the request could not be read back.
     pub fn to_text(&self) -> Result<String, RequestError> {
         let no_text = |problem: String| RequestError::NoText(problem);
         check_size(self.size_px).map_err(|error| no_text(error.to_string()))?;
@@ -57,8 +56,8 @@ impl FrameRequest {
     /// Reads a request from its text.
     ///
     /// # Errors
-    /// If the text is of another version, no JSON, or says what cannot be asked for: with line and column, pixels with their place in
-    /// the list.
+    /// If the text has another version, is not JSON, or holds an invalid request: with line and column, pixels with their index in the
+    /// list.
     pub fn from_text(text: &str) -> Result<Self, RequestError> {
         let bad_text = |error: serde_json::Error| RequestError::BadText(error.to_string());
         let Head { version } = serde_json::from_str(text).map_err(bad_text)?;
@@ -66,15 +65,15 @@ impl FrameRequest {
             return Err(RequestError::Version(version));
         }
         let Read { frame, .. } = serde_json::from_str(text).map_err(bad_text)?;
-        // Only now is it known of which image they are.
+        // Only now is the size of their image known.
         frame.samples.samples(frame.size_px)?;
         frame.layers.iter().try_for_each(Layer::check).map_err(RequestError::BadText)?;
         Ok(frame)
     }
 }
 
-/// Where in the text the writer is. Nothing in a request is null: what is none is left out, and serde_json writes null for numbers
-/// that are not finite.
+/// The writer's place in the text. No value of a request is null: `None` is left out, so serde_json writes null only for numbers that are
+/// not finite.
 #[derive(Default)]
 struct Places {
     path: Vec<Place>,
@@ -152,7 +151,7 @@ impl Formatter for Places {
     }
 }
 
-/// A size that has pixels.
+/// Reads a size, which must be positive.
 pub(super) mod size_px {
     use super::check_size;
     use serde::de::Error;
@@ -164,7 +163,7 @@ pub(super) mod size_px {
     }
 }
 
-/// A value by its text.
+/// Serializes a value by its text.
 pub(super) mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::fmt::Display;
@@ -186,7 +185,7 @@ pub(super) mod as_text {
     }
 }
 
-/// What a shared value is, not where; left out if there is none.
+/// Serializes a shared value by its content; left out if it is `None`.
 pub(super) mod shared {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::sync::Arc;
@@ -207,7 +206,7 @@ pub(super) mod shared {
     }
 }
 
-/// A moment as it is read.
+/// A time as it is read.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TimeText {
@@ -227,7 +226,7 @@ impl TryFrom<TimeText> for FrameTime {
     }
 }
 
-/// Faces to draw as they are read.
+/// Face details as they are read.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FaceText {

@@ -1,11 +1,11 @@
-//! The moment that a frame shows.
+//! The time that a frame shows.
 
 use super::text::TimeText;
 use crate::field::TimeAxis;
 use crate::store::StoredField;
 use serde::{Deserialize, Serialize};
 
-/// The moment that a frame shows: a step, or a linear mixture of two.
+/// The time that a frame shows: a step, or a linear mixture of two.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "TimeText")]
 pub struct FrameTime {
@@ -19,20 +19,20 @@ pub struct FrameTime {
 /// and k / n of a range is rounded. Without it a step whose time was rounded up would be shown one frame late.
 const REACHED_HELD: f64 = 1e-3;
 
-/// The same between steps that are interpolated. A smaller weight than this changes no f32 by more than its rounding unit,
+/// As [`REACHED_HELD`], between steps that are interpolated. A smaller weight than this changes no f32 by more than its rounding unit,
 /// unless the two steps differ by a factor of 64.
 const REACHED_INTERPOLATED: f64 = 1e-9;
 
 impl From<usize> for FrameTime {
-    /// The moment of a step.
+    /// The time of a step.
     fn from(step: usize) -> Self {
         Self { step, toward: None }
     }
 }
 
 impl FrameTime {
-    /// The mixture `(1 - weight) * step + weight * next` of two steps. A weight of 0 or below (or NaN) is `step` itself, one
-    /// of 1 or above is `next`.
+    /// The mixture `(1 - weight) * step + weight * next` of two steps. A weight of 0 or below (or NaN) is `step` itself, one of 1 or above
+    /// `next`.
     pub fn between(step: usize, next: usize, weight: f64) -> Self {
         if weight >= 1.0 || step == next {
             return next.into();
@@ -40,9 +40,9 @@ impl FrameTime {
         Self { step, toward: (weight > 0.0).then_some((next, weight)) }
     }
 
-    /// What to show at `time` (in the file's unit) if only `steps` (ascending) are to be used: the last of them that has
-    /// been reached, held until the next one, or with `interpolate` a mixture of the two steps around. Before the first step
-    /// the first, behind the last step the last; `None` if there is no step.
+    /// The time to show at `time` (in the file's unit) with only `steps` (ascending): the last one reached, held until the next, or with
+    /// `interpolate` a mixture of the two around. Before the first step it is the first, behind the last the last; `None` if there is no
+    /// step.
     pub fn at(times: &TimeAxis, steps: &[usize], time: f64, interpolate: bool) -> Option<Self> {
         let time_of = |step: usize| times.values.get(step).copied().unwrap_or(f64::INFINITY);
         let behind = steps.partition_point(|&step| time_of(step) <= time);
@@ -61,7 +61,7 @@ impl FrameTime {
         })
     }
 
-    /// The step shown, or the first of the two.
+    /// The step, or the first of the two.
     pub fn step(self) -> usize {
         self.step
     }
@@ -71,16 +71,16 @@ impl FrameTime {
         self.toward
     }
 
-    /// The time that is shown, in the file's unit: that of the step, or between those of the two.
+    /// The time in the file's unit: of the step, or interpolated between the two.
     pub fn time(self, times: &TimeAxis) -> f64 {
         let time_of = |step: usize| times.values.get(step).copied().unwrap_or(f64::NAN);
         self.mix(time_of(self.step), time_of)
     }
 
-    /// Smallest and largest scalar of the whole series and of this moment; NaN if there is no finite one.
+    /// Smallest and largest scalar of the whole series and of this time; NaN if there is no finite one.
     ///
-    /// Between two steps their ranges are interpolated as the scalars are: no mixed scalar lies outside, and colours do not jump at
-    /// a step. A step without a finite value shows nothing, whatever the colours: it has the range of the series.
+    /// Between two steps their ranges are interpolated as the scalars are: no mixed scalar lies outside, and colours do not jump at a step.
+    /// A step without a finite value shows nothing, so it has the range of the series.
     pub fn scalar_ranges(self, field: &StoredField) -> ((f64, f64), (f64, f64)) {
         let ends = |[lo, hi]: [f32; 2]| (f64::from(lo), f64::from(hi));
         let series = field.range.map_or((f64::NAN, f64::NAN), ends);
@@ -89,7 +89,7 @@ impl FrameTime {
         (series, (self.mix(lo, |next| of(next).0), self.mix(hi, |next| of(next).1)))
     }
 
-    /// `first` at one step; between two steps, the mixture with the value `of` the second.
+    /// `first` at a step; between two steps, its mixture with `of` the second one.
     pub fn mix(self, first: f64, of: impl FnOnce(usize) -> f64) -> f64 {
         match self.toward {
             None => first,
@@ -98,7 +98,7 @@ impl FrameTime {
     }
 }
 
-/// Linear interpolation; not finite if one of both is not.
+/// Linear interpolation; not finite if either end is not.
 pub(super) fn mix(a: f64, b: f64, weight: f64) -> f64 {
     a * (1.0 - weight) + b * weight
 }
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::pipeline::test_series;
 
-    /// Not uniform, and with digits as files have them.
+    /// Not uniform, with rounded digits as in files.
     fn times() -> TimeAxis {
         TimeAxis { values: vec![0.0, 0.333333, 0.666667, 1.0, 3.0] }
     }
@@ -165,7 +165,7 @@ mod tests {
         let ([a, b], [c, d]) = (of(1), of(2));
         assert!(b != d, "steps of the same range would tell nothing");
         let (whole, (lo, hi)) = FrameTime::between(1, 2, 0.25).scalar_ranges(field);
-        // By quarters, which are exact, summed in the order of the definition.
+        // Weights in quarters are exact; summed in the order of the definition.
         assert_eq!((lo, hi), (0.75 * a + 0.25 * c, 0.75 * b + 0.25 * d));
         assert_eq!(FrameTime::from(2).scalar_ranges(field), (whole, (c, d)));
         let steps = field.range_per_step.iter().flatten().map(|range| range.map(f64::from));

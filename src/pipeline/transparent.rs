@@ -1,4 +1,4 @@
-//! Where nothing of a request is to be seen.
+//! The scalar intervals where a request is transparent.
 
 use super::{DrawnBy, TetLayer};
 use crate::node_table::NodeTable;
@@ -7,18 +7,18 @@ use crate::optics::table3d::Table3dResolution;
 use crate::visibility::{Skip, TransparentIntervals};
 use std::sync::Arc;
 
-/// Where nothing of the last request is to be seen.
+/// Cache of the last request's transparent intervals.
 #[derive(Debug, Default)]
 pub(super) struct TransparentCache {
     last: Option<TransparentOf>,
     nowhere: Arc<TransparentIntervals>,
 }
 
-/// Intervals, and what they are of.
+/// Intervals and their inputs.
 #[derive(Debug)]
 struct TransparentOf {
     table: Arc<NodeTable>,
-    /// Samples of a sampled table.
+    /// Number of samples of a sampled table.
     samples: Option<usize>,
     isovalues: Vec<f64>,
     intervals: Arc<TransparentIntervals>,
@@ -27,10 +27,10 @@ struct TransparentOf {
 impl TransparentCache {
     pub(super) fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<TransparentIntervals> {
         if !skip.transparent_cells || by == DrawnBy::Reference {
-            // The judge looks at everything.
+            // The reference skips nothing.
             return self.nowhere.clone();
         }
-        // A sampled table shows something beside what the transfer function has there.
+        // A sampled table is visible slightly beyond the transfer function's opaque intervals.
         let samples = match layer.optics {
             OpticsKind::Exact | OpticsKind::Partial => None,
             OpticsKind::Table3d => Some(Table3dResolution::default().scalars),
