@@ -1,16 +1,16 @@
-//! The error of everything that reads or writes files: what kind, which file, where in it, and what to do.
+//! The error of all file access: its kind, the file, the place in it, and the remedy.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The three ways in which a file can fail.
+/// The three kinds of file errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileErrorKind {
     /// The file is well formed, but uses something that tetreel does not handle.
     Unsupported,
     /// The file contradicts its format or itself.
     Invalid,
-    /// The operating system refused.
+    /// The operating system reported an error.
     Io,
 }
 
@@ -31,7 +31,7 @@ pub struct FileError {
     pub place: String,
     /// What is wrong.
     pub problem: String,
-    /// What the user can do; empty if there is nothing to say.
+    /// What the user can do; empty if there is no advice.
     pub remedy: String,
 }
 
@@ -59,12 +59,12 @@ impl FileError {
         Self::new(FileErrorKind::Invalid, path, place, problem)
     }
 
-    /// An error of the operating system, with the action that met it ("open", "write", "rename").
+    /// An error of the operating system, with the failed action ("open", "write", "rename").
     pub fn io(path: impl AsRef<Path>, action: &str, source: &std::io::Error) -> Self {
         Self::new(FileErrorKind::Io, path, "", format!("cannot {action}: {source}"))
     }
 
-    /// The same error with a remedy.
+    /// Adds a remedy.
     #[must_use]
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = remedy.into();

@@ -1,7 +1,7 @@
-//! Writing files and folders whole or not at all, and reading only what is a file.
+//! Writing files and folders atomically, and reading regular files only.
 //!
-//! What is written has a temporary name first, `.tetreel-` and letters. A run that is killed leaves it; the next one that writes into
-//! the folder removes it (`files/leftovers.rs`).
+//! A file is written under a temporary name, `.tetreel-` and letters. A killed run leaves it; the next one that writes to the folder
+//! removes it (`files/leftovers.rs`).
 
 mod leftovers;
 
@@ -13,11 +13,11 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
-/// Writes `path` through a temporary sibling, which then takes its name: readers see the old file or the new one, and a
-/// failure leaves the old one.
+/// Writes `path` through a temporary sibling, which is then renamed: readers see the old file or the new one, and a failure leaves the old
+/// one.
 ///
 /// # Errors
-/// If the folder does not take the file, or `write` fails.
+/// If the folder is not writable, or `write` fails.
 pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> FileResult<()> {
     let io = |e: std::io::Error| FileError::io(path, "write", &e);
     let mut sibling = sibling_file(path)?;
@@ -27,11 +27,11 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> 
     Ok(())
 }
 
-/// Makes an empty file beside `path` with the same extension; it is removed when dropped unless it is renamed. As long as it is open,
-/// no other run takes it for a leftover.
+/// Creates an empty file beside `path` with the same extension; it is removed when dropped unless it is renamed. While it is open, no other
+/// run treats it as a leftover.
 ///
 /// # Errors
-/// If the folder does not take the file.
+/// If the folder is not writable.
 pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
     check_place(path)?;
     leftovers::remove_once(parent_of(path));
@@ -51,11 +51,10 @@ pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
     }
 }
 
-/// Makes an empty folder beside `target`, named after it and `purpose`; it is removed when dropped unless it is kept or
-/// renamed.
+/// Creates an empty folder beside `target`, named after it and `purpose`; it is removed when dropped unless it is kept or renamed.
 ///
 /// # Errors
-/// If `target` has no name, or the folder that it lies in takes no new one.
+/// If `target` has no name, or its parent folder is not writable.
 pub fn sibling_folder(target: &Path, purpose: &str) -> FileResult<tempfile::TempDir> {
     let no_name = || FileError::invalid(target, "", "names no file or folder").remedy("give it a name");
     let mut prefix = OsString::from(".");
@@ -68,10 +67,10 @@ pub fn sibling_folder(target: &Path, purpose: &str) -> FileResult<tempfile::Temp
     builder.tempdir_in(parent).map_err(|e| FileError::io(parent, "write in", &e))
 }
 
-/// Checks that a file can be written at `path`: before long work, not after it.
+/// Checks that a file can be written at `path`, before long work.
 ///
 /// # Errors
-/// If its folder does not exist or takes no file, or `path` is a folder.
+/// If its folder does not exist or is not writable, or `path` is a folder.
 pub fn check_place(path: &Path) -> FileResult<()> {
     let parent = parent_of(path);
     if path.is_dir() {
@@ -83,10 +82,10 @@ pub fn check_place(path: &Path) -> FileResult<()> {
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
 
-/// The content of a file.
+/// Reads a whole file.
 ///
 /// # Errors
-/// If there is none, it is no regular file, or cannot be read.
+/// If it does not exist, is not a regular file, or cannot be read.
 pub fn read(path: &Path) -> FileResult<Vec<u8>> {
     check_kind(path)?;
     fs::read(path).map_err(|e| FileError::io(path, "read", &e))
@@ -95,17 +94,17 @@ pub fn read(path: &Path) -> FileResult<Vec<u8>> {
 /// Opens a file to read it.
 ///
 /// # Errors
-/// If there is none, it is no regular file, or cannot be opened.
+/// If it does not exist, is not a regular file, or cannot be opened.
 pub fn open(path: &Path) -> FileResult<File> {
     check_kind(path)?;
     File::open(path).map_err(|e| FileError::io(path, "open", &e))
 }
 
-/// Refuses what is neither a file nor a folder, before it is opened: a FIFO that nobody writes would be waited for, and some devices
-/// have no end. What does not exist is left to whoever opens it.
+/// Refuses a path that is neither a file nor a folder, before it is opened: reading a FIFO without a writer blocks, and some devices never
+/// end. A missing path is left to the caller's open.
 ///
 /// # Errors
-/// If it is a FIFO, a socket or a device; the error says which.
+/// If it is a FIFO, a socket or a device; the error names which.
 pub fn check_kind(path: &Path) -> FileResult<()> {
     let kind = fs::metadata(path).ok().and_then(|metadata| special_kind(metadata.file_type()));
     match kind {
@@ -127,18 +126,18 @@ fn special_kind(file: fs::FileType) -> Option<&'static str> {
     kinds.into_iter().find(|(is_it, _)| *is_it).map(|(_, name)| name)
 }
 
-/// Such have no names in folders here.
+/// On other systems folders have no such files.
 #[cfg(not(unix))]
 fn special_kind(_file: fs::FileType) -> Option<&'static str> {
     None
 }
 
-/// The folder that a path lies in.
+/// The parent folder of a path.
 pub fn parent_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Temporary files are private by default; what becomes a result is as readable as the umask says.
+/// Sets the permissions to `mode` less the umask: temporary files are private by default, results are not.
 fn readable(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
@@ -149,12 +148,12 @@ fn readable(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 /// Writes these bytes as [`replace`] does.
 ///
 /// # Errors
-/// If the folder does not take the file.
+/// If the folder is not writable.
 pub fn replace_with(path: &Path, bytes: &[u8]) -> FileResult<()> {
     replace(path, |file| file.write_all(bytes).map_err(|e| FileError::io(path, "write", &e)))
 }
 
-/// The name that these bytes, parts of names ([`OsStr::as_encoded_bytes`]), are; `None` where the system cannot tell.
+/// The string of these bytes, parts of names ([`OsStr::as_encoded_bytes`]); `None` where the system cannot tell.
 pub fn os_string(bytes: Vec<u8>) -> Option<OsString> {
     #[cfg(unix)]
     return Some(std::os::unix::ffi::OsStringExt::from_vec(bytes));
@@ -162,7 +161,7 @@ pub fn os_string(bytes: Vec<u8>) -> Option<OsString> {
     String::from_utf8(bytes).ok().map(OsString::from)
 }
 
-/// A path for a report in JSON, which has Unicode only: what is none becomes U+FFFD.
+/// Serializes a path for a JSON report; bytes that are not Unicode become U+FFFD.
 ///
 /// # Errors
 /// If the serializer fails.

@@ -1,31 +1,31 @@
-//! How long work reports its progress and is told to stop.
+//! Progress reports and cancellation of long work.
 
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work that looks at it between two units.
+/// A flag shared between the one who may cancel (Ctrl-C, a seek) and the work, which checks it between two units.
 #[derive(Clone, Debug, Default)]
 pub struct Cancel {
     raised: Arc<AtomicBool>,
-    /// Looks after which it is raised.
+    /// Checks left until it is raised.
     #[cfg(test)]
     looks_left: Option<Arc<std::sync::atomic::AtomicU64>>,
 }
 
 impl Cancel {
-    /// A flag that nobody has raised.
+    /// A flag that is not raised.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A flag that is up from so many looks on: that of the work itself, whenever it comes.
+    /// A flag that is raised after this many checks.
     #[cfg(test)]
     pub(crate) fn after_looks(looks: u64) -> Self {
         Self { looks_left: Some(Arc::new(looks.into())), ..Self::default() }
     }
 
-    /// Asks the work to stop at its next look.
+    /// Asks the work to stop at its next check.
     pub fn cancel(&self) {
         self.raised.store(true, Ordering::Relaxed);
     }
@@ -42,42 +42,42 @@ impl Cancel {
     }
 }
 
-/// What a caught panic says.
+/// The message of a caught panic.
 pub fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(ToString::to_string);
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "it does not say why".to_owned())
 }
 
-/// How many threads may work at a time on something that has more: while a window is used, it wants a core for itself.
+/// Limit on the threads that work at a time: a window in use needs a core for itself.
 ///
-/// Threads ask for a [`Turn`] before each short unit of work, so that a new limit holds as soon as those under way are done.
+/// Threads take a [`Turn`] before each short unit of work, so that a new limit holds as soon as the current units are done.
 #[derive(Clone, Debug, Default)]
 pub struct ThreadLimit(Arc<(Mutex<Turns>, Condvar)>);
 
 #[derive(Debug, Default)]
 struct Turns {
-    /// `None`: as many as there are.
+    /// Most threads at work; `None`: no limit.
     most: Option<usize>,
     taken: usize,
 }
 
-/// The right to work, until it is dropped.
+/// The right to work on one unit, until it is dropped.
 #[derive(Debug)]
 pub struct Turn<'a>(&'a ThreadLimit);
 
 impl ThreadLimit {
-    /// No limit, until somebody sets one.
+    /// No limit until one is set.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// At most so many threads from now on, one at least; `None`: all.
+    /// Sets the limit, at least one thread; `None`: no limit.
     pub fn set(&self, most: Option<usize>) {
         self.turns().most = most.map(|most| most.max(1));
         self.0.1.notify_all();
     }
 
-    /// Waits until one more may work. Who has a turn must not ask for a second one.
+    /// Waits until another thread may work. A thread must not hold two turns.
     pub fn turn(&self) -> Turn<'_> {
         let is_full = |turns: &mut Turns| turns.most.is_some_and(|most| turns.taken >= most);
         let waited = self.0.1.wait_while(self.turns(), is_full);
@@ -108,11 +108,11 @@ pub trait Progress: Sync {
     fn advance(&self, n: u64);
     /// The current stage is over.
     fn end(&self);
-    /// A line for the user.
+    /// Shows a line to the user.
     fn say(&self, line: &str);
 }
 
-/// Progress that nobody watches.
+/// Progress that is discarded.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
@@ -130,7 +130,7 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
     use std::time::Duration;
 
-    /// The most threads that worked at a time, of four.
+    /// The most threads, of four, that worked at a time.
     fn most_at_work(limit: &ThreadLimit, then: impl Fn(usize) + Sync) -> usize {
         let (at_work, most, units) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
         std::thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! Fields over time: the time axis, what a field is, and the source of an uncompressed series.
+//! Fields over time: the time axis, field descriptions, and the source of an uncompressed series.
 
 use crate::error::FileResult;
 use crate::mesh::RawMesh;
@@ -25,7 +25,7 @@ impl TimeAxis {
     }
 }
 
-/// Where the values of a field live.
+/// Whether a field has values per vertex or per cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Association {
@@ -43,11 +43,11 @@ pub struct FieldInfo {
     pub name: String,
     /// 1 for scalars, 3 for vectors, otherwise as in the file.
     pub components: usize,
-    /// Per point or per cell.
+    /// Whether values are per point or per cell.
     pub association: Association,
 }
 
-/// Which number of a tuple is played.
+/// The component of a tuple that is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Component {
     /// Component by index (0 for scalars).
@@ -68,7 +68,7 @@ pub struct FieldSelector {
 impl FromStr for FieldSelector {
     type Err = std::convert::Infallible;
 
-    /// A suffix that is neither `mag` nor a number belongs to the name: names may contain colons.
+    /// Parses a selector. A suffix that is neither `mag` nor a number belongs to the name: names may contain colons.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         if let Some((name, suffix)) = text.rsplit_once(':') {
             let component = match suffix {
@@ -97,7 +97,7 @@ impl fmt::Display for FieldSelector {
 }
 
 impl FieldSelector {
-    /// The component to read of a field with `components` numbers a tuple.
+    /// The component to read of a field with `components` numbers per tuple.
     pub fn component_of(&self, components: usize) -> Component {
         self.component.unwrap_or(if components == 1 { Component::Index(0) } else { Component::Magnitude })
     }
@@ -107,7 +107,7 @@ impl FieldSelector {
 ///
 /// Implementations hold at most a few steps in memory. Every error names the file and the place.
 pub trait SeriesSource: Sync {
-    /// One line that says what this is, for reports and the store's attributes (a file name, generator and seed).
+    /// One-line description of the source, for reports and the store's attributes (a file name, generator and seed).
     fn describe(&self) -> String;
     /// Times of the steps.
     fn times(&self) -> &TimeAxis;
@@ -121,7 +121,7 @@ pub trait SeriesSource: Sync {
     /// # Errors
     /// If the step cannot be read, lacks the field, or has another number of points or cells than the mesh.
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()>;
-    /// Counts of things skipped while reading (cells of lower dimension, say), one readable line each.
+    /// Counts of skipped items (cells of lower dimension, say), one readable line each.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }

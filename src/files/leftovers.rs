@@ -1,7 +1,7 @@
-//! Temporary files of runs that were killed.
+//! Removal of temporary files of killed runs.
 //!
-//! Whoever writes a temporary file holds a lock on it, which ends with the process however that ends: what can be locked has no
-//! owner any more. On systems other than Unix, and on file systems without locks, nothing is taken for a leftover.
+//! A run holds a lock on each temporary file that it writes, which ends with the process however that ends: a file that can be locked has
+//! no owner any more. On systems other than Unix, and on file systems without locks, no file counts as a leftover.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -10,22 +10,22 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tempfile::NamedTempFile;
 
-/// How the names of temporary files begin. [`RANDOM`] letters and digits follow, and the extension of the file to be.
+/// Prefix of the names of temporary files. [`RANDOM`] letters and digits follow, and the final file's extension.
 pub(super) const PREFIX: &str = ".tetreel-";
-/// As many as `tempfile` takes unless it is told otherwise.
+/// Default number of random characters of `tempfile`.
 const RANDOM: usize = 6;
 
-/// Folders of which this run has removed the leftovers.
+/// Folders whose leftovers this run has removed.
 static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Removes leftovers from a folder, once in a run: it may have as many files as a series has frames.
+/// Removes leftovers from a folder once per run: it may have as many files as a series has frames.
 pub(super) fn remove_once(folder: &Path) {
     if SEEN.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned()) {
         remove(folder);
     }
 }
 
-/// Removes what ended runs have left in a folder. What cannot be removed is in nobody's way.
+/// Removes the leftovers of ended runs from a folder. One that cannot be removed does no harm.
 fn remove(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         if is_temporary(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file()) {
@@ -34,7 +34,7 @@ fn remove(folder: &Path) {
     }
 }
 
-/// Whether a file has a name as this program gives them, and no user does.
+/// Whether a file has the form of a temporary name, which users do not choose.
 fn is_temporary(name: &OsStr) -> bool {
     let rest = name.as_encoded_bytes().strip_prefix(PREFIX.as_bytes());
     rest.and_then(|rest| rest.split_at_checked(RANDOM)).is_some_and(|(random, extension)| {
@@ -44,7 +44,7 @@ fn is_temporary(name: &OsStr) -> bool {
 
 #[cfg(unix)]
 fn remove_unless_live(path: &Path) {
-    // It may have become a result between the two looks, and has another name then.
+    // The file may have become a result between the two looks, and has another name then.
     if let Ok(file) = File::open(path)
         && file.try_lock().is_ok()
         && is_at(&file, path)
@@ -56,10 +56,10 @@ fn remove_unless_live(path: &Path) {
 #[cfg(not(unix))]
 fn remove_unless_live(_path: &Path) {}
 
-/// Says that a file has an owner, as long as it is open; `false` if it was removed before that could be said.
+/// Locks a file as owned while it is open; `false` if it was removed before that.
 #[cfg(unix)]
 pub(super) fn mark_as_live(file: &NamedTempFile) -> bool {
-    // Who looks whether it has an owner has the lock for a moment. Where there are no locks, nobody looks.
+    // A run that checks for an owner holds the lock briefly. On file systems without locks, none checks.
     file.as_file().lock().is_err() || is_at(file.as_file(), file.path())
 }
 
@@ -68,7 +68,7 @@ pub(super) fn mark_as_live(_file: &NamedTempFile) -> bool {
     true
 }
 
-/// Whether a file is still the one of this name.
+/// Whether the open file is still the one at this path.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -105,7 +105,7 @@ mod tests {
         expected
             .extend([".tetreel-folder".to_owned(), live.path().file_name().unwrap().to_string_lossy().into_owned()]);
         expected.sort();
-        // By the run that has made the live one.
+        // Removed by the run that made the live one.
         assert_eq!(names(dir.path()), expected);
         fs::write(dir.path().join(left[0]), "half").unwrap();
         remove(dir.path());

@@ -4,15 +4,15 @@ use crate::error::FileResult;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Most steps that are kept.
+/// Most cached steps.
 const MAX_STEPS: usize = 4;
-/// Bytes beyond which only the newest step is kept.
+/// Bytes beyond which only the newest step is cached.
 const MAX_BYTES: usize = 1 << 30;
 
-/// A step that is loaded, or being loaded by the thread that asked first.
+/// A step that is loaded, or being loaded by the thread that requested it first.
 type Slot<T> = Arc<OnceLock<FileResult<Arc<T>>>>;
 
-/// Steps by index, the newest last.
+/// Steps by index, the most recently used last.
 pub(super) struct StepCache<T> {
     slots: Mutex<VecDeque<(usize, Slot<T>)>>,
 }
@@ -24,8 +24,8 @@ impl<T> Default for StepCache<T> {
 }
 
 impl<T> StepCache<T> {
-    /// The step of that index, loaded with `load` unless it is there. Threads that ask for a step that is being loaded
-    /// wait for it. Errors are not kept. `bytes` is the memory that a step takes.
+    /// The step of that index, cached or loaded with `load`. Threads that request a step being loaded wait for it. Errors are not cached.
+    /// `bytes` is the memory size of a step.
     pub(super) fn get(
         &self,
         step: usize,
@@ -61,7 +61,7 @@ impl<T> StepCache<T> {
         slot
     }
 
-    /// A panic elsewhere leaves the queue in a valid state.
+    /// Locks the queue, which a panic elsewhere leaves in a valid state.
     fn lock(&self) -> MutexGuard<'_, VecDeque<(usize, Slot<T>)>> {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,16 +1,16 @@
-//! Points and tetrahedra of a step, collected piece by piece, and which types of cells are taken, skipped or refused.
+//! Points and tetrahedra of a step, collected piece by piece, and which cell types are kept, skipped or refused.
 
 use crate::error::{FileError, FileResult};
 use crate::mesh::RawMesh;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What is done with a cell type of VTK.
+/// The treatment of a VTK cell type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A linear tetrahedron.
     Tet,
-    /// A cell of 0, 1 or 2 dimensions: nothing to integrate through.
+    /// A cell of 0, 1 or 2 dimensions, without a volume to integrate through.
     Flat,
     /// Another cell with a volume.
     Solid,
@@ -49,11 +49,11 @@ const CELL_TYPES: &[(u8, &str, Kind)] = &[
 /// Collects the mesh of a step, piece by piece.
 #[derive(Default)]
 pub(super) struct GridReader {
-    /// Points of all pieces, tetrahedra only.
+    /// Points and tetrahedra of all pieces.
     pub(super) mesh: RawMesh,
-    /// For each tetrahedron its index among all cells of all pieces.
+    /// Index of each tetrahedron among all cells of all pieces.
     pub(super) kept: Vec<u32>,
-    /// Number of cells of all pieces that are complete.
+    /// Number of cells of all complete pieces.
     pub(super) cells: usize,
     /// Number of skipped cells by type.
     skipped: BTreeMap<u8, usize>,
@@ -61,7 +61,7 @@ pub(super) struct GridReader {
 }
 
 impl GridReader {
-    /// Checks that points and cells of a further piece can be counted.
+    /// Checks that the points and cells of another piece fit the index types.
     ///
     /// # Errors
     /// If there are too many.
@@ -75,27 +75,27 @@ impl GridReader {
             .remedy("correct the count if it is wrong, or import a part of the mesh"))
     }
 
-    /// Counts a cell without volume, by VTK's number of its type.
+    /// Counts a skipped cell without volume, by its VTK type.
     pub(super) fn skip(&mut self, cell_type: u8) {
         self.skip_many(cell_type, 1);
     }
 
-    /// Counts cells without volume.
+    /// Counts skipped cells without volume.
     pub(super) fn skip_many(&mut self, cell_type: u8, cells: usize) {
         if cells > 0 {
             *self.skipped.entry(cell_type).or_default() += cells;
         }
     }
 
-    /// Counts a cell that is a copy of one of another piece.
+    /// Counts a skipped duplicate of another piece's cell.
     pub(super) fn skip_ghost(&mut self) {
         self.ghosts += 1;
     }
 
-    /// Takes cell `cell` of the current piece, which has `points` points, the first of them `first_point`.
+    /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`.
     ///
     /// # Errors
-    /// What is wrong with it: it has not four vertices, or one that is no point.
+    /// If it has not four vertices, or one that is no point; the message says which.
     pub(super) fn push_tet(
         &mut self,
         cell: usize,
@@ -111,7 +111,7 @@ impl GridReader {
             if vertex >= points as u64 {
                 return Err(format!("cell {cell} has vertex {vertex}, but there are {points} points"));
             }
-            // Fits: the number of points of all pieces does.
+            // In range: the number of points of all pieces is.
             *slot = (first_point + vertex as usize) as u32;
         }
         self.mesh.cells.tets.push(tet);
@@ -134,17 +134,17 @@ impl GridReader {
     }
 }
 
-/// Name of a cell type, by VTK's number.
+/// Name of a VTK cell type.
 pub(super) fn name_of(number: u8) -> &'static str {
     CELL_TYPES.iter().find(|(n, ..)| *n == number).map_or("unknown", |(_, name, _)| name)
 }
 
-/// What is done with a cell type, by VTK's number; `None` if VTK does not know it.
+/// The treatment of a VTK cell type; `None` if VTK does not know it.
 pub(super) fn kind_of(number: u64) -> Option<(u8, Kind)> {
     CELL_TYPES.iter().find(|(n, ..)| u64::from(*n) == number).map(|&(n, _, kind)| (n, kind))
 }
 
-/// The refusal of a cell with a volume that is no tetrahedron; `what` says what it is.
+/// The error for a cell with a volume that is not a tetrahedron; `what` names its type.
 pub(super) fn refuse_solid(path: &Path, place: String, what: &str) -> FileError {
     FileError::unsupported(path, place, format!("{what}; only tetrahedra are read"))
         .remedy("split it into tetrahedra, for example with ParaView's filter Tetrahedralize")

@@ -1,31 +1,31 @@
-//! The formats that are read.
+//! The supported input formats.
 
 use super::{pvd, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
 
-/// Files of simulations that are read alike: a folder here, and a line of [`FORMATS`].
+/// An input format of simulation files: a folder here, and a line of [`FORMATS`].
 pub struct Format {
-    /// What they are, in the plural, for messages.
+    /// Name in the plural, for messages.
     pub name: &'static str,
-    /// By which extensions of their names they are recognised, in lower case; the usual one first.
+    /// File name extensions in lower case; the usual one first.
     pub extensions: &'static [&'static str],
-    /// Whether several files, in natural order of their names, are one series.
+    /// Whether several files, in natural order of their names, form one series.
     pub joins: bool,
     /// Opens one file, or several if they join.
     ///
     /// # Errors
-    /// If a file is damaged, or has what is not read.
+    /// If a file is damaged, or has unsupported content.
     pub open: fn(&[PathBuf]) -> FileResult<Box<dyn SeriesSource>>,
-    /// The files beside one that are read with it.
+    /// The files that are read along with one.
     ///
     /// # Errors
     /// If the file is damaged or names missing ones.
     pub files: fn(&Path) -> FileResult<Vec<PathBuf>>,
 }
 
-/// All that [`open`](super::open) reads. Help, messages and the player name what is in this list.
+/// All formats that [`open`](super::open) reads. Help, messages and the player list these.
 pub const FORMATS: &[Format] = &[pvd::FORMAT, vtu::FORMAT, xdmf::FORMAT];
 
 impl Format {
@@ -41,7 +41,7 @@ impl Format {
         usual.map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ")
     }
 
-    /// The same with what they are, as in ".pvd (ParaView collections) and .vtu (unstructured grids of VTK)".
+    /// The usual extensions with the names, as in ".pvd (ParaView collections) and .vtu (unstructured grids of VTK)".
     pub fn list() -> String {
         let of = |format: &Self| format!(".{} ({})", format.extensions.first().unwrap_or(&""), format.name);
         let all: Vec<String> = FORMATS.iter().map(of).collect();
@@ -52,7 +52,7 @@ impl Format {
     }
 }
 
-/// The extension of a name in lower case; empty if there is none.
+/// The extension of a file name in lower case; empty if there is none.
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map_or(String::new(), |e| e.to_string_lossy().to_ascii_lowercase())
 }

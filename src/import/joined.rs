@@ -1,4 +1,4 @@
-//! Several sources on one mesh at the same times as one: a file for each field is how many solvers write.
+//! Several sources with the same mesh and times as one: many solvers write a file per field.
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Component, FieldInfo, SeriesSource, TimeAxis};
@@ -17,11 +17,11 @@ pub(super) struct Joined {
 }
 
 impl Joined {
-    /// Joins sources; a single one stays what it is. Of fields that several have, the first is taken. `path` names the
-    /// whole in messages.
+    /// Joins sources; a single one is returned as it is. Of fields with the same name, the first is used. `path` names the joined source in
+    /// messages.
     ///
     /// # Errors
-    /// If there is no source, or one has other times or another mesh than the first.
+    /// If there is no source, or one differs from the first in times or mesh.
     pub(super) fn of(path: &Path, mut sources: Vec<Box<dyn SeriesSource>>) -> FileResult<Box<dyn SeriesSource>> {
         if sources.len() == 1
             && let Some(source) = sources.pop()

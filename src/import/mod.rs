@@ -6,7 +6,7 @@
 //! | `.pvd` | ParaView's list of `.vtu` files, each with its time | `pvd` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //!
-//! A reader yields a [`SeriesSource`]; a further format is a folder here and a line of [`FORMATS`].
+//! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
 
 mod cache;
 mod cells;
@@ -30,15 +30,15 @@ use std::path::{Path, PathBuf};
 
 /// Opens a series: one file of any of [`FORMATS`].
 ///
-/// The first step is read for the mesh and the fields; that the files of the others exist is checked.
+/// Reads the first step for the mesh and the fields, and checks that the files of the others exist.
 ///
 /// # Errors
-/// If the file is of another kind, is damaged, has cells with a volume that are no tetrahedra, or names missing files.
+/// If the file is of another kind, is damaged, has cells with a volume that are not tetrahedra, or names missing files.
 pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     open_many(&[path.to_owned()])
 }
 
-/// All files that [`open`] would read for the series at `path`: that path, and for a collection those it names.
+/// All files that [`open`] would read for the series at `path`: that path, and the files that it names.
 ///
 /// # Errors
 /// If a collection is damaged or names missing files.
@@ -50,11 +50,11 @@ pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Opens several files of one format as one series, in natural order of their names (2 before 10), if files of that format can be one:
-/// `.vtu` files are a step each, XDMF files have fields of their own on the same mesh at the same times.
+/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu` file is a step, XDMF files
+/// have different fields on the same mesh at the same times.
 ///
 /// # Errors
-/// As for [`open`]; if `paths` is empty; if several paths are of different formats, or of one whose files are opened alone.
+/// As for [`open`]; if `paths` is empty; if the files are of different formats, or of one that cannot be joined.
 pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let mut paths = paths.to_vec();
     paths.sort_by(|a, b| natural_order(a.as_os_str().as_encoded_bytes(), b.as_os_str().as_encoded_bytes()));
@@ -72,7 +72,7 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     (format.open)(&paths)
 }
 
-/// Which files can be joined.
+/// Message: which files can be joined.
 fn only_of_one_kind() -> String {
     let joined = FORMATS.iter().filter(|format| format.joins).filter_map(|format| format.extensions.first());
     let joined: Vec<String> = joined.map(|extension| format!(".{extension}")).collect();

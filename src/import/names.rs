@@ -1,8 +1,8 @@
-//! The order of file names with numbers in them.
+//! Natural order of file names with numbers.
 
 use std::cmp::Ordering;
 
-/// Order of names in which runs of digits compare as numbers; equal ones by their bytes, so that it is total.
+/// Compares names with runs of digits as numbers; ties by bytes, so that the order is total.
 pub(super) fn natural_order(a: &[u8], b: &[u8]) -> Ordering {
     let (mut left, mut right) = (a, b);
     while let (Some(&l), Some(&r)) = (left.first(), right.first()) {
@@ -20,7 +20,7 @@ pub(super) fn natural_order(a: &[u8], b: &[u8]) -> Ordering {
     left.len().cmp(&right.len()).then_with(|| a.cmp(b))
 }
 
-/// Number of leading digits, and these without leading zeros.
+/// Number of leading digits, and the digits without leading zeros.
 fn digits(text: &[u8]) -> (usize, &[u8]) {
     let length = text.iter().take_while(|b| b.is_ascii_digit()).count();
     let zeros = text[..length].iter().take_while(|&&b| b == b'0').count();

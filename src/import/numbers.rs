@@ -1,4 +1,4 @@
-//! The number types of files, and typed views of byte buffers that hold them.
+//! The number types of files, and typed views of byte buffers.
 
 /// A number type as the `type` attribute of a `DataArray` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -28,7 +28,7 @@ macro_rules! with_type {
 }
 
 impl Number {
-    /// The type of that name; `None` for names that hold no numbers of whole bytes (`String`, `Bit`).
+    /// The type of a VTK name; `None` for types without whole bytes or numbers (`String`, `Bit`).
     pub(super) fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "Int8" => Self::Int8,
@@ -45,7 +45,7 @@ impl Number {
         })
     }
 
-    /// The integer of so many bytes.
+    /// The integer type of this many bytes.
     pub(super) fn integer(bytes: u8, signed: bool) -> Option<Self> {
         Some(match (bytes, signed) {
             (1, true) => Self::Int8,
@@ -60,7 +60,7 @@ impl Number {
         })
     }
 
-    /// The float of so many bytes.
+    /// The float type of this many bytes.
     pub(super) fn float(bytes: u8) -> Option<Self> {
         match bytes {
             4 => Some(Self::Float32),
@@ -75,7 +75,7 @@ impl Number {
     }
 }
 
-/// What the readers need of a number type.
+/// Conversions of a number type.
 trait Scalar: Copy {
     /// From exactly `size_of::<Self>()` bytes.
     fn from_bytes(bytes: &[u8], big_endian: bool) -> Self;
@@ -84,7 +84,7 @@ trait Scalar: Copy {
     fn extend_le(self, out: &mut Vec<u8>);
     fn to_f64(self) -> f64;
     fn to_f32(self) -> f32;
-    /// As a non-negative whole number; `None` for negative numbers and for floats.
+    /// The number as an index; `None` for negative numbers and for floats.
     fn to_index(self) -> Option<u64>;
 }
 
@@ -130,7 +130,7 @@ scalar! {
     f64: |w| w.parse().ok().or_else(|| is_decorated_nan(w).then_some(f64::NAN)), |_| None;
 }
 
-/// C libraries print NaN with a payload, as `-nan(ind)`; Rust reads only the plain word.
+/// Whether a word is NaN with a payload, as C libraries print it (`-nan(ind)`); Rust reads only the plain word.
 fn is_decorated_nan(word: &str) -> bool {
     let word = word.trim_start_matches(['+', '-']);
     word.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("nan("))
@@ -141,7 +141,7 @@ fn is_decorated_nan(word: &str) -> bool {
 pub(super) struct Values<'a> {
     pub(super) number: Number,
     pub(super) big_endian: bool,
-    /// A whole count of numbers.
+    /// Bytes of a whole number of elements.
     pub(super) bytes: &'a [u8],
 }
 
@@ -151,7 +151,7 @@ impl Values<'_> {
         with_type!(self.number, T => self.map(T::to_f64).collect())
     }
 
-    /// All numbers as indices; the error is the place of the first that is negative or no integer.
+    /// All numbers as indices; the error is the position of the first that is negative or not an integer.
     pub(super) fn to_indices(self) -> Result<Vec<u64>, usize> {
         with_type!(self.number, T => self.map(T::to_index).enumerate().map(|(i, v)| v.ok_or(i)).collect())
     }
@@ -160,8 +160,8 @@ impl Values<'_> {
         self.bytes.chunks_exact(size_of::<T>()).map(move |bytes| f(T::from_bytes(bytes, self.big_endian)))
     }
 
-    /// Appends number `component` of each tuple of `components` to `out` as f32. Returns how many finite numbers lie
-    /// beyond f32 and became infinite.
+    /// Appends component `component` of tuples of `components` numbers to `out` as f32. Returns the number of finite values beyond the
+    /// range of f32, which become infinite.
     pub(super) fn component(self, components: usize, component: usize, out: &mut Vec<f32>) -> u64 {
         fn run<T: Scalar>(values: Values<'_>, components: usize, component: usize, out: &mut Vec<f32>) -> u64 {
             let size = size_of::<T>();
@@ -177,7 +177,7 @@ impl Values<'_> {
         with_type!(self.number, T => run::<T>(self, components, component, out))
     }
 
-    /// Appends the Euclidean norm of each tuple, computed in f64, as [`Values::component`] does.
+    /// As [`Values::component`] for the Euclidean norm of each tuple, computed in f64.
     pub(super) fn magnitude(self, components: usize, out: &mut Vec<f32>) -> u64 {
         fn run<T: Scalar>(values: Values<'_>, components: usize, out: &mut Vec<f32>) -> u64 {
             let size = size_of::<T>();
@@ -196,7 +196,7 @@ impl Values<'_> {
     }
 }
 
-/// Numbers of an ASCII array as little-endian bytes. The error names the word that is no such number.
+/// Parses an ASCII array into little-endian bytes. The error names the invalid word.
 pub(super) fn parse_ascii(number: Number, text: &[u8]) -> Result<Vec<u8>, String> {
     fn run<T: Scalar>(number: Number, text: &[u8]) -> Result<Vec<u8>, String> {
         let mut out = Vec::new();

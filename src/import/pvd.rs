@@ -11,7 +11,7 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::path::{Path, PathBuf};
 
-/// ParaView's lists of `.vtu` files, each with its time.
+/// ParaView's lists of `.vtu` files with their times.
 pub(super) const FORMAT: Format = Format {
     name: "ParaView collections",
     extensions: &["pvd"],
@@ -20,7 +20,7 @@ pub(super) const FORMAT: Format = Format {
     files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| step.parts).collect()),
 };
 
-/// Opens the one collection of `paths`.
+/// Opens a collection, the only one of `paths`.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let [path] = paths else { return Err(FileError::invalid("", "", "a collection is opened alone")) };
     let (steps, notes) = read(path)?;
@@ -29,10 +29,10 @@ fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     Ok(Box::new(Series::<VtuStep>::new(path.display().to_string(), times, files, notes)?))
 }
 
-/// One time of a collection.
+/// One step of a collection.
 #[derive(Debug, PartialEq)]
 struct Step {
-    /// Time as the file has it.
+    /// Time in the file's unit.
     time: f64,
     /// The files that make up the mesh and its fields at this time.
     parts: Vec<PathBuf>,
@@ -54,11 +54,11 @@ impl Entry {
     }
 }
 
-/// The steps of a collection in order of time, and notes about what was skipped.
+/// The steps of a collection in order of time, and notes on what was skipped.
 ///
 /// # Errors
-/// If the file cannot be read or is no collection, if two entries are the same part of the same time, or if a file
-/// that it names is missing or of another kind.
+/// If the file cannot be read or is not a collection, if two entries are the same part of the same time, or if a file that it names is
+/// missing or of another kind.
 fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
     let bytes = files::read(path)?;
     let mut entries = parse(path, &bytes)?;
@@ -140,7 +140,7 @@ fn entry(index: usize, attributes: &Attributes) -> Result<Entry, String> {
     let part = attributes.get("part").map(str::trim).filter(|part| !part.is_empty()).unwrap_or("0");
     Ok(Entry {
         index,
-        // Adding zero makes the two zeros one.
+        // Adding zero turns -0 into +0.
         time: time + 0.0,
         group: attributes.get("group").unwrap_or("").to_owned(),
         part: part.parse().map_err(|_| format!("part=\"{part}\" is no number"))?,
@@ -152,8 +152,8 @@ fn extension(file: &str) -> String {
     Path::new(file).extension().map_or(String::new(), |e| e.to_string_lossy().to_ascii_lowercase())
 }
 
-/// The file of an entry, beside the collection or absolute. Some writers encode blanks as in URLs or use backslashes:
-/// tried where the name as it stands does not exist.
+/// The file of an entry, relative to the collection or absolute. Some writers percent-encode spaces or use backslashes: these are tried if
+/// the literal name does not exist.
 fn locate(path: &Path, entry: &Entry) -> FileResult<PathBuf> {
     let unsupported = |problem: &str| FileError::unsupported(path, entry.place(), problem);
     match extension(&entry.file).as_str() {

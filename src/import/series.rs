@@ -1,4 +1,4 @@
-//! Steps of files as a [`SeriesSource`]: one mesh, checked at every step, and the values of its fields.
+//! Steps of files as a [`SeriesSource`]: the mesh, checked at every step, and the values of its fields.
 
 use super::cache::StepCache;
 use super::cells::GridReader;
@@ -11,28 +11,28 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What a format gives of one step: a mesh in pieces, and fields on it.
+/// One step in a format: a mesh in pieces, and fields on it.
 pub(super) trait StepReader: Send + Sync + Sized {
-    /// What a step is opened from.
+    /// Location of a step, from which it is opened.
     type Origin: Send + Sync;
     /// The decoded arrays of a field.
     type Decoded: Send + Sync;
 
-    /// Reads what says which arrays there are.
+    /// Opens a step and reads its list of arrays.
     fn open(origin: &Self::Origin) -> FileResult<Self>;
-    /// The file that errors about the step as a whole name.
+    /// The file that errors about the whole step name.
     fn path(&self) -> &Path;
-    /// Bytes of memory that it takes.
+    /// Bytes of memory that the step takes.
     fn bytes(&self) -> usize;
-    /// Whether points on borders between its pieces are in both of them.
+    /// Whether points on borders between its pieces are duplicated.
     fn is_in_pieces(&self) -> bool;
-    /// Number of points and of cells of any kind.
+    /// Number of points, and of cells of any kind.
     fn counts(&self) -> FileResult<(usize, usize)>;
     /// Reads the mesh.
     fn read_grid(&self) -> FileResult<GridReader>;
-    /// A hash of how the mesh is stored: the same hash is the same mesh, another may be.
+    /// A hash of the stored mesh: equal hashes are equal meshes, other hashes may be.
     fn stored_hash(&self) -> FileResult<u64>;
-    /// The fields that all pieces have. Notes what is left out.
+    /// The fields that all pieces have. Adds a note for each other one.
     fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo>;
     /// Reads a field with all its components; `step` is for messages.
     fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Self::Decoded>;
@@ -40,7 +40,7 @@ pub(super) trait StepReader: Send + Sync + Sized {
     fn values<'a>(&'a self, decoded: &'a Self::Decoded) -> Vec<Values<'a>>;
 }
 
-/// Steps of one format.
+/// A series of steps of one format.
 pub(super) struct Series<S: StepReader> {
     description: String,
     times: TimeAxis,
@@ -49,7 +49,7 @@ pub(super) struct Series<S: StepReader> {
     shape: Shape,
     notes: Vec<String>,
     cache: StepCache<Step<S>>,
-    /// Values that became infinite, by field and step: reading a step again does not count them again.
+    /// Number of values that became infinite, by field and step, so that reading a step again does not count them again.
     overflows: Mutex<BTreeMap<(String, usize), u64>>,
 }
 
@@ -66,13 +66,13 @@ struct DecodedField<D> {
     bytes: usize,
 }
 
-/// What is the same for all steps.
+/// Mesh data shared by all steps.
 struct Shape {
     points: usize,
     cells: usize,
     /// Index of each tetrahedron among all cells; `None` if all cells are tetrahedra.
     kept: Option<Vec<u32>>,
-    /// Of the mesh arrays as stored, and of the points and tetrahedra themselves.
+    /// Hashes of the mesh arrays as stored, and of the points and tetrahedra themselves.
     stored_hash: u64,
     points_hash: u64,
     cells_hash: u64,
@@ -123,8 +123,7 @@ impl<S: StepReader> Series<S> {
         self.cache.get(step, load, Step::bytes)
     }
 
-    /// Fails unless the mesh of `loaded` is the one of the first step. Its arrays are decoded only if they
-    /// are not stored as those of the first step.
+    /// Fails unless the mesh of `loaded` is that of the first step. Its arrays are decoded only if their stored hash differs.
     fn check_mesh(&self, loaded: &S, step: usize) -> FileResult<()> {
         let (points, cells) = loaded.counts()?;
         let changed = |what: String| {
@@ -220,7 +219,7 @@ impl<S: StepReader> Step<S> {
         self.reader.bytes() + decoded.as_ref().map_or(0, |field| field.bytes)
     }
 
-    /// The decoded arrays of a field; kept until another field of this step is read.
+    /// The decoded arrays of a field; cached until another field of this step is read.
     fn field(&self, field: &FieldInfo, step: usize) -> FileResult<Arc<S::Decoded>> {
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(last) = decoded.as_ref()
@@ -252,7 +251,7 @@ impl Shape {
 fn hash_points(mesh: &RawMesh) -> u64 {
     let mut state = DefaultHasher::new();
     for point in &mesh.points {
-        // Adding zero makes the two zeros one.
+        // Adding zero turns -0 into +0.
         point.to_array().map(|v| (v + 0.0).to_bits()).hash(&mut state);
     }
     state.finish()

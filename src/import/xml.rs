@@ -1,4 +1,4 @@
-//! What the XML of `.pvd`, `.vtu` and XDMF files needs: tolerant attributes and UTF-8 of unchanged length.
+//! XML helpers for `.pvd`, `.vtu` and XDMF files: tolerant attributes, and UTF-8 conversion that keeps the length.
 
 use quick_xml::events::BytesStart;
 use std::borrow::Cow;
@@ -30,17 +30,17 @@ impl Attributes {
         self.0.iter().find(|(k, _)| k == key).map(|(_, v)| v.as_str())
     }
 
-    /// The value of an attribute that is a count (VTK pads some with spaces); `None` if it is absent.
+    /// An attribute as a count (VTK pads some with spaces); `None` if it is absent.
     ///
     /// # Errors
-    /// If it is no count.
+    /// If it is not a count.
     pub(super) fn count(&self, key: &str) -> Result<Option<usize>, String> {
         let Some(text) = self.get(key) else { return Ok(None) };
         text.trim().parse().map(Some).map_err(|_| format!("{key}=\"{text}\" is no count"))
     }
 }
 
-/// Resolves each reference that is one; an ampersand that begins none stands for itself.
+/// Resolves each valid reference; any other ampersand stands for itself.
 pub(super) fn unescape(value: &str) -> String {
     let mut out = String::with_capacity(value.len());
     let mut rest = value;
@@ -63,8 +63,7 @@ pub(super) fn unescape(value: &str) -> String {
     out
 }
 
-/// The bytes as UTF-8, each byte that is none replaced by `?`, so that places in the file stay what they are (names in
-/// Latin-1 are read with question marks).
+/// The bytes as UTF-8, each invalid one replaced by `?`, so that byte offsets stay valid (names in Latin-1 get question marks).
 pub(super) fn same_length_utf8(bytes: &[u8]) -> Cow<'_, str> {
     if let Ok(text) = std::str::from_utf8(bytes) {
         return Cow::Borrowed(text);

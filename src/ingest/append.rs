@@ -1,8 +1,7 @@
 //! Adding the new steps of a source to a store that has the earlier ones.
 //!
 //! Only steps after the store's last one are added. With codec `vq`, a short block at the end of the store is coded again
-//! together with them, from the values of the source: what was lost once is not lost twice. The result is the store that an
-//! import of all steps at once would have written, except for the rounding of variances ([`Moments::resume`]): a share of 2^-52 for each
+//! together with them, from the values of the source, so that errors do not add up. The result is the store that an
 //! append and each step added since the first. What `vq` reports as signal-to-noise depends on them.
 //!
 //! [`Moments::resume`]: crate::moments::Moments::resume
@@ -24,17 +23,17 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Times that an error lists.
+/// Most times listed in an error.
 const TIMES_LISTED: usize = 8;
 
-/// What to add, and what the store is expected to have.
+/// The steps to add, and what the store is expected to have.
 #[derive(Clone, Debug, Default)]
 pub struct AppendOptions {
     /// Fields that the store must have. All fields of the store are read, whatever is named here.
     pub fields: Vec<FieldSelector>,
     /// Units that fields of the store must have.
     pub units: Vec<FieldUnits>,
-    /// Of which steps of the source those after the store's last one are added.
+    /// Range of source steps; those after the store's last one are added.
     pub steps: StepRange,
     /// The codec that the store must have.
     pub codec: Option<CodecChoice>,
@@ -50,64 +49,64 @@ pub struct AppendPlan {
     pub output: PathBuf,
     /// Steps that the store has.
     pub steps_before: usize,
-    /// Times of its first and last step.
+    /// Times of the store's first and last step.
     pub times_before: [f64; 2],
     /// Time of the last step of the source.
     pub source_last: f64,
     /// Steps to be added.
     pub steps_added: usize,
-    /// Times of the first and the last of them.
+    /// Times of the first and the last added step.
     pub times_added: Option<[f64; 2]>,
-    /// Steps that the store has and that are read and coded again, a last short block.
+    /// Steps of the store that are read and coded again: a last short block.
     pub steps_coded_again: usize,
 }
 
 /// What an append did.
 #[derive(Clone, Debug, Serialize)]
 pub struct AppendReport {
-    /// Which steps.
+    /// The steps that were added.
     #[serde(flatten)]
     pub plan: AppendPlan,
-    /// The fields, as they are now; empty if there was nothing to add.
+    /// The fields after the append; empty if there was nothing to add.
     pub fields: Vec<AppendedField>,
     /// Bytes of values read from the source (as f32).
     pub bytes_read: u64,
     /// Bytes of the store; 0 if there was nothing to add.
     pub bytes: u64,
-    /// What the source has skipped.
+    /// What was skipped in the source.
     pub notes: Vec<String>,
-    /// Seconds that it took.
+    /// Duration in seconds.
     pub seconds: f64,
 }
 
 /// A field to which steps were added.
 #[derive(Clone, Debug, Serialize)]
 pub struct AppendedField {
-    /// Its name.
+    /// Name in the store.
     pub name: String,
     /// Least and greatest finite value of all steps.
     pub range: Option<[f32; 2]>,
     /// Number of NaN and infinite values in all steps.
     pub nonfinite: u64,
-    /// The error of all steps; `None` if the values are exact.
+    /// Coding error over all steps; `None` if the values are exact.
     pub quality: Option<Quality>,
 }
 
-/// Which steps of the source become which of the store, and how their fields are read.
+/// The mapping of source steps to store steps, and the fields to read.
 struct Work {
     store: Store,
     fields: Vec<PlannedField>,
     /// Steps of the source to read, in order.
     steps: Vec<usize>,
-    /// The step of the store that the first of them is.
+    /// Step of the store that the first one becomes.
     first: usize,
     plan: AppendPlan,
 }
 
-/// Adds to the store at `out` the steps of `source` that come after its last one.
+/// Appends the steps of `source` after the last step of the store at `out`.
 ///
-/// The store is replaced by the longer one at once when all is written. A failure, or a `cancel` that was raised, leaves it
-/// as it was, as does a source that has nothing new. Who has the store open goes on reading the steps that it had.
+/// The longer store replaces the old one in one move when all is written. After a failure, a raised `cancel` or with nothing to add, the
+/// store is unchanged. Readers that have it open keep the steps that they had.
 ///
 /// # Errors
 /// If the source cannot be read, lacks a field of the store, or has another mesh; if the store cannot be read or written, or
@@ -120,7 +119,7 @@ pub fn append(
     cancel: &Cancel,
 ) -> Result<AppendReport, IngestError> {
     let start = Instant::now();
-    // From before the store is looked at until the longer one is in its place: two that add at once would each add to the old one.
+    // Held from before the store is read until the longer one is in place: two concurrent appends would each extend the old one.
     let _lock = StoreLock::wait(out, cancel).ok_or(IngestError::Cancelled)?;
     let Work { store, fields, steps, first, plan } = Work::of(source, out, options)?;
     let mut report =
@@ -167,10 +166,10 @@ pub fn append(
     Ok(report)
 }
 
-/// What [`append`] would do; reads the mesh of the source to compare it, and writes nothing.
+/// Plans an [`append`]: reads the mesh of the source to compare it, and writes nothing.
 ///
 /// # Errors
-/// As [`append`] fails, but for damage in steps that are not the first.
+/// As [`append`], but for damage in steps other than the first.
 pub fn plan_append(source: &dyn SeriesSource, out: &Path, options: &AppendOptions) -> Result<AppendPlan, IngestError> {
     let work = Work::of(source, out, options)?;
     let raw = source.mesh().map_err(IngestError::Source)?;
@@ -185,7 +184,7 @@ impl Work {
         let fields = fields_of(source, &store, options)?;
         let (times, known) = (&source.times().values, &store.times().values);
         let selected = select_steps(source, options.steps)?;
-        // A store has a step.
+        // A store has at least one step.
         let last = known.last().copied().unwrap_or(f64::NEG_INFINITY);
         let new: Vec<usize> = selected.into_iter().filter(|&step| times[step] > last).collect();
         let settled = |field: &StoredField| field.settled_steps(known.len());
@@ -206,7 +205,7 @@ impl Work {
     }
 }
 
-/// The steps of the source that are those of the store from `first` on.
+/// The source steps that match the store's steps from `first` on.
 fn find_again(source: &dyn SeriesSource, store: &Store, first: usize) -> FileResult<Vec<usize>> {
     let times = &source.times().values;
     let find = |time: &f64| times.binary_search_by(|t| t.total_cmp(time)).map_err(|_| *time);
@@ -234,7 +233,7 @@ fn find_again(source: &dyn SeriesSource, store: &Store, first: usize) -> FileRes
 fn check_codec(store: &Store, asked: Option<&CodecChoice>) -> FileResult<()> {
     let Some(asked) = asked else { return Ok(()) };
     for field in store.fields().iter().filter(|field| field.magnitude_of.is_empty()) {
-        // Of an older version: that nothing can be added is said when it is tried.
+        // Stores of an older version are skipped here: appending to them gives the error.
         let Some(kept) = field.coding().and_then(|coding| coding.choice()) else { continue };
         if kept != *asked {
             let problem = format!("is coded as {kept}, not as {asked}: a store keeps its codec");
@@ -245,7 +244,7 @@ fn check_codec(store: &Store, asked: Option<&CodecChoice>) -> FileResult<()> {
     Ok(())
 }
 
-/// How the fields of the store are read: those that it has and no others.
+/// The source fields to read for the fields of the store, and no others.
 fn fields_of(source: &dyn SeriesSource, store: &Store, options: &AppendOptions) -> FileResult<Vec<PlannedField>> {
     let invalid = |problem: String| FileError::invalid(source.describe(), "fields", problem);
     let plan = |selectors: &[FieldSelector], units: &[FieldUnits]| plan::plan(source.fields(), selectors, units);
@@ -292,9 +291,9 @@ fn fields_of(source: &dyn SeriesSource, store: &Store, options: &AppendOptions) 
     Ok(planned)
 }
 
-/// What the field of the store is called on the command line; a computed magnitude comes with all of its vector.
+/// The selector of a store's field; a computed magnitude selects its whole vector.
 fn selector(field: &StoredField) -> FieldSelector {
-    // The parser takes any text.
+    // The parser accepts any text.
     let Ok(selector) = field.name.parse::<FieldSelector>();
     match selector.component {
         Some(Component::Magnitude) if !field.magnitude_of.is_empty() => {
@@ -304,7 +303,7 @@ fn selector(field: &StoredField) -> FieldSelector {
     }
 }
 
-/// Whether a plan makes exactly the fields of the store.
+/// Whether a plan yields exactly the fields of the store.
 fn is_that_of(planned: &[PlannedField], store: &Store) -> bool {
     let outputs = planned.iter().flat_map(|f| f.outputs.iter().map(move |output| (output, f.info.association)));
     let mut planned: Vec<_> =
@@ -316,7 +315,7 @@ fn is_that_of(planned: &[PlannedField], store: &Store) -> bool {
     planned == stored
 }
 
-/// The fields that go on, in the order of the plan.
+/// The continued fields, in the order of the plan.
 fn targets(fields: &[PlannedField], store: &Store, resumed: Vec<ResumedField>) -> FileResult<Vec<Vec<Target>>> {
     let mut resumed: Vec<Option<ResumedField>> = resumed.into_iter().map(Some).collect();
     let mut take =
@@ -332,7 +331,7 @@ fn targets(fields: &[PlannedField], store: &Store, resumed: Vec<ResumedField>) -
     fields.iter().map(&mut of).collect()
 }
 
-/// Finishes the fields; reports them in the order of the store.
+/// Finishes the fields; reports them in store order.
 fn finish(targets: Vec<Vec<Target>>, store: &Store) -> FileResult<Vec<AppendedField>> {
     let one = |target: Target| {
         let series = target.moments.series();

@@ -1,9 +1,9 @@
-//! Opening what is no store: it is imported to a cache first.
+//! Opening a source as if it were a store: it is imported to a cache first.
 //!
-//! The cache is a folder of stores. The name of an entry has a checksum of the version of tetreel, of the source's path, and of
-//! path, size and time of change of all its files: an entry holds until one of these changes. Who imports an entry holds a lock
-//! on the file `.NAME.lock` beside it; somebody else who wants the same waits and finds it there. An import that fails or is
-//! cancelled leaves nothing, and what a killed one has left is removed by the next import that finds its lock free.
+//! The cache is a folder of stores. The name of an entry has a checksum of tetreel's version, the source's path, and path, size and
+//! modification time of all its files: it is valid until one of these changes. An import of an entry holds a lock on the file `.NAME.lock`
+//! beside it; another process that wants the same entry waits for it. A failed or cancelled import leaves no files, and those of a killed
+//! one are removed by the next import that finds its lock free.
 
 use super::options::IngestOptions;
 use super::report::{IngestError, IngestReport};
@@ -17,39 +17,39 @@ use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf, absolute};
 use std::time::{Duration, UNIX_EPOCH};
 
-/// Where imported sources are kept.
+/// The folder of imported sources.
 #[derive(Clone, Debug)]
 pub struct ImportCache {
     folder: Option<PathBuf>,
 }
 
-/// Where a store came from.
+/// Where an opened store came from.
 #[derive(Debug)]
 pub enum Origin {
-    /// It is what was named.
+    /// The named path is a store.
     Store,
-    /// It was imported before.
+    /// An earlier import was found in the cache.
     Cached,
-    /// It was imported now.
+    /// The source was imported now.
     Imported(Box<IngestReport>),
 }
 
-/// What takes a while and begins now, for a message.
+/// A lengthy operation that begins now, for a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CacheEvent<'a> {
-    /// Somebody else imports the same to this store, which is waited for.
+    /// Waiting for another process that imports the same source to this store.
     Waiting(&'a Path),
-    /// The import to this store.
+    /// Importing to this store.
     Importing(&'a Path),
 }
 
-/// Why nothing was opened.
+/// Why no store was opened.
 #[derive(Debug, thiserror::Error)]
 pub enum CacheError {
-    /// No variable says where the cache is.
+    /// No environment variable gives a folder for the cache.
     #[error("no place for the cache of imported files; set TETREEL_CACHE to a folder, or import to a store first")]
     NoFolder,
-    /// The store or the source cannot be opened, or the cache not be written.
+    /// The store or the source cannot be opened, or the cache cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
     /// The import failed, or was cancelled.
@@ -58,30 +58,30 @@ pub enum CacheError {
 }
 
 impl CacheError {
-    /// Whether somebody asked to stop.
+    /// Whether the operation was cancelled.
     pub fn is_cancelled(&self) -> bool {
         matches!(self, Self::Import(IngestError::Cancelled))
     }
 }
 
 impl ImportCache {
-    /// The user's: `$TETREEL_CACHE`, else `$XDG_CACHE_HOME/tetreel`, else `~/.cache/tetreel` (on Windows
-    /// `%LOCALAPPDATA%\tetreel`). That there is none is an error only when it is needed.
+    /// The user's cache: `$TETREEL_CACHE`, else `$XDG_CACHE_HOME/tetreel`, else `~/.cache/tetreel` (on Windows `%LOCALAPPDATA%\tetreel`). A
+    /// missing one is an error only when it is needed.
     pub fn of_user() -> Self {
         Self { folder: folder_from(|name| std::env::var_os(name)) }
     }
 
-    /// In this folder, which is made when it is needed.
+    /// A cache in this folder, which is created when it is needed.
     pub fn at(folder: impl Into<PathBuf>) -> Self {
         Self { folder: Some(folder.into()) }
     }
 
-    /// Opens a store, or imports a source to the cache (unless it is there already) and opens that. Several sources become
-    /// one series as by [`import::open_many`]. `announce` hears of what takes a while.
+    /// Opens a store, or imports a source to the cache (unless it is there) and opens that. Several sources become one series as by
+    /// [`import::open_many`]. `announce` is called before lengthy operations.
     ///
     /// # Errors
-    /// If there is no such store or source, it cannot be read or imported, there is no place for the cache, or `cancel` was
-    /// raised. What is no store and no source is named, with what can be read.
+    /// If there is no such store or source, it cannot be read or imported, there is no folder for the cache, or `cancel` was raised. The
+    /// error for an unknown format lists the readable ones.
     pub fn open_or_import(
         &self,
         sources: &[PathBuf],
@@ -106,7 +106,7 @@ impl ImportCache {
         if let Some(store) = open_entry(&target) {
             return Ok((store, Origin::Cached));
         }
-        // Only now: what was imported before need not be read, and a bad source leaves no folder.
+        // Opened only now: a cached source need not be read, and a bad one leaves no folder.
         let source = import::open_many(&sources)?;
         check_cancel(cancel)?;
         fs::create_dir_all(folder).map_err(|e| FileError::io(folder, "make the cache folder", &e))?;
@@ -124,7 +124,7 @@ impl ImportCache {
     }
 }
 
-/// The user's cache folder, as these variables say.
+/// The user's cache folder from the environment.
 fn folder_from(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     let variable = |name: &str| variable(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let system = || if cfg!(windows) { variable("LOCALAPPDATA").map(|d| d.join("tetreel")) } else { None };
@@ -134,12 +134,12 @@ fn folder_from(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
         .or_else(system)
 }
 
-/// An entry that is whole as far as opening it tells. A damaged one counts as none.
+/// The entry if it opens; a damaged one counts as missing.
 fn open_entry(target: &Path) -> Option<Store> {
     is_store(target).then(|| Store::open(target).ok()).flatten()
 }
 
-/// Each path once, sorted.
+/// The distinct paths, sorted.
 fn distinct(paths: &[PathBuf]) -> Vec<PathBuf> {
     let mut paths: Vec<(PathBuf, PathBuf)> = paths.iter().map(|path| (canonical(path), path.clone())).collect();
     paths.sort();
@@ -151,13 +151,12 @@ fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// Bytes of the source's name in that of an entry; file systems allow 255, of which checksum, extension and what temporary
-/// folders add take some.
+/// Bytes of an entry's name for the source's name; file systems allow 255, which checksum, extension and names of temporary folders share.
 const STEM_BYTES: usize = 180;
 
-/// A name that changes with the version of tetreel, the sources' paths and every change of their files.
+/// Entry name, which changes with the version of tetreel, the sources' paths and every change of their files.
 fn entry_name(sources: &[PathBuf]) -> FileResult<String> {
-    // Bytes: two paths that are no Unicode may look the same as text.
+    // Raw bytes: two paths that are not Unicode may be equal as text.
     let mut state = env!("CARGO_PKG_VERSION").as_bytes().to_vec();
     for path in sources {
         state.push(b' ');
@@ -166,7 +165,7 @@ fn entry_name(sources: &[PathBuf]) -> FileResult<String> {
     for file in sources.iter().map(|path| import::files(path)).collect::<FileResult<Vec<_>>>()?.concat() {
         let (size, changed) = fs::metadata(&file).map_or((0, None), |m| (m.len(), m.modified().ok()));
         let nanos = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());
-        // The same file is the same, wherever it is named from.
+        // Absolute, so that a file has one name from every working folder.
         let file = absolute(&file).unwrap_or(file);
         state.push(b'\n');
         state.extend_from_slice(file.as_os_str().as_encoded_bytes());
@@ -176,12 +175,12 @@ fn entry_name(sources: &[PathBuf]) -> FileResult<String> {
     let stem = stem.map_or_else(|| "source".into(), OsStr::to_string_lossy);
     let stem = &stem[..stem.floor_char_boundary(STEM_BYTES)];
     let more = if sources.len() > 1 { format!("-and-{}-more", sources.len() - 1) } else { String::new() };
-    // Two independent checksums: one of the text, one of the text backwards.
+    // Two independent checksums: of the bytes forwards and backwards.
     let reversed: Vec<u8> = state.iter().rev().copied().collect();
     Ok(format!("{stem}{more}-{:08x}{:08x}.zarr", crc32c::crc32c(&state), crc32c::crc32c(&reversed)))
 }
 
-/// Makes place for an entry: removes what is there and no store, and what killed imports have left.
+/// Clears an entry's path: removes whatever is not a store, and the remains of killed imports.
 fn clear(target: &Path) -> FileResult<()> {
     if let Ok(metadata) = fs::symlink_metadata(target)
         && !is_store(target)
@@ -205,7 +204,7 @@ fn clear(target: &Path) -> FileResult<()> {
     Ok(())
 }
 
-/// Removes the temporary folders of an entry that nobody writes.
+/// Removes the temporary folders of an entry that is not being written.
 fn remove_leftovers(target: &Path) {
     let (Some(folder), Some(name)) = (target.parent(), target.file_name().and_then(OsStr::to_str)) else { return };
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -214,22 +213,22 @@ fn remove_leftovers(target: &Path) {
             rest.is_some_and(|rest| rest.starts_with(".tmp-") || rest.starts_with(".old-"))
         };
         if entry.file_name().to_str().is_some_and(is_left) {
-            // What cannot be removed is in nobody's way.
+            // A folder that cannot be removed does no harm.
             let _ = fs::remove_dir_all(entry.path());
         }
     }
 }
 
-/// End of the name of a lock's file.
+/// Suffix of a lock file's name.
 const LOCK: &str = ".lock";
 
-/// How long to wait before another look at a lock that somebody else holds.
+/// Pause between two attempts to take a lock.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// The right to write an entry. It ends with the value, and with the process however that ends.
+/// Exclusive right to write an entry. It ends with the value, and with the process however that ends.
 struct EntryLock {
     path: PathBuf,
-    /// None on file systems without locks: there, two may import the same; the one that ends last replaces the other's.
+    /// `None` on file systems without locks: two processes may then import the same; the last to finish replaces the other's.
     file: Option<File>,
 }
 
@@ -241,7 +240,7 @@ impl EntryLock {
         target.with_file_name(name)
     }
 
-    /// Waits until nobody else has it; says so once.
+    /// Waits for the lock; calls `waiting` once if it has to.
     fn wait(target: &Path, waiting: &mut dyn FnMut(), cancel: &Cancel) -> Result<Self, CacheError> {
         let path = Self::path_for(target);
         let mut is_said = false;
@@ -250,7 +249,7 @@ impl EntryLock {
             let open = File::options().write(true).create(true).truncate(false).open(&path);
             let file = open.map_err(|e| FileError::io(&path, "write in the cache folder", &e))?;
             match file.try_lock() {
-                // Who had it before has removed the file: the lock of a file without a name says nothing.
+                // The last holder has removed the file: the lock of an unlinked file is void.
                 Ok(()) if is_at(&file, &path) => return Ok(Self { path, file: Some(file) }),
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
@@ -265,11 +264,11 @@ impl EntryLock {
         }
     }
 
-    /// That of an entry which somebody has written at some time, if nobody does so now.
+    /// Lock of an entry whose lock file exists, if it is free.
     fn try_existing(target: &Path) -> Option<Self> {
         let path = Self::path_for(target);
         let file = File::options().write(true).open(&path).ok()?;
-        // Not made unless it is held: its end removes the file.
+        // `Self` only if the lock is held: dropping it removes the file.
         (file.try_lock().is_ok() && is_at(&file, &path)).then(|| Self { path, file: Some(file) })
     }
 
@@ -280,14 +279,14 @@ impl EntryLock {
 
 impl Drop for EntryLock {
     fn drop(&mut self) {
-        // While it is held. Where it cannot be told whether a file still has its name, the empty file stays.
+        // Removed while still locked. On systems that cannot tell whether a file still has its name, the empty file stays.
         if cfg!(unix) {
             let _ = fs::remove_file(&self.path);
         }
     }
 }
 
-/// Whether a file is still the one of this name.
+/// Whether the open file is still the one at this path.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

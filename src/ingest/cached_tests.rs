@@ -1,4 +1,4 @@
-//! What is imported once, what is imported again, and what is left behind.
+//! Which imports are reused, which are repeated, and which files they leave.
 
 use super::*;
 use crate::task::Silent;
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data/tornado");
 
-/// A copy of the series that comes with the program, and a cache beside it.
+/// A copy of the shipped series, and a cache beside it.
 pub(super) struct Place {
     dir: tempfile::TempDir,
     cache: ImportCache,

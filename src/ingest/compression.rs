@@ -1,4 +1,4 @@
-//! What compressing a field has brought, in the columns of the dissertation's Table 6.1.
+//! The compression achieved for a field, in the columns of the dissertation's Table 6.1.
 
 use crate::codec::{Encoding, Quality};
 use serde::Serialize;
@@ -33,7 +33,7 @@ pub struct CompressionReport {
 }
 
 impl CompressionReport {
-    /// `None` without a codebook.
+    /// The row of a field; `None` without a codebook.
     pub(super) fn new(
         encoding: &dyn Encoding,
         [vertices, tets, steps]: [u64; 3],

@@ -1,4 +1,4 @@
-//! From a source to a store in one streamed pass.
+//! Importing a source into a store in one streamed pass.
 //!
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
@@ -40,8 +40,8 @@ use stream::{Job, with_stream};
 /// Imports a series into a new store at `out`.
 ///
 /// # Errors
-/// If the source cannot be read or lacks what was asked for, its mesh cannot be built, the store cannot be written, or
-/// `cancel` was raised. Then nothing is left behind, and a store that existed at `out` is as it was.
+/// If the source cannot be read or lacks what was asked for, its mesh cannot be built, the store cannot be written, or `cancel` was raised.
+/// No files are then left behind, and an existing store at `out` is unchanged.
 pub fn ingest(
     source: &dyn SeriesSource,
     out: &Path,
@@ -114,10 +114,10 @@ pub fn ingest(
     })
 }
 
-/// Checks the fields and units that `options` names against those that the source has; reads and writes nothing.
+/// Checks that the source has the fields and units that `options` names; reads and writes nothing.
 ///
 /// # Errors
-/// As [`ingest`] would fail because of them.
+/// Those of [`ingest`] for these options.
 pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<()> {
     plan_fields(source, options).map(|_| ())
 }
@@ -131,7 +131,7 @@ fn check_cancel(cancel: &Cancel) -> Result<(), IngestError> {
     if cancel.is_cancelled() { Err(IngestError::Cancelled) } else { Ok(()) }
 }
 
-/// The steps asked for, of a time axis that is one.
+/// Indices of the selected steps; fails if the time axis is not valid.
 fn select_steps(source: &dyn SeriesSource, range: StepRange) -> FileResult<Vec<usize>> {
     let times = &source.times().values;
     let invalid = |problem: String| FileError::invalid(source.describe(), "time", problem);
@@ -148,7 +148,7 @@ fn select_steps(source: &dyn SeriesSource, range: StepRange) -> FileResult<Vec<u
     range.select(times.len()).map_err(|e| invalid(e.to_string()))
 }
 
-/// Begins the fields of the store that a field of the source becomes.
+/// Begins the store fields for a field of the source.
 fn targets(field: &PlannedField, vertices: usize, codec: &CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
     let association = field.info.association;
     let mut targets: Vec<Target> = Vec::new();

@@ -1,4 +1,4 @@
-//! What to import.
+//! The options of an import.
 
 use crate::codec::CodecChoice;
 use crate::field::FieldSelector;
@@ -23,24 +23,24 @@ impl Default for StepRange {
     }
 }
 
-/// Text that is no range of steps, or a range that the series does not have.
+/// An invalid range of steps, or one that the series does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StepRangeError {
     /// Not of the form `A..B:S`.
     #[error("'{0}' is no range of steps; write A..B or A..B:S with whole numbers, both ends included, e.g. 0..99:10")]
     Malformed(String),
-    /// Every 0th step.
+    /// The stride is 0.
     #[error("'{0}' has a stride of 0; the smallest is 1")]
     NoStride(String),
     /// The last step is before the first.
     #[error("steps {0} end before they begin")]
     Reversed(StepRange),
-    /// Not in the series.
+    /// The range exceeds the series.
     #[error("steps {range} reach beyond the series, whose steps are 0..{}", .count.saturating_sub(1))]
     Beyond {
-        /// What was asked for.
+        /// The range.
         range: StepRange,
-        /// Number of steps there are.
+        /// Number of steps in the series.
         count: usize,
     },
 }
@@ -48,7 +48,7 @@ pub enum StepRangeError {
 impl FromStr for StepRange {
     type Err = StepRangeError;
 
-    /// `A..B:S`; without S every step, without A from the first, without B to the last, and `A` alone is one step.
+    /// Parses `A..B:S`; without S every step, without A from the first, without B to the last, and `A` alone is one step.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let malformed = || StepRangeError::Malformed(text.to_owned());
         let number = |part: &str| part.trim().parse::<usize>().map_err(|_| malformed());
@@ -85,7 +85,7 @@ impl fmt::Display for StepRange {
 }
 
 impl StepRange {
-    /// The steps of a series of `count` steps that are meant; at least one.
+    /// Indices of the selected steps in a series of `count` steps; at least one.
     ///
     /// # Errors
     /// If an end is not in the series, the range is reversed, or the stride is 0.
@@ -107,9 +107,9 @@ impl StepRange {
 /// The unit of a field, as the user writes it: `FIELD=UNIT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldUnits {
-    /// Name of the field; that of a vector stands for its components and their magnitude.
+    /// Name of the field; a vector's name includes its components and their magnitude.
     pub field: String,
-    /// Unit of its values. It is shown, not understood.
+    /// Unit of its values, for display only.
     pub units: String,
 }
 
@@ -127,19 +127,18 @@ impl FromStr for FieldUnits {
     }
 }
 
-/// What to import and how.
+/// The options of an import.
 #[derive(Clone, Debug, Default)]
 pub struct IngestOptions {
-    /// Fields and components; empty for all fields. A vector without a component becomes one field a component and
-    /// their magnitude.
+    /// Fields and components; empty for all fields. A vector without a component becomes one field per component, and their magnitude.
     pub fields: Vec<FieldSelector>,
     /// Units of fields. Each must be imported.
     pub units: Vec<FieldUnits>,
-    /// Steps.
+    /// Range of steps.
     pub steps: StepRange,
     /// Codec.
     pub codec: CodecChoice,
-    /// Whether a store that exists at the place of the new one is replaced.
+    /// Whether an existing store is replaced.
     pub overwrite: bool,
 }
 

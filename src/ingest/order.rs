@@ -1,12 +1,12 @@
-//! From the file's numbering to the mesh's: one value per vertex in curve order.
+//! Reordering from the file's numbering to the mesh's: one value per vertex in curve order.
 
 use crate::mesh::{Mesh, Positions};
 use rayon::prelude::*;
 
-/// Vertices that one task fills.
+/// Vertices per parallel task.
 const CHUNK: usize = 16_384;
 
-/// For each vertex of the mesh where its value comes from.
+/// Source of each vertex's value.
 pub(super) struct VertexOrder {
     vertex_source: Vec<u32>,
     cells: Option<CellsAround>,
@@ -14,32 +14,32 @@ pub(super) struct VertexOrder {
 
 /// The source's cells around each vertex, for those that are in the mesh.
 struct CellsAround {
-    /// Where the cells of each vertex begin, and the end of the last.
+    /// First index into `cells` of each vertex, and the end of the last.
     starts: Vec<usize>,
-    /// Indices in the source, ascending along the mesh's cell order.
+    /// Cell indices in the source, ascending along the mesh's cell order.
     cells: Vec<u32>,
 }
 
 impl VertexOrder {
-    /// The order of a mesh, and where its vertices are; the rest, most of it, is freed. `with_cells` if values per cell are to come.
+    /// The order of a mesh, and its vertex positions; most of the mesh is freed. `with_cells` prepares for values per cell.
     pub(super) fn new(mesh: Mesh, with_cells: bool) -> (Self, Positions) {
         let cells = with_cells.then(|| CellsAround::of(&mesh));
         (Self { vertex_source: mesh.vertex_source, cells }, mesh.positions)
     }
 
-    /// The point of the source that each vertex is.
+    /// The source point of each vertex.
     pub(super) fn vertex_source(&self) -> &[u32] {
         &self.vertex_source
     }
 
-    /// Values per point of the source -> per vertex of the mesh.
+    /// Gathers values per source point into values per mesh vertex.
     pub(super) fn gather_points(&self, values: &[f32], out: &mut [f32]) {
         let pairs = out.par_chunks_mut(CHUNK).zip(self.vertex_source.par_chunks(CHUNK));
         pairs.for_each(|(out, source)| out.iter_mut().zip(source).for_each(|(out, &s)| *out = values[s as usize]));
     }
 
-    /// Values per cell of the source -> per vertex of the mesh: the unweighted mean over the cells around each vertex,
-    /// summed in f64. NaN and infinities of a cell reach its vertices. Cells that the mesh has dropped do not count.
+    /// Averages values per source cell into values per mesh vertex: the unweighted mean over the cells around each vertex, summed in f64.
+    /// NaN and infinities of a cell propagate to its vertices. Cells that the mesh has dropped do not count.
     ///
     /// # Panics
     /// If the order was made without cells.

@@ -1,4 +1,4 @@
-//! The work on the steps of a source: everything between reading and the finished fields.
+//! Processing the steps of a source, from their values to the finished fields.
 
 use super::order::VertexOrder;
 use super::plan::PlannedField;
@@ -13,26 +13,26 @@ use crate::slowdown::{Slow, waste};
 use crate::store::FieldWriter;
 use std::time::{Duration, Instant};
 
-/// A field of the new store: where its values go.
+/// A field of the new store, as the target of values.
 pub(super) struct Target {
     pub(super) writer: FieldWriter,
-    /// Of the steps that the store has. Those that come again are not counted again.
+    /// Statistics so far. Steps that are coded again are not counted again.
     pub(super) moments: Moments,
     pub(super) association: Association,
-    /// The first step of the store that the writer takes.
+    /// The first step that the writer takes.
     pub(super) first_step: usize,
 }
 
-/// The work on the steps.
+/// State of the processing of steps.
 pub(super) struct Pass<'a> {
     source: &'a dyn SeriesSource,
-    /// Points and cells of the source.
+    /// Number of points and cells in the source.
     counts: [usize; 2],
     fields: &'a [PlannedField],
     order: VertexOrder,
-    /// For each field one target an output.
+    /// For each field, one target per output.
     pub(super) targets: Vec<Vec<Target>>,
-    /// Components of the current field in vertex order, as many as the field with most needs.
+    /// Components of the current field in vertex order; as many buffers as the largest field needs.
     components: Vec<Vec<f32>>,
     magnitude: Vec<f32>,
     pub(super) seconds: StageSeconds,
@@ -62,7 +62,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Takes step `step` of the source, which is step `at` of the store.
+    /// Processes step `step` of the source as step `at` of the store.
     pub(super) fn take_step(&mut self, step: usize, at: usize, stream: &mut Stream) -> Result<(), IngestError> {
         for index in 0..self.fields.len() {
             let field = &self.fields[index];
@@ -76,7 +76,7 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// Brings the values of one component into the order of the mesh.
+    /// Reorders the values of one component to vertex order.
     fn take_component(
         &mut self,
         field: &PlannedField,
@@ -105,14 +105,14 @@ impl<'a> Pass<'a> {
         Ok(start.elapsed())
     }
 
-    /// Reduces and encodes the outputs of a field whose components are complete.
+    /// Computes and encodes the outputs of a field whose components are complete.
     fn emit(&mut self, index: usize, at: usize) -> FileResult<()> {
         let field = &self.fields[index];
         let source = self.source;
         for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
             let start = Instant::now();
             let values = match output.component {
-                // Every component of an output is read, so the search finds it.
+                // Every component of an output is read, so the search succeeds.
                 Component::Index(i) => &self.components[field.reads.partition_point(|&read| read < i)],
                 Component::Magnitude => {
                     let components: Vec<&[f32]> =
@@ -138,7 +138,7 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Fails unless the range of a step that comes again is the one that it had.
+/// Fails unless a step that is coded again has the same range as before.
 fn check_again(
     source: &dyn SeriesSource,
     field: &str,

@@ -1,15 +1,15 @@
-//! Which fields of a source are read, and which fields of the store they become.
+//! Plan of an import: the source fields that are read, and the store fields that they become.
 
 use super::options::FieldUnits;
 use crate::field::{Association, Component, FieldInfo, FieldSelector};
 use std::collections::BTreeSet;
 
-/// What becomes of the components of a source's field.
+/// A field of the store, as an output of a source field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Output {
     /// Name in the store.
     pub(super) name: String,
-    /// Which number of the tuple.
+    /// Component of the tuple.
     pub(super) component: Component,
     /// Whether the values are computed at playback from the other outputs of the same field.
     pub(super) virtual_: bool,
@@ -24,7 +24,7 @@ pub(super) struct PlannedField {
     pub(super) info: FieldInfo,
     /// Components to read, ascending.
     pub(super) reads: Vec<usize>,
-    /// Fields of the store.
+    /// Fields of the store that it becomes.
     pub(super) outputs: Vec<Output>,
 }
 
@@ -33,7 +33,7 @@ pub(super) fn has_cells(fields: &[PlannedField]) -> bool {
     fields.iter().any(|field| field.info.association == Association::Cell)
 }
 
-/// Plans the import of `selectors` (all fields if empty). A problem is returned as what the user should read.
+/// Plans the import of `selectors` (all fields if empty). An error is a message for the user.
 ///
 /// Fields of one name (a point field and a cell field, say) are told apart: the first keeps the name, a cell field
 /// becomes `NAME (cell)`, and whatever is still ambiguous `NAME (2)`.
@@ -87,7 +87,7 @@ pub(super) fn plan(
     Ok(order.iter().map(planned).collect())
 }
 
-/// A name for each field that no other field has.
+/// A unique name for each field.
 fn distinct_names(fields: &[FieldInfo]) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let name_of = |field: &FieldInfo| {
@@ -111,7 +111,7 @@ fn unlike(taken: &mut BTreeSet<String>, name: &str) -> String {
     candidate
 }
 
-/// The field and component meant. A field whose name ends like a component (`stress:0`) is found by its full name, too.
+/// The field and component that a selector names. A field whose name ends like a component (`stress:0`) is found by its full name, too.
 fn resolve(names: &[String], selector: &FieldSelector) -> Option<(usize, Option<Component>)> {
     let position = |name: &str| names.iter().position(|n| n == name);
     let full = selector.to_string();
@@ -140,7 +140,7 @@ fn outputs(name: &str, components: usize, wanted: &[Option<Component>]) -> Vec<O
         Output { name, component, virtual_, units: None }
     };
     if components == 1 {
-        // A scalar and its component 0 are the same; its magnitude is another field.
+        // Component 0 of a scalar is the scalar itself; its magnitude is another field.
         let value = wanted.iter().any(|w| *w != Some(Component::Magnitude));
         let magnitude = wanted.contains(&Some(Component::Magnitude));
         let scalar = Output { name: name.to_owned(), ..of(Component::Index(0), false) };

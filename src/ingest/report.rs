@@ -1,4 +1,4 @@
-//! What an import did.
+//! Reports and errors of an import.
 
 use super::compression::CompressionReport;
 use crate::error::{FileError, FileErrorKind};
@@ -9,31 +9,31 @@ use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why an import did not happen. In all cases nothing is left behind, and what existed is untouched.
+/// Why an import failed. No files are then left behind, and an existing store is unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
     /// A file could not be written, or the source lacks what was asked for or does not fit the store.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The source could not be read. If it is being written at the moment, it may be whole later.
+    /// The source could not be read. If it is being written, a later attempt may succeed.
     #[error(transparent)]
     Source(FileError),
-    /// The points and cells of the source make no mesh.
+    /// The points and cells of the source are not a valid mesh.
     #[error("{source_name}: {error}")]
     Mesh {
-        /// The source.
+        /// Name of the source.
         source_name: String,
-        /// What is wrong.
+        /// The mesh error.
         error: MeshError,
     },
-    /// Somebody asked to stop.
+    /// The import was cancelled.
     #[error("cancelled; nothing was written")]
     Cancelled,
 }
 
 impl IngestError {
-    /// Whether this may be because the source is half written: damaged, cut or missing files. A source that is whole and not
-    /// what is read (a mesh that changes, another kind of file) is another matter.
+    /// Whether a half-written source may be the cause: damaged, cut or missing files. A complete but unusable source (a mesh that changes,
+    /// another kind of file) does not count.
     pub fn may_be_half_written(&self) -> bool {
         matches!(self, Self::Source(error) if error.kind != FileErrorKind::Unsupported)
     }
@@ -47,10 +47,10 @@ impl IngestError {
     }
 }
 
-/// What an import did.
+/// Report of an import.
 #[derive(Clone, Debug, Serialize)]
 pub struct IngestReport {
-    /// What was imported.
+    /// Description of the source.
     pub source: String,
     /// The store.
     #[serde(serialize_with = "crate::files::serialize_path")]
@@ -59,7 +59,7 @@ pub struct IngestReport {
     pub repair: RepairReport,
     /// Number of steps imported.
     pub steps: usize,
-    /// Times of the first and the last of them.
+    /// Times of the first and the last imported step.
     pub times: [f64; 2],
     /// The fields of the store.
     pub fields: Vec<FieldReport>,
@@ -67,20 +67,20 @@ pub struct IngestReport {
     pub bytes_read: u64,
     /// Bytes of the store.
     pub bytes_written: u64,
-    /// What the source has skipped.
+    /// What was skipped in the source.
     pub notes: Vec<String>,
-    /// Where the time went.
+    /// Duration of each stage.
     pub seconds: StageSeconds,
-    /// Megabytes of values per second of the whole import.
+    /// Megabytes of values per second over the whole import.
     pub megabytes_per_second: f64,
 }
 
-/// What became of a field.
+/// Report of a field.
 #[derive(Clone, Debug, Serialize)]
 pub struct FieldReport {
     /// Name in the store.
     pub name: String,
-    /// Where the source had its values.
+    /// Association of the values in the source.
     pub association: Association,
     /// Least and greatest finite value; `None` if there is none.
     pub range: Option<[f32; 2]>,
@@ -99,15 +99,15 @@ pub struct StageSeconds {
     pub mesh: f64,
     /// Reading the values of the steps.
     pub read: f64,
-    /// Bringing values into the order of the mesh, magnitudes.
+    /// Reordering values to vertex order, and computing magnitudes.
     pub order: f64,
     /// Ranges and moments.
     pub moments: f64,
     /// Encoding and writing.
     pub encode: f64,
-    /// Statistics, metadata, waiting for the medium, moving into place.
+    /// Writing statistics and metadata, flushing, moving into place.
     pub finish: f64,
-    /// Everything.
+    /// The whole import.
     pub total: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Whether a source shows the mesh that a store has.
+//! Check that a source has the mesh of a store.
 
 use crate::error::{FileError, FileResult};
 use crate::field::SeriesSource;
@@ -6,8 +6,8 @@ use crate::mesh::{Mesh, RawMesh, split};
 use crate::store::Store;
 use glam::DVec3;
 
-/// Fails unless `raw`, the mesh of `source`, is what the mesh of the store was made of: the same points, bit for bit, and the
-/// same cells in the same order. What the import had dropped must be dropped again.
+/// Fails unless `raw`, the mesh of `source`, has the points, bit for bit, and the cells in order that the store's mesh was built from.
+/// Cells dropped by the import must be dropped again.
 pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh: &Mesh) -> FileResult<()> {
     let differs = |problem: String| {
         FileError::unsupported(
@@ -37,7 +37,7 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
     for (tet, &index) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
         let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
         let found = split.of_cell(index);
-        // Which of the two it was, an older store does not say; the cell is the same.
+        // An older store does not record the orientation; the cell is the same.
         if !found.iter().any(|found| [[a, b, c, d], [a, b, d, c]].contains(found)) {
             let found = found.first().map_or("is missing".to_owned(), |tet| format!("joins points {tet:?}"));
             return Err(differs(format!("cell {index} {found} instead of {:?}", [a, b, c, d])));

@@ -22,11 +22,11 @@ struct Read {
 pub(super) struct Stream {
     reads: Receiver<FileResult<Read>>,
     pool: Sender<Vec<f32>>,
-    /// Time spent reading what has been received so far.
+    /// Time spent reading the values received so far.
     pub(super) read_time: Duration,
 }
 
-/// Steps as they are read: for each of `steps`, each of `fields`, each of its components to read.
+/// The steps to read: for each of `steps`, each of `fields`, each of its components to read.
 pub(super) struct Job<'a> {
     pub(super) source: &'a dyn SeriesSource,
     pub(super) fields: &'a [PlannedField],
@@ -43,13 +43,13 @@ pub(super) fn with_stream<T>(
     let (send_read, reads) = bounded(buffers);
     let (pool, take_buffer) = bounded(buffers);
     for _ in 0..buffers {
-        // There is room for all of them, and the other end is at hand.
+        // The channel has room for all buffers, and its receiver is alive.
         let _ = pool.send(Vec::new());
     }
     let stream = Stream { reads, pool, read_time: Duration::ZERO };
     std::thread::scope(|scope| {
         scope.spawn(move || read_all(job, &take_buffer, &send_read));
-        // Owned here, so that its end (an error or a panic of `work` included) ends the reader, which this scope awaits.
+        // Owned here, so that dropping it (after an error or a panic of `work`, too) ends the reader, which this scope awaits.
         let mut stream = stream;
         work(&mut stream)
     })
@@ -75,7 +75,7 @@ fn read_all(job: &Job<'_>, take_buffer: &Receiver<Vec<f32>>, send: &Sender<FileR
 }
 
 impl Stream {
-    /// Hands the next values to `work` and gives their memory back.
+    /// Passes the next values to `work` and recycles their buffer.
     pub(super) fn next<T>(&mut self, work: impl FnOnce(&[f32]) -> T) -> Result<T, IngestError> {
         // The reader closes the channel early only when it is cancelled.
         let read = self.reads.recv().map_err(|_| IngestError::Cancelled)?;

@@ -1,4 +1,4 @@
-//! A GPU that cannot be kept.
+//! Pipelines whose GPU fails.
 
 use super::super::backend::Renderers;
 use super::*;
@@ -62,7 +62,7 @@ fn rays_that_contrast_asks_for_beyond_the_gpu_do_not_keep_all_rays_from_it() {
         Err(why) => return common::skip("gpu", &why.to_string()),
     };
     let mut renderers = Renderers::default();
-    // A list of all pixels takes 4 bytes each, and what the other stages bind of one tet a few hundred.
+    // A list of all pixels takes 4 bytes each, and what the other stages bind for one tet a few hundred.
     let adapter = context.adapter().name.clone();
     renderers.gpu.choose(ContextOptions { adapter, binding_bytes: Some(2048), ..Default::default() });
     let exact = one_tet();

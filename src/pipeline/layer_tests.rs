@@ -1,4 +1,4 @@
-//! Layers that are not one volume of the series' field.
+//! Requests with other layers than one volume of the series' field.
 
 use super::*;
 use crate::camera::Camera;
@@ -61,7 +61,7 @@ fn a_layer_of_another_field_and_a_second_one_of_cells_are_refused_by_name() {
     assert!(log.decoded().is_empty());
     let own = request().with_tets(|tets| tets.field = Some(name));
     assert!(!is_transparent(pipeline.render(&own).unwrap()));
-    // With a thread for each stage the error comes out in its turn, and the stages go on.
+    // With a thread for each stage the error is delivered in its turn, and the stages go on.
     let pipelined = Pipelined::start(Pipeline::new(series), &PipelinedOptions::default(), || ()).unwrap();
     for request in [other, own] {
         pipelined.push(request).unwrap();

@@ -1,4 +1,4 @@
-//! Frames of a pipeline whose stages work at the same time are those of one whose stages do not.
+//! A pipelined pipeline delivers the same frames as a sequential one.
 
 use super::super::test_series::{jet, logged};
 use super::*;
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 const LONG: Duration = Duration::from_secs(60);
 
-/// Requests that differ in all that a request has.
+/// Requests that differ in every property.
 fn requests(series: &Series) -> Vec<FrameRequest> {
     let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
     let [lo, hi] = series.field().range.unwrap().map(f64::from);
@@ -41,7 +41,7 @@ fn requests(series: &Series) -> Vec<FrameRequest> {
     requests
 }
 
-/// Of each plane its name, size and bits.
+/// Name, size and bits of each plane.
 type PlaneBits = Vec<(&'static str, (usize, usize), Vec<u32>)>;
 
 fn bits(frame: &Frame) -> PlaneBits {
@@ -49,7 +49,7 @@ fn bits(frame: &Frame) -> PlaneBits {
     frame.planes.list().iter().map(|plane| (plane.name, plane.size_px, of(plane))).collect()
 }
 
-/// Each request rendered by a pipeline of its own.
+/// Frames of the requests, each rendered by a new pipeline.
 fn rendered_alone(series: &Arc<Series>, requests: &[FrameRequest]) -> Vec<PlaneBits> {
     requests.iter().map(|request| bits(Pipeline::new(series.clone()).render(request).unwrap())).collect()
 }
@@ -90,14 +90,14 @@ fn acts() -> impl Strategy<Value = Vec<Act>> {
     prop::collection::vec(act, 1..40)
 }
 
-/// What is wanted, by the rules alone: requests in order, with the ids they were given.
+/// Model of the wanted requests, by the rules alone: requests in order, with their ids.
 #[derive(Default)]
 struct Model {
     wanted: Vec<(FrameId, usize)>,
 }
 
 impl Model {
-    /// A frame came: it must be the next of those wanted, but `replace` may have dropped some.
+    /// Checks a delivered frame: it must be the next wanted one, but `replace` may have dropped some.
     fn delivered(&mut self, id: FrameId) -> usize {
         let at = self.wanted.iter().position(|(wanted, _)| *wanted == id).expect("a frame that nobody wants");
         self.wanted.drain(..=at).next_back().unwrap().1
@@ -162,7 +162,7 @@ proptest! {
             }
             prop_assert!(pipelined.preparations().most <= PREPARATIONS);
         }
-        // The last one asked for comes in any case.
+        // The last request is delivered in any case.
         let last = model.wanted.last().copied();
         let mut delivered = None;
         while let Some(delivery) = pipelined.wait(LONG) {
@@ -261,7 +261,7 @@ fn what_fails_or_panics_is_an_error_of_its_frame_and_the_next_one_is_right() {
     let (series, log) = logged(6);
     log.panic_at(1);
     let pipelined = start(&series, &options(2, 1 << 20));
-    // More pixels than there can be, for the second stage.
+    // More pixels than allowed, for the second stage.
     let too_large = FrameRequest { size_px: (1 << 31, 1 << 31), ..step(&series, 2) };
     let asked = [step(&series, 0), step(&series, 1), step(&series, 2), too_large, step(&series, 3)];
     for request in &asked {
@@ -297,13 +297,13 @@ fn what_hangs_is_cancelled_by_a_seek_and_by_the_end() {
         std::thread::yield_now();
     }
     pipelined.seek(step(&series, 5)).unwrap();
-    // The one that hung has ended, and the new one hangs now.
+    // The first decoding has been cancelled, and the new one hangs now.
     log.hang(false);
     assert_eq!(pipelined.wait(LONG).unwrap().request.time, 5.into());
     log.hang(true);
     pipelined.push(step(&series, 1)).unwrap();
     drop(pipelined);
-    // A renderer that waits for its frame to be taken ends, too.
+    // A render thread that waits for its frame to be taken ends, too.
     log.hang(false);
     let pipelined = start(&series, &options(1, 0));
     for s in 0..6 {
@@ -329,7 +329,7 @@ fn a_loop_over_an_unchanged_view_renders_nothing_in_its_second_round() {
     let second: Vec<_> = (0..steps).map(|s| ask(&pipelined, s)).collect();
     assert!(first.iter().all(|(is_kept, _)| !is_kept) && second.iter().all(|(is_kept, _)| *is_kept));
     assert!(first.iter().zip(&second).all(|(a, b)| a.1 == b.1));
-    // Without a budget, and for the same frame twice on the way, too.
+    // Also without a budget, and for two equal requests on their way.
     let pipelined = start(&series, &options(2, 0));
     let again: Vec<_> = (0..2 * steps).map(|s| ask(&pipelined, s % steps)).collect();
     assert!(again.iter().zip(first.iter().chain(&first)).all(|(a, b)| !a.0 && a.1 == b.1));
@@ -347,7 +347,7 @@ fn memory_of_frames_and_steps_goes_round() {
             *places.entry(frame.planes.color.pixels.as_ptr().addr()).or_insert(0) += 1;
         }
     }
-    // One that is rendered to, one delivered, one that waits for its place there, one taken.
+    // One being rendered, one delivered, one that waits for its turn, one taken.
     assert!(places.len() <= 4, "{places:?}");
     while pipelined.wait(LONG).is_some() {}
     assert!(pipelined.stop().decode.buffers() <= 5);

@@ -156,7 +156,7 @@ fn has_smooth_surfaces(layer: &TetLayer) -> bool {
 #[derive(Clone, Debug)]
 struct SurfaceColors {
     table: Arc<NodeTable>,
-    /// What they come from, if that is known; the colours of the table otherwise.
+    /// Source of the colours, if known; otherwise the table's colours are used.
     source: Option<Arc<TransferSource>>,
 }
 

@@ -34,8 +34,8 @@ impl Held {
     }
 }
 
-/// Most moments that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next
-/// one from. If more are in use, the memory of those let go comes back when their frames are done.
+/// Most times that are held, in use or not: two that are prepared, one that is rendered, and two steps to mix the next one from. If more
+/// are in use, memory of the released ones returns when their frames are done.
 const HELD_MAX: usize = 5;
 
 /// Vertices that a thread mixes at once: fewer cost more to hand out than to mix.

@@ -1,4 +1,4 @@
-//! A series that is told how to behave.
+//! Series with a scripted source, for tests.
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
@@ -16,19 +16,19 @@ use crate::task::{Cancel, Silent};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-/// What a fake source has done, and what it is to do.
+/// The calls and the script of a fake source.
 #[derive(Debug, Default)]
 struct State {
     decoded: Vec<usize>,
     fails: Option<usize>,
     panics: Option<usize>,
-    /// Steps whose decoding waits until it is cancelled.
+    /// Steps whose decoding blocks until it is cancelled.
     hangs: bool,
-    /// What decoding takes.
+    /// Duration of decoding a step.
     takes: Duration,
 }
 
-/// The other end of a fake source.
+/// Controls a fake source.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Log(Arc<Mutex<State>>);
 
@@ -42,23 +42,22 @@ impl Log {
         self.with(|state| state.decoded.clone())
     }
 
-    /// Reading this step is an error from now on.
+    /// Lets this step fail to decode from now on.
     pub(crate) fn fail_at(&self, step: usize) {
         self.with(|state| state.fails = Some(step));
     }
 
-    /// Decoding this step panics from now on.
+    /// Lets this step panic from now on.
     pub(crate) fn panic_at(&self, step: usize) {
         self.with(|state| state.panics = Some(step));
     }
 
-    /// From now on decoding a step takes so long, or until it is cancelled.
+    /// Lets decoding a step take this long, or until it is cancelled, from now on.
     pub(crate) fn take(&self, duration: Duration) {
         self.with(|state| state.takes = duration);
     }
 
-    /// From now on decoding waits until it is cancelled, or until this is called again; so does counting histograms, which there are
-    /// none of.
+    /// Blocks decoding from now on until it is cancelled or this is called again; also counting histograms, of which there are none.
     pub(crate) fn hang(&self, hangs: bool) {
         self.with(|state| state.hangs = hangs);
     }
@@ -137,7 +136,7 @@ impl StepSource for Fake {
     }
 }
 
-/// A small generated series as a store has it. One for all tests.
+/// A small generated series in a store, shared by all tests.
 fn stored() -> &'static Store {
     static STORE: OnceLock<(tempfile::TempDir, Store)> = OnceLock::new();
     let (_, store) = STORE.get_or_init(|| {
@@ -160,12 +159,12 @@ pub(crate) fn jet() -> Arc<Series> {
     Arc::new(Series::open(stored(), None).unwrap())
 }
 
-/// A series of so many steps on the mesh of the small one, whose step s has the value s everywhere.
+/// A series of this many steps on the mesh of the small one; step s has the value s everywhere.
 pub(crate) fn logged(steps: usize) -> (Arc<Series>, Log) {
     of_field(steps, field())
 }
 
-/// The same of a field that has no finite value, as far as anybody knows.
+/// As above, with a field that has no known finite value.
 pub(crate) fn without_values(steps: usize) -> Arc<Series> {
     let mut field = field();
     (field.range, field.range_per_step) = (None, vec![None; steps]);

@@ -1,4 +1,4 @@
-//! Requests there and back, and texts that are none.
+//! Round trips of requests through text, and invalid texts.
 
 use super::*;
 use crate::camera::{Camera, Projection};
@@ -54,7 +54,7 @@ fn table() -> impl Strategy<Value = TransferTable> {
     prop_oneof![scalar, joint]
 }
 
-/// An ensemble of one member with all that members have.
+/// An ensemble of one member with all optional entries.
 fn ensemble(name: &str, weight: f64) -> Ensemble {
     let text = r#"{"name": "e", "members": [{"name": "m", "weight": 0.5, "range": "step", "map": {"points": [[0.25, 0.5]]},
         "function": {"transfer-function": {"color_map": "viridis", "points": [[0, 0.1], [1, 0.7]]}}}]}"#;
@@ -199,7 +199,7 @@ proptest! {
     }
 }
 
-/// One that says everything.
+/// A request with every property set.
 fn plain() -> FrameRequest {
     let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
     let node = |scalar| Node { scalar, rgb: [0.5; 3], tau: 1.0 };

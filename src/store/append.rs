@@ -1,4 +1,4 @@
-//! Adding steps to a store: a new store beside it that shares the files that stay as they are, then in its place at once.
+//! Adding steps to a store: a new store beside it that links the unchanged files, then replaces it in one move.
 
 use super::array::StoredArray;
 use super::field::StoredField;
@@ -16,25 +16,25 @@ use crate::moments::Moments;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A field of a store that goes on.
+/// A field of a store that is being continued.
 pub struct ResumedField {
-    /// Takes the steps from `first_step` on.
+    /// Writes the steps from `first_step` on.
     pub writer: FieldWriter,
-    /// Statistics of all steps that the store has.
+    /// Statistics of all steps in the store.
     pub moments: Moments,
-    /// The first step that the writer must be given. Before the number of steps that the store has, if a short block at their end
-    /// is to be coded again.
+    /// The first step that the writer must be given. Less than the store's number of steps if a short block at their end is to be coded
+    /// again.
     pub first_step: usize,
 }
 
 impl StoredField {
-    /// Of so many steps, those that stay as they are coded when others are added.
+    /// The number of the first `steps` whose coding does not change when others are added.
     pub fn settled_steps(&self, steps: usize) -> usize {
         let block = self.coding().map_or(1, |coding| coding.codec().block_steps());
         steps / block * block
     }
 
-    /// Keys of the chunks that are replaced when steps are added.
+    /// Keys of the chunks that adding steps replaces.
     pub(super) fn unsettled_chunks(&self, source: &Arc<Folder>, steps: usize, vertices: usize) -> Vec<String> {
         let group_key = &format!("{FIELDS}/{}", self.folder);
         let values = StoredValues { source: source.clone(), group_key, steps, vertices };
@@ -43,26 +43,25 @@ impl StoredField {
 }
 
 impl Store {
-    /// Points and cells that the source of the mesh had, those that were dropped included; `None` if the store does not say.
+    /// Number of points and cells in the source of the mesh, dropped ones included; `None` if the store does not say.
     pub fn source_counts(&self) -> Option<[u64; 2]> {
         let count = |name: &str| self.mesh.attributes.repair.get(name)?.as_u64();
         Some([count("vertices_in")?, count("cells_in")?])
     }
 
-    /// What the store was imported from, and what was skipped then.
+    /// The source of the import, and its notes on what was skipped.
     pub fn origin(&self) -> (&str, &[String]) {
         (&self.attributes.source, &self.attributes.notes)
     }
 }
 
 impl StoreWriter {
-    /// Begins a store with all that `store` has, in whose place it will be, and the fields that go on, in the same order. Times
-    /// and fields must be written and finished; the rest is there. Files that stay as they are become hard links, where the
-    /// file system has such.
+    /// Begins a store that replaces `store` and has all of its data, with the continued fields in the same order. Times and fields must be
+    /// written and finished; the rest is there. Unchanged files become hard links, where the file system has them.
     ///
     /// # Errors
-    /// If the store was written by a newer version, or by an older one that did not keep what codec `vq` needs to go on; if
-    /// statistics are damaged; if the folder of the store cannot be written.
+    /// If the store was written by a newer version, or by an older one without the data that codec `vq` needs to continue; if statistics
+    /// are damaged; if the folder of the store cannot be written.
     pub fn append(store: &Store) -> FileResult<(Self, Vec<ResumedField>)> {
         layout::check_appendable(&store.root, &store.attributes)?;
         let target = std::fs::canonicalize(&store.root).map_err(|e| FileError::io(&store.root, "open", &e))?;
@@ -94,7 +93,7 @@ impl StoreWriter {
     }
 }
 
-/// What a field goes on from.
+/// The state from which a field continues.
 struct Resumed {
     content: Content,
     moments: Moments,
@@ -135,7 +134,7 @@ fn too_old(path: impl AsRef<Path>, what: &str) -> FileError {
     FileError::unsupported(path, "", problem).remedy("import the series again")
 }
 
-/// The errors of the complete blocks, which are `steps` steps.
+/// Coding errors of the complete blocks, which have `steps` steps.
 fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> FileResult<ErrorTally> {
     if steps == 0 {
         return Ok(ErrorTally::new(vertices));
@@ -153,7 +152,7 @@ fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> F
         .ok_or_else(|| FileError::invalid(store.root.join(&keys[0]), "", "holds no sums of errors"))
 }
 
-/// Whether a file stays as it is. What is not known here does.
+/// Whether a file is unchanged; unknown files are.
 fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     let within = |key: &str, group: &str| key.strip_prefix(group).is_some_and(|rest| rest.starts_with('/'));
     if key == "zarr.json" || within(key, TIME) || within(key, LOD) {

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 use zarrs_metadata::v3::{ArrayMetadataV3, MetadataV3};
 
-/// An array that was found in a store and is cut and coded as tetreel writes it.
+/// An array of a store whose chunks and codecs are those that tetreel writes.
 #[derive(Clone, Debug)]
 pub(super) struct StoredArray {
     key: String,
@@ -15,7 +15,7 @@ pub(super) struct StoredArray {
     pub(super) attributes: Map<String, Value>,
 }
 
-/// What the metadata of an array of this kind say.
+/// The metadata of an array with this specification.
 fn metadata_of(spec: &ArraySpec) -> ArrayMetadataV3 {
     let configured = |name: &str, key: &str, value: Value| {
         MetadataV3::new_with_configuration(name, Map::from_iter([(key.to_owned(), value)]))
@@ -31,10 +31,10 @@ fn metadata_of(spec: &ArraySpec) -> ArrayMetadataV3 {
         .with_dimension_names(Some(spec.axes.iter().copied()))
 }
 
-/// Attribute that the crate zarrs gives to arrays. It stays, so that stores keep their bytes whichever crate serves the metadata.
+/// Attribute that the crate zarrs adds to arrays. It is kept, so that stores have the same bytes whichever crate writes the metadata.
 const ZARRS_ATTRIBUTE: &str = "_zarrs";
 
-/// Writes the metadata of an array of the group `group`; the chunks are the caller's.
+/// Writes the metadata of an array of the group `group`; the caller writes the chunks.
 pub(super) fn write_metadata(
     root: &Path,
     group: &str,
@@ -126,7 +126,7 @@ impl StoredArray {
     }
 }
 
-/// Whether two lists of codecs are the same; no configuration is as good as an empty one.
+/// Whether two lists of codecs are equal; a missing configuration equals an empty one.
 fn same_extensions(a: &[MetadataV3], b: &[MetadataV3]) -> bool {
     let configured = |m: &MetadataV3| m.configuration().filter(|c| !c.is_empty()).cloned();
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.name() == b.name() && configured(a) == configured(b))
@@ -147,7 +147,7 @@ mod tests {
             axes: vec!["cell"],
         };
         write_metadata(dir.path(), "mesh", &spec, Map::new()).unwrap();
-        // As zarrs 0.23 wrote it.
+        // Output of zarrs 0.23.
         let expected = r#"{
   "zarr_format": 3,
   "node_type": "array",

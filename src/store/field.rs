@@ -1,4 +1,4 @@
-//! Fields of an opened store and how a step of one is decoded.
+//! Fields of an opened store and the decoding of their steps.
 
 use super::MAGNITUDE_CODEC;
 use super::array::StoredArray;
@@ -26,25 +26,25 @@ pub struct StoredField {
     pub name: String,
     /// Unit of the values, if known.
     pub units: Option<String>,
-    /// Where the source had its values; in the store they are per vertex.
+    /// Association of the values in the source; in the store they are per vertex.
     pub association: Association,
     /// Codec of the values; `magnitude` if they are computed from `magnitude_of`.
     pub codec: String,
     /// Parameters of the codec.
     pub codec_parameters: serde_json::Value,
-    /// The error that the codec has reached; `None` if the values are exact.
+    /// Error measured after coding; `None` if the values are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
     /// Names of the fields whose Euclidean norm this one is; empty for a field with values of its own.
     pub magnitude_of: Vec<String>,
     /// Least and greatest finite value of the series; `None` if there is none.
     pub range: Option<[f32; 2]>,
-    /// The same for each step.
+    /// Least and greatest finite value of each step; `None` if a step has none.
     #[serde(skip)]
     pub range_per_step: Vec<Option<[f32; 2]>>,
     /// Number of NaN and infinite values in all steps.
     pub nonfinite: u64,
-    /// Of each step that of its values before they were coded; `None` if an older version wrote the store.
+    /// CRC-32C of each step's values before coding; `None` if an older version wrote the store.
     #[serde(skip)]
     pub(super) checksums: Option<Vec<u32>>,
     /// Folder below `fields`.
@@ -53,7 +53,7 @@ pub struct StoredField {
     /// Folders of `magnitude_of`.
     #[serde(skip)]
     pub(super) component_folders: Vec<String>,
-    /// How the values are coded.
+    /// Where the values come from, and their codec.
     #[serde(skip)]
     pub(super) coding: Coding,
 }
@@ -61,21 +61,21 @@ pub struct StoredField {
 /// Where the values of a field come from.
 #[derive(Clone, Debug)]
 pub(super) enum Coding {
-    /// A codec has written them.
+    /// Values written by a codec.
     Coded(Arc<dyn codec::Coding>),
-    /// Other fields.
+    /// The norm of other fields.
     Magnitude,
 }
 
 impl PartialEq for Coding {
-    /// Compares which of the two they are: parameters stand in the field.
+    /// Compares the variants only: the field has the codec's parameters.
     fn eq(&self, other: &Self) -> bool {
         matches!((self, other), (Self::Coded(_), Self::Coded(_)) | (Self::Magnitude, Self::Magnitude))
     }
 }
 
 impl Coding {
-    /// What the attributes say.
+    /// Where the values of a field with these attributes come from.
     fn of(attributes: &FieldAttributes, path: &Path) -> FileResult<Self> {
         if attributes.codec == MAGNITUDE_CODEC && !attributes.magnitude_of.is_empty() {
             return Ok(Self::Magnitude);
@@ -141,13 +141,13 @@ impl StoredField {
 }
 
 impl StoredField {
-    /// Where its own arrays of values are, below the root. Paths do not depend on how many values there are.
+    /// Paths of its own value arrays below the root, whatever the number of values.
     pub(super) fn array_paths(&self) -> impl Iterator<Item = String> {
         let arrays = self.coding.arrays(1, 1).into_iter();
         arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
     }
 
-    /// How its own values are coded; `None` of one that is computed from others.
+    /// Coding of its own values; `None` for a magnitude.
     pub fn coding(&self) -> Option<&dyn codec::Coding> {
         match &self.coding {
             Coding::Coded(coding) => Some(&**coding),
@@ -155,7 +155,7 @@ impl StoredField {
         }
     }
 
-    /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` if it has none of its own.
+    /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` for a magnitude.
     fn decoder(&self, series: &Series<'_>) -> Option<Box<dyn Decoder>> {
         let group_key = &format!("{FIELDS}/{}", self.folder);
         let (source, steps, vertices) = (series.source.clone(), series.steps, series.vertices);
@@ -173,7 +173,7 @@ fn read_checksums(root: &Path, source: &Folder, group: &str, steps: u64) -> File
     Ok(Some(array.expect_shape(root, &[steps])?.read::<u32, 1>(root, source)?.into_flattened()))
 }
 
-/// `Some(None)` if a step has no finite value; `None` if these bounds are no range.
+/// The checked range: `Some(None)` for NaN bounds (no finite value), `None` for an invalid range.
 fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
     match (lo.is_nan(), hi.is_nan()) {
         (true, true) => Some(None),
@@ -182,7 +182,7 @@ fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
     }
 }
 
-/// What all fields of a store have in common, and where a reader keeps blocks.
+/// Properties shared by all fields of a store, and the readers' block cache.
 pub(super) struct Series<'a> {
     pub(super) root: &'a Path,
     pub(super) source: &'a Arc<Folder>,
@@ -194,12 +194,12 @@ pub(super) struct Series<'a> {
 /// Decodes any step of a field. Several threads may use one reader at once.
 pub struct FieldReader {
     info: StoredField,
-    /// The fields whose norm this one is.
+    /// The fields whose norm this one is; empty for a field with its own values.
     components: Vec<StoredField>,
     steps: usize,
     vertices: usize,
     values: Values,
-    /// The cache that the reader was given.
+    /// The block cache, if the reader was given one.
     cache: Option<Arc<BlockCache>>,
     pub(super) root: PathBuf,
     pub(super) source: Arc<Folder>,
@@ -207,7 +207,7 @@ pub struct FieldReader {
 
 enum Values {
     Stored(Box<dyn Decoder>),
-    /// The norm of other fields. Buffers for all components of a step wait in the pool.
+    /// The norm of other fields. The pool has buffers for all components of a step.
     Magnitude {
         components: Vec<Box<dyn Decoder>>,
         pool: Mutex<Vec<Vec<f32>>>,
@@ -220,7 +220,7 @@ impl FieldReader {
         &self.components
     }
 
-    /// `components` are the fields whose norm this one is.
+    /// A reader of `info`, with `components` the fields whose norm it is.
     pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
         let values = match info.decoder(series) {
             Some(decoder) => Values::Stored(decoder),
@@ -241,7 +241,7 @@ impl FieldReader {
         }
     }
 
-    /// Another reader of the same files, with its blocks in `cache`: what it reads makes no room among those of this one.
+    /// Another reader of the same files, with its blocks in `cache`: its reads evict none of this reader's blocks.
     #[must_use]
     pub fn with_blocks(&self, cache: Arc<BlockCache>) -> Self {
         let series = Series {
@@ -254,7 +254,7 @@ impl FieldReader {
         Self::new(self.info.clone(), &self.components.iter().collect::<Vec<_>>(), &series)
     }
 
-    /// What the field is.
+    /// The field.
     pub fn info(&self) -> &StoredField {
         &self.info
     }
@@ -284,14 +284,14 @@ impl FieldReader {
         }
     }
 
-    /// As [`FieldReader::decode_step`], unless `cancel` is raised: `None` then, within a few milliseconds, and `out` is
-    /// unspecified. Only those vertices need to be there that are wanted, if that is said; what the others hold is unspecified.
+    /// As [`FieldReader::decode_step`], unless `cancel` is raised: then `None` within a few milliseconds. With `wanted`, only the chunks it
+    /// selects are sure to be decoded. All other values of `out` are unspecified.
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
     ///
     /// # Panics
-    /// As [`FieldReader::decode_step`], or if there is not one wish for each chunk.
+    /// As [`FieldReader::decode_step`], or if `wanted` has not one entry per chunk.
     pub fn decode_step_unless(
         &self,
         step: usize,
@@ -304,7 +304,7 @@ impl FieldReader {
             Values::Magnitude { components, pool } => {
                 assert_eq!(out.len(), self.vertices, "one value per vertex");
                 let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
-                // A new one is zero without being written, which would take a while and could not be cancelled.
+                // A new buffer is zero without being written, which would take a while and could not be cancelled.
                 let mut buffer = pooled.unwrap_or_else(|| vec![0.0; components.len() * self.vertices]);
                 let result = decode_magnitude(components, step, &mut buffer, out, cancel);
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
@@ -313,7 +313,7 @@ impl FieldReader {
         }
     }
 
-    /// The decoders of what is stored: one, or those of a magnitude's components.
+    /// The decoders of the stored values: one, or one per component of a magnitude.
     fn decoders(&self) -> &[Box<dyn Decoder>] {
         match &self.values {
             Values::Stored(decoder) => std::slice::from_ref(decoder),
@@ -325,9 +325,9 @@ impl FieldReader {
         self.decoders().iter().filter_map(|decoder| decoder.blocks())
     }
 
-    /// Tells the cache which steps will be shown, the next one first; of repetitions, as in a loop, the first counts. The
-    /// blocks of these steps are then kept, and loaded by [`FieldReader::prefetch`], in this order. Steps that there are not
-    /// are left out. The cache goes by what it was told last, by this reader or another one.
+    /// Tells the cache which steps will be shown, the next one first; of repeated steps, as in a loop, the first counts. Their blocks are
+    /// kept, and loaded by [`FieldReader::prefetch`], in this order. Steps that do not exist are ignored. The last call counts, by this
+    /// reader or another one.
     ///
     /// Does nothing without a cache ([`Store::field_with`](super::Store::field_with)).
     pub fn expect(&self, upcoming: &[usize]) {
@@ -337,15 +337,15 @@ impl FieldReader {
         cache.expect((0..upcoming.len()).filter(|&i| is_new(i)).flat_map(|i| self.keys(upcoming[i])));
     }
 
-    /// The blocks of a step, each with its name in the cache.
+    /// Cache keys of a step's blocks.
     fn keys(&self, step: usize) -> impl Iterator<Item = BlockKey> {
         self.loaders()
             .filter_map(move |loader| loader.block_of_step(step).map(|index| BlockKey { decoder: loader.id(), index }))
     }
 
-    /// Loads the first block that the steps of [`FieldReader::expect`] need, that is not in memory, and that fits in the
-    /// budget beside those that are needed sooner. Returns whether there was one; not if `cancel` was raised before it was
-    /// whole. A block that failed is passed over until steps are expected again.
+    /// Loads the first block that the steps of [`FieldReader::expect`] need, that is not in memory, and that fits in the budget beside
+    /// those needed sooner. Returns whether there was one; not if `cancel` was raised before it was complete. A block that failed is
+    /// skipped until steps are expected again.
     ///
     /// # Errors
     /// If the block is missing or damaged; the error names the file and the first step of the block.
@@ -354,13 +354,13 @@ impl FieldReader {
         cache.prefetch(|decoder| self.loaders().find(|loader| loader.id() == decoder), cancel)
     }
 
-    /// Whether `step` can be decoded without reading anything, from what is in the cache that the reader was given.
+    /// Whether `step` can be decoded without reading a file, from the reader's block cache.
     pub fn is_resident(&self, step: usize) -> bool {
         let Some(cache) = &self.cache else { return false };
         step < self.steps && self.keys(step).all(|key| cache.is_resident(key))
     }
 
-    /// The compressed block of codec `vq` that `step` is in, for a decoder on another processor; `None` from other codecs.
+    /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs.
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
@@ -374,7 +374,7 @@ impl FieldReader {
     /// Mean and variance over time of every vertex; `None` if the store has none of this version.
     ///
     /// # Errors
-    /// If they are damaged.
+    /// If the arrays are damaged.
     pub fn vertex_statistics(&self) -> FileResult<Option<VertexStatistics>> {
         let spec = moments_array(self.vertices as u64);
         let key = format!("{FIELDS}/{}/{}", self.info.folder, spec.name);

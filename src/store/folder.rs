@@ -14,20 +14,20 @@ use std::time::Duration;
 
 /// Tells whether what lies in a store's place is still the series that was opened.
 pub(super) trait SameSeries: Debug + Send + Sync {
-    /// Whether the store is in the state in which the series was found last. If it has changed and goes on with this series, what was just
-    /// looked up may be from any state in between: look again.
+    /// Whether the store is still in the state in which the series was last found, so that a file just opened belongs to it. `false` if
+    /// it has changed but continues this series: the file may be from any state between, so open it again.
     ///
     /// # Errors
     /// If it has become another series.
     fn is_unchanged(&self, root: &Path) -> FileResult<bool>;
 }
 
-/// Objects are the files below a folder.
+/// Source of chunks whose keys are paths of files below a folder.
 #[derive(Clone, Debug)]
 pub(super) struct Folder {
     root: PathBuf,
     pinned: Pinned,
-    /// What the files must be of.
+    /// The series that the files must belong to; `None`: any.
     series: Option<Arc<dyn SameSeries>>,
 }
 
@@ -36,12 +36,12 @@ impl Folder {
         Self { root: root.into(), pinned: Pinned::default(), series: None }
     }
 
-    /// The folder of a store, from which nothing is read once another series has taken its place.
+    /// The folder of a store; reads fail once another series has taken its place.
     pub(super) fn of_series(root: impl Into<PathBuf>, series: Arc<dyn SameSeries>) -> Self {
         Self { series: Some(series), ..Self::new(root) }
     }
 
-    /// Whether what was just found in the folder is of its series; if not, it may be when it is looked for again.
+    /// Whether a file just found belongs to the series; if not, looking again may find the one that does.
     fn is_of_series(&self) -> FileResult<bool> {
         self.series.as_ref().map_or(Ok(true), |series| series.is_unchanged(&self.root))
     }
@@ -51,7 +51,7 @@ impl Folder {
         self.is_of_series().map(drop)
     }
 
-    /// From now on these objects are what they are now, or missing as they are now, whatever takes their place.
+    /// Freezes these objects: reads give the files, or their absence, of now, whatever takes their place.
     ///
     /// Does nothing on systems other than Unix: there, a folder with open files cannot be moved.
     pub(super) fn pin(&mut self, keys: Vec<String>) -> FileResult<()> {
@@ -69,7 +69,7 @@ impl Folder {
         Ok(())
     }
 
-    /// Does something with a file of the series.
+    /// Applies `act` to a file of the series, again if the store was exchanged meanwhile.
     fn find<T>(&self, act: impl Fn() -> io::Result<T>) -> FileResult<io::Result<T>> {
         for _ in 0..EXCHANGE_LOOKS {
             let result = self.look(&act);
@@ -81,8 +81,7 @@ impl Folder {
         Err(error.remedy("try again when fewer steps are added"))
     }
 
-    /// Does something with a file. While a store is being exchanged in two moves, it is nowhere for a moment: what is missing
-    /// together with the store is looked for again.
+    /// Applies `act` to a file. A store that is exchanged in two moves is briefly absent: if file and store are both missing, tries again.
     fn look<T>(&self, act: &impl Fn() -> io::Result<T>) -> io::Result<T> {
         for _ in 0..EXCHANGE_LOOKS {
             match act() {
@@ -94,25 +93,25 @@ impl Folder {
             }
             std::thread::sleep(EXCHANGE_PAUSE);
         }
-        // It may have come between the two looks.
+        // The store may have come back between the two looks.
         act()
     }
 }
 
-/// Files that are held open, and what was not there.
+/// Files that are held open; `None` for one that did not exist.
 type Pinned = BTreeMap<String, Option<Arc<File>>>;
 
-/// How often, and after how long, a store that has just gone is looked for again.
+/// Attempts, and the pause between them, to find a store that has just vanished.
 pub(super) const EXCHANGE_LOOKS: u32 = 50;
 pub(super) const EXCHANGE_PAUSE: Duration = Duration::from_millis(5);
 
-/// Reads from a place of a file that several threads may share.
+/// Reads from an offset of a file that several threads may share.
 #[cfg(unix)]
 fn read_at(file: &File, offset: u64, part: &mut [u8]) -> io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, part, offset)
 }
 
-/// Files are shared on Unix only.
+/// No file is pinned on systems other than Unix.
 #[cfg(not(unix))]
 fn read_at(mut file: &File, offset: u64, part: &mut [u8]) -> io::Result<()> {
     use std::io::{Read, Seek, SeekFrom};
@@ -120,7 +119,7 @@ fn read_at(mut file: &File, offset: u64, part: &mut [u8]) -> io::Result<()> {
     file.read_exact(part)
 }
 
-/// Removes a name that is about to be written: the file may be that of an older store as well, which must not change.
+/// Removes a file that is about to be written: it may be a hard link shared with an older store, which must not change.
 pub(super) fn unlink(path: &Path) -> FileResult<()> {
     match fs::remove_file(path) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(FileError::io(path, "replace", &e)),
@@ -229,7 +228,7 @@ pub(super) fn walk(root: &Path, visit: &mut dyn FnMut(&Path, &fs::Metadata) -> F
         fs::read_dir(root).map_err(list)?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>().map_err(list)?;
     entries.sort();
     for path in entries {
-        // Links are not followed: a store has none, and a loop of them has no end.
+        // Links are not followed: a store has none, and a cycle would never end.
         let metadata = fs::symlink_metadata(&path).map_err(|e| FileError::io(&path, "open", &e))?;
         if metadata.is_dir() {
             walk(&path, visit)?;

@@ -1,20 +1,19 @@
-//! The histograms of a field, in a store.
+//! The stored histograms of a field.
 //!
 //! | array of `fields/FOLDER/histograms` | u64 counts |
 //! |---|---|
 //! | `scalar`, `cov` | [256] |
 //! | `scalar_gradient`, `scalar_cov` | [64, 256]: y, x |
 //!
-//! What they count, and where bins lie, says [`crate::histograms`]; the attributes `x_range` and `y_range` are the ends of the axes
-//! (`null` if there is no finite value, and for the `y` of one that has none), `nonfinite` the samples that are in no bin.
+//! [`crate::histograms`] defines samples and bins; the attributes `x_range` and `y_range` are the ends of the axes (`null` without a finite
+//! value or a `y` axis), `nonfinite` the number of samples in no bin.
 //!
-//! They count what the store gives back, not what the source had: with codec `vq` the values as they are shown, whatever the
-//! scalar's range over the source leaves out being in the bins at its ends. So those of an import and those counted later are
-//! the same. Version 2 of `cov`: the last edge is a quarter of an octave, as that of the `y` of `scalar_cov`; of version 1, where it was a
-//! sixteenth, the counts are moved. Whoever asks first waits until all steps are counted, and the store keeps the counts if it can be written
-//! to. To add steps removes them, because ranges grow and coefficients of variation change, and with them the bin of every sample. They are
-//! derived: with a version, the number of steps and a checksum of what was counted (`of`; older versions wrote them with the steps and have
-//! none), and whatever is missing, damaged or of something else is counted again.
+//! They count decoded values: with codec `vq` the values shown, of which those outside the source's range go to the bins at its ends. So
+//! histograms of an import and later ones are the same. Version 2 of `cov`: the last edge is a quarter of an octave, as for the `y` of
+//! `scalar_cov`; counts of version 1, where it was a sixteenth, are moved. The first request counts all steps, and the store keeps the
+//! counts if it is writable. Adding steps removes them, because ranges grow and coefficients of variation change, and with them the bin of
+//! every sample. They are derived: with a version, the number of steps and a checksum of the values (`of`; older versions wrote them with
+//! the steps and have none); missing, damaged or outdated ones are counted again.
 
 use super::FieldReader;
 use super::array::StoredArray;
@@ -34,9 +33,9 @@ use std::path::Path;
 
 /// Group of the histograms of a field.
 pub(super) const HISTOGRAMS: &str = "histograms";
-/// Version of what is counted and of the bins.
+/// Version of the samples and the bins.
 const HISTOGRAMS_VERSION: u64 = 1;
-/// The same, of octaves along x; of version 1 these ended with the bin of the greatest value.
+/// Version of kinds with octaves along x; in version 1 these ended with the bin of the greatest value.
 const OCTAVES_VERSION: u64 = 2;
 const STEPS: &str = "steps";
 const OF: &str = "of";
@@ -44,15 +43,15 @@ const NONFINITE: &str = "nonfinite";
 const AXES: [&str; 2] = ["x_range", "y_range"];
 
 impl FieldReader {
-    /// The histograms of the whole series, one for each of [`Kind::ALL`]: those of the store, or, if it has none of this
-    /// version and of these steps, counted now, which takes as long as decoding every step and some ten nanoseconds a cell
-    /// and step; then the store keeps them, if it can be written to. `mesh` is that of the store. `None` if `cancel` was raised.
+    /// The histograms of the whole series, one for each of [`Kind::ALL`]: from the store, or, if it has none of this version and number of
+    /// steps, counted now, which takes as long as decoding every step and some ten nanoseconds a cell and step, and then stored if
+    /// possible. `mesh` is that of the store. `None` if `cancel` was raised.
     ///
     /// # Errors
-    /// If there are none and a step cannot be decoded.
+    /// If a step has to be decoded and cannot be.
     ///
     /// # Panics
-    /// If `mesh` is another one.
+    /// If `mesh` is not that of the store.
     pub fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
         if let Some(stored) = self.stored_histograms() {
             return Ok(Some(stored));
@@ -61,32 +60,32 @@ impl FieldReader {
         if let Some(histograms) = &counted
             && let Err(problem) = self.keep_histograms(histograms)
         {
-            // They are counted again next time.
+            // The next request counts them again.
             tracing::info!(%problem, "histograms are not kept");
         }
         Ok(counted)
     }
 
-    /// Puts histograms of [`Kind::ALL`] into the store, in the place of those that are there. They are written beside it, and moved.
+    /// Stores histograms of [`Kind::ALL`], replacing old ones. They are written to a temporary folder and moved.
     fn keep_histograms(&self, histograms: &[Histogram]) -> FileResult<()> {
         let Some(of) = self.checksum() else { return Ok(()) };
         let staging = files::sibling_folder(&self.root, "tmp")?;
         let folder = &self.info().folder;
         write(staging.path(), folder, (self.step_count(), of), histograms)?;
-        // They are of no use to another series that has taken the place of this one.
+        // Another series in the place of this one must not get them.
         self.source.check()?;
         let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
         let (new, kept) = (staging.path().join(&key), self.root.join(&key));
         if fs::rename(&new, &kept).is_ok() {
             return Ok(());
         }
-        // Something is there, which a rename does not replace.
+        // A rename does not replace a folder that is not empty.
         let old = staging.path().join("old");
         fs::rename(&kept, old).map_err(|e| FileError::io(&kept, "move", &e))?;
         fs::rename(&new, &kept).map_err(|e| FileError::io(&kept, "write", &e))
     }
 
-    /// A checksum of the values of all steps, and of how they are coded; `None` if the store does not know.
+    /// A checksum of the values of all steps and of their coding; `None` if the store lacks theirs.
     fn checksum(&self) -> Option<u32> {
         let own = std::iter::once(self.info()).filter(|field| field.magnitude_of.is_empty());
         let mut checksum = 0;
@@ -117,7 +116,7 @@ impl FieldReader {
         })
     }
 
-    /// Those that the store has, if it has all of them.
+    /// The stored histograms; `None` unless all kinds are there.
     pub fn stored_histograms(&self) -> Option<Vec<Histogram>> {
         Kind::ALL.iter().map(|kind| self.stored_histogram(kind)).collect()
     }
@@ -150,8 +149,8 @@ impl FieldReader {
         }
     }
 
-    /// The coefficient of variation of every vertex with the usual denominator: that of the store, or from its statistics, or from
-    /// all steps. `None` if `cancel` was raised.
+    /// The coefficient of variation of every vertex with the usual denominator: from the store, its statistics, or all steps. `None` if
+    /// `cancel` was raised.
     fn coefficients_of_variation(&self, cancel: &Cancel) -> FileResult<Option<Vec<f32>>> {
         if let Some(stored) = self.vertex_importance() {
             return Ok(Some(stored));
@@ -175,7 +174,7 @@ impl FieldReader {
     }
 }
 
-/// The version of a kind that is written.
+/// The version that is written for a kind.
 fn version(kind: &Kind<'_>) -> u64 {
     match kind.x.scale() {
         AxisScale::Linear => HISTOGRAMS_VERSION,
@@ -183,7 +182,7 @@ fn version(kind: &Kind<'_>) -> u64 {
     }
 }
 
-/// A range as JSON has it: every f32 is a f64, and comes back as it went in. `None` if this is none.
+/// A range from JSON: every f32 is a f64, and survives the round trip. `None` if it is invalid.
 fn range_of(value: &Value) -> Option<Option<[f32; 2]>> {
     if value.is_null() {
         return Some(None);
@@ -193,7 +192,7 @@ fn range_of(value: &Value) -> Option<Option<[f32; 2]>> {
     (range[0] <= range[1]).then_some(Some(range))
 }
 
-/// Writes the histograms of [`Kind::ALL`], of so many steps with this checksum.
+/// Writes the histograms of [`Kind::ALL`] with the number of steps and the checksum.
 fn write(root: &Path, folder: &str, (steps, of): (usize, u32), histograms: &[Histogram]) -> FileResult<()> {
     let group = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
     layout::write_group(root, &group, &Map::new())?;

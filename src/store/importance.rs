@@ -1,13 +1,13 @@
-//! What the level of detail of a field is made of, in a store.
+//! The level-of-detail arrays of a field in a store.
 //!
 //! | array of `lod/FOLDER` | |
 //! |---|---|
-//! | `global` | f32 [vertices]: coefficient of variation of every vertex over all steps, with the usual denominator; infinities as f32 has them |
+//! | `global` | f32 [vertices]: coefficient of variation of every vertex over all steps, with the usual denominator; may be infinite |
 //! | `local_N` | u64 [N, 3]: first step, end and sampled step of N intervals |
 //!
-//! Rankings are not stored: that of two million faces is 8 MB, and those of six intervals and the whole would take more than 64
-//! raw steps of the same mesh. They are made of these arrays and the scalars of one step, in less time than it takes to notice.
-//! Both arrays are derived, have a version, and say of how many steps they are; whatever does not fit is not there.
+//! Rankings are not stored: two million faces take 8 MB, and rankings of six intervals and the whole would take more than 64 raw steps of
+//! the same mesh. They are computed in an instant from these arrays and the scalars of one step. Both arrays are derived, with a version
+//! and the number of steps they cover; an array that does not match counts as missing.
 
 use super::FieldReader;
 use super::array::StoredArray;
@@ -22,9 +22,9 @@ use std::path::Path;
 
 /// Group of the level of detail.
 pub(super) const LOD: &str = "lod";
-/// Version of its arrays.
+/// Version of the level-of-detail arrays.
 const LOD_VERSION: u64 = 1;
-/// Attribute with the number of steps.
+/// Attribute with the number of steps covered.
 const STEPS_ATTRIBUTE: &str = "steps";
 const GLOBAL: &str = "global";
 
@@ -32,7 +32,7 @@ fn local(count: usize) -> String {
     format!("local_{count}")
 }
 
-/// Writes what there is to know of a field whose steps are complete; returns the bytes of the chunks.
+/// Writes the level-of-detail arrays of a field whose steps are complete; returns the bytes of the chunks.
 pub(super) fn write(root: &Path, folder: &str, moments: &Moments, statistics: &VertexStatistics) -> FileResult<u64> {
     let group = format!("{LOD}/{folder}");
     layout::write_group(root, LOD, &Map::new())?;
@@ -54,8 +54,8 @@ pub(super) fn write(root: &Path, folder: &str, moments: &Moments, statistics: &V
 }
 
 impl FieldReader {
-    /// The coefficient of variation of every vertex with the usual denominator, as it was computed at import; `None` if the store
-    /// has none of this version and of these steps, or a damaged one.
+    /// The coefficient of variation of every vertex with the usual denominator, from the import; `None` if it is missing, damaged, or of
+    /// another version or number of steps.
     pub fn vertex_importance(&self) -> Option<Vec<f32>> {
         let array = self.open_lod(GLOBAL, ElementType::F32, 1)?;
         let array = array.expect_shape(&self.root, &[self.vertex_count() as u64]).ok()?;

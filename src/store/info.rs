@@ -19,7 +19,7 @@ pub struct StoreInfo {
     pub fields: Vec<StoredField>,
     /// Bytes on disk.
     pub bytes: u64,
-    /// Versions, and what was imported.
+    /// Versions and origin.
     pub version: VersionInfo,
 }
 
@@ -30,7 +30,7 @@ pub struct MeshInfo {
     pub vertices: u64,
     /// Number of tetrahedra.
     pub cells: u64,
-    /// Corners of the bounding box in world coordinates, if the store says so.
+    /// Corners of the bounding box in world coordinates; `None` if the store lacks them.
     pub bounds: Option<[[f64; 3]; 2]>,
     /// What was found and repaired at import.
     pub repair: serde_json::Value,

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use zarrs_metadata::v3::GroupMetadataV3;
 
-/// Version of the layout. A reader takes any minor version of its major one.
+/// Version of the layout. A reader accepts any minor version of its major one.
 const STORE_VERSION: [u32; 2] = [1, 0];
-/// Version of the derived arrays (faces, face_cells, neighbours, moments); others are derived again or not used.
+/// Version of the derived arrays (faces, face_cells, neighbours, moments); those of other versions are derived again or ignored.
 pub(super) const DERIVED_VERSION: u64 = 1;
 /// Attribute of a derived array that holds its version.
 pub(super) const DERIVED_ATTRIBUTE: &str = "derived_version";
@@ -55,7 +55,7 @@ pub(super) struct RootAttributes {
     /// What was skipped while reading it.
     #[serde(default)]
     pub(super) notes: Vec<String>,
-    /// How often steps were added.
+    /// Number of appends.
     #[serde(default)]
     pub(super) revision: u64,
 }
@@ -83,7 +83,7 @@ pub(super) struct FieldsAttributes {
 pub(super) struct FieldAttributes {
     /// Name as the user selects it.
     pub(super) name: String,
-    /// Where the source had its values.
+    /// Association of the values in the source.
     pub(super) association: Association,
     /// Unit of the values, if known.
     #[serde(default)]
@@ -96,7 +96,7 @@ pub(super) struct FieldAttributes {
     /// Folders of the components whose norm this field is; empty for a field with values of its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) magnitude_of: Vec<String>,
-    /// The error that the codec has reached; absent if it is exact.
+    /// Error measured after coding; absent if it is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) quality: Option<Quality>,
     /// Least and greatest finite value of the series, for other readers (`range_per_step` is exact).
@@ -151,7 +151,7 @@ pub(super) fn read_root(root: &Path) -> FileResult<RootAttributes> {
     Ok(attributes)
 }
 
-/// Refuses to add to a store of which this version may not know all.
+/// Refuses to add to a store of a newer version, which may have unknown content.
 pub(super) fn check_appendable(root: &Path, attributes: &RootAttributes) -> FileResult<()> {
     let minor = attributes.tetreel_store.split('.').nth(1).and_then(|v| v.parse::<u32>().ok());
     if minor.is_some_and(|minor| minor <= STORE_VERSION[1]) {

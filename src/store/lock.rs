@@ -1,30 +1,30 @@
-//! One at a time: who adds to a store holds a lock on its folder.
+//! The lock on the folder of a store, held by whoever adds to it.
 
 use crate::task::Cancel;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::time::Duration;
 
-/// How long to wait before another look at a lock that somebody else holds.
+/// Pause between two attempts to take a lock.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// The right to change a store. It ends with the value, and with the process however that ends.
+/// Exclusive right to change a store. It ends with the value, and with the process however that ends.
 ///
-/// On systems other than Unix, and on file systems without locks, everybody has it at once: there, a change that was overtaken
-/// by another one is still noticed before it is put in place, unless it happens in that very moment.
+/// On systems other than Unix, and on file systems without locks, it excludes nobody: a change overtaken by another one is then still
+/// noticed before it is put in place, but for a race of one instant.
 #[derive(Debug)]
 pub struct StoreLock {
     _folder: Option<File>,
 }
 
 impl StoreLock {
-    /// Waits until nobody else has it; `None` if `cancel` was raised. A store that is not there or cannot be opened needs
-    /// none: whoever opens it says why.
+    /// Waits for the lock; `None` if `cancel` was raised. A store that is missing or cannot be opened is not locked: opening it gives the
+    /// error.
     pub fn wait(root: &Path, cancel: &Cancel) -> Option<Self> {
         while !cancel.is_cancelled() {
             let Some(folder) = open_folder(root) else { return Some(Self { _folder: None }) };
             match folder.try_lock() {
-                // A store to which steps were added is another folder: the lock of the old one says nothing.
+                // After steps were added the store is another folder: the lock of the old one is void.
                 Ok(()) if is_at(&folder, root) => return Some(Self { _folder: Some(folder) }),
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
@@ -37,17 +37,17 @@ impl StoreLock {
 
 #[cfg(unix)]
 fn open_folder(root: &Path) -> Option<File> {
-    // A FIFO would be waited for.
+    // Opening a FIFO would block.
     File::open(Some(root).filter(|root| root.is_dir())?).ok()
 }
 
-/// Folders cannot be opened here.
+/// Folders cannot be opened on other systems.
 #[cfg(not(unix))]
 fn open_folder(_root: &Path) -> Option<File> {
     None
 }
 
-/// Whether a folder is still the one of this name.
+/// Whether the open folder is still the one at this path.
 #[cfg(unix)]
 fn is_at(folder: &File, root: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

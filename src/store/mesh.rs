@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Name of the array that says which cells the import turned; not there if it turned none.
+/// Name of the array that flags the cells whose orientation the import reversed; absent if there are none.
 const TURNED: &str = "cell_turned";
 
 /// Writes the arrays of one group, each as one chunk.
@@ -54,12 +54,12 @@ pub(super) fn derived() -> Map<String, Value> {
     Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())])
 }
 
-/// Whether an array was derived as this version derives it.
+/// Whether a derived array has this version.
 pub(super) fn is_current(array: &StoredArray) -> bool {
     array.attributes.get(DERIVED_ATTRIBUTE).and_then(Value::as_u64) == Some(DERIVED_VERSION)
 }
 
-/// Rows of one, as a one-dimensional array is written.
+/// Values as rows of one, for a one-dimensional array.
 pub(super) fn column<T: Element>(values: &[T]) -> &[[T; 1]] {
     bytemuck::cast_slice(values)
 }
@@ -100,7 +100,7 @@ pub(super) struct StoredMesh {
 }
 
 impl StoredMesh {
-    /// Reads the metadata and checks it against the sizes of the chunks, so that no count is believed unseen.
+    /// Reads the metadata and checks it against the sizes of the chunks, so that no count is trusted unchecked.
     pub(super) fn open(root: &Path, source: &Folder) -> FileResult<Self> {
         let attributes = layout::read_group(root, MESH)?;
         let points = open_array(root, "points", ElementType::F32, 2)?;
@@ -128,13 +128,13 @@ impl StoredMesh {
         Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned })
     }
 
-    /// Which cells the import turned: none if there is no such array.
+    /// The cells whose orientation the import reversed: none if there is no such array.
     fn read_turned(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Vec<bool>> {
         if root.join(MESH).join(TURNED).exists() {
             let array = open_array(root, TURNED, ElementType::U8, 1)?.expect_shape(root, &[self.cells])?;
             return Ok(array.read::<u8, 1>(root, source)?.into_iter().map(|[turned]| turned != 0).collect());
         }
-        // Topology has this many.
+        // The topology has this many cells.
         Ok(vec![false; usize::try_from(self.cells).unwrap_or_default()])
     }
 

@@ -8,12 +8,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use zarrs_metadata::v3::AdditionalFieldsV3;
 
-/// The file of the metadata of a group or an array.
+/// Path of the metadata of a group or an array.
 pub(super) fn path(root: &Path, key: &str) -> PathBuf {
     root.join(key).join("zarr.json")
 }
 
-/// Writes metadata; a file that other stores share is replaced, not written into.
+/// Writes metadata; a file that is linked from other stores is replaced, not overwritten.
 pub(super) fn write(root: &Path, key: &str, metadata: &impl Serialize) -> FileResult<()> {
     let path = path(root, key);
     let failed = |e: String| FileError::unsupported(&path, "", format!("cannot write: {e}"));
@@ -22,7 +22,7 @@ pub(super) fn write(root: &Path, key: &str, metadata: &impl Serialize) -> FileRe
     fs::create_dir_all(root.join(key)).and_then(|()| fs::write(&path, json)).map_err(|e| failed(e.to_string()))
 }
 
-/// Reads metadata; `node` names in errors what they are of.
+/// Reads metadata; errors name `node` as its group or array.
 pub(super) fn read<T: DeserializeOwned>(root: &Path, key: &str, node: &str) -> FileResult<T> {
     let path = path(root, key);
     if !path.is_file() {
@@ -32,7 +32,7 @@ pub(super) fn read<T: DeserializeOwned>(root: &Path, key: &str, node: &str) -> F
     serde_json::from_slice(&json).map_err(|e| FileError::invalid(&path, node, e.to_string()))
 }
 
-/// Refuses fields that a reader has to understand and this one does not (Zarr v3, section "Extension points").
+/// Refuses unknown fields that a reader must understand (Zarr v3, section "Extension points").
 pub(super) fn check_fields(root: &Path, key: &str, node: &str, fields: &AdditionalFieldsV3) -> FileResult<()> {
     match fields.iter().find(|(_, field)| field.must_understand()) {
         None => Ok(()),

@@ -11,10 +11,10 @@
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
 //! name made safe for any file system; the name itself is an attribute.
 //!
-//! [`StoreWriter`] writes beside the final place and moves the whole store there at the end; to add steps it begins with links to
-//! the files of the store that is there ([`StoreWriter::append`]), and [`Store::refreshed`] opens what has grown. [`Store`] reads: metadata,
-//! times and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing,
-//! damaged or other one is derived again (faces, neighbours) or not there (moments, level of detail, histograms: who needs them computes them).
+//! [`StoreWriter`] writes to a temporary folder and moves the whole store to its target at the end; to add steps it begins with links to
+//! the files of the existing store ([`StoreWriter::append`]), and [`Store::refreshed`] opens the grown one. [`Store`] reads metadata, times
+//! and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing, damaged or other one is
+//! derived again (faces, neighbours) or treated as missing (moments, level of detail, histograms: computed by their users).
 
 mod append;
 mod array;
@@ -54,11 +54,11 @@ use refresh::{OpenedSeries, Stamp};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The codec of a field without values of its own: the norm of other fields.
+/// Codec name of a field without values of its own: the norm of other fields.
 const MAGNITUDE_CODEC: &str = "magnitude";
 
-/// An opened store. It and its readers give what the store had when it was opened, also from one that has grown since; when another
-/// series has taken its place, they give errors.
+/// An opened store. It and its readers keep to the steps of when it was opened, even if it has grown since; when another series has taken
+/// its place, they fail.
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
@@ -121,8 +121,8 @@ impl Store {
         Ok(mesh)
     }
 
-    /// For each vertex of the mesh the coordinates that the source has, where those of the mesh do not give them back bit
-    /// for bit; `None` where they do, or if an older version wrote the store.
+    /// The source's coordinates of each vertex, where those of the mesh do not give them back bit for bit; `None` where they do, or if an
+    /// older version wrote the store.
     ///
     /// # Errors
     /// If the array is damaged, or another series has taken the store's place.
@@ -135,8 +135,8 @@ impl Store {
     /// A reader of one field. `NAME` of a vector means `NAME:mag`.
     ///
     /// # Errors
-    /// If there is no such field; the error lists those there are. If steps were added since the store was opened, so that a
-    /// block of codec `vq` is coded anew ([`Store::refreshed`] has it).
+    /// If there is no such field; the error lists the available ones. If steps were added since the store was opened, so that a block of
+    /// codec `vq` is coded anew ([`Store::refreshed`] has it).
     pub fn field(&self, selector: &FieldSelector) -> FileResult<FieldReader> {
         self.reader(selector, None)
     }
@@ -155,7 +155,7 @@ impl Store {
             let problem = format!("there is no field '{selector}'; the fields are: {}", names.join(", "));
             FileError::invalid(&self.root, "fields", problem)
         })?;
-        // Both lengths have been compared with the sizes of files.
+        // Both lengths were checked against the sizes of files.
         let vertices = usize::try_from(self.mesh.vertices)
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
         let components = components_of(&self.fields, info);
@@ -164,7 +164,7 @@ impl Store {
         Ok(FieldReader::new(info.clone(), &components, &series))
     }
 
-    /// What a reader of fields reads from. A last short block is replaced when steps are added: its files are held.
+    /// Source of a field's chunks. A last short block is replaced when steps are added: its files are kept open.
     fn source_of(&self, info: &StoredField, components: &[&StoredField]) -> FileResult<Arc<Folder>> {
         let fields = components.iter().copied().chain([info]);
         let keys: Vec<String> = fields
@@ -185,14 +185,13 @@ impl Store {
         let named = |name: &str| self.fields.iter().find(|f| f.name == name);
         named(&selector.to_string()).or_else(|| match selector.component {
             None => named(&format!("{}:mag", selector.name)),
-            // The only component of a scalar.
+            // Component 0 of a scalar is the scalar itself.
             Some(Component::Index(0)) => named(&selector.name),
             Some(_) => None,
         })
     }
 
-    /// Bytes on disk of a field's own values, checksums and metadata of their arrays included: 0 for one that is computed from
-    /// others.
+    /// Bytes on disk of a field's own values, with checksums and metadata of their arrays: 0 for a magnitude.
     ///
     /// # Errors
     /// If its files cannot be listed.
@@ -232,7 +231,7 @@ fn read_times(root: &Path, source: &dyn ReadRange) -> FileResult<TimeAxis> {
     Ok(TimeAxis { values })
 }
 
-/// Opens all fields and ties magnitudes to their components.
+/// Opens all fields and links magnitudes to their components.
 fn open_fields(root: &Path, source: &Folder, steps: u64, vertices: u64) -> FileResult<Vec<StoredField>> {
     let FieldsAttributes { folders } = layout::read_group(root, FIELDS)?;
     let invalid = |problem: String| FileError::invalid(root.join(FIELDS), "attributes", problem);
@@ -246,7 +245,7 @@ fn open_fields(root: &Path, source: &Folder, steps: u64, vertices: u64) -> FileR
     for i in 0..fields.len() {
         let mut components = Vec::new();
         for folder in &fields[i].component_folders {
-            // Magnitudes of magnitudes would have no end.
+            // Magnitudes of magnitudes could recur without end.
             let component = fields.iter().find(|f| &f.folder == folder && f.component_folders.is_empty());
             let missing = || invalid(format!("'{}' needs '{folder}', which has no values", fields[i].name));
             components.push(component.ok_or_else(missing)?.name.clone());

@@ -1,14 +1,14 @@
-//! Folder names of fields: safe on every file system, and one for each field.
+//! Folder names of fields: safe on every file system, and unique.
 
 use std::collections::BTreeSet;
 
-/// Longest folder name before a suffix; common file systems take 255 bytes.
+/// Longest folder name before a suffix; common file systems allow 255 bytes.
 const LONGEST: usize = 120;
 
-/// Names that Windows keeps for devices, with any extension and in any case.
+/// Names that Windows reserves for devices, with any extension and in any case.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Gives out folder names. Case does not tell names apart, because some file systems ignore it.
+/// Assigns folder names, unique regardless of case, because some file systems ignore it.
 #[derive(Debug)]
 pub(super) struct FolderNames {
     taken: BTreeSet<String>,
@@ -16,11 +16,11 @@ pub(super) struct FolderNames {
 
 impl FolderNames {
     pub(super) fn new() -> Self {
-        // The metadata of the group itself lies beside the folders.
+        // The group's own metadata lies beside the folders.
         Self { taken: BTreeSet::from(["zarr.json".to_owned()]) }
     }
 
-    /// A folder name for a field, unlike all given before.
+    /// A unique folder name for a field.
     pub(super) fn give(&mut self, field: &str) -> String {
         let encoded = encode(field);
         let mut name = encoded.clone();
@@ -39,7 +39,7 @@ pub(super) fn is_plain(folder: &str) -> bool {
     !folder.is_empty() && folder.bytes().all(allowed) && !folder.starts_with('.')
 }
 
-/// Percent-encodes what some file system, Zarr or a URL may not take as it is.
+/// Percent-encodes characters that some file system, Zarr or a URL may not accept.
 fn encode(field: &str) -> String {
     let last = field.len().saturating_sub(1);
     let stem = field.split('.').next().unwrap_or_default().to_ascii_lowercase();

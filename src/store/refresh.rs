@@ -1,7 +1,7 @@
-//! A store that has grown since it was opened, or has become another one.
+//! Detects that an opened store has grown, or has become another one.
 //!
-//! A reader looks after each file that it opens whether the store was exchanged. If so, mesh, times, codec and a checksum of each step's
-//! values tell whether it still is the series that was opened: the reader goes on, or stops with an error.
+//! A reader checks after opening a file whether the store was exchanged. If so, mesh, times, codec and a checksum of each step's values
+//! tell whether it is still the opened series: the reader goes on, or stops with an error.
 
 use super::Store;
 use super::field::StoredField;
@@ -16,12 +16,12 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// What tells one state of a store from the next: the metadata of its root, which every append and every import write anew, and
-/// which file that is. `None` while there is no store.
+/// State of a store: the metadata of its root, which every append and every import write anew, and the identity of that file. `None` while
+/// there is no store.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stamp(Option<(Vec<u8>, FileId)>);
 
-/// Which file something is: when it was written, how long it is, and its number (0 where it has none).
+/// Identity of a file: modification time, length and inode number (0 where it has none).
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FileId {
     modified: Option<SystemTime>,
@@ -30,7 +30,7 @@ struct FileId {
 }
 
 impl FileId {
-    /// That of the metadata of a store; `None` while there is no store.
+    /// The identity of a store's root metadata; `None` while there is no store.
     fn of(root: &Path) -> Option<Self> {
         let metadata = fs::metadata(root.join("zarr.json")).ok().filter(fs::Metadata::is_file)?;
         #[cfg(unix)]
@@ -53,7 +53,7 @@ impl Stamp {
     }
 }
 
-/// Opens a store of which nothing changes meanwhile: if it is exchanged for a newer one, tries again.
+/// Opens a store in one consistent state: retries if it is exchanged for a newer one meanwhile.
 pub(super) fn at_rest<T>(root: &Path, open: impl Fn(&Path, Stamp) -> FileResult<T>) -> FileResult<T> {
     let mut stamp = Stamp::of(root);
     for _ in 0..EXCHANGE_LOOKS {
@@ -70,7 +70,7 @@ pub(super) fn at_rest<T>(root: &Path, open: impl Fn(&Path, Stamp) -> FileResult<
     open(root, stamp)
 }
 
-/// The checksums of the chunks that make up the mesh; whatever has the same is the same mesh.
+/// Checksums of the mesh's chunks; equal ones mean the same mesh.
 fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
     let checksum = |(name, rank): (&str, usize)| {
         let key = chunk_key(&format!("{MESH}/{name}"), 0, rank);
@@ -82,7 +82,7 @@ fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
     [("points", 2), ("tets", 2), ("vertex_permutation", 1), ("cell_permutation", 1)].map(checksum).to_vec()
 }
 
-/// The series that a store had when it was opened, and whether what lies in its place now still is.
+/// The series of a store when it was opened, to check the store that is in its place now.
 #[derive(Debug)]
 pub(super) struct OpenedSeries {
     vertices: u64,
@@ -91,7 +91,7 @@ pub(super) struct OpenedSeries {
     mesh_checksums: Vec<Option<[u8; 4]>>,
     times: TimeAxis,
     fields: Vec<StoredField>,
-    /// The state of the store in which this series was found last.
+    /// The state of the store in which this series was last found.
     found_in: Mutex<Option<FileId>>,
 }
 
@@ -114,7 +114,7 @@ impl SameSeries for OpenedSeries {
 }
 
 impl OpenedSeries {
-    /// The series that `source` reads, of a store in this state.
+    /// The series that `source` reads, with the state of its store.
     pub(super) fn of(
         mesh: &StoredMesh,
         times: &TimeAxis,
@@ -161,7 +161,7 @@ impl OpenedSeries {
         }
         let goes_on = |(old, new): (&StoredField, &StoredField)| match (&old.checksums, &new.checksums) {
             (Some(old), Some(new)) => new.starts_with(old),
-            // An older version has written one of them.
+            // One of the two is from an older version.
             _ => true,
         };
         if self.fields.iter().zip(&new.fields).all(goes_on) { Ok(()) } else { other("other values") }
@@ -169,8 +169,8 @@ impl OpenedSeries {
 }
 
 impl Store {
-    /// The store as it is now if steps were added since it was opened; `None`, after a look at one small file, if nothing has
-    /// changed. This store and its readers stay as they are: they go on with the steps that they know.
+    /// The store as it is now if steps were added since it was opened; `None` if it is unchanged, which reading one small file tells. This
+    /// store and its readers keep their steps.
     ///
     /// # Errors
     /// If it is no longer the same series (another mesh, other fields, other values, other times or fewer of them), or cannot be opened.
@@ -183,7 +183,7 @@ impl Store {
             if stamp.0.is_some() {
                 break;
             }
-            // Where two stores cannot change places at once, there is none for a moment.
+            // Without an atomic exchange, the store is briefly absent.
             std::thread::sleep(EXCHANGE_PAUSE);
         }
         let new = Self::open(&self.root)?;

@@ -1,8 +1,8 @@
-//! The coordinates that the source has, beside those that are drawn.
+//! The coordinates of the source, beside those that are drawn.
 //!
-//! A mesh is drawn from f32 coordinates in a local frame (see [`Positions`]). Shifting rounds, so the way back gives the
-//! source's coordinates to within 2^-25 of the frame, not bit for bit. Where it does not give every one back, a store
-//! keeps them as they were, for export; nothing else reads them.
+//! A mesh is drawn from f32 coordinates in a local frame (see [`Positions`]). Shifting rounds, so shifting back gives the source's
+//! coordinates to within 2^-25 of the frame, not bit for bit. Where it does not reproduce all of them, a store keeps the source's, for
+//! export only.
 
 use super::array::StoredArray;
 use super::layout::MESH;
@@ -14,10 +14,10 @@ use glam::{DVec3, Vec3};
 use serde_json::Map;
 use std::path::Path;
 
-/// Name of the array: f32 if that holds all of them, else f64; a row a vertex of the store.
+/// Name of the array: f32 if that is exact, else f64; one row per vertex of the store.
 const NAME: &str = "source_points";
 
-/// Points of a source before they were rounded, in its order.
+/// Points of a source before they were rounded, in source order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourcePoints(Points);
 
@@ -28,7 +28,7 @@ enum Points {
 }
 
 impl SourcePoints {
-    /// Keeps points, in half the memory if f32 holds all of them.
+    /// Copies points, in half the memory if f32 is exact for all of them.
     pub fn of(points: &[DVec3]) -> Self {
         let is_single = |p: &DVec3| p.as_vec3().as_dvec3() == *p;
         Self(match points.iter().all(is_single) {
@@ -44,7 +44,7 @@ impl SourcePoints {
         }
     }
 
-    /// Writes those that the vertices come from, unless the positions give them back.
+    /// Writes the points of the vertices, unless the positions give them back bit for bit.
     ///
     /// # Panics
     /// If `vertex_source` names a missing point.
@@ -65,8 +65,7 @@ fn gather<T: Copy>(points: &[T], vertex_source: &[u32]) -> Vec<T> {
     vertex_source.iter().map(|&source| points[source as usize]).collect()
 }
 
-/// The points as the source had them, one for each of so many vertices; `None` if the positions have them, or the store
-/// is older.
+/// The source's point of each vertex; `None` if the positions give them back, or the store is older.
 pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileResult<Option<Vec<DVec3>>> {
     if !root.join(MESH).join(NAME).join("zarr.json").exists() {
         return Ok(None);

@@ -1,9 +1,9 @@
-//! A store is written beside its place and moved there when it is complete.
+//! A store is written to a temporary folder beside its target and moved there when it is complete.
 //!
-//! Until then the place is not touched; a failure, a panic or a cancelled run removes what was written. With
-//! `overwrite`, the old and the new store change places in one operation of the file system, where it has such (Linux, macOS);
-//! elsewhere the old store is moved aside first. It is removed only once the new one is in its place. Where the place is a link,
-//! the store that it leads to is replaced, and the link stays.
+//! Until then the target is not touched; a failure, a panic or a cancelled run removes the temporary folder. With `overwrite`, the old and
+//! the new store are exchanged in one operation of the file system, where it has one (Linux, macOS); elsewhere the old store is moved aside
+//! first. It is removed only once the new one is in place. If the target is a link, the store that it points to is replaced, and the link
+//! stays.
 //!
 //! A store to which steps are added begins as hard links of the old one's files ([`Staging::keep`]).
 
@@ -16,13 +16,13 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A temporary folder beside the place of a store.
+/// A temporary folder beside the target of a store.
 #[derive(Debug)]
 pub(super) struct Staging {
     dir: TempDir,
     target: PathBuf,
     overwrite: bool,
-    /// Files that are those of the old store: on the medium already.
+    /// Files linked from the old store: they are on the medium already.
     linked: BTreeSet<PathBuf>,
 }
 
@@ -35,8 +35,8 @@ impl Staging {
         Ok(Self { dir, target, overwrite, linked: BTreeSet::new() })
     }
 
-    /// Gives the new store all files of the old one whose key (path below it, with `/`) `is_kept` confirms: hard links, or
-    /// copies where the file system has no such.
+    /// Gives the new store all files of the old one whose key (path below it, with `/`) `is_kept` confirms: hard links, or copies where the
+    /// file system has no hard links.
     pub(super) fn keep(&mut self, is_kept: impl Fn(&str) -> bool) -> FileResult<()> {
         let old = self.target.clone();
         walk(&old, &mut |path, metadata| {
@@ -67,11 +67,11 @@ impl Staging {
 
     /// Makes everything durable and moves it into place.
     pub(super) fn commit(self) -> FileResult<()> {
-        // Linked files lie in as many folders, of which each would have to be flushed.
+        // Linked files lie in just as many folders, each of which would have to be flushed.
         if self.linked.is_empty() || !sync_file_system(self.dir.path()) {
             sync_tree(self.dir.path(), &self.linked)?;
         }
-        // Somebody may have written there meanwhile.
+        // Another process may have written there meanwhile.
         check_target(&self.target, self.overwrite)?;
         if exists(&self.target) {
             self.replace()
@@ -83,7 +83,7 @@ impl Staging {
 
     fn replace(self) -> FileResult<()> {
         if exchange(self.dir.path(), &self.target) {
-            // What is in the temporary folder now is the old store.
+            // The temporary folder now holds the old store.
             sync_folder(files::parent_of(&self.target))?;
             let path = self.dir.path().to_owned();
             return self.dir.close().map_err(|e| FileError::io(path, "remove the replaced store", &e));
@@ -91,7 +91,7 @@ impl Staging {
         self.replace_in_two_moves()
     }
 
-    /// For systems where two folders cannot change places: there is no store for a moment.
+    /// For systems that cannot exchange two folders: the store is briefly absent.
     fn replace_in_two_moves(self) -> FileResult<()> {
         let aside = files::sibling_folder(&self.target, "old")?;
         let old = aside.path().join("store");
@@ -110,24 +110,24 @@ impl Staging {
         aside.close().map_err(|e| FileError::io(path, "remove the replaced store", &e))
     }
 
-    /// The temporary folder has become the store: it must not be removed any more.
+    /// The temporary folder has become the store, and must not be removed.
     fn installed(self) -> FileResult<()> {
         let _gone = self.dir.keep();
         sync_folder(files::parent_of(&self.target))
     }
 }
 
-/// What a target leads to if it is a link, else the target.
+/// The target of a link; any other path as it is.
 fn behind_link(target: &Path) -> FileResult<PathBuf> {
     let name = target.file_name().unwrap_or_default();
-    // With a slash at its end, a path is that of the folder behind a link.
+    // A path that ends with a slash is the folder behind a link.
     if !files::parent_of(target).join(name).is_symlink() {
         return Ok(target.to_owned());
     }
     fs::canonicalize(target).map_err(|e| FileError::io(target, "follow the link", &e))
 }
 
-/// Whether there is anything, a dangling link included.
+/// Whether the path exists, as a dangling link too.
 fn exists(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
@@ -155,14 +155,14 @@ fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
     Ok(())
 }
 
-/// Lets two folders change their names in one operation; whether that was possible. If not, nothing has happened.
+/// Exchanges two folders in one operation; `false`, with nothing changed, if that is not possible.
 #[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
 fn exchange(a: &Path, b: &Path) -> bool {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
 }
 
-/// Other systems have no such operation.
+/// Other systems have no exchange.
 #[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
 fn exchange(_a: &Path, _b: &Path) -> bool {
     false
@@ -172,7 +172,7 @@ fn rename(from: &Path, to: &Path) -> FileResult<()> {
     fs::rename(from, to).map_err(|e| FileError::io(to, &format!("rename {} to it", from.display()), &e))
 }
 
-/// Waits until the files and folders below and including `root` are on the medium, except for the `linked` files.
+/// Flushes the files and folders below and including `root` to the medium, except for the `linked` files.
 fn sync_tree(root: &Path, linked: &BTreeSet<PathBuf>) -> FileResult<()> {
     walk(root, &mut |path, metadata| {
         if metadata.is_dir() {
@@ -181,7 +181,7 @@ fn sync_tree(root: &Path, linked: &BTreeSet<PathBuf>) -> FileResult<()> {
         if linked.contains(path) {
             return Ok(());
         }
-        // Windows flushes only what is open for writing.
+        // Windows flushes only files that are open for writing.
         let file = File::options().write(true).open(path);
         file.and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
     })?;
@@ -194,7 +194,7 @@ fn sync_file_system(root: &Path) -> bool {
     File::open(root).is_ok_and(|folder| rustix::fs::syncfs(folder).is_ok())
 }
 
-/// Other systems do not say when they are through.
+/// Other systems do not report when a flush is complete.
 #[cfg(not(target_os = "linux"))]
 fn sync_file_system(_root: &Path) -> bool {
     false
@@ -205,7 +205,7 @@ fn sync_folder(path: &Path) -> FileResult<()> {
     File::open(path).and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
 }
 
-/// Folders cannot be flushed here.
+/// Folders cannot be flushed on other systems.
 #[cfg(not(unix))]
 fn sync_folder(_path: &Path) -> FileResult<()> {
     Ok(())
@@ -215,7 +215,7 @@ fn sync_folder(_path: &Path) -> FileResult<()> {
 mod tests {
     use super::*;
 
-    /// A folder with a store `s.zarr` of a file that says `old`, and a staged one of the same file and one that says `new`.
+    /// A folder with a store `s.zarr` whose one file says `old`, and a staged store that links it and has another file that says `new`.
     fn staged(dir: &Path) -> Staging {
         let target = dir.join("s.zarr");
         fs::create_dir(&target).unwrap();

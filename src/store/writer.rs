@@ -22,26 +22,26 @@ use serde_json::Map;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// What a field of a new store is.
+/// Description of a field of a new store.
 #[derive(Clone, Debug)]
 pub struct FieldDescription {
-    /// Name as the user selects it; unlike those of the other fields.
+    /// Name as the user selects it; unique in the store.
     pub name: String,
-    /// Where the source has its values.
+    /// Association of the values in the source.
     pub association: Association,
     /// Unit of the values, if known.
     pub units: Option<String>,
 }
 
-/// Writes a new store. Nothing is seen at its place before [`StoreWriter::finish`]; dropped earlier, it leaves nothing.
+/// Writes a new store. Its target is untouched before [`StoreWriter::finish`]; dropped earlier, it leaves no files.
 #[derive(Debug)]
 pub struct StoreWriter {
     pub(super) staging: Staging,
     names: FolderNames,
     pub(super) folders: Vec<String>,
-    /// How often steps were added.
+    /// Number of appends.
     pub(super) revision: u64,
-    /// The store that goes on here, which must not have changed meanwhile.
+    /// The store that is being continued, with its state: it must not have changed meanwhile.
     pub(super) replaces: Option<(PathBuf, Stamp)>,
 }
 
@@ -85,7 +85,7 @@ impl StoreWriter {
         points.write(self.staging.path(), positions, vertex_source)
     }
 
-    /// Writes the times of the steps, all of which show mesh 0.
+    /// Writes the times of the steps, all of which use mesh 0.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -96,12 +96,12 @@ impl StoreWriter {
         to.write("mesh_index", column(&vec![0u32; times.len()]), ["step", ""], Map::new())
     }
 
-    /// Begins a field whose values go through `encoder`.
+    /// Begins a field whose values `encoder` encodes.
     pub fn begin_field(&mut self, description: FieldDescription, encoder: Box<dyn Encoder>) -> FieldWriter {
         self.field(description, Content::Encoded(encoder))
     }
 
-    /// Begins a field that is the norm of other ones and has no values of its own.
+    /// Begins a field that is the norm of others and has no values of its own.
     pub fn begin_magnitude(&mut self, description: FieldDescription, components: &[&FieldWriter]) -> FieldWriter {
         let folders = components.iter().map(|c| c.folder.clone()).collect();
         self.field(description, Content::MagnitudeOf(folders))
@@ -125,7 +125,7 @@ impl StoreWriter {
     /// `source` says what the series was read from, `notes` what was skipped.
     ///
     /// # Errors
-    /// If a file cannot be written, or the place was taken or the store that goes on was changed meanwhile.
+    /// If a file cannot be written, the target was taken, or the continued store was changed meanwhile.
     pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
         self.write_fields()?;
         let root = self.staging.path();
@@ -155,14 +155,14 @@ pub(super) enum Content {
     MagnitudeOf(Vec<String>),
 }
 
-/// What has become of a field.
+/// Sizes and error of a written field.
 #[derive(Clone, Copy, Debug)]
 pub struct WrittenField {
     /// Bytes of its chunks.
     pub bytes: u64,
-    /// Of these, bytes of the values as the codec has written them.
+    /// Bytes of its encoded values, included in `bytes`.
     pub value_bytes: u64,
-    /// The error that the codec has reached; `None` if it is exact.
+    /// Error measured after coding; `None` if it is exact.
     pub quality: Option<Quality>,
 }
 
@@ -172,7 +172,7 @@ pub struct FieldWriter {
     pub(super) folder: String,
     pub(super) description: FieldDescription,
     pub(super) content: Content,
-    /// Of the steps until now; `None` if those of the store to which steps are added are not known.
+    /// CRC-32C of each step so far; `None` if those of the continued store are not known.
     pub(super) checksums: Option<Vec<u32>>,
     pub(super) sink: FolderSink,
 }
@@ -183,7 +183,7 @@ impl FieldWriter {
         &self.description.name
     }
 
-    /// Takes the values of the next step, one per vertex. Those of a magnitude are not kept.
+    /// Takes the values of the next step, one per vertex. A magnitude's values are not stored.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -197,7 +197,7 @@ impl FieldWriter {
         }
     }
 
-    /// Writes what is left, and the statistics of all steps.
+    /// Writes buffered values, and the statistics of all steps.
     ///
     /// # Errors
     /// If a file cannot be written.

@@ -5,14 +5,14 @@ use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
 use glam::DVec3;
 
-/// Bits of the cell array `vtkGhostType` that take a cell out: it is a copy of one of another piece, was refined away,
-/// or is hidden (`vtkDataSetAttributes::CellGhostTypes`).
+/// Bits of the cell array `vtkGhostType` that drop a cell: a duplicate of another piece's, refined, or hidden
+/// (`vtkDataSetAttributes::CellGhostTypes`).
 const GHOST_BITS: u64 = 1 | 8 | 32;
 
 /// Adds a piece of `file` to `grid`.
 ///
 /// # Errors
-/// If its arrays are damaged or contradict each other, or if a cell has a volume and is no tetrahedron.
+/// If its arrays are damaged or contradict each other, or if a cell has a volume and is not a tetrahedron.
 pub(crate) fn add_piece(grid: &mut GridReader, file: &VtuFile, piece: &Piece) -> FileResult<()> {
     grid.check_room(file.path(), "<Piece>", piece.points, piece.cells)?;
     let first_point = grid.mesh.points.len();
@@ -68,7 +68,7 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
     Ok(())
 }
 
-/// The number of a cell type without volume; `None` for a tetrahedron. Anything else ends the import.
+/// The VTK type of a cell without volume; `None` for a tetrahedron. Any other type is an error.
 fn flat_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<Option<u8>> {
     let place = format!("cell {cell}");
     match kind_of(cell_type) {
@@ -86,7 +86,7 @@ fn ghost_flags(file: &VtuFile, piece: &Piece) -> FileResult<Vec<u64>> {
     array.map_or(Ok(Vec::new()), |array| indices(file, array, piece.cells))
 }
 
-/// The cell array by which parallel writers mark copies.
+/// The cell array in which parallel writers flag duplicates.
 pub(crate) const GHOST_ARRAY: &str = "vtkGhostType";
 
 fn indices(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<u64>> {

@@ -1,4 +1,4 @@
-//! Decompression of single blocks, never to more than the size that is known beforehand.
+//! Decompression of single blocks, at most to a size known beforehand.
 
 use std::io::Read;
 
@@ -10,14 +10,14 @@ pub(crate) enum Compressor {
     Lzma,
 }
 
-/// Memory that an xz stream may ask for, in KiB: xz's strongest preset needs 65 MiB.
+/// Memory limit of an xz stream, in KiB: xz's strongest preset needs 65 MiB.
 const LZMA_LIMIT_KIB: u32 = 80 << 10;
 
 /// An LZ4 block grows by less than this factor (a match of 255 more bytes per input byte).
 const LZ4_MAX_RATIO: usize = 256;
 
 impl Compressor {
-    /// The compressor of that class name.
+    /// The compressor of a VTK class name.
     pub(crate) fn from_name(name: &str) -> Option<Self> {
         match name {
             "vtkZLibDataCompressor" => Some(Self::ZLib),
@@ -27,7 +27,7 @@ impl Compressor {
         }
     }
 
-    /// Appends the `size` bytes that `block` holds to `out`.
+    /// Decompresses `block` into `size` bytes, which are appended to `out`.
     ///
     /// # Errors
     /// If the block is damaged or holds another number of bytes.
@@ -48,7 +48,7 @@ impl Compressor {
     }
 }
 
-/// Memory grows with what the decoder yields, not with what the file claims.
+/// Memory grows with the decoder's output, not with the claimed size.
 fn read_exactly(decoder: impl Read, size: usize, out: &mut Vec<u8>) -> Result<(), String> {
     let limit = (size as u64).saturating_add(1);
     let got = decoder.take(limit).read_to_end(out).map_err(|e| e.to_string())?;

@@ -1,12 +1,11 @@
-//! From the bytes in the file to the bytes of an array: base64, block headers, blocks.
+//! Decoding the bytes in the file to the bytes of an array: base64, block headers, blocks.
 //!
 //! Uncompressed data are a word that counts the bytes, then the bytes; in base64 both are one stream. Compressed data
 //! are the words *number of blocks, size of a block, size of the last block if it is another* and the compressed size of
 //! each block, then the blocks; in base64 the words are one stream and the blocks another. As some writers
 //! other than VTK pad after each part, padding inside base64 is taken as the end of one stream and the start of the next.
 //!
-//! Every size is checked against the size that the array must have and against the bytes that are there before memory
-//! is asked for.
+//! Every size is checked against the size of the array and the available bytes before memory is allocated.
 
 use super::compression::Compressor;
 use super::header::Words;
@@ -22,10 +21,10 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
         .with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Binary data as the file holds them; may go on behind their end.
+/// Binary data in the file's encoding; more data may follow the array.
 pub(crate) enum Stored<'a> {
     Raw(&'a [u8]),
-    /// Base64 without blanks.
+    /// Base64 without whitespace.
     Base64(Cow<'a, [u8]>),
 }
 
@@ -33,16 +32,16 @@ pub(crate) enum Stored<'a> {
 pub(crate) struct Layout {
     /// Bytes of the array once decoded.
     pub(crate) size: usize,
-    /// Where its bytes, or its compressed blocks, begin: a place in the raw data, or in the base64 text.
+    /// Offset of its bytes, or compressed blocks, in the raw data or in the base64 text.
     start: usize,
-    /// Bytes of the decoded stream at `start` that are still part of the count.
+    /// Bytes of the byte count that precede the array in the decoded stream at `start`.
     lead: usize,
-    /// Compressed size and size of each block; `None` if the bytes are not compressed.
+    /// Compressed and decoded size of each block; `None` if the bytes are not compressed.
     blocks: Option<Vec<(usize, usize)>>,
 }
 
 impl Layout {
-    /// Reads the words in front of the data.
+    /// Reads the header words of the data.
     pub(crate) fn read(stored: &Stored<'_>, words: Words, compressor: Option<Compressor>) -> Result<Self, String> {
         let (first, after) = read_words(stored, words, 1)?;
         let count = first.first().copied().unwrap_or(0);
@@ -75,12 +74,12 @@ impl Layout {
         Ok(Self { size: total, start, lead: 0, blocks: Some(blocks) })
     }
 
-    /// The part of the stored data that belongs to this array: all of it, at most a few bytes more.
+    /// The part of the stored data that belongs to this array, plus at most a few bytes.
     pub(crate) fn extent<'s>(&self, stored: &'s Stored<'_>) -> &'s [u8] {
         let bytes = stored.bytes();
         let units = |size: usize| match stored {
             Stored::Raw(_) => size,
-            // Each part may be padded for itself; one more group for a count that is.
+            // Each part may be padded separately; one more group for a padded count.
             Stored::Base64(_) => size.div_ceil(3).saturating_mul(4),
         };
         let length = match &self.blocks {
@@ -101,7 +100,7 @@ impl Stored<'_> {
         }
     }
 
-    /// The next `size` decoded bytes from `start` on, and the place behind them.
+    /// Decodes `size` bytes from `start` on; also returns the offset behind them.
     fn take(&self, start: usize, size: usize) -> Result<(Cow<'_, [u8]>, usize), String> {
         match self {
             Stored::Raw(bytes) => {
@@ -132,9 +131,9 @@ fn read_words(stored: &Stored<'_>, words: Words, n: usize) -> Result<(Vec<u64>, 
     Ok((bytes.chunks_exact(words.size).map(value).collect(), after))
 }
 
-/// Decodes the first `size` bytes of `text`; also returns how many characters they took (whole groups of four).
+/// Decodes the first `size` bytes of `text`; also returns the number of characters consumed (whole groups of four).
 fn decode_base64(text: &[u8], size: usize) -> Result<(Vec<u8>, usize), String> {
-    // What cannot be there is refused before memory is asked for.
+    // Sizes beyond the text are refused before memory is allocated.
     if size / 3 > text.len() / 4 {
         return Err(ends_early(text.len() / 4 * 3, size));
     }
@@ -156,14 +155,14 @@ fn decode_base64(text: &[u8], size: usize) -> Result<(Vec<u8>, usize), String> {
     Ok((out, at))
 }
 
-/// The bytes of an array.
+/// The decoded bytes of an array.
 pub(crate) enum Decoded {
-    /// They are in the stored data as they are.
+    /// A range of the stored data, which needs no decoding.
     InPlace(Range<usize>),
     Own(Vec<u8>),
 }
 
-/// Decodes the data that `layout` describes; they must be `expected` bytes.
+/// Decodes the data that `layout` describes; their size must be `expected`.
 pub(crate) fn decode(
     stored: &Stored<'_>,
     layout: &Layout,

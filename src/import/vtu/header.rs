@@ -1,4 +1,4 @@
-//! The XML header of a `.vtu` file: which arrays there are, and where their data lie.
+//! The XML header of a `.vtu` file: its arrays, and where their data lie.
 
 use super::super::numbers::Number;
 use super::super::xml::{Attributes, same_length_utf8};
@@ -9,25 +9,25 @@ use quick_xml::events::{BytesStart, Event};
 use std::ops::Range;
 use std::path::Path;
 
-/// Everything but the data.
+/// The header of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Header {
-    /// Byte order and width of the words in front of binary data.
+    /// Byte order of binary data and width of their header words.
     pub(crate) words: Words,
     pub(crate) compressor: Option<Compressor>,
-    /// The array `TimeValue` of the field data, with its number of tuples.
+    /// The array `TimeValue` of the field data, and its number of tuples.
     pub(crate) time_value: Option<(ArrayInfo, usize)>,
     pub(crate) pieces: Vec<Piece>,
     pub(crate) appended: Option<Appended>,
-    /// Names of point and cell arrays that hold no numbers.
+    /// Names of point and cell arrays that are not numeric.
     pub(crate) skipped: Vec<String>,
 }
 
-/// How the counts in front of binary data are written; the data themselves have the same byte order.
+/// Format of the header words of binary data; the data have the same byte order.
 #[derive(Clone, Copy, Debug, Hash)]
 pub(crate) struct Words {
     pub(crate) big_endian: bool,
-    /// Bytes of a word: 4 (`UInt32`, also where the file does not say) or 8 (`UInt64`).
+    /// Bytes per word: 4 (`UInt32`, the default) or 8 (`UInt64`).
     pub(crate) size: usize,
 }
 
@@ -37,14 +37,14 @@ impl Default for Words {
     }
 }
 
-/// Where the data of format `appended` begin (behind the underscore).
+/// Offset of `appended` data (behind the underscore).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Appended {
     pub(crate) start: usize,
     pub(crate) base64: bool,
 }
 
-/// A `Piece`: points and cells that refer to these points.
+/// A `Piece`: points, and cells that refer to them.
 #[derive(Debug, Default)]
 pub(crate) struct Piece {
     pub(crate) points: usize,
@@ -58,7 +58,7 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
-    /// Whether it holds nothing; such pieces may lack arrays.
+    /// Whether it has no points and cells; such pieces may lack arrays.
     pub(crate) fn is_empty(&self) -> bool {
         self.points == 0 && self.cells == 0
     }
@@ -69,45 +69,45 @@ impl Piece {
 pub(crate) struct ArrayInfo {
     pub(crate) name: String,
     pub(crate) number: Number,
-    /// Numbers a tuple, at least 1.
+    /// Numbers per tuple, at least 1.
     pub(crate) components: usize,
     pub(crate) data: DataPlace,
-    /// Byte of its tag.
+    /// Byte offset of its tag.
     pub(crate) byte: usize,
 }
 
-/// Where and how the numbers of an array are written.
+/// Location and encoding of an array's numbers.
 #[derive(Clone, Debug)]
 pub(crate) enum DataPlace {
-    /// As words, in these places of the file.
+    /// Text, in these byte ranges of the file.
     Ascii(Vec<Range<usize>>),
-    /// As base64, in these places.
+    /// Base64, in these byte ranges.
     Base64(Vec<Range<usize>>),
-    /// In the appended section, so many bytes behind its start.
+    /// Offset in the appended section.
     Appended(usize),
 }
 
-/// How much of a header is wanted.
+/// How much of a header to parse.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Extent {
-    /// All of it.
+    /// The whole header.
     Whole,
-    /// What the array `TimeValue` takes: parsing ends where the first piece begins without one, or where its data are
-    /// known. Writers put the field data before the pieces.
+    /// Up to the array `TimeValue`: parsing ends at the first piece if there is none, or where its data are known. Writers put the field
+    /// data before the pieces.
     TimeValue,
 }
 
 /// Parses the header at the start of `bytes`.
 ///
 /// # Errors
-/// If the file is no unstructured grid, ends too early, or says something that contradicts the format.
+/// If the file is not an unstructured grid, ends too early, or contradicts the format.
 pub(crate) fn parse(path: &Path, bytes: &[u8], extent: Extent) -> FileResult<Header> {
     let text = same_length_utf8(&bytes[..xml_end(bytes)]);
     Parser { path, header: Header::default(), open: Vec::new(), array: None, extent, seen_file: false }
         .run(&text, bytes)
 }
 
-/// End of the XML: behind the tag of the appended section, whose data are no XML, or the end of the file.
+/// End of the XML: behind the tag of the appended section, whose data are not XML, or the end of the file.
 fn xml_end(bytes: &[u8]) -> usize {
     const TAG: &[u8] = b"<AppendedData";
     let mut from = 0;
@@ -124,7 +124,7 @@ fn xml_end(bytes: &[u8]) -> usize {
 struct OpenArray {
     info: ArrayInfo,
     tuples: usize,
-    /// Number of open elements outside of it: only text directly inside belongs to it.
+    /// Number of open elements outside of it; only its direct text counts.
     depth: usize,
 }
 
@@ -300,7 +300,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// Notes an array without numbers, if it is one of the points or cells.
+    /// Notes an array that is not numeric, if it belongs to the points or cells.
     fn skip_array(&mut self, name: String) {
         if self.open.last().is_some_and(|parent| matches!(parent.as_str(), "PointData" | "CellData")) {
             self.header.skipped.push(name);
@@ -316,7 +316,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Files the open array if its element is the one that ends inside of `depth` others.
+    /// Stores the open array if the element that ends inside of `depth` others is its own.
     fn end_array_at(&mut self, depth: usize) {
         let Some(OpenArray { info, tuples, .. }) = self.array.take_if(|array| array.depth == depth) else { return };
         let parent = self.open.last().map_or("", String::as_str);

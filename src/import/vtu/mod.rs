@@ -31,7 +31,7 @@ pub(super) struct VtuFile {
     header: Header,
 }
 
-/// The decoded bytes of an array; [`VtuFile::values`] makes numbers of them.
+/// The decoded bytes of an array, for [`VtuFile::values`].
 pub(super) struct ArrayBytes {
     number: Number,
     big_endian: bool,
@@ -42,19 +42,19 @@ impl VtuFile {
     /// Reads the file and parses its header.
     ///
     /// # Errors
-    /// If the file cannot be read, or is no unstructured grid.
+    /// If the file cannot be read, or is not an unstructured grid.
     pub(super) fn open(path: &Path) -> FileResult<Self> {
         let bytes = files::read(path)?;
         Self::from_bytes(path, bytes)
     }
 
-    /// A file of that name and content; parses the header.
+    /// Parses the header of a file with this path and content.
     fn from_bytes(path: &Path, bytes: Vec<u8>) -> FileResult<Self> {
         let header = header::parse(path, &bytes, Extent::Whole)?;
         Ok(Self { path: path.to_owned(), bytes, header })
     }
 
-    /// Where the file is.
+    /// Path of the file.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
@@ -64,17 +64,17 @@ impl VtuFile {
         self.bytes.len()
     }
 
-    /// The pieces that hold something.
+    /// The pieces that are not empty.
     pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece> {
         self.header.pieces.iter().filter(|piece| !piece.is_empty())
     }
 
-    /// Names of point and cell arrays that hold no numbers.
+    /// Names of point and cell arrays that are not numeric.
     pub(super) fn skipped_arrays(&self) -> &[String] {
         &self.header.skipped
     }
 
-    /// Number `TimeValue` of the field data, if there is one.
+    /// The number `TimeValue` of the field data, if there is one.
     fn time_value(&self) -> FileResult<Option<f64>> {
         let Some((array, tuples)) = &self.header.time_value else { return Ok(None) };
         let bytes = self.decode(array, *tuples)?;
@@ -92,7 +92,7 @@ impl VtuFile {
             .ok_or_else(|| self.invalid(array, array.byte, format!("{tuples} tuples are more than there can be")))?;
         waste(Slow::ReadVtu, expected);
         if expected == 0 {
-            // Writers differ in what they write for nothing.
+            // Writers differ in how they write an empty array.
             return Ok(ArrayBytes { number: array.number, big_endian: false, data: Decoded::Own(Vec::new()) });
         }
         if let DataPlace::Ascii(ranges) = &array.data {
@@ -116,7 +116,7 @@ impl VtuFile {
         Ok(ArrayBytes { number: array.number, big_endian: self.header.words.big_endian, data })
     }
 
-    /// The numbers of a decoded array of this file.
+    /// The typed numbers of a decoded array.
     pub(super) fn values<'a>(&'a self, array: &'a ArrayBytes) -> Values<'a> {
         let bytes = match &array.data {
             Decoded::InPlace(range) => &self.bytes[range.clone()],
@@ -125,8 +125,7 @@ impl VtuFile {
         Values { number: array.number, big_endian: array.big_endian, bytes }
     }
 
-    /// Feeds `state` with the arrays of the mesh of `piece` as the file holds them, undecoded: the same bytes are the
-    /// same mesh, other bytes may be.
+    /// Hashes the mesh arrays of `piece` as stored, undecoded: equal bytes are equal meshes, other bytes may be.
     pub(super) fn hash_stored_mesh(&self, piece: &Piece, state: &mut impl Hasher) -> FileResult<()> {
         let points = piece.coordinates.iter().filter(|_| piece.points > 0);
         let ghosts = piece.cell_data.iter().filter(|array| array.name == cells::GHOST_ARRAY);
@@ -150,7 +149,7 @@ impl VtuFile {
         Ok(())
     }
 
-    /// The stored data of a binary array, and the byte of the file where they begin.
+    /// The stored data of a binary array, and their byte offset in the file.
     fn stored(&self, array: &ArrayInfo) -> FileResult<(Stored<'_>, usize)> {
         match &array.data {
             DataPlace::Ascii(ranges) | DataPlace::Base64(ranges) => {
@@ -181,14 +180,14 @@ impl VtuFile {
         }
     }
 
-    /// An error that names this file, the array and the byte where its data begin.
+    /// An error that names this file, the array and the byte offset of its data.
     fn invalid(&self, array: &ArrayInfo, byte: usize, problem: String) -> FileError {
         FileError::invalid(&self.path, format!("array '{}' (data at byte {byte})", array.name), problem)
             .remedy("write the file again, or copy it again if it was cut")
     }
 }
 
-/// Where data inside of a `DataArray` begin; where its tag is if there are none.
+/// Byte offset of a `DataArray`'s inline data; of its tag if there are none.
 fn data_byte(ranges: &[Range<usize>], array: &ArrayInfo) -> usize {
     ranges.first().map_or(array.byte, |range| range.start)
 }
@@ -200,10 +199,10 @@ fn without_blanks(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     text
 }
 
-/// Number `TimeValue` of a file, of which no more is read than that takes.
+/// The number `TimeValue` of a file, reading no more of it than needed.
 ///
 /// # Errors
-/// If the file cannot be read, or is no unstructured grid.
+/// If the file cannot be read, or is not an unstructured grid.
 fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
     const FIRST_READ: u64 = 1 << 16;
     let mut file = files::open(path)?;
@@ -217,7 +216,7 @@ fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
             bytes = start.bytes;
             time
         });
-        // What is missing at the end of a part may be in the next.
+        // Data cut off at the end of this part may be in the next.
         if time.is_ok() || (got as u64) < wanted {
             return time;
         }
@@ -230,8 +229,8 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// A header with a comment of `blanks` bytes in front of a raw appended `TimeValue` of 2.5 that lies `offset` bytes
-    /// behind the start of the data; the file goes on with `tail` bytes.
+    /// A file whose header has a comment of `blanks` bytes and a raw appended `TimeValue` of 2.5, `offset` bytes into the data, with `tail`
+    /// more bytes.
     fn file_with_time(blanks: usize, offset: usize, tail: usize) -> Vec<u8> {
         let blank = " ".repeat(blanks);
         let head = format!(

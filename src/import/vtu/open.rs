@@ -8,12 +8,12 @@ use crate::import::series::Series;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-/// Unstructured grids of VTK in XML, one step a file.
+/// VTK's XML unstructured grids, one step per file.
 pub(in crate::import) const FORMAT: Format =
     Format { name: "unstructured grids of VTK", extensions: &["vtu"], joins: true, open, files: |_| Ok(Vec::new()) };
 
-/// Times are the `TimeValue` of the files' field data if all have one and no two are equal (the steps are then in their order), else
-/// 0, 1, 2, ...; the source's notes say which. A single file without one is at 0.
+/// Times are the `TimeValue` of the files' field data if all have one and no two are equal (which then orders the steps), else 0, 1, 2,
+/// ...; the source's notes say which. A single file without one is at 0.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let mut timed = Vec::new();
     for path in paths {
@@ -33,7 +33,7 @@ fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     Ok(Box::new(Series::<VtuStep>::new(description, times, steps, notes)?))
 }
 
-/// The times of the files, which are brought into the order of these, and a note that says where the times are from.
+/// The times of the files, which are sorted by them, and a note on where the times are from.
 fn times_of(timed: &mut [(Option<f64>, PathBuf)]) -> (TimeAxis, String) {
     let number = |why: String| {
         let values = (0..timed.len()).map(|i| i as f64).collect();
@@ -58,7 +58,7 @@ fn finite(path: &Path, time: Option<f64>) -> FileResult<Option<f64>> {
         Some(time) if !time.is_finite() => {
             Err(FileError::invalid(path, "array 'TimeValue'", format!("the time {time} is not finite")))
         }
-        // Adding zero makes the two zeros one.
+        // Adding zero turns -0 into +0.
         time => Ok(time.map(|time| time + 0.0)),
     }
 }

@@ -10,14 +10,14 @@ use crate::field::{Association, FieldInfo};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
-/// A step in memory: its files as they are.
+/// A step in memory: its files, undecoded.
 pub(crate) struct VtuStep {
     /// At least one.
     files: Vec<VtuFile>,
 }
 
 impl VtuStep {
-    /// The pieces of all files that hold something.
+    /// The non-empty pieces of all files.
     fn pieces(&self) -> impl Iterator<Item = (&VtuFile, &Piece)> {
         self.files.iter().flat_map(|file| file.pieces().map(move |piece| (file, piece)))
     }
@@ -25,7 +25,7 @@ impl VtuStep {
 
 impl StepReader for VtuStep {
     type Origin = Vec<PathBuf>;
-    /// One for each piece that holds something, in order.
+    /// One array per non-empty piece, in order.
     type Decoded = Vec<ArrayBytes>;
 
     fn open(paths: &Vec<PathBuf>) -> FileResult<Self> {
@@ -70,7 +70,7 @@ impl StepReader for VtuStep {
         Ok(state.finish())
     }
 
-    /// The fields that all pieces have. Notes what is left out.
+    /// The fields that all pieces have. Adds a note for each other one.
     fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo> {
         let mut fields: Vec<FieldInfo> = Vec::new();
         let mut left_out: Vec<String> = Vec::new();

@@ -1,4 +1,4 @@
-//! `Grid` elements without further grids inside: topology, geometry and attributes.
+//! `Grid` elements without nested grids: topology, geometry and attributes.
 
 use super::super::cells::{self, Kind};
 use super::items::Item;
@@ -13,41 +13,41 @@ pub(super) struct Grid {
     pub(super) geometry: Geometry,
     pub(super) points: usize,
     pub(super) attributes: Vec<Attribute>,
-    /// Names of attributes that are not read, with the reason.
+    /// Names of attributes that are skipped, with the reason.
     pub(super) left_out: Vec<String>,
 }
 
-/// The cells.
+/// The cells of a grid.
 #[derive(Debug, Hash)]
 pub(super) struct Topology {
     pub(super) id: Id,
     pub(super) shape: CellShape,
     pub(super) cells: usize,
-    /// Corners of the cells; a list of points may have none.
+    /// Vertex indices of the cells; `None` for a list of points without them.
     pub(super) connectivity: Option<Item>,
-    /// Number of the first point.
+    /// Index of the first point.
     pub(super) base: u64,
 }
 
 /// The types of the cells.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub(super) enum CellShape {
-    /// All of one type, by VTK's number.
+    /// All cells have this VTK type.
     Same(u8),
-    /// Each cell preceded by its type.
+    /// Each cell is preceded by its type.
     Mixed,
 }
 
-/// The coordinates of the points.
+/// The point coordinates of a grid.
 #[derive(Debug, Hash)]
 pub(super) enum Geometry {
-    /// So many coordinates a point, 2 or 3, point by point.
+    /// Interleaved coordinates, 2 or 3 per point.
     Together(Item, usize),
-    /// x, y and z in arrays of their own.
+    /// x, y and z in separate arrays.
     Apart(Box<[Item; 3]>),
 }
 
-/// A field.
+/// A field of a grid.
 #[derive(Debug)]
 pub(super) struct Attribute {
     pub(super) name: String,
@@ -56,16 +56,16 @@ pub(super) struct Attribute {
     pub(super) item: Item,
 }
 
-/// A type of cells of XDMF: name, number in mixed topologies, corners, and VTK's number.
+/// An XDMF cell type: name, number in mixed topologies, number of corners, and VTK type.
 pub(super) struct CellType {
     pub(super) name: &'static str,
     pub(super) code: u64,
-    /// 0 if the cell itself says how many.
+    /// 0 if each cell gives the number.
     pub(super) corners: usize,
     pub(super) vtk: u8,
 }
 
-/// The types of `XdmfTopologyType`.
+/// The cell types of `XdmfTopologyType`.
 #[rustfmt::skip]
 pub(super) const CELL_TYPES: &[CellType] = &[
     CellType { name: "Polyvertex", code: 1, corners: 0, vtk: 2 }, CellType { name: "Polyline", code: 2, corners: 0, vtk: 4 },
@@ -81,7 +81,7 @@ pub(super) const CELL_TYPES: &[CellType] = &[
     CellType { name: "Hexahedron_27", code: 50, corners: 27, vtk: 29 },
 ];
 
-/// Other names of the same types, as writers have them.
+/// Other names of the same types that writers use.
 const CELL_TYPE_ALIASES: &[(&str, &str)] = &[
     ("tet", "tetrahedron"),
     ("hex", "hexahedron"),
@@ -96,10 +96,10 @@ const CELL_TYPE_ALIASES: &[(&str, &str)] = &[
 ];
 
 impl Grid {
-    /// The grid `id`.
+    /// Reads the grid `id`.
     ///
     /// # Errors
-    /// If it lacks topology or geometry, or these are of a kind that is not read.
+    /// If it lacks topology or geometry, or these are of an unsupported kind.
     pub(super) fn of(document: &Document, id: Id) -> FileResult<Self> {
         let children = document.children(id)?;
         let one = |name: &str| {
@@ -115,7 +115,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Adds a field, or notes why not: what cannot be read of one field is no reason to refuse the others.
+    /// Adds a field, or a note if it is unsupported: the other fields can still be read.
     fn add_attribute(&mut self, document: &Document, id: Id) {
         let name = document.attribute(id, "Name").unwrap_or("").to_owned();
         let read = || -> Result<Attribute, String> {
@@ -160,7 +160,7 @@ impl Topology {
     }
 }
 
-/// The type of that name, in any case, in its long or short form.
+/// The cell type of a name, in any case, long or short.
 fn type_named(name: &str) -> Option<&'static CellType> {
     let name = name.to_ascii_lowercase();
     let name = CELL_TYPE_ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name.as_str(), |(_, full)| full);
@@ -182,7 +182,7 @@ fn shape_of(document: &Document, id: Id, name: &str) -> FileResult<CellShape> {
     Ok(CellShape::Same(cell_type.vtk))
 }
 
-/// Number of cells: said, or counted.
+/// Number of cells, as given or counted.
 fn cell_count(document: &Document, id: Id, name: &str, connectivity: Option<&Item>) -> FileResult<usize> {
     let said = document.either(id, &["NumberOfElements", "Dimensions"]).filter(|text| !text.is_empty());
     if let Some(text) = said {
@@ -198,7 +198,7 @@ fn cell_count(document: &Document, id: Id, name: &str, connectivity: Option<&Ite
     count.and_then(Result::ok).ok_or_else(|| document.invalid(id, "lacks its NumberOfElements"))
 }
 
-/// The coordinates, and how many points they are.
+/// The coordinates, and the number of points.
 fn geometry(document: &Document, id: Id) -> FileResult<(Geometry, usize)> {
     let name = document.either(id, &["GeometryType", "Type"]).unwrap_or("XYZ").to_ascii_uppercase();
     let items = document.children_named(id, "DataItem")?;

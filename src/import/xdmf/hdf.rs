@@ -1,8 +1,6 @@
-//! Data sets of HDF5 files. Only what is asked for is read: the file's metadata on the way to the data set, and its
-//! chunks.
+//! Data sets of HDF5 files. A read touches only the file's metadata on the way to the data set, and its chunks.
 //!
-//! A file is opened for each data set: the reader keeps decoded data sets for as long as it is open, and a series would
-//! pile up in memory.
+//! The file is reopened for each data set: the reader caches decoded data sets while it is open, so a series would accumulate in memory.
 
 use super::super::numbers::Number;
 use super::items::Slab;
@@ -12,9 +10,9 @@ use hdf5_reader::error::ByteOrder;
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, SliceInfo, SliceInfoElem};
 use std::path::Path;
 
-/// Most bytes that a byte of the file can stand for: deflate's limit.
+/// Most decoded bytes per byte of the file: deflate's limit.
 const RATIO_MAX: u64 = 1032;
-/// Bytes of a data set that need no justification by the size of the file: unwritten ones have their fill value.
+/// Bytes of a data set allowed whatever the size of the file: unwritten ones have their fill value.
 const UNWRITTEN_MAX: u64 = 64 << 20;
 
 /// The numbers of a data set.
@@ -28,8 +26,7 @@ pub(super) struct HdfArray {
 /// shape), or the part of it that `slab` selects.
 ///
 /// # Errors
-/// If there is no such file or data set, it is damaged, has another shape, holds no numbers, or is encoded in a way that
-/// is not read.
+/// If there is no such file or data set, it is damaged, has another shape, is not numeric, or has an unsupported encoding.
 pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -> FileResult<HdfArray> {
     let place = || format!("data set '{name}'");
     let damaged = |e: hdf5_reader::error::Error| failure(path, place(), &e);
@@ -59,7 +56,7 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -
     Ok(HdfArray { number, big_endian: false, bytes })
 }
 
-/// The error of the reader, by kind.
+/// The reader's error as a [`FileError`], by kind.
 fn failure(path: &Path, place: String, error: &hdf5_reader::error::Error) -> FileError {
     use hdf5_reader::error::Error as E;
     match innermost(error) {
@@ -88,7 +85,7 @@ fn number_of(dtype: &Datatype) -> Result<(Number, bool), String> {
     let (number, order) = match dtype {
         Datatype::FixedPoint { size, signed, byte_order } => (Number::integer(*size, *signed), *byte_order),
         Datatype::FloatingPoint { size, byte_order } => (Number::float(*size), *byte_order),
-        // Booleans of h5py are an enumeration.
+        // h5py stores booleans as an enumeration.
         Datatype::Enum { base, .. } => return number_of(base),
         _ => return Err("holds no numbers".to_owned()),
     };
@@ -96,7 +93,7 @@ fn number_of(dtype: &Datatype) -> Result<(Number, bool), String> {
     Ok((number, order == ByteOrder::BigEndian))
 }
 
-/// Whether two shapes name the same numbers in the same order.
+/// Whether two shapes hold the same numbers in the same order.
 fn is_same_shape(a: &[u64], b: &[u64]) -> bool {
     let real = |shape: &[u64]| shape.iter().copied().filter(|&d| d != 1).collect::<Vec<_>>();
     let (a, b) = (real(a), real(b));

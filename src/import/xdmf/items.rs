@@ -1,4 +1,4 @@
-//! `DataItem` elements: where the numbers of an array are, and reading them.
+//! `DataItem` elements: locating and reading the numbers of an array.
 
 use super::super::numbers::{Number, Values, parse_ascii};
 use super::hdf;
@@ -10,25 +10,25 @@ use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// An array of numbers that is not yet read. Equal items are equal arrays.
+/// An array that is not yet read. Equal items are equal arrays.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Item {
     /// The element, for messages.
     pub(super) id: Id,
-    /// The shape as the XDMF file has it.
+    /// The shape given in the XDMF file.
     pub(super) dims: Vec<u64>,
-    /// Type and byte order that the XDMF file says. An HDF5 file knows better.
+    /// Type and byte order given in the XDMF file; an HDF5 file's own take precedence.
     number: Number,
     big_endian: bool,
     source: Source,
-    /// The selected part of the source, which then has `source_dims`.
+    /// The selected part of the source, which then has shape `source_dims`.
     slab: Option<Slab>,
     source_dims: Vec<u64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Source {
-    /// Words in these places of the XDMF file.
+    /// Text, in these byte ranges of the XDMF file.
     Inline(Vec<Range<usize>>),
     Hdf {
         file: PathBuf,
@@ -56,7 +56,7 @@ pub(super) struct SlabAxis {
 }
 
 impl SlabAxis {
-    /// One behind the last index; `None` if it is beyond u64.
+    /// Index behind the last one; `None` if it is beyond u64.
     pub(super) fn end(&self) -> Option<u64> {
         match self.count.checked_sub(1) {
             None => Some(self.start),
@@ -65,7 +65,7 @@ impl SlabAxis {
     }
 }
 
-/// The numbers of an array.
+/// The bytes of an array and their type.
 pub(crate) struct ItemBytes {
     number: Number,
     big_endian: bool,
@@ -82,7 +82,7 @@ impl Item {
     /// The `DataItem` `id`.
     ///
     /// # Errors
-    /// If it is of a kind that is not read, or lacks what its kind needs.
+    /// If it is of an unsupported kind, or lacks what its kind needs.
     pub(super) fn of(document: &Document, id: Id) -> FileResult<Self> {
         Self::at_depth(document, id, 0)
     }
@@ -146,7 +146,7 @@ impl Item {
         Ok(Source::Binary { file: beside(document, &file), seek })
     }
 
-    /// A `HyperSlab`: an item of three rows, *start, stride, count*, and the item to select from.
+    /// Reads a `HyperSlab`: an item of three rows, *start, stride, count*, and the item to select from.
     fn hyperslab(document: &Document, id: Id, depth: usize) -> FileResult<Self> {
         let children = document.children_named(id, "DataItem")?;
         let &[selection, source] = children.as_slice() else {
@@ -157,7 +157,7 @@ impl Item {
             return Err(document.unsupported(id, "selects from a HyperSlab, which is not read"));
         }
         let rank = source.dims.len();
-        // Whatever type it has: writers leave it out, and a float of four bytes would round.
+        // Read as text, whatever its type: writers omit it, and a 4-byte float would round.
         let words = document.text(selection);
         let numbers: Option<Vec<u64>> = words.split_whitespace().map(|word| word.parse().ok()).collect();
         let numbers = numbers.filter(|numbers| numbers.len() == 3 * rank).ok_or_else(|| {
@@ -179,17 +179,17 @@ impl Item {
         Ok(Self { id, dims, slab: Some(Slab { axes }), ..source })
     }
 
-    /// How many numbers there are; `None` if they cannot be counted.
+    /// Number of elements; `None` if it overflows.
     pub(super) fn len(&self) -> Option<u64> {
         product(&self.dims)
     }
 
-    /// What the numbers are read from: items with the same are the same arrays, wherever in the XDMF file they stand.
+    /// Location of the numbers, the same for equal arrays wherever they are in the XDMF file.
     pub(super) fn place(&self) -> impl std::hash::Hash + '_ {
         (&self.source, &self.source_dims, &self.slab, &self.dims, self.number, self.big_endian)
     }
 
-    /// The file beside the XDMF file that holds the numbers.
+    /// The external file with the numbers; `None` for inline ones.
     pub(super) fn file(&self) -> Option<&Path> {
         match &self.source {
             Source::Inline(_) => None,
@@ -200,7 +200,7 @@ impl Item {
     /// Reads the numbers: [`Item::len`] of them.
     ///
     /// # Errors
-    /// If the file is missing or damaged, or holds something else.
+    /// If the file is missing or damaged, or holds other data.
     pub(super) fn read(&self, document: &Document) -> FileResult<ItemBytes> {
         let (number, big_endian) = (self.number, self.big_endian);
         waste(Slow::ReadXdmf, self.len().unwrap_or(0) as usize);
@@ -219,7 +219,7 @@ impl Item {
                         document.invalid(self.id, format!("has {got} numbers, but its Dimensions are {dims:?}"))
                     );
                 }
-                // Numbers in text were parsed to little-endian bytes.
+                // Text was parsed to little-endian bytes.
                 ItemBytes { number, big_endian: false, bytes }
             }
             Source::Binary { file, seek } => {
@@ -234,7 +234,7 @@ impl Item {
     }
 }
 
-/// A file that the XDMF file names, relative to it.
+/// A file named by the XDMF file, relative to it.
 fn beside(document: &Document, name: &str) -> PathBuf {
     let folder = document.path().parent().unwrap_or(Path::new(""));
     let path = folder.join(name);
@@ -253,7 +253,7 @@ fn dims_of(document: &Document, id: Id) -> FileResult<Option<Vec<u64>>> {
     dims.map(Some).ok_or_else(|| document.invalid(id, format!("Dimensions=\"{text}\" are no counts")))
 }
 
-/// Type and width. `DataType` is the attribute's name in version 2, and what meshio writes.
+/// Number type from type and width. `DataType` is the attribute's name in version 2, and in files of meshio.
 fn number_of(document: &Document, id: Id) -> FileResult<Number> {
     let name = document.either(id, &["NumberType", "DataType"]).unwrap_or("Float");
     let precision = document.attribute(id, "Precision").map(|text| text.trim().parse::<u8>().map_err(|_| text));
@@ -292,9 +292,9 @@ fn read_binary(path: &Path, seek: u64, count: Option<u64>, size: usize) -> FileR
     Ok(bytes)
 }
 
-/// The selected numbers of `size` bytes; the selection lies within the shape.
+/// The selected elements of `size` bytes each; the selection lies within the shape.
 fn select(bytes: &[u8], size: usize, dims: &[u64], slab: &Slab) -> Vec<u8> {
-    // Offsets of the elements that the axes so far select, in elements.
+    // Offsets, in elements, selected by the axes so far.
     let mut offsets = vec![0_usize];
     for (axis, &length) in slab.axes.iter().zip(dims) {
         let of_axis = |base: &usize| {

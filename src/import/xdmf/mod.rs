@@ -1,8 +1,7 @@
-//! Reader of XDMF files, versions 2 and 3: an XML file that says what the arrays of HDF5 or binary files beside it are.
+//! Reader of XDMF files, versions 2 and 3: XML that describes arrays in HDF5 or binary files beside it.
 //!
 //! A *collection* of type `Temporal` is a series; several of them in one file (one for each function, as dolfinx writes)
-//! become one series with the fields of all. What lies where is settled when the file is opened; numbers are read step
-//! by step.
+//! become one series with the fields of all. Arrays are located when the file is opened; numbers are read step by step.
 
 mod grid;
 mod hdf;
@@ -23,7 +22,7 @@ use std::sync::Arc;
 use step::XdmfStep;
 use tree::{DEPTH_MAX, Document, Id};
 
-/// XDMF files, each of which has the series of all its collections; several have fields of their own on the same mesh.
+/// XDMF files. One file is a series of all its collections; several join their fields on the same mesh.
 pub(super) const FORMAT: Format =
     Format { name: "XDMF with HDF5", extensions: &["xdmf", "xmf"], joins: true, open: open_all, files };
 
@@ -32,7 +31,7 @@ fn open_all(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     Joined::of(named, paths.iter().map(|path| open(path)).collect::<FileResult<_>>()?)
 }
 
-/// The steps of one temporal collection, or of all grids outside of such.
+/// The steps of one temporal collection, or of all grids outside of temporal collections.
 struct Collection {
     name: String,
     times: Vec<f64>,
@@ -40,11 +39,10 @@ struct Collection {
     notes: Vec<String>,
 }
 
-/// Opens the series of an XDMF file. The first step is read; that the files of the others exist is checked.
+/// Opens the series of an XDMF file: reads the first step, and checks that the files of the others exist.
 ///
 /// # Errors
-/// If the file cannot be read, is damaged, has no grid, or one of a kind that is not read; if files that it names are
-/// missing.
+/// If the file cannot be read, is damaged, has no grid, or an unsupported one; if files that it names are missing.
 fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     let (collections, notes) = read(path)?;
     for (file, place) in files_of(&collections) {
@@ -72,7 +70,7 @@ fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     Ok(files_of(&read(path)?.0).into_keys().collect())
 }
 
-/// All files, each with the first place that names it.
+/// All files, each with the first element that names it.
 fn files_of(collections: &[Collection]) -> BTreeMap<PathBuf, String> {
     let mut files = BTreeMap::new();
     for step in collections.iter().flat_map(|collection| &collection.steps) {
@@ -95,7 +93,7 @@ fn items_of(grid: &Grid) -> Vec<&Item> {
     items
 }
 
-/// The collections that share the times of the longest of them, and what is left out.
+/// The collections with the times of the longest of them, and notes on those left out.
 fn read(path: &Path) -> FileResult<(Vec<Collection>, Vec<String>)> {
     let document = Arc::new(Document::open(path)?);
     let root = document.children_named(0, "Xdmf")?;
@@ -131,7 +129,7 @@ fn is_temporal(document: &Document, id: Id) -> bool {
     is(&["GridType", "Type"], "Collection") && is(&["CollectionType"], "Temporal")
 }
 
-/// Grids outside of a temporal collection: one step.
+/// A single step of the grids outside of temporal collections.
 fn single(document: &Arc<Document>, domain: Id, grids: &[Id]) -> FileResult<Collection> {
     let mut leaves = Vec::new();
     let mut time = None;
@@ -146,7 +144,7 @@ fn single(document: &Arc<Document>, domain: Id, grids: &[Id]) -> FileResult<Coll
     Ok(Collection { name: String::new(), times: vec![time.unwrap_or(0.0)], steps, notes: Vec::new() })
 }
 
-/// A temporal collection, in order of time.
+/// A temporal collection, sorted by time.
 fn collection(document: &Arc<Document>, id: Id) -> FileResult<Collection> {
     let grids = document.children_named(id, "Grid")?;
     if grids.is_empty() {
@@ -190,7 +188,7 @@ fn step(document: &Arc<Document>, leaves: &[Id]) -> FileResult<XdmfStep> {
     Ok(XdmfStep { document: document.clone(), grids: Arc::new(grids) })
 }
 
-/// The grids without further grids inside, in the order of the file.
+/// The grids without nested grids, in file order.
 fn collect_leaves(document: &Document, id: Id, depth: usize, leaves: &mut Vec<Id>) -> FileResult<()> {
     if depth > DEPTH_MAX {
         return Err(document.invalid(id, "is nested too deeply"));
@@ -210,7 +208,7 @@ fn collect_leaves(document: &Document, id: Id, depth: usize, leaves: &mut Vec<Id
     Ok(())
 }
 
-/// The time of a grid, or of the first grid inside of it that has one.
+/// The time of a grid, or of the first nested grid that has one.
 fn time_of(document: &Document, id: Id) -> FileResult<Option<f64>> {
     let mut open = vec![id];
     while let Some(at) = open.pop() {
@@ -218,7 +216,7 @@ fn time_of(document: &Document, id: Id) -> FileResult<Option<f64>> {
         if let Some(&time) = children.iter().find(|&&child| document.name(child) == "Time") {
             let text = document.attribute(time, "Value").map(str::to_owned).unwrap_or_else(|| document.text(time));
             let value = text.trim().parse().ok().filter(|time: &f64| time.is_finite());
-            // Adding zero makes the two zeros one.
+            // Adding zero turns -0 into +0.
             let value = value.ok_or_else(|| document.invalid(time, format!("'{text}' is no finite time")))?;
             return Ok(Some(value + 0.0));
         }

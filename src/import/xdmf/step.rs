@@ -13,7 +13,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a step is read from.
+/// Location of a step.
 #[derive(Clone)]
 pub(crate) struct XdmfStep {
     pub(super) document: Arc<Document>,
@@ -23,7 +23,7 @@ pub(crate) struct XdmfStep {
 
 impl StepReader for XdmfStep {
     type Origin = Self;
-    /// One for each grid, in order.
+    /// One item per grid, in order.
     type Decoded = Vec<ItemBytes>;
 
     fn open(origin: &Self) -> FileResult<Self> {
@@ -57,7 +57,7 @@ impl StepReader for XdmfStep {
     }
 
     fn stored_hash(&self) -> FileResult<u64> {
-        // The same places of the same files; their own position in the XDMF file does not count.
+        // Hashes locations in files; the position in the XDMF file does not count.
         let mut state = DefaultHasher::new();
         for grid in self.grids.iter() {
             let topology = &grid.topology;
@@ -190,7 +190,7 @@ impl XdmfStep {
         Ok(())
     }
 
-    /// Takes the cells of a mixed topology: a list of type, number of corners where the type leaves it open, corners.
+    /// Adds the cells of a mixed topology: a list of type, number of corners where the type leaves it open, corners.
     fn add_mixed(&self, reader: &mut GridReader, grid: &Grid, list: &[u64], first_point: usize) -> FileResult<()> {
         let topology = &grid.topology;
         let invalid = |problem: String| self.document.invalid(topology.id, problem);
@@ -225,7 +225,7 @@ impl XdmfStep {
         if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }
     }
 
-    /// Counts points from 0.
+    /// Makes indices zero-based.
     fn rebase(&self, topology: &Topology, vertices: &mut [u64]) -> FileResult<()> {
         for vertex in vertices {
             *vertex = vertex.checked_sub(topology.base).ok_or_else(|| {

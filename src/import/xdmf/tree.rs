@@ -1,7 +1,7 @@
-//! The elements of an XDMF file, and the paths by which they refer to each other.
+//! The elements of an XDMF file, and the paths between them.
 //!
-//! Of XPath, what writers of XDMF use: absolute paths of names or `*`, `/` and `//`, and the predicates `[n]`,
-//! `[@Name="value"]` and `[self::A or self::B]`, alone or inside `xpointer(...)`.
+//! The subset of XPath that XDMF writers use: absolute paths of names or `*`, `/` and `//`, and the predicates `[n]`, `[@Name="value"]` and
+//! `[self::A or self::B]`, alone or inside `xpointer(...)`.
 
 use super::super::xml::{Attributes, same_length_utf8, unescape};
 use crate::error::{FileError, FileResult};
@@ -17,7 +17,7 @@ use std::sync::{Mutex, PoisonError};
 /// Index of an element; 0 is the document itself.
 pub(super) type Id = usize;
 
-/// Longest chain of references, and deepest nesting: what is beyond refers to itself.
+/// Longest chain of references, and deepest nesting; beyond this a reference counts as circular.
 pub(super) const DEPTH_MAX: usize = 32;
 
 /// An XDMF file in memory.
@@ -25,7 +25,7 @@ pub(super) struct Document {
     path: PathBuf,
     text: String,
     elements: Vec<Element>,
-    /// What paths select; the steps of a series mostly share theirs.
+    /// Cached results of paths; the steps of a series mostly share theirs.
     found: Mutex<HashMap<String, Vec<Id>>>,
 }
 
@@ -34,7 +34,7 @@ struct Element {
     name: String,
     attributes: Attributes,
     children: Vec<Id>,
-    /// Pieces of text directly inside.
+    /// Byte ranges of its direct text.
     text: Vec<Range<usize>>,
     byte: usize,
 }
@@ -43,7 +43,7 @@ impl Document {
     /// Reads and parses a file.
     ///
     /// # Errors
-    /// If it cannot be read, or is no well-formed XML with the root `Xdmf`.
+    /// If it cannot be read, or is not well-formed XML with the root `Xdmf`.
     pub(super) fn open(path: &Path) -> FileResult<Self> {
         let bytes = files::read(path)?;
         let text = match String::from_utf8(bytes) {
@@ -66,22 +66,22 @@ impl Document {
         self.elements[id].attributes.get(key)
     }
 
-    /// The first of these attributes that there is: versions of the format differ in their names.
+    /// The first of these attributes that exists: versions of the format differ in their names.
     pub(super) fn either(&self, id: Id, keys: &[&str]) -> Option<&str> {
         keys.iter().find_map(|key| self.attribute(id, key)).map(str::trim)
     }
 
-    /// The text directly inside, without blanks around it and with its references resolved.
+    /// The direct text, trimmed and with its references resolved.
     pub(super) fn text(&self, id: Id) -> String {
         unescape(self.numbers(&self.elements[id].text).trim())
     }
 
-    /// Where the text directly inside is.
+    /// Byte ranges of the direct text.
     pub(super) fn text_ranges(&self, id: Id) -> &[Range<usize>] {
         &self.elements[id].text
     }
 
-    /// Text without references, such as numbers.
+    /// Text of these ranges, without resolving references: numbers have none.
     pub(super) fn numbers(&self, ranges: &[Range<usize>]) -> Cow<'_, str> {
         match ranges {
             [range] => Cow::Borrowed(&self.text[range.clone()]),
@@ -89,7 +89,7 @@ impl Document {
         }
     }
 
-    /// What an element is called in messages: its name, the one that the file gives it, and its byte.
+    /// Description of an element for messages: tag, `Name` attribute and byte offset.
     pub(super) fn place(&self, id: Id) -> String {
         let element = &self.elements[id];
         let name = element.attributes.get("Name").map_or(String::new(), |name| format!(" '{name}'"));
@@ -105,7 +105,7 @@ impl Document {
             .remedy("write it as meshio does: an unstructured grid, its arrays in HDF5, binary or XML")
     }
 
-    /// The children of an element: what `xi:include` names in its place, and references followed.
+    /// The children of an element, with `xi:include` replaced by its target, and references resolved.
     pub(super) fn children(&self, id: Id) -> FileResult<Vec<Id>> {
         let mut children = Vec::new();
         for &child in &self.elements[id].children {
@@ -125,13 +125,13 @@ impl Document {
         Ok(children)
     }
 
-    /// The children of that name, as [`Document::children`] has them.
+    /// The [`Document::children`] with this tag.
     pub(super) fn children_named(&self, id: Id, name: &str) -> FileResult<Vec<Id>> {
         Ok(self.children(id)?.into_iter().filter(|&child| self.name(child) == name).collect())
     }
 
-    /// The element itself, or the one that it refers to, directly or through others: `Reference="XML"` with a path as
-    /// text, or `Reference="PATH"`.
+    /// The element itself, or the target of its reference or chain of references: `Reference="XML"` with a path as text, or
+    /// `Reference="PATH"`.
     fn resolved(&self, id: Id) -> FileResult<Id> {
         let mut at = id;
         for _ in 0..DEPTH_MAX {
@@ -147,7 +147,7 @@ impl Document {
         Err(self.invalid(id, "refers to itself"))
     }
 
-    /// The elements that a path selects, in the order of the file; `from` is for messages.
+    /// The elements that a path selects, in file order; errors name `from`.
     fn find(&self, from: Id, path: &str) -> FileResult<Vec<Id>> {
         let mut cache = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = cache.get(path) {
@@ -174,7 +174,7 @@ impl Document {
             rest = rest.strip_prefix('/').ok_or("it does not begin with /")?;
             if let Some(after) = rest.strip_prefix('/') {
                 rest = after;
-                // Children are behind their parents, so the order of ids is that of the file.
+                // Children have larger ids than their parents, so id order is file order.
                 context = (0..self.elements.len()).filter(|&id| self.is_below(id, &context)).collect();
             }
             let (step, after) = PathStep::parse(rest)?;
@@ -188,7 +188,7 @@ impl Document {
         Ok(context)
     }
 
-    /// Whether an element is one of these or inside of one. Only the document itself comes before `//` in practice.
+    /// Whether an element is one of `roots` or inside one. In practice only the document itself precedes `//`.
     fn is_below(&self, id: Id, roots: &[Id]) -> bool {
         let holds = |root: Id| {
             let mut open = vec![root];
@@ -204,21 +204,21 @@ impl Document {
     }
 }
 
-/// One step of a path.
+/// One step of an XPath.
 struct PathStep<'a> {
     name: &'a str,
     predicates: Vec<Predicate<'a>>,
 }
 
 enum Predicate<'a> {
-    /// Counted from 1 among what the predicates before have left.
+    /// One-based position among the elements that earlier predicates have left.
     Position(usize),
     Attribute(&'a str, &'a str),
     Names(Vec<&'a str>),
 }
 
 impl<'a> PathStep<'a> {
-    /// The step at the start of `text`, and what follows.
+    /// Parses the step at the start of `text`; also returns the rest.
     fn parse(text: &'a str) -> Result<(Self, &'a str), String> {
         let (name, mut rest) = text.split_at(text.find(['/', '[']).unwrap_or(text.len()));
         let name = name.trim();
@@ -266,7 +266,7 @@ impl<'a> Predicate<'a> {
     }
 }
 
-/// The bracket that ends a predicate, not one inside of a quoted value.
+/// Index of the bracket that ends a predicate, outside of quoted values.
 fn closing_bracket(text: &str) -> Option<usize> {
     let mut quote = None;
     text.char_indices().find_map(|(i, c)| {
@@ -290,7 +290,7 @@ fn parse(path: &Path, text: &str) -> FileResult<Vec<Element>> {
         let event =
             reader.read_event().map_err(|e| invalid(format!("malformed XML: {e}")).remedy("write the file again"))?;
         let end = reader.buffer_position() as usize;
-        // Never empty: the document is not closed.
+        // Never empty: the document itself stays open.
         let parent = open.last().copied().unwrap_or(0);
         match &event {
             Event::Start(tag) | Event::Empty(tag) => {
@@ -311,7 +311,7 @@ fn parse(path: &Path, text: &str) -> FileResult<Vec<Element>> {
                 open.pop();
             }
             Event::Text(_) | Event::GeneralRef(_) => {
-                // A reference inside of text comes as an event of its own: one piece again.
+                // A reference inside of text is an event of its own; its pieces are merged.
                 match elements[parent].text.last_mut() {
                     Some(last) if last.end == byte => last.end = end,
                     _ => elements[parent].text.push(byte..end),
