@@ -1,4 +1,4 @@
-//! Sampling density beside its definition, and samples of a density.
+//! Sampling density against its definition, and samples drawn by a density.
 
 use super::*;
 use crate::mesh::{Mesh, NONE, test_meshes};
@@ -12,7 +12,7 @@ fn at(mesh: &Mesh, vertex: usize) -> DVec3 {
     mesh.positions.local[vertex].as_dvec3()
 }
 
-/// One step.
+/// The density for a single step.
 fn density(mesh: &Mesh, scalar: impl Fn(DVec3) -> f64) -> Vec<f32> {
     let scalars: Vec<f32> = (0..mesh.positions.local.len()).map(|v| scalar(at(mesh, v)) as f32).collect();
     sampling_density(mesh, &scalars, 1)
@@ -27,8 +27,8 @@ fn area(mesh: &Mesh, face: usize) -> f64 {
     0.5 * (q - p).cross(r - p).length()
 }
 
-/// The error at a face by its definition: where the segment between the two vertices meets the plane, by solving for the point in
-/// the basis of the triangle's sides; half way between them if it does not.
+/// The error at a face by its definition: where the segment between the two opposite vertices meets the plane, found by solving in the
+/// basis of the triangle's sides; at its midpoint if it does not.
 fn naive_error(mesh: &Mesh, face: usize, scalar: &dyn Fn(usize) -> f64) -> f64 {
     let corners = mesh.topology.faces[face].map(|v| v as usize);
     let opposite = mesh.topology.face_cells[face].map(|cell| {
@@ -52,7 +52,7 @@ fn naive_error(mesh: &Mesh, face: usize, scalar: &dyn Fn(usize) -> f64) -> f64 {
 #[test]
 fn the_density_is_the_fifth_root_of_area_times_squared_error() {
     let mesh = mesh();
-    // Kinks everywhere, of different strength.
+    // Kinks of different strength everywhere.
     let scalar = |p: DVec3| (5.0 * p.x).sin() + p.y * p.z;
     let value = |v: usize| f64::from(scalar(at(&mesh, v)) as f32);
     let ours = density(&mesh, scalar);
@@ -63,7 +63,7 @@ fn the_density_is_the_fifth_root_of_area_times_squared_error() {
     for (&face, error) in faces.iter().zip(&errors) {
         let square = (error / mean_error).powi(2) + 0.05f64.powi(2);
         let expected = (area(&mesh, face) / mean_area * square).powf(0.2);
-        // Both are f64 of the same scalars and rounded once to f32.
+        // Both are computed in f64 from the same scalars and rounded once to f32.
         assert!((f64::from(ours[face]) / expected - 1.0).abs() < 2.0 * f64::from(f32::EPSILON), "{face}");
     }
     assert!((0..ours.len()).all(|face| (ours[face] > 0.0) == faces.contains(&face)), "0 on the surface");
@@ -80,10 +80,10 @@ fn where_scalars_are_linear_only_the_area_counts() {
         let all = || faces.iter().map(|&face| relative(density, face));
         all().fold(0.0, f64::max) / all().fold(f64::INFINITY, f64::min)
     };
-    // Exactly: powers of two.
+    // Exact, since the values are powers of two.
     assert!(spread(&density(&mesh, |_| 3.0)) < 1.0 + 1e-6);
     assert!(spread(&density(&mesh, |p| p.x * p.y)) > 1.2, "the test can fail");
-    // A kink in the middle of a linear field: the faces near it are sampled more densely than those that lie elsewhere.
+    // A kink in the middle of a linear field: nearby faces are sampled more densely than others.
     let kink = density(&mesh, |p| p.x.max(0.0));
     let is_near = |face: usize| mesh.topology.faces[face].iter().any(|&v| at(&mesh, v as usize).x.abs() < 0.3);
     let best =
@@ -97,10 +97,10 @@ fn steps_with_holes_are_left_out_and_extreme_scalars_stay_finite() {
     let vertices = mesh.positions.local.len();
     let first: Vec<f32> = (0..vertices).map(|v| (v * v % 17) as f32).collect();
     let expected = sampling_density(&mesh, &first, 1);
-    // The second of two steps has no finite value: it does not count.
+    // The second of two steps has no finite values and does not count.
     let holes: Vec<f32> = first.iter().flat_map(|&value| [value, f32::NAN]).collect();
     assert_eq!(sampling_density(&mesh, &holes, 2), expected);
-    // Both count: the mean of squares is that of either where they are the same.
+    // Both steps count: the mean square of equal errors is that of either.
     let twice: Vec<f32> = first.iter().flat_map(|&value| [value; 2]).collect();
     assert_eq!(sampling_density(&mesh, &twice, 2), expected);
     for scale in [1e-42, 1e-30, 1e30, f32::MAX / 17.0] {
@@ -138,7 +138,7 @@ fn flat_cells_have_a_density() {
 fn a_ranking_by_density_has_so_many_faces_of_each_density() {
     let mesh = Mesh::build(test_meshes::kuhn_grid([16, 16, 16])).unwrap().0;
     let topology = &mesh.topology;
-    // Three in a row, by the id: not in step with the order of the list.
+    // Classes by id modulo three, not in step with the order of the list.
     let densities = [1.0f32, 2.0, 4.0];
     let density: Vec<f32> = (0..topology.faces.len()).map(|face| densities[face / 7 % 3]).collect();
     let ranking = Ranking::by_density(topology, &density);
@@ -152,15 +152,15 @@ fn a_ranking_by_density_has_so_many_faces_of_each_density() {
     let total: f64 = (0..3).map(|class| of_class(class) * f64::from(densities[class])).sum();
     for class in 0..3 {
         let expected = count as f64 * of_class(class) * f64::from(densities[class]) / total;
-        // Chance would be off by the root of the number; it is stratified, so by less.
+        // Random sampling is off by the root of the number; stratified sampling by less.
         assert!((found[class] - expected).abs() < 3.0 * expected.sqrt(), "{} of {expected}", found[class]);
     }
-    // Faces that must not be drawn come last.
+    // Faces of density 0 come last.
     let none: Vec<f32> = (0..topology.faces.len()).map(|face| if face % 2 == 0 { 0.0 } else { 1.0 }).collect();
     let ranking = Ranking::by_density(topology, &none);
     let odd = all.iter().filter(|&&face| face % 2 == 1).count();
     assert!(ranking.faces()[..odd].iter().all(|face| face % 2 == 1));
-    // Nothing is worth more than anything: no NaN, and every face is there.
+    // NaN densities: every face is still listed.
     let nan = vec![f32::NAN; topology.faces.len()];
     assert_eq!(Ranking::by_density(topology, &nan).faces().len(), all.len());
 }
@@ -170,7 +170,7 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
     let mesh = Mesh::build(test_meshes::kuhn_grid([16, 16, 16])).unwrap().0;
     let topology = &mesh.topology;
     let all = interior(&mesh);
-    // Of each 64 neighbours in the list, how many are in an eighth of the faces: 8, give or take.
+    // Of each 64 neighbours in the list, about 8 are in an eighth of the faces.
     let variance = |ranking: &Ranking| {
         let mut drawn = vec![false; topology.faces.len()];
         ranking.faces()[..all.len() / 8].iter().for_each(|&face| drawn[face as usize] = true);
@@ -179,10 +179,10 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
         counts.iter().map(|count| (count - 8.0).powi(2)).sum::<f64>() / counts.len() as f64
     };
     let even = variance(&Ranking::by_density(topology, &vec![1.0; topology.faces.len()]));
-    // By lot: 64 * 1/8 * 7/8 = 7. Stratified: one of each 8 and nothing is left to chance but the ends.
+    // Random: 64 * 1/8 * 7/8 = 7. Stratified: one of each 8, random only at the ends.
     let chance = variance(&Ranking::by_hash(topology));
     assert!(even < 0.5 && (5.0..9.0).contains(&chance), "{even} {chance}");
-    // Of the kinds of faces that alternate in the list, the sample has as many of each.
+    // The sample has equally many of the kinds of faces that alternate in the list.
     let ranking = Ranking::by_density(topology, &vec![1.0; topology.faces.len()]);
     let place = |face: u32| all.binary_search(&(face as usize)).unwrap();
     let odd = ranking.faces()[..all.len() / 8].iter().filter(|&&face| place(face) % 2 == 1).count();

@@ -1,37 +1,36 @@
-//! What leaving a face out costs.
+//! The image error of omitting a face.
 //!
-//! Between two faces that are drawn, a ray sees scalars that change linearly. Without the face between cells A and B it goes from
-//! faces of A to faces of B as if there were no kink: what it sees on the face is then not what the face has. The error is judged
-//! where the line between the two vertices that face each other across it passes through its plane:
+//! Between two drawn faces, a ray gets linearly interpolated scalars. Without the face between cells A and B the interpolation goes from
+//! faces of A to faces of B and misses the kink at the face. The error is estimated where the segment between the two vertices opposite the
+//! face meets its plane:
 //!
 //! ```text
 //! e = | interpolated over the face - interpolated between the two vertices |
 //! ```
 //!
-//! It is 0 where scalars are linear across both cells. Where only a share p of the faces is drawn, gaps are 1 / p cells long, and
-//! the error of linear interpolation grows with the square of that: with A for the area of the face, which goes with the pixels
-//! that see it, the squared error of the image is about the sum of A e^2 / p^4 over the faces. For a given number of faces, the
-//! sum of p, it is least at p ~ (A e^2)^(1/5) (by a Lagrange multiplier). That the root is so high is why the most important
-//! faces alone make bad images, and why a sample that covers everything, if a little more densely where it matters, makes good
-//! ones.
+//! It is 0 where scalars are linear across both cells. Where only a share p of the faces is drawn, gaps are 1 / p cells long, and the error
+//! of linear interpolation grows with the square of that: with A for the area of the face, which is proportional to its pixels, the squared
+//! error of the image is about the sum of A e^2 / p^4 over the faces. For a given number of faces, the sum of p, it is least at p ~ (A
+//! e^2)^(1/5) (by a Lagrange multiplier). Because of the fifth root, the most important faces alone make bad images, and a sample of all
+//! faces that is only a little denser where it matters makes good ones.
 
 use crate::mesh::{Mesh, NONE, Topology};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Faces that a thread takes at a time.
+/// Faces per task.
 const FACES_AT_ONCE: usize = 1 << 13;
-/// Errors below this share of their mean count as that: where nothing happened at the steps that were looked at, something may
-/// happen at others, or a transfer function may make much of little.
+/// Smaller errors are raised to this share of their mean: where the sampled steps show no change, others may, or a transfer function may
+/// amplify a small one.
 const ERROR_FLOOR: f64 = 0.05;
-/// Areas below this share of their mean count as that.
+/// Smaller areas are raised to this share of their mean.
 const AREA_FLOOR: f64 = 1e-3;
 
-/// How densely each face of a mesh should be sampled, relative to the others: (A e^2)^(1/5) with e^2 the mean over steps; 0 for
-/// faces of the surface, which are drawn anyway.
+/// Sampling density of each face relative to the others: (A e^2)^(1/5) with e^2 the mean over steps; 0 for faces of the surface, which are
+/// always drawn.
 ///
-/// `scalars` holds those of `steps` steps, vertex by vertex; of each face, steps count that have finite scalars at all of its
-/// vertices and the two that face it.
+/// `scalars` holds `steps` values per vertex, vertex by vertex; for each face, only steps with finite scalars at all three vertices and
+/// both opposite ones count.
 ///
 /// # Panics
 /// If there are not `steps` scalars for each vertex.
@@ -45,7 +44,7 @@ pub fn sampling_density(mesh: &Mesh, scalars: &[f32], steps: usize) -> Vec<f32> 
     let faces = (0..topology.faces.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
     let found: Vec<[f64; 2]> = faces.map(of_face).collect();
     let inner = || found.iter().filter(|face| !face[0].is_nan());
-    // One after the other, so that the sum is the same for any number of threads.
+    // Sequential, so that the sum is the same for any number of threads.
     let count = inner().count().max(1) as f64;
     let mean_area = inner().map(|face| face[0]).sum::<f64>() / count;
     let mean_error = inner().map(|face| face[1].sqrt()).sum::<f64>() / count;
@@ -78,7 +77,7 @@ impl Stencil {
         let [p, q, r] = corners.map(at);
         let normal = (q - p).cross(r - p);
         let [above, below] = [a, b].map(|v| normal.dot(at(v) - p));
-        // Flat cells: the middle is as good as any other place.
+        // Flat cells: the midpoint.
         let toward_b = if above == below { 0.5 } else { (above / (above - below)).clamp(0.0, 1.0) };
         let crossing = at(a).lerp(at(b), toward_b);
         let [x, y, z] = barycentric(crossing, [p, q, r], normal);
@@ -100,7 +99,7 @@ impl Stencil {
     }
 }
 
-/// The vertices of the two cells of a face that are not its own; `None` if it has but one.
+/// The vertices opposite a face in its two cells; `None` if it has only one cell.
 fn opposite(topology: &Topology, face: usize) -> Option<[u32; 2]> {
     let corners = &topology.faces[face];
     let cells = topology.face_cells[face];
@@ -111,8 +110,8 @@ fn opposite(topology: &Topology, face: usize) -> Option<[u32; 2]> {
     Some([of(cells[0])?, of(cells[1])?])
 }
 
-/// Barycentric coordinates in a triangle, of the point in its plane below `at`. Where cells are not convex together that is
-/// outside: up to one size of the triangle away counts. A triangle without area has its middle.
+/// Barycentric coordinates in a triangle of the projection of `at` to its plane. The point may lie outside if the two cells are not convex
+/// together: up to one size of the triangle counts. A triangle without area gives its centroid.
 fn barycentric(at: DVec3, [p, q, r]: [DVec3; 3], normal: DVec3) -> [f64; 3] {
     let square = normal.length_squared();
     let x = (r - q).cross(at - q).dot(normal) / square;

@@ -1,27 +1,28 @@
-//! Parts of a series that have a ranking of their own (dissertation 6.1.4.1).
+//! Intervals of a series, each with its own ranking (dissertation 6.1.4.1).
 
 use serde::{Deserialize, Serialize};
 
-/// A part of a series.
+/// An interval of steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Interval {
-    /// Its first step.
+    /// First step.
     pub first: usize,
-    /// The step behind its last one.
+    /// Step after the last one.
     pub end: usize,
-    /// The step whose scalars stand for all of it: the one in the middle, the earlier of two.
+    /// The step whose scalars represent the interval: the middle one, the earlier of two.
     pub sampled: usize,
 }
 
-/// How a series is cut into intervals. A number of 0 counts as 1, and there are no more intervals than steps.
+/// How to partition a series into intervals. A count of 0 means 1, and there are no more intervals than steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Partition {
-    /// So many of equal length, to a step.
+    /// This number of intervals of equal length, to a step.
     Regular(usize),
-    /// So many whose lengths grow by a constant factor, the n-th root of [`Partition::GROWTH`]: for what happens early and fades.
+    /// This number of intervals whose lengths grow by a constant factor, the n-th root of [`Partition::GROWTH`]: for early events that
+    /// fade.
     Logarithmic(usize),
-    /// So many, each with the same share of what changes from step to step: short where much changes. Always the interval with
-    /// the most change is cut, where half of it is over.
+    /// This number of intervals, each with an equal share of the change from step to step: short where much changes. Repeatedly splits the
+    /// interval with the most change at half of it.
     Greedy(usize),
 }
 
@@ -32,21 +33,20 @@ impl Default for Partition {
 }
 
 impl Partition {
-    /// Intervals unless another number is asked for.
+    /// Default number of intervals.
     pub const USUAL: usize = 6;
-    /// In a logarithmic partition of n intervals, by how much the lengths would grow over n + 1 of them.
+    /// Growth of the lengths in a logarithmic partition of n intervals, extrapolated over n + 1 of them.
     pub const GROWTH: f64 = 64.0;
 
-    /// The number asked for.
+    /// The requested number of intervals.
     pub fn count(self) -> usize {
         match self {
             Self::Regular(n) | Self::Logarithmic(n) | Self::Greedy(n) => n.max(1),
         }
     }
 
-    /// The intervals of a series of `steps` steps; none if it has none. `changes` are the [`step_change`]s into each step from
-    /// the one before (that into step 0 is not looked at), for [`Partition::Greedy`] only; missing and non-finite ones count
-    /// as 0.
+    /// The intervals of a series of `steps` steps; none if it has none. `changes` are the [`step_change`]s into each step from the one
+    /// before (entry 0 is ignored), for [`Partition::Greedy`] only; missing and non-finite ones count as 0.
     pub fn intervals(self, steps: usize, changes: &[f64]) -> Vec<Interval> {
         if steps == 0 {
             return Vec::new();
@@ -66,13 +66,12 @@ impl Partition {
     }
 }
 
-/// The interval that `step` is in; the last one if it is behind all of them.
+/// The interval of `step`; the last one if it is beyond all of them.
 pub fn interval_at(intervals: &[Interval], step: usize) -> Option<&Interval> {
     intervals.get(intervals.partition_point(|interval| interval.end <= step)).or(intervals.last())
 }
 
-/// How much a field changes from one step to the next: the mean of the squared differences over the vertices that have finite
-/// values in both. 0 if there are none.
+/// Change of a field from one step to the next: mean squared difference over the vertices with finite values in both. 0 if there are none.
 pub fn step_change(before: &[f32], after: &[f32]) -> f64 {
     let differences = before.iter().zip(after).map(|(&a, &b)| f64::from(b) - f64::from(a)).filter(|d| d.is_finite());
     let (sum, count) = differences.fold((0.0, 0u64), |(sum, count), d| (sum + d * d, count + 1));
@@ -85,7 +84,7 @@ fn logarithmic(steps: usize, count: usize) -> Vec<usize> {
     let at = |i: usize| {
         let share = (Partition::GROWTH.powf(i as f64 / count as f64) - 1.0) / (Partition::GROWTH - 1.0);
         let ideal = (share * steps as f64).round() as usize;
-        // A step for this one, and one for each of those behind it.
+        // One step for this interval, and one for each later interval.
         end = ideal.clamp(end + 1, steps - (count - i));
         end
     };
@@ -102,19 +101,19 @@ fn greedy(steps: usize, count: usize, changes: &[f64]) -> Vec<usize> {
         sum += if change.is_finite() { change.max(0.0) } else { 0.0 };
         total.push(sum);
     }
-    // Change within first..end: into its second step and all behind that.
+    // Change within first..end: into its second step and all later ones.
     let within = |first: usize, end: usize| total[end - 1] - total[first];
     let mut ends = vec![steps];
     while ends.len() < count {
         let first = |i: usize| if i == 0 { 0 } else { ends[i - 1] };
-        // The one with most change; if nothing changes, the longest; the earliest of equals.
+        // The interval with the most change; if nothing changes, the longest; the earliest of equals.
         let rank = |i: usize| (within(first(i), ends[i]), ends[i] - first(i));
         let better = |a: usize, b: usize| if rank(b) > rank(a) { b } else { a };
         let Some(cut) = (0..ends.len()).filter(|&i| ends[i] - first(i) > 1).reduce(better) else { break };
         let (begin, end) = (first(cut), ends[cut]);
         let change = within(begin, end);
         let middle = if change > 0.0 {
-            // The first step that more than half of the change lies before or in.
+            // The first step at which half of the change is exceeded.
             let half = total[begin] + 0.5 * change;
             begin + total[begin..end].partition_point(|&so_far| so_far <= half)
         } else {

@@ -1,4 +1,4 @@
-//! The faces of a level of detail.
+//! Selects the faces of a level of detail.
 
 use super::Ranking;
 use super::ranking::share;
@@ -7,14 +7,14 @@ use crate::slowdown::{Slow, waste};
 use crate::visibility::{CellSet, FaceSelection, Pool};
 use std::sync::Arc;
 
-/// The faces that are drawn at level of detail `fraction` (0 to 1; NaN counts as 1): the first of `ranking` that lie between two
-/// active cells, as many as are this fraction of all such faces, rounded; and all faces between an active cell and an inactive one
-/// or the outside. Faces without an active cell are none of them.
+/// The faces drawn at level of detail `fraction` (0 to 1; NaN counts as 1): of those between two active cells, this fraction (rounded), in
+/// the order of `ranking`; and all faces between an active cell and an inactive one or the outside. Faces without an active cell are
+/// excluded.
 ///
-/// [`Selector`] does the same from frame to frame.
+/// [`Selector`] does the same incrementally.
 ///
 /// # Panics
-/// If `ranking` or `active` are of another mesh.
+/// If `ranking` or `active` belongs to another mesh.
 pub fn select(topology: &Topology, ranking: &Ranking, fraction: f64, active: &CellSet) -> FaceSelection {
     let mut parts = Parts::default();
     parts.set(topology, active);
@@ -64,10 +64,10 @@ impl Parts {
     }
 }
 
-/// [`select()`] from frame to frame: does again only what has changed, in the same memory (a bit for each face, three times).
+/// [`select()`] from frame to frame: updates only what has changed, in the same memory (three bits per face).
 #[derive(Debug, Default)]
 pub struct Selector {
-    /// What the parts are of.
+    /// Mesh and active cells that the sets belong to.
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     parts: Parts,
     last: Option<(Arc<Ranking>, f64, Arc<FaceSelection>)>,
@@ -75,7 +75,7 @@ pub struct Selector {
 }
 
 impl Selector {
-    /// Nothing selected yet.
+    /// Nothing is selected yet.
     pub fn new() -> Self {
         Self::default()
     }

@@ -10,22 +10,22 @@ use super::ranking::hash;
 use crate::mesh::Topology;
 use rayon::prelude::*;
 
-/// Bins of the histogram.
+/// Number of histogram bins.
 const BINS: usize = 256;
 /// The bin of faces with a vertex that has no finite scalar.
 const HOLES: u16 = BINS as u16;
-/// Faces that a thread takes at a time.
+/// Faces per task.
 const FACES_AT_ONCE: usize = 1 << 14;
 
 impl Ranking {
     /// A stratified sample of the faces over a histogram of their scalars (Callahan, Comba, Shirley, Silva, "Interactive
     /// rendering of large unstructured grids using dynamic level-of-detail", IEEE Visualization 2005; dissertation 6.1.4.1): the
-    /// bins give one face each in turn, in the order of a hash, until they are empty. Every part of the ranking thereby covers
-    /// all values that occur, however rare. Deterministic; two steps share the order within a value, so that their lists
-    /// differ no more than their values do.
+    /// bins give one face each in turn, in the order of a hash, until they are empty. Every prefix of the ranking thereby covers all
+    /// occurring values, however rare. Deterministic; two steps share the order within a bin, so their lists differ no more than their
+    /// values do.
     ///
-    /// The scalar of a face is the mean of its vertices', of which `scalars` has one each; there are 256 bins of equal
-    /// width. Faces of holes (a scalar that is not finite) come last.
+    /// The scalar of a face is the mean over its vertices, of which `scalars` has one each; there are 256 bins of equal width. Faces with a
+    /// non-finite scalar come last.
     ///
     /// # Panics
     /// If there is not one scalar for each vertex of `topology`.
@@ -33,17 +33,17 @@ impl Ranking {
         Self::by_hash(topology).in_strata(topology, scalars)
     }
 
-    /// Puts the faces of this ranking into strata; faces of a bin keep their order.
+    /// Stratifies the faces of this ranking; faces of a bin keep their order.
     ///
     /// # Panics
-    /// As [`Self::by_strata`], and if this is a ranking of another mesh.
+    /// As [`Self::by_strata`], and if this ranking belongs to another mesh.
     pub fn in_strata(&self, topology: &Topology, scalars: &[f32]) -> Self {
         assert_eq!(scalars.len(), topology.vertex_count as usize, "one scalar per vertex");
         assert_eq!(self.face_count, topology.faces.len(), "a ranking of this mesh");
         let bins = bins(&topology.faces, scalars);
         let bin_of = |face: u32| usize::from(bins[face as usize]);
 
-        // Sorted by bin, by counting.
+        // Counting sort by bin.
         let mut ends = vec![0usize; BINS + 1];
         self.faces.iter().for_each(|&face| ends[bin_of(face)] += 1);
         let sizes = ends.clone();
@@ -58,7 +58,7 @@ impl Ranking {
             *place += 1;
         }
 
-        // Round r has a face of every bin that has more than r; holes wait for the end.
+        // Round r takes a face from every bin with more than r; holes come last.
         let mut order: Vec<usize> = (0..BINS).collect();
         order.sort_unstable_by_key(|&bin| hash(bin as u32));
         let mut places = rounds(&sizes[..BINS]);
@@ -75,10 +75,10 @@ impl Ranking {
     }
 }
 
-/// Where each round begins.
+/// Start of each round.
 fn rounds(sizes: &[usize]) -> Vec<usize> {
     let most = sizes.iter().copied().max().unwrap_or(0);
-    // How many bins end before a round.
+    // Number of bins that end before a round.
     let mut places = vec![0; most];
     sizes.iter().filter(|&&size| size < most).for_each(|&size| places[size] += 1);
     let (mut bins, mut begin) = (sizes.len(), 0);
@@ -99,7 +99,7 @@ fn bins(faces: &[[u32; 3]], scalars: &[f32]) -> Vec<u16> {
     let finite = means.par_iter().with_min_len(FACES_AT_ONCE).filter(|mean| mean.is_finite()).map(|&mean| [mean; 2]);
     let [lo, hi] = finite.reduce(|| none, widen);
     let bin = |&mean: &f64| match mean.is_finite() {
-        // Saturating: the largest value is in the last bin, and where all are the same (0 / 0) the first has them.
+        // Saturating: the largest value falls into the last bin; if all are equal (0 / 0), the first bin has them.
         true => (((mean - lo) / (hi - lo) * BINS as f64) as u16).min(HOLES - 1),
         false => HOLES,
     };

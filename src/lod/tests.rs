@@ -1,4 +1,4 @@
-//! Rankings, selections and the controller beside their definitions.
+//! Rankings, selections and the controller against their definitions.
 
 use super::ranking::hash;
 use super::*;
@@ -13,7 +13,7 @@ fn mesh(n: [usize; 3]) -> Mesh {
     Mesh::build(test_meshes::kuhn_grid(n)).unwrap().0
 }
 
-/// Numbers that look like chance, one for each index.
+/// Pseudo-random numbers, one for each index.
 fn noise(count: usize, seed: u64) -> Vec<f32> {
     let mut random = test_meshes::Random::new(seed);
     (0..count).map(|_| random.signed() as f32).collect()
@@ -35,7 +35,7 @@ fn assert_is_of_all_interior_faces(ranking: &Ranking, topology: &Topology) {
 
 // Importance and rankings
 
-/// Coefficients of variation by their definition, two passes in f64 over the samples, and their sums over faces.
+/// Coefficients of variation by definition, in two passes in f64, and their sums over faces.
 fn naive_importance(topology: &Topology, steps: &[Vec<f32>], floor_share: f64) -> Vec<f64> {
     let all = || steps.iter().flatten().copied().filter(|v| v.is_finite()).map(f64::from);
     let width = all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min);
@@ -57,7 +57,7 @@ fn importance_of(topology: &Topology, steps: &[Vec<f32>], denominator: CovDenomi
     importance(topology, &cov.iter().map(|&c| c as f32).collect::<Vec<_>>())
 }
 
-/// Means far enough from zero that rounding is not all of them; a hole, and a vertex without a finite value.
+/// Means well above rounding; a hole, and a vertex without a finite value.
 fn series(topology: &Topology) -> Vec<Vec<f32>> {
     let mut steps: Vec<Vec<f32>> = (0..7).map(|step| noise(vertices(topology), step)).collect();
     for (step, values) in steps.iter_mut().enumerate() {
@@ -82,7 +82,7 @@ fn importance_is_the_sum_of_the_coefficients_of_variation() {
         for (a, b) in ours.iter().zip(&expected) {
             assert!((f64::from(*a) - b).abs() <= bound(*b), "{a} instead of {b}");
         }
-        // Without the last step it is another one.
+        // Without the last step the result differs.
         let fewer = importance_of(&mesh.topology, &steps[..6], denominator);
         assert!(fewer.iter().zip(&expected).any(|(a, b)| (f64::from(*a) - b).abs() > bound(*b)));
     }
@@ -92,7 +92,7 @@ fn importance_is_the_sum_of_the_coefficients_of_variation() {
 fn the_ranking_descends_by_importance_and_is_random_among_equals() {
     let mesh = mesh([6, 5, 4]);
     let topology = &mesh.topology;
-    // Few values: many equals.
+    // Few distinct values: many ties.
     let mut importance: Vec<f32> = noise(topology.faces.len(), 1).iter().map(|x| (3.0 * x).round()).collect();
     (importance[3], importance[4], importance[5]) = (f32::NAN, f32::INFINITY, -0.0);
     let ranking = Ranking::by_importance(topology, &importance);
@@ -122,7 +122,7 @@ fn where_nothing_changes_every_part_of_the_mesh_has_its_share_of_the_first_faces
         // A binomial share of a tenth: five standard deviations.
         assert!((count - expected).abs() < 5.0 * (0.9 * expected).sqrt(), "{counts:?} of {sizes:?}");
     }
-    // In the order of ids, it would be one part only.
+    // In id order, they would all be in one part.
     assert!(interior(topology)[..taken.len()].iter().all(|&face| part(face) <= 1));
 }
 
@@ -134,7 +134,7 @@ fn the_hash_has_another_number_for_each_face() {
     assert_eq!(numbers.len(), 100_000);
 }
 
-/// By the definition: in turn, the bins give the face of theirs that comes next.
+/// Oracle: the bins give their next face in turn.
 fn naive_strata(topology: &Topology, scalars: &[f32]) -> Vec<u32> {
     let mean = |face: usize| topology.faces[face].iter().map(|&v| f64::from(scalars[v as usize])).sum::<f64>() / 3.0;
     let finite: Vec<f64> = (0..topology.faces.len()).map(mean).filter(|m| m.is_finite()).collect();
@@ -178,7 +178,7 @@ fn strata_give_one_face_each_in_turn() {
     let first = with_holes.faces().iter().position(is_hole).unwrap();
     assert!(with_holes.faces()[first..].iter().all(is_hole), "faces of holes are the last");
     assert_ne!(with_holes, ranking);
-    // Neither a constant, nor zeros of both signs, nor nothing but holes, nor the widest range are a difficulty.
+    // Constants, zeros of both signs, all holes and the widest range are handled.
     for value in [0.0, -7.5, f32::NAN, f32::MAX] {
         check(&vec![value; scalars.len()]);
     }
@@ -232,7 +232,7 @@ fn lists_change_by_the_share_of_faces_that_are_others() {
 
 // Selection
 
-/// By the definition, face by face; a set of ids.
+/// Oracle: face by face; a set of ids.
 fn naive_selection(topology: &Topology, ranking: &Ranking, fraction: f64, active: &CellSet) -> (Vec<u32>, bool) {
     let is_active = |cell: u32| cell != NONE && active.contains(cell);
     let sides = |face: u32| topology.face_cells[face as usize].map(is_active).iter().filter(|&&a| a).count();
@@ -268,7 +268,7 @@ proptest! {
             prop_assert_eq!(once.count(), expected.len());
             prop_assert_eq!(&*selector.select(&mesh, &ranking, fraction, &active), &once);
         }
-        // A cell more or less is noticed.
+        // A single differing cell is detected.
         let mut other = (*active).clone();
         other.set(3, !bits[3]);
         prop_assert_ne!(
@@ -355,12 +355,12 @@ fn regular_intervals_are_equally_long_and_logarithmic_ones_grow() {
 
 #[test]
 fn greedy_intervals_are_short_where_much_changes() {
-    // All of the change is in steps 100 to 107, the same in each.
+    // All change is in steps 100 to 107, equal in each.
     let changes: Vec<f64> = (0..200).map(|step| if (100..108).contains(&step) { 2.0 } else { 0.0 }).collect();
     let ends: Vec<usize> = Partition::Greedy(4).intervals(200, &changes).iter().map(|i| i.end).collect();
-    // Into step 104 half of it is over, then a quarter each.
+    // Step 104 is the first beyond half of it; then a quarter each.
     assert_eq!(ends, [102, 104, 106, 200].map(|end: usize| if end == 200 { 200 } else { end }));
-    // What cannot be compared counts as nothing; then the longest is halved.
+    // NaN changes count as 0; then the longest interval is halved.
     assert_eq!(lengths(Partition::Greedy(4), 16, &[f64::NAN; 16]), [4; 4]);
     assert_eq!(lengths(Partition::Greedy(2), 9, &[]), [4, 5]);
 }

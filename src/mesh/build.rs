@@ -1,4 +1,4 @@
-//! From a file's points and cells to a mesh.
+//! Builds a mesh from a file's points and cells.
 //!
 //! ```text
 //! check      indices in range; points that cells use are finite
@@ -59,7 +59,7 @@ impl Mesh {
         Self::build_split(points, split(cells))
     }
 
-    /// [`Self::build`] of cells that are split: what is reported as cells are tetrahedra.
+    /// [`Self::build`] of split cells; the report counts tetrahedra as cells.
     pub(crate) fn build_split(points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
         let mut tets = std::mem::take(&mut split.tets);
         repair::check_counts(tets.len(), points.len())?;
@@ -101,7 +101,7 @@ impl Mesh {
         drop(raw_positions);
         let vertex_source = sources(vertex_order);
 
-        // Fewer than there were points, which were counted above.
+        // At most the number of points, which was checked above.
         let vertex_count = vertex_source.len() as u32;
         let (topology, non_manifold_faces) = faces::connect(vertex_count, tets);
         report.non_manifold_faces = non_manifold_faces;
@@ -126,7 +126,7 @@ fn order_cells(tets: &[[u32; 4]], orientations: &[Orientation], local: &[Vec3]) 
     sort_along_curve(kept.map(|source| (cell_curve_index(tets[source as usize], local), source)).collect())
 }
 
-/// The cells in order, their vertices numbered by theirs.
+/// The cells in curve order, with vertices renumbered in curve order.
 fn renumber(
     tets: Vec<[u32; 4]>,
     cell_order: &[CurveKey],

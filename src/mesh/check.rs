@@ -1,4 +1,4 @@
-//! Whether the arrays of a mesh fit together: ranges for what is read from files, everything for tests.
+//! Checks whether the arrays of a mesh are consistent: ranges for arrays read from files, everything for tests.
 
 use super::faces::{ascending_face, winding_is_even};
 use super::repair::{check_counts, check_indices};
@@ -6,7 +6,7 @@ use super::topology::{check_length, check_orientation};
 use super::{CellNeighbour, Mesh, MeshError, NONE, Topology};
 
 impl Topology {
-    /// Lengths and ranges of all arrays.
+    /// Checks the lengths and index ranges of all arrays.
     pub(super) fn check_ranges(&self) -> Result<(), MeshError> {
         let (cells, vertices) = (self.tets.len(), self.vertex_count);
         check_counts(cells, vertices as usize)?;
@@ -35,8 +35,8 @@ impl Topology {
         check_length("faces of all cells", 2 * self.faces.len() - boundary, 4 * cells)
     }
 
-    /// Whether all arrays agree with each other: neighbours are mutual, share the face between them and lie on opposite
-    /// sides of it; faces are sorted and are those of their cells; every face of every cell is listed.
+    /// Checks that all arrays agree: neighbours are mutual, share the face between them and lie on opposite sides of it; faces are sorted
+    /// and are those of their cells; every face of every cell is listed.
     ///
     /// # Errors
     /// The first contradiction.
@@ -58,7 +58,7 @@ impl Topology {
         }
     }
 
-    /// Whether `across` is what one may find across a side of a cell.
+    /// Checks that `across` is a valid neighbour across this face of a cell.
     fn check_side(&self, side: CellNeighbour, across: CellNeighbour) -> Result<(), &'static str> {
         let Some(other) = across.cell() else { return Ok(()) };
         let cell = side.0 >> 2;
@@ -75,7 +75,7 @@ impl Topology {
         Ok(())
     }
 
-    /// Whether these are the cells on both sides of this face according to the neighbours.
+    /// Whether, according to the neighbours, this face lies between these two cells.
     fn is_between(&self, face: [u32; 3], [first, second]: [u32; 2]) -> bool {
         let tet = self.tets[first as usize];
         let local = (0..4).find(|&local| ascending_face(tet, local) == face);
@@ -86,12 +86,11 @@ impl Topology {
 }
 
 impl Mesh {
-    /// Whether the mesh keeps all its promises: those of [`Topology::check`]; every cell is positively oriented; every
-    /// vertex has a position and is used; both permutations have their length. Takes some 0.2 s for a
-    /// million cells; meant for tests.
+    /// Checks all invariants of the mesh: those of [`Topology::check`]; every cell is positively oriented; every vertex has a position and
+    /// is used; both permutations have the right length. Takes some 0.2 s for a million cells; meant for tests.
     ///
     /// # Errors
-    /// The first broken promise.
+    /// The first broken invariant.
     pub fn check(&self) -> Result<(), MeshError> {
         let (cells, vertices) = (self.topology.tets.len(), self.topology.vertex_count as usize);
         check_length("points", self.positions.local.len(), vertices)?;

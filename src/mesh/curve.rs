@@ -1,4 +1,4 @@
-//! Order along a 3-D Hilbert curve: what is near in space is near in memory.
+//! Order along a 3-D Hilbert curve, so that cells and vertices near in space are near in memory.
 //!
 //! The index follows J. Skilling, "Programming the Hilbert curve", AIP Conference Proceedings 707 (2004), 381-387:
 //! undo the rotations from the coarsest bit down, then Gray-encode; the result is the index with its bits dealt out to
@@ -8,11 +8,10 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Bits of the index per axis: 3 * 21 = 63 fit a u64, and 2^-20 of the box is finer than a cell of any mesh of fewer
-/// than 2^30 roughly equal cells. What falls together is ordered by source index.
+/// than 2^30 roughly equal cells. Equal indices are ordered by source index.
 const BITS: u32 = 21;
 
-/// A place along the curve, and the index of what lies there. Tuples are unique, so that an unstable sort is
-/// deterministic.
+/// A curve index and the source index of its vertex or cell. Tuples are unique, so an unstable sort is deterministic.
 pub(super) type CurveKey = (u64, u32);
 
 /// The curve index of a local position in [-1, 1]^3.

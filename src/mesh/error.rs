@@ -1,4 +1,4 @@
-//! Why points and cells do not make a mesh.
+//! Errors of points and cells that do not make a mesh.
 
 use glam::DVec3;
 
@@ -17,9 +17,9 @@ pub enum MeshError {
     VertexOutOfRange {
         /// The cell.
         cell: usize,
-        /// The point that it names.
+        /// The missing point's index.
         index: u32,
-        /// How many points there are.
+        /// Number of points.
         vertex_count: usize,
     },
     /// A point that a cell uses is NaN or infinite.
@@ -27,13 +27,13 @@ pub enum MeshError {
     NotFinite {
         /// The point.
         point: usize,
-        /// Where it claims to be.
+        /// Its position.
         position: DVec3,
     },
     /// Half the extent of the mesh exceeds the largest power of two.
     #[error("the mesh extends over {0:e}, beyond what f64 can scale; use a larger unit of length")]
     TooLarge(f64),
-    /// Nothing to build.
+    /// The source has no cells.
     #[error("the mesh has no cells")]
     NoCells,
     /// All cells were dropped.
@@ -44,21 +44,21 @@ pub enum MeshError {
     /// Two stored arrays that belong together differ in length.
     #[error("{array} has {found} entries instead of {expected}")]
     WrongLength {
-        /// The array.
+        /// Name of the array.
         array: &'static str,
         /// Its length.
         found: usize,
-        /// The length that the other arrays ask for.
+        /// Length implied by the other arrays.
         expected: usize,
     },
-    /// An entry of a stored array has a value that it cannot have.
+    /// An entry of a stored array is invalid.
     #[error("{array}, entry {entry}: {problem}")]
     BadEntry {
-        /// The array.
+        /// Name of the array.
         array: &'static str,
         /// The index of the entry.
         entry: usize,
-        /// What is wrong with it.
+        /// Description of the error.
         problem: String,
     },
     /// The origin or scale of stored positions is not finite, or the scale not a power of two.
@@ -74,7 +74,7 @@ pub enum MeshError {
 }
 
 impl MeshError {
-    /// Entry `entry` of `array` cannot be what it is.
+    /// The error that entry `entry` of `array` is invalid.
     pub(super) fn bad_entry(array: &'static str, entry: usize, problem: impl Into<String>) -> Self {
         Self::BadEntry { array, entry, problem: problem.into() }
     }

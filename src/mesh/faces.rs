@@ -1,24 +1,24 @@
-//! Unique faces and neighbours from the cells alone.
+//! Derives unique faces and neighbours from the cells alone.
 //!
 //! ```text
 //! half-faces = the four faces of every cell: ascending vertices, cell, local face
-//! for each part of the vertices, of a mesh of 8M cells and more an eighth of the half-faces:
+//! for each part (range of vertices); meshes of 8M cells and more have about 8 parts:
 //!     counting sort of the half-faces by their lowest vertex            linear, sequential (a scatter)
 //!     sort of each vertex's half-faces by the other two, then the cell  a dozen to a few dozen entries each; in parallel
 //!     runs of equal vertices: 1 -> boundary, 2 -> interior, else non-manifold
 //! ```
-//! Parts save memory: all half-faces at once take more than all that stays. Cells and vertices along a curve are near each other, so that a part
-//! looks at few blocks of cells beside its own.
+//! Parts save memory: all half-faces at once would take more than the result. In curve order, a part reads few blocks of cells beyond its
+//! own.
 //! A hash map of faces would need more memory, and its order would have to be undone. Cells in curve order keep the
 //! scatter and the runs in cache.
 //!
-//! All cells are positively oriented, hence the side on which a cell lies of its face is the parity of the face's
-//! outward winding relative to ascending order: no coordinates are needed. Two cells on the same side overlap.
+//! All cells are positively oriented, hence the parity of a face's outward winding relative to ascending order tells on which side its cell
+//! lies: no coordinates are needed. Two cells on the same side overlap.
 
 use super::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 use std::ops::Range;
 
-/// A face seen from one of its cells. Its lowest vertex is the bucket that it lies in.
+/// A face seen from one of its cells, in the bucket of its lowest vertex.
 #[derive(Clone, Copy)]
 struct HalfFace {
     /// The other two vertices, ascending.
@@ -27,22 +27,22 @@ struct HalfFace {
     cell: CellNeighbour,
 }
 
-/// Half-faces of a part at least: of fewer than a million cells there is one.
+/// Minimum of half-faces per part: meshes of fewer than a million cells have one part.
 const PART: usize = 4_000_000;
-/// A large mesh has about so many parts: a part ends in front of the vertex whose half-faces would be too many.
+/// Approximate number of parts of a large mesh; a part ends before the vertex whose half-faces would exceed its share.
 const PARTS: usize = 8;
 
-/// Cells that are looked at together.
+/// Cells per block; blocks outside of a part's vertex range are skipped.
 const BLOCK: usize = 1024;
 
-/// Derives faces and neighbours of positively oriented `tets` with indices below `vertex_count`. Returns how many
-/// triangles are non-manifold beside them.
+/// Derives faces and neighbours of positively oriented `tets` with indices below `vertex_count`. Also returns the number of non-manifold
+/// triangles.
 pub(super) fn connect(vertex_count: u32, tets: Vec<[u32; 4]>) -> (Topology, u64) {
     let most = PART.max((4 * tets.len()).div_ceil(PARTS));
     connect_in_parts(vertex_count, tets, most)
 }
 
-/// Does what [`connect`] does by parts of at most `most` half-faces each, or those of one vertex.
+/// [`connect`] by parts of at most `most` half-faces each, or of a single vertex.
 pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usize) -> (Topology, u64) {
     let starts = bucket_starts(vertex_count, &tets);
     let blocks: Vec<[u32; 2]> = tets.chunks(BLOCK).map(lowest_in).collect();
@@ -83,11 +83,11 @@ pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usi
     (Topology { vertex_count, tets, neighbours, faces, face_cells }, non_manifold)
 }
 
-/// What meets at one triangle.
+/// The cells that meet at one triangle.
 enum Junction<'a> {
     /// Two cells on opposite sides, the lower id first.
     Interior(HalfFace, HalfFace),
-    /// One cell; or several that are each left without a neighbour, because it is not clear which belong together.
+    /// One cell; or several without neighbours, because it is ambiguous which belong together.
     Boundary(&'a [HalfFace]),
 }
 
@@ -101,7 +101,7 @@ impl<'a> Junction<'a> {
         }
     }
 
-    /// Entries in the list of unique faces.
+    /// Number of entries in the list of unique faces.
     fn face_count(&self) -> usize {
         match self {
             Self::Interior(..) => 1,
@@ -110,7 +110,7 @@ impl<'a> Junction<'a> {
     }
 }
 
-/// Where each vertex's bucket of half-faces starts, and one more entry for the end. Fewer than 2^30 cells have fewer than 2^32 half-faces.
+/// Start of each vertex's bucket of half-faces, and the end of the last. Fewer than 2^30 cells have fewer than 2^32 half-faces.
 fn bucket_starts(vertex_count: u32, tets: &[[u32; 4]]) -> Vec<u32> {
     let mut starts = vec![0u32; vertex_count as usize + 1];
     for tet in tets {
@@ -127,16 +127,16 @@ fn bucket_starts(vertex_count: u32, tets: &[[u32; 4]]) -> Vec<u32> {
     starts
 }
 
-/// The half-faces whose lowest vertices are some that follow each other.
+/// The half-faces whose lowest vertex lies in a range of vertices.
 struct Part<'a> {
     vertices: Range<u32>,
-    /// Where the buckets of these start among all half-faces, and where the last one ends.
+    /// Start of each bucket among all half-faces, and the end of the last.
     starts: &'a [u32],
 }
 
 impl Part<'_> {
-    /// Fills `half_faces` with those of the part, bucket by bucket, each bucket sorted. `blocks` has for every [`BLOCK`] cells the least and the
-    /// greatest of the lowest vertices of their faces ([`lowest_in`]).
+    /// Fills `half_faces` with those of the part, bucket by bucket, each bucket sorted. `blocks` holds the [`lowest_in`] of every [`BLOCK`]
+    /// cells.
     fn find(&self, tets: &[[u32; 4]], blocks: &[[u32; 2]], half_faces: &mut Vec<HalfFace>) {
         let (begin, end) = (self.starts[0], self.starts[self.starts.len() - 1]);
         let unfilled = HalfFace { others: [NONE; 2], cell: CellNeighbour::NONE };
@@ -170,10 +170,9 @@ impl Part<'_> {
     }
 }
 
-/// Sorts the buckets that begin at `starts` (the last entry is the end); `half_faces` are theirs alone. Halves are
-/// sorted in parallel.
+/// Sorts the buckets of `half_faces` that begin at `starts` (whose last entry is the end), in parallel by halves.
 fn sort_buckets(starts: &[u32], half_faces: &mut [HalfFace]) {
-    /// Buckets that one thread sorts in well under a millisecond.
+    /// Buckets per task; one thread sorts them in well under a millisecond.
     const SEQUENTIAL_BUCKETS: usize = 512;
     let buckets = starts.len() - 1;
     if buckets > SEQUENTIAL_BUCKETS {
@@ -205,7 +204,7 @@ pub(super) fn winding_is_even(side: CellNeighbour, tets: &[[u32; 4]]) -> bool {
     ((a > b) ^ (b > c)) == (a > c)
 }
 
-/// The least and the greatest of the lowest vertices of these cells' faces.
+/// Minimum and maximum of the lowest vertices of these cells' faces.
 fn lowest_in(tets: &[[u32; 4]]) -> [u32; 2] {
     let both = tets.iter().map(|tet| two_lowest(*tet));
     both.fold([u32::MAX, 0], |[least, greatest], (lowest, second)| [least.min(lowest), greatest.max(second)])

@@ -1,4 +1,4 @@
-//! Volumes.
+//! Volumes of cells.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -15,14 +15,14 @@ pub fn tet_volume(corners: [Vec3; 4]) -> f64 {
 }
 
 impl Mesh {
-    /// Volume of a cell in local units; above zero. In world units it is larger by `scale^3`.
+    /// Volume of a cell in local units, above zero. The world volume is `scale^3` times it.
     pub fn cell_volume(&self, cell: u32) -> f64 {
         tet_volume(self.positions.corners(self.topology.tets[cell as usize]))
     }
 
-    /// Volume of all cells together in local units, the same for any number of threads.
+    /// Total volume of all cells in local units, the same for any number of threads.
     pub fn total_volume(&self) -> f64 {
-        /// Sums of fixed runs of cells, so that no rounding depends on how threads share the work.
+        /// Cells per partial sum; fixed, so that rounding does not depend on the number of threads.
         const RUN: usize = 4096;
         let run_volume = |run: &[[u32; 4]]| run.iter().map(|&tet| tet_volume(self.positions.corners(tet))).sum::<f64>();
         let runs: Vec<f64> = self.topology.tets.par_chunks(RUN).map(run_volume).collect();
@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn the_sign_of_a_sliver_is_exact() {
-        // All four on the plane x + y + z = 1, in multiples of 1/8; then the last one off it by one bit.
+        // All four lie on the plane x + y + z = 1, in multiples of 1/8; then the last is moved off it by one bit.
         let eighths = |x: f32, y: f32| Vec3::new(x, y, 8.0 - x - y) / 8.0;
         let [a, b, c, d] = [eighths(1.0, 1.0), eighths(5.0, 2.0), eighths(2.0, 3.0), eighths(3.0, 3.0)];
         assert_eq!(tet_volume([a, b, c, d]), 0.0);
@@ -58,7 +58,7 @@ mod tests {
             let volume = tet_volume([flat[0], flat[1], flat[2], flat[3] + Vec3::new(0.0, 0.0, z)]);
             assert_eq!(volume, f64::from(z) / 6.0);
         }
-        // Three edges of subnormal length: the product of the smallest numbers is still a number.
+        // Three edges of subnormal length: the volume does not underflow.
         assert!(tet_volume(UNIT.map(|p| p * tiny)) > 0.0);
     }
 }

@@ -6,14 +6,14 @@
 //! g = (s_a b x c + s_b c x a + s_c a x b) / det(a, b, c)
 //! ```
 //!
-//! Slivers make numerator and determinant small beside the terms that they are sums of, so that rounding may be all that is
-//! left. Both are therefore computed with a bound of their error, which has to be below [`TOLERANCE`] of them: first in f64, and
-//! where that is not enough in twice its precision. Who fails even there has no gradient.
+//! Slivers make numerator and determinant small beside their terms, so that rounding may dominate. Both are therefore computed with a bound
+//! of their error, which has to be below [`TOLERANCE`] of them: first in f64, then in double-word arithmetic. Cells that fail there too
+//! have no gradient.
 //!
-//! The bound: each component of the numerator, and the determinant, is a sum of products of three factors. Each product meets at
-//! most 8 roundings on its way into the sum: of the factors (3), the multiplications (2), the difference of two in a cross
-//! product (1) and the sum of three (2). All products together are, without their signs, at most the product of the factors' sums
-//! of magnitudes |x| + |y| + |z|, of which they are some of the terms.
+//! The bound: each component of the numerator, and the determinant, is a sum of products of three factors. Each product meets at most 8
+//! roundings on its way into the sum: of the factors (3), the multiplications (2), the difference of two in a cross product (1) and the sum
+//! of three (2). The magnitudes of all products add up to at most the product of the factors' sums |x| + |y| + |z|, since they are some of
+//! its terms.
 
 use super::Mesh;
 use glam::{DVec3, Vec3};
@@ -24,13 +24,13 @@ use std::ops::{Add, Mul, Sub};
 /// within 1.5 * 2^-24.
 const TOLERANCE: f64 = 1.0 / (1 << 26) as f64;
 
-/// Cells that one task takes; they need no more than some hundred KB of the mesh.
+/// Cells per task; their part of the mesh is some hundred KB.
 const CHUNK: usize = 8192;
 
 impl Mesh {
-    /// Magnitude of the gradient of the scalar in a cell, in units of the scalar per world length; `scalars` has one a vertex.
-    /// The relative error is below 2^-23 in the normal range of f32; beyond it, infinity. A constant has exactly 0. NaN if a
-    /// scalar is not finite, or the cell is so flat that twice the precision of f64 cannot tell.
+    /// Magnitude of the gradient of the scalar in a cell, in units of the scalar per world length; `scalars` has one per vertex. The
+    /// relative error is below 2^-23 in the normal range of f32; beyond it, infinity. A constant has exactly 0. NaN if a scalar is not
+    /// finite, or the cell is too flat for double-word arithmetic.
     ///
     /// # Panics
     /// If there is no such cell, or a vertex of it has no scalar.
@@ -45,7 +45,7 @@ impl Mesh {
     /// [`Self::gradient_magnitude`] of every cell into `out`, the same for any number of threads. Returns how many are NaN.
     ///
     /// # Panics
-    /// If there is not one scalar a vertex and one place a cell.
+    /// If there is not one scalar per vertex and one slot of `out` per cell.
     pub fn gradient_magnitudes(&self, scalars: &[f32], out: &mut [f32]) -> usize {
         assert_eq!(scalars.len(), self.vertex_source.len(), "one scalar a vertex");
         assert_eq!(out.len(), self.topology.tets.len(), "one place a cell");
@@ -57,7 +57,7 @@ impl Mesh {
     }
 }
 
-/// Magnitude of the gradient in a tet, as [`Mesh::gradient_magnitude`], for lengths in the units of the corners.
+/// Magnitude of the gradient in a tet, like [`Mesh::gradient_magnitude`], for lengths in the units of the corners.
 pub fn tet_gradient_magnitude(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
     quotient(corners, scalars).map_or(f64::NAN, |Quotient { numerator, determinant }| {
         let [x, y, z] = numerator;
@@ -66,41 +66,41 @@ pub fn tet_gradient_magnitude(corners: [Vec3; 4], scalars: [f32; 4]) -> f64 {
 }
 
 /// Gradient in a tet, in units of the scalar per unit of the corners: each component is within 2^-24 of the gradient's length. `None` if a
-/// scalar is not finite, or the tet is so flat that twice the precision of f64 cannot tell.
+/// scalar is not finite, or the tet is too flat for double-word arithmetic.
 pub fn tet_gradient(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<DVec3> {
     let Quotient { numerator, determinant } = quotient(corners, scalars)?;
     Some(DVec3::from(numerator) / determinant)
 }
 
-/// The gradient as a quotient; `None` if a scalar is not finite, or the tet too flat.
+/// The gradient as a quotient; `None` if a scalar is not finite, or the tet is too flat.
 fn quotient(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
     let is_finite = scalars.iter().all(|s| s.is_finite());
     is_finite.then(|| bounded::<f64>(corners, scalars).or_else(|| of_sliver(corners, scalars))).flatten()
 }
 
-/// Rare, and kept out of the code for the others.
+/// Rare, and kept apart from the f64 code.
 #[cold]
 #[inline(never)]
 fn of_sliver(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
     bounded::<Double>(corners, scalars)
 }
 
-/// The gradient, undivided.
+/// The gradient as numerator and determinant.
 struct Quotient {
     numerator: [f64; 3],
     determinant: f64,
 }
 
-/// What the gradient is computed in.
+/// Number type of the computation.
 trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// Bound of the relative error of a product that has met eight roundings.
+    /// Bound of the relative error of a product after eight roundings.
     const EIGHT_ROUNDINGS: f64;
     fn difference(a: f32, b: f32) -> Self;
     fn value(self) -> f64;
 }
 
-/// The gradient, if its error is known to be small. No product of three differences of f32 leaves the range of f64, nor does
-/// the square of one.
+/// The gradient, if its error is within the tolerance. No product of three differences of f32 leaves the range of f64, nor does the square
+/// of one.
 fn bounded<N: Number>(corners: [Vec3; 4], scalars: [f32; 4]) -> Option<Quotient> {
     let [o, p, q, r] = corners;
     let edge = |p: Vec3| [N::difference(p.x, o.x), N::difference(p.y, o.y), N::difference(p.z, o.z)];
@@ -127,7 +127,7 @@ fn cross<N: Number>(a: [N; 3], b: [N; 3]) -> [N; 3] {
 }
 
 impl Number for f64 {
-    /// Eight of 2^-53 each; 2 more are for their products, and for the rounding of the bound itself.
+    /// Eight of 2^-53 each, and 2 more for their products and the rounding of the bound itself.
     const EIGHT_ROUNDINGS: f64 = 10.0 * 0.5 * f64::EPSILON;
 
     fn difference(a: f32, b: f32) -> Self {
@@ -146,14 +146,14 @@ impl Number for f64 {
 struct Double(f64, f64);
 
 impl Double {
-    /// a + b without error (D. E. Knuth).
+    /// a + b without error (D. E. Knuth, TwoSum).
     fn sum(a: f64, b: f64) -> Self {
         let sum = a + b;
         let b_part = sum - a;
         Self(sum, (a - (sum - b_part)) + (b - b_part))
     }
 
-    /// As [`Self::sum`] where |a| >= |b|.
+    /// [`Self::sum`] for |a| >= |b|.
     fn ordered_sum(a: f64, b: f64) -> Self {
         let sum = a + b;
         Self(sum, b - (sum - a))

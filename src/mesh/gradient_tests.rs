@@ -1,4 +1,4 @@
-//! Gradients against whole numbers, closed forms, and what they must not depend on.
+//! Gradients against exact integer arithmetic and closed forms, and their invariances.
 
 use super::test_meshes::{Random, jittered, kuhn_grid};
 use super::{Mesh, RawMesh, tet_gradient_magnitude};
@@ -8,14 +8,14 @@ use proptest::prelude::*;
 /// Relative error that a gradient may have: 2^-25 of the quotient and half an ulp of its rounding to f32, rounded up.
 const BOUND: f64 = 1.0 / (1 << 23) as f64;
 
-/// The same before it is rounded to f32.
+/// [`BOUND`] before rounding to f32.
 const LOCAL_BOUND: f64 = 1.0 / (1 << 25) as f64 + 8.0 * f64::EPSILON;
 
 fn build(raw: RawMesh) -> Mesh {
     Mesh::build(raw).unwrap().0
 }
 
-/// The scalars that a formula gives the points of the file.
+/// Scalars of the vertices by a formula of the file's points.
 fn scalars(mesh: &Mesh, points: &[DVec3], value: impl Fn(DVec3) -> f32) -> Vec<f32> {
     mesh.vertex_source.iter().map(|&v| value(points[v as usize])).collect()
 }
@@ -26,7 +26,7 @@ fn gradients(mesh: &Mesh, scalars: &[f32]) -> Vec<f32> {
     out
 }
 
-/// By Cramer's rule in whole numbers, of which only the last three divisions and the norm round; `None` without a volume.
+/// Cramer's rule in integers: only the last three divisions and the norm round. `None` without a volume.
 fn in_whole_numbers(corners: [[i64; 3]; 4], scalars: [i64; 4]) -> Option<f64> {
     let edges = [1, 2, 3].map(|i| [0, 1, 2].map(|k| i128::from(corners[i][k] - corners[0][k])));
     let rises = [1, 2, 3].map(|i| i128::from(scalars[i] - scalars[0]));
@@ -43,14 +43,14 @@ fn in_whole_numbers(corners: [[i64; 3]; 4], scalars: [i64; 4]) -> Option<f64> {
     (volume != 0).then(|| [0, 1, 2].map(with_rises).iter().map(|g| g * g).sum::<f64>().sqrt())
 }
 
-/// Coordinates are multiples of 2^-20.
+/// Coordinates are multiples of 1 / GRID.
 const GRID: i64 = 1 << 20;
 
 fn corner(p: [i64; 3]) -> Vec3 {
     Vec3::from_array(p.map(|x| x as f32 / GRID as f32))
 }
 
-/// What one writes down first: all in f32.
+/// The straightforward formula, all in f32.
 fn careless(corners: [Vec3; 4], scalars: [f32; 4]) -> f32 {
     let [a, b, c] = [1, 2, 3].map(|i| corners[i] - corners[0]);
     let [ra, rb, rc] = [1, 2, 3].map(|i| scalars[i] - scalars[0]);
@@ -67,11 +67,11 @@ proptest! {
     ) {
         let mut corners = points;
         if is_sliver {
-            // In the plane of the others, but for some 2^-20.
+            // In the plane of the others, up to some 2^-20.
             corners[3] = [0, 1, 2].map(|k| (points[0][k] + points[1][k] + 2 * points[2][k]) / 4 + off[k]);
         }
         let found = tet_gradient_magnitude(corners.map(corner), values.map(|v| v as f32));
-        // Whole numbers per 2^-20.
+        // Integers, in units of 2^-20.
         match in_whole_numbers(corners, values).map(|g| g * GRID as f64) {
             Some(expected) => prop_assert!((found - expected).abs() <= LOCAL_BOUND * expected, "{found:e}, {expected:e}"),
             None => prop_assert!(found.is_nan(), "{found:e}"),
@@ -98,7 +98,7 @@ fn slivers_need_the_double_precision_and_carelessness_is_noticed() {
     assert!(slivers > 900 && worse > 900, "{worse} of {slivers}");
 }
 
-/// A tet of which the last corner is this high above the others' plane.
+/// A tet whose last corner is this high above the plane of the others.
 fn of_height(height: f32) -> [Vec3; 4] {
     [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.25, 0.25, height)]
 }
@@ -127,12 +127,12 @@ fn a_cell_without_volume_or_with_a_hole_has_no_gradient() {
 
 #[test]
 fn flat_as_a_cell_may_be_its_gradient_is_right_or_missing() {
-    // Along z the scalar rises by 1 from the plane, where it is x: gradient (1, 0, 0.75 / height).
+    // The scalar is x in the base plane and rises by 1 to the top: gradient (1, 0, 0.75 / height).
     for exponent in 0..149 {
         let height = 2.0_f32.powi(-exponent);
         let found = tet_gradient_magnitude(of_height(height), [0.0, 1.0, 0.0, 1.0]);
         let expected = 1.0_f64.hypot(0.75 / f64::from(height));
-        // Products of powers of two are exact; what is not is the bound, which f64 alone has used up at 2^-24.
+        // Products of powers of two are exact; only the bound exceeds its tolerance in f64, at 2^-24.
         assert!(
             (found / expected - 1.0).abs() <= LOCAL_BOUND || (exponent > 70 && found.is_nan()),
             "2^-{exponent}: {found:e}"
@@ -155,7 +155,7 @@ fn a_constant_has_no_gradient_at_all_and_the_extremes_of_f32_are_differences_too
     assert!((1e-45..2e-45).contains(&slight));
 }
 
-/// A linear field on a jittered grid with coordinates on a coarse raster: all its scalars are exact.
+/// A linear field on a jittered grid with coarsely quantised coordinates: all its scalars are exact.
 fn linear() -> (RawMesh, impl Fn(DVec3) -> f32, f64) {
     let mut raw = jittered(kuhn_grid([5, 4, 3]), &mut Random::new(1));
     raw.points.iter_mut().for_each(|p| *p = (*p * 256.0).round() / 256.0);
@@ -169,7 +169,7 @@ fn a_linear_field_has_its_gradient_in_every_cell() {
     let found = gradients(&mesh, &scalars(&mesh, &raw.points, &value));
     let worst = |found: &[f32]| found.iter().map(|&g| (f64::from(g) / expected - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst(&found) <= BOUND, "{:e}", worst(&found));
-    // One scalar off by its 10^-5: the test can fail.
+    // One scalar off by 1e-5 of itself: the test can fail.
     let mut off = scalars(&mesh, &raw.points, value);
     off[17] *= 1.0 + 1e-5;
     assert!(worst(&gradients(&mesh, &off)) > BOUND);
@@ -197,7 +197,7 @@ fn least_height(mesh: &Mesh) -> f64 {
 fn where_the_mesh_lies_and_how_large_it_is_changes_nothing_but_the_unit() {
     let (raw, value, _) = linear();
     let mesh = build(raw.clone());
-    // No linear field, so that cells differ.
+    // A nonlinear field, so that cells differ.
     let bent = |p: DVec3| value(p) * value(p);
     let expected = gradients(&mesh, &scalars(&mesh, &raw.points, bent));
     // 2^-8 is more than an ulp of 1e6 in f64: nothing is lost.
@@ -219,11 +219,11 @@ fn where_the_mesh_lies_and_how_large_it_is_changes_nothing_but_the_unit() {
         let bound = 3.0_f64.sqrt() / least_height(&scaled) * 3.0 * 2.0_f64.powi(-24) + 2.0 * BOUND;
         assert!(bound < 1e-4, "{bound:e}");
         let close = |(&a, &b): (&f32, &f32)| (f64::from(a) * unit / f64::from(b) - 1.0).abs() < bound;
-        // Another frame, another order along the curve.
+        // Another frame, and another curve order.
         let expected = by_source(&mesh, expected.clone());
         assert!(found.iter().zip(&expected).all(close), "{unit:e}");
     }
-    // More than f32 holds, and less.
+    // Beyond the range of f32 at both ends.
     let tiny = build(RawMesh { points: raw.points.iter().map(|p| *p * 1e-60).collect(), ..raw.clone() });
     assert!(gradients(&tiny, &scalars(&tiny, &raw.points, &value)).iter().all(|g| *g == f32::INFINITY));
     let vast = build(RawMesh { points: raw.points.iter().map(|p| *p * 1e60).collect(), ..raw.clone() });

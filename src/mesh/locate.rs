@@ -1,8 +1,7 @@
-//! Which cells are near a point.
+//! Finds the cells near a point.
 //!
-//! A linear scan: boxes reject nearly all cells (a million take some ten milliseconds on two cores), and the question
-//! is asked once per camera position, not per ray. What it must never do is miss the cell that the eye is in, hence
-//! every test errs towards keeping a cell.
+//! A linear scan: boxes reject nearly all cells (a million take some ten milliseconds on two cores), and it runs once per camera position,
+//! not per ray. It must never miss the cell that the eye is in, hence every test errs towards keeping a cell.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -10,10 +9,9 @@ use rayon::prelude::*;
 use super::{FACE_VERTICES, Mesh};
 
 impl Mesh {
-    /// Ids, ascending, of all cells that contain a point or come within `tolerance` of it, both in local units. Some that
-    /// are slightly further away may be among them (each is within `tolerance` of the point's side of every plane of its
-    /// faces, and of its box), but none is missed. Empty if the point is not finite; a tolerance that is negative or NaN
-    /// counts as zero.
+    /// Ids, ascending, of all cells that contain a point or come within `tolerance` of it, both in local units. Some cells slightly further
+    /// away may be included (each has the point within `tolerance` of the inner side of every face plane, and of its box), but none is
+    /// missed. Empty if the point is not finite; a tolerance that is negative or NaN counts as zero.
     pub fn cells_near(&self, point_local: DVec3, tolerance: f64) -> Vec<u32> {
         if !point_local.is_finite() {
             return Vec::new();
@@ -25,7 +23,7 @@ impl Mesh {
     }
 }
 
-/// Whether a point may be within `tolerance` of a positively oriented tet; errs towards yes.
+/// Whether a point may be within `tolerance` of a positively oriented tet; errs towards true.
 fn is_near(corners: [Vec3; 4], point: DVec3, tolerance: f64) -> bool {
     // One axis after the other, since the first rejects most cells. Rounding is monotonic: a difference of at most the
     // tolerance is not rounded to above it.
@@ -65,7 +63,7 @@ mod tests {
         mesh.positions.corners(mesh.topology.tets[cell as usize]).map(|p| p.as_dvec3())
     }
 
-    /// Exactly whether a point lies in a closed tet.
+    /// Whether a point lies in a closed tet, exactly.
     fn contains(corners: [DVec3; 4], point: DVec3) -> bool {
         let coord = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
         FACE_VERTICES.iter().all(|&[i, j, k]| {
@@ -73,7 +71,7 @@ mod tests {
         })
     }
 
-    /// Distance of a point from a tet: zero inside, else that from the nearest vertex, edge or face.
+    /// Distance of a point from a tet: zero inside, else to the nearest vertex, edge or face.
     fn naive_distance(corners: [DVec3; 4], point: DVec3) -> f64 {
         if contains(corners, point) {
             return 0.0;
@@ -96,8 +94,8 @@ mod tests {
         nearest
     }
 
-    /// How many times the tolerance a point that passes all plane tests of a tet can be away from it: moved outwards by t,
-    /// the planes bound the tet scaled by 1 + t / r about the centre of its inscribed ball of radius r.
+    /// Greatest distance, in tolerances, of a point that passes all plane tests of a tet: moved outwards by t, the planes bound the tet
+    /// scaled by 1 + t / r about the centre of its inscribed ball of radius r.
     fn reach(corners: [DVec3; 4]) -> f64 {
         let area = |[i, j, k]: [usize; 3]| 0.5 * (corners[j] - corners[i]).cross(corners[k] - corners[i]).length();
         let areas = FACE_VERTICES.map(area);

@@ -1,5 +1,4 @@
-//! Tetrahedral meshes: connectivity ([`Topology`]) and coordinates ([`Positions`]) apart from each other, because the
-//! first stays the same when the second moves.
+//! Tetrahedral meshes. Connectivity ([`Topology`]) is apart from coordinates ([`Positions`]), because it stays the same when vertices move.
 
 mod build;
 mod check;
@@ -43,17 +42,17 @@ pub struct RawMesh {
     pub cells: Cells,
 }
 
-/// A repaired mesh in curve order, with the way back to the file's numbering.
+/// A repaired mesh in curve order, with maps back to the file's numbering.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// Connectivity.
     pub topology: Topology,
     /// Coordinates.
     pub positions: Positions,
-    /// For each vertex the index it had in the [`RawMesh`].
+    /// Index of each vertex in the [`RawMesh`].
     pub vertex_source: Vec<u32>,
-    /// For each cell the index that it, or the cell it is a part of, had in the [`RawMesh`].
+    /// Index in the [`RawMesh`] of each cell, or of the cell that it is a part of.
     pub cell_source: Vec<u32>,
-    /// For each cell whether its last two vertices were swapped to make its volume positive.
+    /// Whether the last two vertices of each cell were swapped to make its volume positive.
     pub cell_turned: Vec<bool>,
 }

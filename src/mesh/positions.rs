@@ -6,8 +6,8 @@ use super::MeshError;
 
 /// Vertex coordinates: `world = origin + scale * local`, right-handed, in the file's units.
 ///
-/// The local box lies within [-1, 1]^3 whatever the offset and size of the mesh in the world, so that f32 keeps 24 bits
-/// of the mesh and not of its offset. The scale is a power of two: multiplying by it is exact.
+/// The local box lies within [-1, 1]^3 whatever the offset and size of the mesh in the world, so the 24 bits of f32 resolve the mesh and
+/// not its offset. The scale is a power of two: multiplying by it is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Positions {
     /// World coordinates of the local origin.
@@ -60,7 +60,7 @@ impl Positions {
     }
 }
 
-/// The origin and scale of a mesh to be: where [`Positions`] put a box.
+/// Origin and scale of a mesh before its [`Positions`] are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LocalFrame {
     /// World coordinates of the local origin.
@@ -76,7 +76,7 @@ impl LocalFrame {
     /// # Errors
     /// If that scale exceeds the largest power of two, 2^1023.
     pub fn around(lo: DVec3, hi: DVec3) -> Result<Self, MeshError> {
-        // Halved before they are added: neither hi - lo nor hi + lo need be finite.
+        // Halved before the sum: neither hi - lo nor hi + lo need be finite.
         let origin = 0.5 * lo + 0.5 * hi;
         // Rounding is monotonic, so no point of the box gets further from the origin than this, computed the same way.
         let half_extent = (hi - origin).max(origin - lo).max_element();

@@ -39,7 +39,7 @@ pub(super) fn check_indices(tets: &[[u32; 4]], vertex_count: usize) -> Result<()
     }
 }
 
-/// Local positions of all points that a cell of four different points uses; the others, whatever they are, lie at zero.
+/// Local positions of all points used by a cell of four different points; zero for all others.
 ///
 /// # Errors
 /// If such a point is not finite, or their extent cannot be scaled.
@@ -57,7 +57,7 @@ pub(super) fn local_positions(points: &[DVec3], tets: &[[u32; 4]]) -> Result<Pos
     Ok(Positions { origin: frame.origin, scale: frame.scale, local: local.collect() })
 }
 
-/// For each vertex whether one of these cells uses it. Indices are in range.
+/// Whether each vertex is used by one of these cells. Indices must be in range.
 pub(super) fn used_vertices<'a>(tets: impl Iterator<Item = &'a [u32; 4]>, vertex_count: usize) -> Vec<bool> {
     let mut used = vec![false; vertex_count];
     tets.flatten().for_each(|&v| used[v as usize] = true);
@@ -69,19 +69,18 @@ fn has_four_vertices(tet: &[u32; 4]) -> bool {
     ascending(*tet).windows(2).all(|pair| pair[0] != pair[1])
 }
 
-/// What the exact predicate says of a cell.
+/// Orientation of a cell by the exact predicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Orientation {
-    /// As all cells of a mesh are.
+    /// Positive volume, as all cells of a mesh have.
     Positive,
-    /// Its vertices were swapped.
+    /// Negative volume; its last two vertices were swapped.
     Negative,
     /// No volume.
     Flat,
 }
 
-/// Decides the orientation that each cell has after rounding, exactly, and turns the negative ones by swapping their
-/// last two vertices.
+/// Finds the exact orientation of each cell after rounding, and flips negative ones by swapping their last two vertices.
 pub(super) fn orient_cells(tets: &mut [[u32; 4]], positions: &Positions) -> Vec<Orientation> {
     let orient = |tet: &mut [u32; 4]| {
         let volume = tet_volume(positions.corners(*tet));
@@ -110,7 +109,7 @@ pub(super) fn drop_duplicates(order: &mut Vec<CurveKey>, tets: &[[u32; 4]]) {
     groups(order, &|group| group.sort_unstable());
 }
 
-/// How many of these positions in curve order (keys beside local positions) equal an earlier one.
+/// Number of these positions, in curve order (keys beside local positions), that equal an earlier one.
 pub(super) fn count_coincident(order: &[CurveKey], local: &[Vec3]) -> u64 {
     let bits = |key: &CurveKey| local[key.1 as usize].to_array().map(f32::to_bits);
     let groups = order.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1);

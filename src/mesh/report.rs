@@ -1,4 +1,4 @@
-//! What [`Mesh::build`](super::Mesh::build) found and repaired.
+//! Report of what [`Mesh::build`](super::Mesh::build) found and repaired.
 
 use std::fmt;
 
@@ -8,9 +8,9 @@ use serde::Serialize;
 /// one more line for each kind of repair or defect.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RepairReport {
-    /// Cells of the source.
+    /// Cells in the source.
     pub cells_in: u64,
-    /// Cells of the mesh.
+    /// Cells in the mesh.
     pub cells_out: u64,
     /// Cells of negative orientation, two vertices of which were swapped.
     pub flipped: u64,
@@ -18,9 +18,9 @@ pub struct RepairReport {
     pub zero_volume: u64,
     /// Cells dropped because an earlier one has the same four vertices.
     pub duplicate_cells: u64,
-    /// Points of the source.
+    /// Points in the source.
     pub vertices_in: u64,
-    /// Vertices of the mesh.
+    /// Vertices in the mesh.
     pub vertices_out: u64,
     /// Points dropped because no cell that was kept uses them.
     pub unreferenced_vertices: u64,
@@ -31,12 +31,12 @@ pub struct RepairReport {
     pub non_manifold_faces: u64,
     /// Unique faces with a cell on one side only, non-manifold ones once for each of their cells.
     pub boundary_faces: u64,
-    /// Components connected through faces.
+    /// Connected components, through faces.
     pub parts: u64,
 }
 
 impl RepairReport {
-    /// Whether the source was taken as it is: nothing dropped, flipped or suspicious.
+    /// Whether the source needed no repair and has no defects.
     pub fn is_clean(&self) -> bool {
         self.findings().all(|(count, _)| count == 0)
     }

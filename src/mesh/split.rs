@@ -1,8 +1,8 @@
-//! From the cells of a file to tetrahedra: the one place in which cells of other shapes are split.
+//! Splits the cells of a file into tetrahedra: the only place that knows other shapes.
 
 use std::ops::Range;
 
-/// The cells of a [`RawMesh`](super::RawMesh), numbered as they come. A shape more is a field more, and its split in [`split`].
+/// The cells of a [`RawMesh`](super::RawMesh), numbered in file order. A new shape is a new field, and its split in [`split`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     /// Vertex indices of the linear tetrahedra.
@@ -15,7 +15,7 @@ impl Cells {
         self.tets.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no cells.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -32,7 +32,7 @@ impl From<Vec<[u32; 4]>> for Cells {
 pub struct Split {
     /// Vertex indices.
     pub tets: Vec<[u32; 4]>,
-    /// For each tetrahedron the index of the cell it is a part of, ascending; `None` if each is the cell of its own index.
+    /// Cell of each tetrahedron, ascending; `None` if tetrahedron i is cell i.
     pub cell_of_tet: Option<Vec<u32>>,
 }
 
@@ -56,13 +56,13 @@ impl Split {
     }
 }
 
-/// Splits cells into tetrahedra. A tetrahedron is its own.
+/// Splits cells into tetrahedra; a tetrahedron stays as it is.
 pub fn split(cells: Cells) -> Split {
     Split { tets: cells.tets, cell_of_tet: None }
 }
 
-/// Replaces the values of all cells of a file by those of `sources`, the cells that its mesh takes: in place where no cell comes before an
-/// earlier one, as it is when some are left out; through a copy else, as where a split makes several tetrahedra of a cell.
+/// Replaces the values of all cells of a file by those of `sources`, the source cells of its mesh: in place if no source lies before its
+/// target, as when cells are only left out; else through a copy, as when a split makes several tetrahedra of a cell.
 pub fn gather(values: &mut Vec<f32>, sources: &[u32]) {
     if sources.iter().enumerate().all(|(to, &from)| from as usize >= to) {
         for (to, &from) in sources.iter().enumerate() {
@@ -112,7 +112,7 @@ mod tests {
         };
         assert_eq!(gathered(&[1, 2]), [11.0, 12.0]);
         assert_eq!(gathered(&synthetic().cell_of_tet.unwrap()), [10.0, 10.0, 11.0, 12.0, 12.0, 12.0]);
-        // In place, the first of these would have been overwritten.
+        // In place, the first of these would be overwritten.
         assert_eq!(gathered(&[2, 0, 1, 0]), [12.0, 10.0, 11.0, 10.0]);
     }
 }

@@ -1,11 +1,11 @@
-//! Meshes that several test modules build, and random numbers for them.
+//! Meshes and random numbers shared by several test modules.
 
 use glam::DVec3;
 
 use super::RawMesh;
 use crate::random::SplitMix64;
 
-/// Repeatable from its seed, which is what a failing property prints.
+/// Random numbers that are repeatable from their seed, which a failing property prints.
 pub struct Random(SplitMix64);
 
 impl Random {
@@ -33,8 +33,8 @@ impl Random {
     }
 }
 
-/// The six paths from a cube's first corner to its last along the axes: H. W. Kuhn's subdivision, which fits from cube to
-/// cube. Beside each whether it is an even permutation.
+/// The six paths from a cube's first corner to its last along the axes: H. W. Kuhn's subdivision, which matches between cubes. Beside each,
+/// whether it is an even permutation.
 const AXIS_PATHS: [([usize; 3], bool); 6] = [
     ([0, 1, 2], true),
     ([1, 2, 0], true),
@@ -44,8 +44,7 @@ const AXIS_PATHS: [([usize; 3], bool); 6] = [
     ([1, 0, 2], false),
 ];
 
-/// Unit cubes at integer coordinates, six positive tets each, for those cubes that `keep` takes. Points of other cubes
-/// are there as well.
+/// Unit cubes at integer coordinates, six positive tets each, for the cubes that `keep` accepts. Points of other cubes are included.
 pub fn kuhn_grid_of([nx, ny, nz]: [usize; 3], keep: impl Fn([usize; 3]) -> bool) -> RawMesh {
     let coordinates =
         |n: [usize; 3]| (0..n[2]).flat_map(move |z| (0..n[1]).flat_map(move |y| (0..n[0]).map(move |x| [x, y, z])));
@@ -83,7 +82,7 @@ pub fn jittered(mut raw: RawMesh, random: &mut Random) -> RawMesh {
     raw
 }
 
-/// The same mesh with points and cells in random order. For each new point its old index beside it.
+/// The same mesh with points and cells in random order, and the old index of each new point.
 pub fn shuffled(raw: &RawMesh, random: &mut Random) -> (RawMesh, Vec<u32>) {
     let mut old: Vec<u32> = (0..raw.points.len() as u32).collect();
     random.shuffle(&mut old);

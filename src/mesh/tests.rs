@@ -1,4 +1,4 @@
-//! Building meshes: closed forms, random defects against the clean build, and a naive oracle of faces.
+//! Building meshes: closed forms, random defects against the clean build, and a naive oracle for faces.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -147,7 +147,7 @@ fn without_cells_there_is_no_mesh() {
     let mut plane = kuhn_grid([2, 2, 2]);
     plane.points.iter_mut().for_each(|p| p.z = p.x - 3.0 * p.y);
     assert_eq!(Mesh::build(plane).unwrap_err(), MeshError::AllFlat(48));
-    // So far from the origin that f64 holds only one of the points.
+    // So far from the origin that f64 resolves only one of the points.
     let mut far = unit_tet();
     far.points.iter_mut().for_each(|p| *p += 1e20);
     assert_eq!(Mesh::build(far).unwrap_err(), MeshError::AllFlat(1));
@@ -155,7 +155,7 @@ fn without_cells_there_is_no_mesh() {
 
 #[test]
 fn coincident_points_are_counted_and_kept() {
-    // Two cubes that do not share the points of their common side: a crack.
+    // Two cubes with separate points on their common side: a crack.
     let (a, mut b) = (kuhn_grid([1, 1, 1]), kuhn_grid([1, 1, 1]));
     b.points.iter_mut().for_each(|p| p.x += 1.0);
     let tets: Vec<_> = a.cells.tets.iter().copied().chain(b.cells.tets.iter().map(|tet| tet.map(|v| v + 8))).collect();
@@ -178,7 +178,7 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     assert_eq!(with_threads(1), with_threads(4));
 }
 
-/// What lies across each side of each cell, by comparing all cells with all others; sides by coordinates.
+/// Neighbours of all cells by comparing each with all others; sides by coordinates.
 fn naive_neighbours(tets: &[[u32; 4]], positions: &Positions) -> (Vec<[CellNeighbour; 4]>, u64) {
     let side_of = |tet: [u32; 4], local: u32| {
         let [a, b, c] = ascending_face(tet, local);
@@ -214,7 +214,7 @@ fn random_soup(seed: u64, points: usize, cells: usize) -> RawMesh {
     RawMesh { points, cells: tets.into() }
 }
 
-/// Cells as sets of labelled vertices, each beside the positions of these.
+/// Cells as sets of labelled vertices, with the positions of these.
 fn labelled_cells(mesh: &Mesh, label: impl Fn(u32) -> u32) -> BTreeMap<[u32; 4], Vec<[u32; 3]>> {
     let cell = |tet: &[u32; 4]| {
         let mut vertices = tet.map(|v| (label(mesh.vertex_source[v as usize]), mesh.positions.local[v as usize]));
@@ -224,7 +224,7 @@ fn labelled_cells(mesh: &Mesh, label: impl Fn(u32) -> u32) -> BTreeMap<[u32; 4],
     mesh.topology.tets.iter().map(cell).collect()
 }
 
-/// Faces as sets of labelled vertices beside the cells on their sides.
+/// Faces as sets of labelled vertices, with the cells on their sides.
 fn labelled_faces(mesh: &Mesh, label: impl Fn(u32) -> u32) -> BTreeSet<([u32; 3], Vec<[u32; 4]>)> {
     let labels = |v: u32| label(mesh.vertex_source[v as usize]);
     let face = |(face, cells): (&[u32; 3], &[u32; 2])| {
@@ -238,7 +238,7 @@ fn labelled_faces(mesh: &Mesh, label: impl Fn(u32) -> u32) -> BTreeSet<([u32; 3]
     mesh.topology.faces.iter().zip(&mesh.topology.face_cells).map(face).collect()
 }
 
-/// How many of each defect to add.
+/// Number of each kind of defect to add.
 #[derive(Clone, Copy, Debug)]
 struct Defects {
     flips: usize,
@@ -247,7 +247,7 @@ struct Defects {
     unreferenced: usize,
 }
 
-/// Adds defects that a repair undoes. New points lie within the box of the old ones or far outside of it.
+/// Adds defects that are repaired. New points lie within the box of the old ones or far outside of it.
 fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
     let (clean_cells, clean_points) = (raw.cells.tets.len(), raw.points.len());
     for _ in 0..defects.duplicates {
@@ -261,7 +261,7 @@ fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
         tet[corner] = if i % 2 == 0 {
             tet[(corner + 1) % 4]
         } else {
-            // A point of its own at the place of another vertex.
+            // A new point at the position of another vertex.
             raw.points.push(raw.points[tet[(corner + 1) % 4] as usize]);
             raw.points.len() as u32 - 1
         };
@@ -271,7 +271,7 @@ fn spoil(raw: &mut RawMesh, defects: Defects, random: &mut Random) {
         let bad = [DVec3::NAN, DVec3::splat(1e200), raw.points[random.below(clean_points)]];
         raw.points.push(bad[i % 3]);
     }
-    // Flips come in front of the doubled cells, so that what is kept of these is flipped or not.
+    // Flips come before duplicates, so that the copy kept may be flipped or not.
     for cell in 0..defects.flips.min(clean_cells) {
         raw.cells.tets[cell].swap(0, 3);
     }
@@ -305,12 +305,12 @@ proptest! {
         prop_assert_eq!(report.unreferenced_vertices, (flats / 2 + unreferenced) as u64);
         prop_assert_eq!((report.cells_out, report.vertices_out), (clean_report.cells_out, clean_report.vertices_out));
         prop_assert_eq!((report.boundary_faces, report.parts), (clean_report.boundary_faces, 1));
-        // Sources and turns lead back to the cells of the file.
+        // Sources and turns map back to the cells of the file.
         for (tet, (&source, &turned)) in mesh.topology.tets.iter().zip(mesh.cell_source.iter().zip(&mesh.cell_turned)) {
             let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
             prop_assert_eq!(if turned { [a, b, d, c] } else { [a, b, c, d] }, spoilt.cells.tets[source as usize]);
         }
-        // Doubled cells were shuffled, hence count as flipped or not by chance.
+        // Duplicates were shuffled, hence count as flipped or not by chance.
         let flips = flips.min(clean.cells.tets.len()) as u64;
         prop_assert!((flips..=flips + duplicates as u64).contains(&report.flipped));
     }
@@ -396,7 +396,7 @@ fn a_bar_of_extreme_aspect_is_whole() {
 
 #[test]
 fn a_fan_around_one_vertex_is_whole() {
-    // All cells share two vertices: the longest bucket of half-faces that there can be.
+    // All cells share two vertices: the longest possible bucket of half-faces.
     let n = 3000u32;
     let rim = (0..n)
         .map(|i| DVec3::from((glam::DVec2::from_angle(f64::from(i) * std::f64::consts::TAU / f64::from(n)), 0.0)));
@@ -423,7 +423,7 @@ fn stored_cells_give_the_topology_that_was_built() {
     assert!(matches!(error, MeshError::WrongLength { array: "points", .. }), "{error}");
 }
 
-/// A topology from the arrays of another one after `spoil`.
+/// A topology from another one's arrays after `spoil`.
 fn stored(topology: &Topology, spoil: impl Fn(&mut Topology)) -> Result<Topology, MeshError> {
     let mut spoilt = topology.clone();
     spoil(&mut spoilt);
@@ -483,7 +483,7 @@ fn arrays_that_contradict_each_other_are_found() {
 #[test]
 fn cells_of_a_mesh_are_numbered_as_the_cells_that_they_are_a_part_of() {
     let cube = kuhn_grid([2, 1, 1]);
-    // Two cubes of six tetrahedra each, and what tetrahedra say on their own.
+    // Two cubes of six tetrahedra each, and the tetrahedra as cells of their own.
     let cell_of_tet: Vec<u32> = (0..12).map(|tet| tet / 6).collect();
     let split = super::Split { tets: cube.cells.tets.clone(), cell_of_tet: Some(cell_of_tet) };
     let (mesh, report) = Mesh::build_split(cube.points.clone(), split).unwrap();

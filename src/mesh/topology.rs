@@ -6,10 +6,10 @@ use super::geometry::tet_volume;
 use super::repair::{check_counts, check_indices};
 use super::{MeshError, Positions, faces};
 
-/// No such cell: the other side of a boundary face.
+/// Marks the missing cell on the other side of a boundary face.
 pub const NONE: u32 = u32::MAX;
 
-/// What lies across one face of a cell: the cell and which of its vertices is opposite that face, packed as
+/// Neighbour across one face of a cell: the cell and its vertex opposite that face, packed as
 /// `cell << 2 | local vertex`, or [`NONE`]. Meshes have fewer than 2^30 cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
@@ -30,7 +30,7 @@ impl CellNeighbour {
         (self != Self::NONE).then_some(self.0 >> 2)
     }
 
-    /// Which vertex of the neighbour (0..4) is opposite the shared face.
+    /// Local vertex of the neighbour (0..4) opposite the shared face.
     pub fn opposite(self) -> u32 {
         self.0 & 3
     }
@@ -46,7 +46,7 @@ pub struct Topology {
     pub vertex_count: u32,
     /// Vertices of the cells, positively oriented.
     pub tets: Vec<[u32; 4]>,
-    /// Across each of the four local faces.
+    /// Neighbours of each cell, across its four local faces.
     pub neighbours: Vec<[CellNeighbour; 4]>,
     /// Vertices of the unique faces, ascending; the faces are sorted lexicographically. A triangle shared by more than two
     /// cells, or by two on the same side of it, is listed once for each of them (ascending by cell), as a boundary face.
@@ -59,11 +59,11 @@ pub struct Topology {
 pub const FACE_VERTICES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 impl Topology {
-    /// Derives faces and neighbours of `tets`. Returns beside them how many triangles are non-manifold: shared by more
-    /// than two cells, or by two on the same side; these count as boundary for each of their cells.
+    /// Derives faces and neighbours of `tets`. Also returns the number of non-manifold triangles: shared by more than two cells, or by two
+    /// on the same side; these count as boundary for each of their cells.
     ///
     /// # Errors
-    /// If there are too many cells or vertices, `positions` has not `vertex_count` of them, or a cell names a missing
+    /// If there are too many cells or vertices, `positions` does not have `vertex_count` entries, or a cell names a missing
     /// vertex or is not positively oriented. Cells of a [`RawMesh`](super::RawMesh) go through
     /// [`Mesh::build`](super::Mesh::build) instead.
     pub fn from_tets(vertex_count: u32, tets: Vec<[u32; 4]>, positions: &Positions) -> Result<(Self, u64), MeshError> {
@@ -74,11 +74,11 @@ impl Topology {
         Ok(faces::connect(vertex_count, tets))
     }
 
-    /// A topology of stored arrays; neighbours are packed as [`CellNeighbour`] describes. All lengths and ranges are
-    /// checked, so that no index leads out of bounds; [`Topology::check`] checks that the arrays agree with each other.
+    /// A topology from stored arrays; neighbours are packed as [`CellNeighbour`] describes. All lengths and ranges are checked, so that no
+    /// index is out of bounds; [`Topology::check`] checks that the arrays agree with each other.
     ///
     /// # Errors
-    /// If lengths do not fit together or an index is out of range.
+    /// If lengths do not match or an index is out of range.
     pub fn from_parts(
         vertex_count: u32,
         tets: Vec<[u32; 4]>,
@@ -97,8 +97,8 @@ impl Topology {
         (0u32..).zip(&self.face_cells).filter(|(_, cells)| cells[1] == NONE).map(|(face, _)| face)
     }
 
-    /// The parts of the mesh, whose cells are connected through faces: for each cell the number of its part, and for each part the number of its
-    /// cells. The part with most cells is 0; of equal ones that with the lower cell comes first.
+    /// Connected components of the mesh, through faces: the part of each cell, and the number of cells of each part. Parts are sorted by
+    /// descending size; among equal ones, the part with the lower cell comes first.
     pub fn parts(&self) -> (Vec<u32>, Vec<usize>) {
         let mut part = vec![NONE; self.tets.len()];
         let (mut sizes, mut front) = (Vec::new(), Vec::new());
@@ -119,7 +119,7 @@ impl Topology {
             }
             sizes.push(size);
         }
-        // Stable: they were found by their lowest cells.
+        // Stable: parts were found by their lowest cells.
         let mut by_size: Vec<usize> = (0..sizes.len()).collect();
         by_size.sort_by_key(|&found| std::cmp::Reverse(sizes[found]));
         let mut number = vec![0; sizes.len()];
@@ -128,14 +128,14 @@ impl Topology {
         (part, by_size.into_iter().map(|found| sizes[found]).collect())
     }
 
-    /// Number of these parts.
+    /// Number of connected parts.
     pub fn count_parts(&self) -> u64 {
         self.parts().1.len() as u64
     }
 }
 
 /// # Errors
-/// If an array has not the length that the others ask for.
+/// If the length of an array differs from the expected one.
 pub(super) fn check_length(array: &'static str, found: usize, expected: usize) -> Result<(), MeshError> {
     if found == expected { Ok(()) } else { Err(MeshError::WrongLength { array, found, expected }) }
 }

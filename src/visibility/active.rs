@@ -1,14 +1,14 @@
-//! The cells that can be seen, from step to step and from table to table.
+//! Finds the active cells, from step to step and from table to table.
 //!
 //! ```text
-//! scalars, table -> labels of vertices (where the table is transparent)   each cluster: one label, or several? changed since last?
+//! scalars, table -> labels of vertices (where the table is transparent)   each cluster: one label, or several? changed since last update?
 //! labels -> cells                                                   each cluster: nothing changed: as before
 //!                                                                                 one label: none, or all, of its cells
 //!                                                                                 else cell by cell
-//! the same scalars -> ranges of words (64 cells)                    each word: no interval ends otherwise in its range: as before
+//! the same scalars -> scalar range per word (64 cells)              each word: no interval differs within its range: as before
 //! ```
-//! So a step in which little moves, or a table of which only a part was edited, costs little, and a cluster in the empty part of
-//! the mesh costs a look at a few labels.
+//! So a step in which few scalars change, or a table edited in one place, costs little, and a cluster in a transparent part of the mesh
+//! only costs a test of its labels.
 
 use super::moved::{Differences, WordRanges};
 use super::transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
@@ -20,29 +20,28 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Weak};
 
-/// The cells of a mesh at one step.
+/// The visible cells of a mesh at one step.
 #[derive(Clone, Debug)]
 pub struct Activity {
     /// The cells with four finite scalars.
     pub finite: Arc<CellSet>,
-    /// Those of them in which the table has extinction; the same [`Arc`] if these are all of them.
+    /// The finite cells in which the table has extinction; the same [`Arc`] if these are all of them.
     pub active: Arc<CellSet>,
-    /// Cells that were looked at one by one for it.
+    /// Number of cells classified one by one.
     pub classified: u64,
 }
 
-/// What is known of a cluster of vertices.
+/// State of a cluster of vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ClusterState {
-    /// The label of all of its vertices, if they have one.
+    /// The label of all of its vertices, if they agree.
     label: Option<Label>,
     has_holes: bool,
-    /// Whether any label is another one than before.
+    /// Whether any label has changed since the last update.
     changed: bool,
 }
 
-/// Finds the active cells of one frame after the other, and does again only what has changed. Keeps its memory: two bytes a
-/// vertex, and the sets that are in use.
+/// Finds the active cells of successive frames incrementally. Keeps its memory: two bytes per vertex, and the sets in use.
 #[derive(Debug, Default)]
 pub struct ActiveCells {
     of: Weak<Mesh>,
@@ -58,23 +57,23 @@ pub struct ActiveCells {
 
 #[derive(Debug)]
 struct Last {
-    /// Scalars are told by their place: while there is a weak reference to it, no others get it.
+    /// Compared by pointer: while a weak reference exists, no other scalars get the same address.
     scalars: Weak<Vec<f32>>,
     transparent: Arc<TransparentIntervals>,
     activity: Activity,
 }
 
 impl ActiveCells {
-    /// Nothing known yet.
+    /// A finder without state.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The cells that can be seen where the table is not `transparent`; `None` if `cancel` was raised. `scalars`: one per vertex.
-    /// `clusters`: those of the mesh. With the transparent intervals, `known`: the label of each cluster of vertices whose scalars are not to be looked
-    /// at, as [`TransparentIntervals::label_of_range`] gives it; empty for none. Each of these has a scalar of its cluster's range.
+    /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised. `scalars`: one per vertex.
+    /// `clusters`: those of the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
+    /// not be read, as [`TransparentIntervals::label_of_range`] gives it, for a range that holds all of its scalars; empty for none.
     ///
-    /// With `forget`, nothing that is known from before is used.
+    /// With `forget`, nothing is reused from before.
     ///
     /// # Panics
     /// If there is not one scalar per vertex.
@@ -105,7 +104,7 @@ impl ActiveCells {
         self.label(scalars, transparent, known);
         let activity = self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel);
         waste(Slow::ActiveCells, mesh.topology.tets.len());
-        // Labels have moved on: what was found for those before no longer goes with them.
+        // The labels have changed: sets found for the previous ones no longer match.
         self.last = activity.clone().map(|activity| Last {
             scalars: Arc::downgrade(scalars),
             transparent: transparent.clone(),
@@ -114,7 +113,7 @@ impl ActiveCells {
         activity
     }
 
-    /// Labels the vertices, and compares them with those before.
+    /// Labels the vertices, and compares with the previous labels.
     fn label(&mut self, scalars: &[f32], transparent: &TransparentIntervals, known: &[Option<Label>]) {
         std::mem::swap(&mut self.labels, &mut self.before);
         self.labels.resize(scalars.len(), VISIBLE);
@@ -138,7 +137,7 @@ impl ActiveCells {
         states.collect_into_vec(&mut self.states);
     }
 
-    /// The cells of the present labels. `moved`: the scalars, if they are those of before, and what of the transparent intervals is not.
+    /// Finds the cells of the current labels. `moved`: the scalars, if they are unchanged, and the differences of the intervals.
     fn find(
         &mut self,
         topology: &Topology,
@@ -174,28 +173,28 @@ impl ActiveCells {
     }
 }
 
-/// Whether a cell with vertices of these labels shows nothing.
+/// Whether a cell with these vertex labels is invisible.
 #[inline(always)]
 fn is_transparent(labels: [Label; 4]) -> bool {
-    // Four bytes at once.
+    // Compares four bytes at once.
     labels[0] != VISIBLE && u32::from_ne_bytes(labels) == u32::from(labels[0]) * 0x0101_0101
 }
 
-/// What cells are found from.
+/// Inputs of a cell search.
 struct Scene<'a> {
     topology: &'a Topology,
     clusters: &'a Clusters,
     labels: &'a [Label],
     states: &'a [ClusterState],
-    /// The ranges of words, if scalars are those of before, and what has changed in the intervals.
+    /// Scalar ranges of the words, if the scalars are unchanged, and the differences of the intervals.
     moved: Option<(&'a [[f32; 2]], Differences)>,
     cancel: &'a Cancel,
     classified: &'a AtomicU64,
 }
 
 impl Scene<'_> {
-    /// The cells whose labels are those of a member; `before`: those of the labels before. The same [`Arc`] if these are the same
-    /// cells, or `all`: renderers know a set by its place, and keep what they have made of it.
+    /// The cells whose labels pass `is_member`; `before` is the set for the previous labels. Returns the [`Arc`] of `before` or `all` if
+    /// equal: renderers compare sets by pointer, and keep what they derived from them.
     fn find(
         &self,
         pool: &mut Pool<CellSet>,
@@ -246,7 +245,7 @@ impl Scene<'_> {
     }
 }
 
-/// All of `count` cells, or none.
+/// Sets all of `count` cells, or none.
 fn fill_words(words: &mut [u64], count: usize, members: bool) {
     words.fill(if members { u64::MAX } else { 0 });
     if let Some(last) = words.last_mut()

@@ -7,7 +7,7 @@ fn table(nodes: &[(f64, f64)]) -> NodeTable {
     NodeTable::new(nodes.iter().map(|&(scalar, tau)| Node { scalar, rgb: [0.5; 3], tau }).collect()).unwrap()
 }
 
-/// Tents and steps at random, with gaps between them.
+/// Random tents and steps, with gaps between them.
 fn random_table(random: &mut Random) -> NodeTable {
     let mut nodes = vec![(-2.0, 0.0)];
     let mut at = -1.0;
@@ -26,7 +26,7 @@ fn random_table(random: &mut Random) -> NodeTable {
     table(&kept)
 }
 
-/// Cell by cell from ranges: what the sets are compared with.
+/// Oracle: classifies cell by cell from scalar ranges.
 fn naive(mesh: &Mesh, scalars: &[f32], table: Option<&NodeTable>) -> CellSet {
     CellSet::of(mesh.topology.tets.len(), |cell| {
         let s = mesh.topology.tets[cell].map(|v| scalars[v as usize]);
@@ -47,7 +47,7 @@ fn wave(mesh: &Mesh, time: f64) -> Arc<Vec<f32>> {
     Arc::new((0..mesh.positions.local.len()).map(value).collect())
 }
 
-/// Level nowhere.
+/// A scalar that is constant nowhere.
 fn slope(mesh: &Mesh) -> Arc<Vec<f32>> {
     Arc::new(mesh.positions.local.iter().map(|p| p.x + 0.5 * p.y + 0.25 * p.z).collect())
 }
@@ -88,7 +88,7 @@ proptest! {
             let found = update(&mut cells, &mesh, &scalars, &table);
             prop_assert!(*found.active == naive(&mesh, &scalars, Some(&table)), "frame {}", frame);
             prop_assert!(*found.finite == naive(&mesh, &scalars, None), "frame {}", frame);
-            // And a cell more or less would be seen.
+            // A single differing cell is detected.
             let mut other = (*found.active).clone();
             let cell = random.below(mesh.topology.tets.len()) as u32;
             other.set(cell, !other.contains(cell));
@@ -97,7 +97,7 @@ proptest! {
     }
 }
 
-/// Cell by cell from labels.
+/// Oracle: classifies cell by cell from labels.
 fn by_label(mesh: &Mesh, scalars: &[f32], transparent: &TransparentIntervals) -> CellSet {
     CellSet::of(mesh.topology.tets.len(), |cell| {
         let labels = mesh.topology.tets[cell].map(|v| transparent.label(scalars[v as usize]));
@@ -113,7 +113,7 @@ proptest! {
         let mesh = Arc::new(Mesh::build(jittered(kuhn_grid([12, 9, 9]), random)).unwrap().0);
         let clusters = clusters(&mesh);
         let mut cells = ActiveCells::new();
-        // Few values, zeros of both signs and isovalues among them.
+        // Few distinct values, among them zeros of both signs and isovalues.
         let places = [-1.0, -0.5, -0.0, 0.0, 0.25, 0.5, 1.0, f32::MIN, f32::MAX];
         let value = |random: &mut Random| match random.below(50) {
             0 => f32::NAN,
@@ -168,17 +168,17 @@ fn only_clusters_in_which_something_changed_are_looked_at_again() {
     let total = mesh.topology.tets.len() as u64;
     let first = update(&mut cells, &mesh, &wave(&mesh, 8.0), &tent);
     assert!(first.classified > 0 && first.classified < total, "{} of {total}", first.classified);
-    // The same values elsewhere in memory.
+    // Equal values at another address.
     let again = update(&mut cells, &mesh, &wave(&mesh, 8.0), &tent);
     assert_eq!(again.classified, 0);
     assert!(Arc::ptr_eq(&first.active, &again.active));
-    // Time moves a little, far, and a table changes.
+    // A small step in time, a large one, and another table.
     for (time, table) in [(8.5, &tent), (24.0, &tent), (24.0, &table(&[(0.2, 0.0), (0.8, 1.0), (0.9, 0.0)]))] {
         let moved = update(&mut cells, &mesh, &wave(&mesh, time), table);
         assert!(moved.classified > 0 && moved.classified < total, "{} of {total}", moved.classified);
         assert_eq!(*moved.active, naive(&mesh, &wave(&mesh, time), Some(table)));
     }
-    // Nothing is taken from before if that is asked for.
+    // Nothing is reused if `forget` is set.
     let scalars = wave(&mesh, 24.0);
     let transparent = Arc::new(TransparentIntervals::of(&tent));
     let fresh = cells.update(&mesh, &clusters(&mesh), &scalars, (&transparent, &[]), true, &Cancel::new()).unwrap();
@@ -194,7 +194,7 @@ fn scalars_in_the_same_place_with_the_same_table_are_not_looked_at() {
     let first = update(&mut cells, &mesh, &scalars, &tent);
     let again = update(&mut cells, &mesh, &scalars, &tent);
     assert!(Arc::ptr_eq(&first.active, &again.active) && again.classified == 0);
-    // A table of other colours is transparent where this one is.
+    // A table with other colours and the same transparent intervals.
     let nodes = tent.nodes().iter().map(|n| Node { rgb: [0.1; 3], tau: 2.0 * n.tau, ..*n }).collect();
     let recoloured = update(&mut cells, &mesh, &scalars, &NodeTable::new(nodes).unwrap());
     assert!(Arc::ptr_eq(&first.active, &recoloured.active) && recoloured.classified == 0);
@@ -208,7 +208,7 @@ fn a_table_without_clear_scalars_leaves_the_finite_cells_as_they_are() {
     let found = update(&mut cells, &mesh, &wave(&mesh, 8.0), &dense);
     assert!(Arc::ptr_eq(&found.finite, &found.active));
     assert_eq!((found.classified, found.active.count()), (0, mesh.topology.tets.len()));
-    // And the set of all cells stays in its place.
+    // The set of all cells keeps its address.
     let next = update(&mut cells, &mesh, &wave(&mesh, 9.0), &dense);
     assert!(Arc::ptr_eq(&found.active, &next.active));
 }
@@ -225,7 +225,7 @@ fn chunks_whose_label_is_known_are_not_looked_at() {
     let left_out = needed.iter().filter(|&&needed| !needed).count();
     // Cells on both sides of every chunk that is left out are transparent as well.
     assert!(left_out > 0 && left_out < needed.len(), "{needed:?} of {labels:?}");
-    // What is not needed holds anything.
+    // Scalars that are not needed may have any value.
     let mut partial = (*whole).clone();
     for (chunk, scalars) in partial.chunks_mut(Clusters::VERTICES).enumerate() {
         if !needed[chunk] {
@@ -253,7 +253,7 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
     };
     let isovalues = [0.3, 0.31, 0.29, 0.33, 0.3];
     let all: Vec<_> = isovalues.iter().map(|&value| Arc::new(nowhere.cut_at(&[value]))).collect();
-    // What one of them needs is there.
+    // Scalars that one of them needs are present.
     let mut partial = (*whole).clone();
     for (at, chunk) in partial.chunks_mut(Clusters::VERTICES).enumerate() {
         if all.iter().all(|transparent| known(transparent)[at].is_some()) {

@@ -26,7 +26,7 @@ impl CellSet {
         Self { words: vec![0; len.div_ceil(64)], len }
     }
 
-    /// The cells of a mesh of `len` cells that are members, asked on all threads.
+    /// The cells of a mesh of `len` cells for which `is_member` holds, evaluated on all threads.
     pub fn of(len: usize, is_member: impl Fn(usize) -> bool + Sync) -> Self {
         let word = |at: usize| {
             (64 * at..len.min(64 * at + 64)).fold(0, |word, cell| word | u64::from(is_member(cell)) << (cell % 64))
@@ -39,13 +39,13 @@ impl CellSet {
         &self.words
     }
 
-    /// Becomes a set over a mesh of `len` cells, in memory that is there; which ones are in it is for [`Self::words_mut`] to say.
+    /// Resizes to a mesh of `len` cells in its own memory; the members are undefined until [`Self::words_mut`] sets them.
     pub(super) fn resize(&mut self, len: usize) {
         self.words.resize(len.div_ceil(64), 0);
         self.len = len;
     }
 
-    /// The bits; those beyond the last cell are to stay zero.
+    /// The bits; those beyond the last cell must stay zero.
     pub(super) fn words_mut(&mut self) -> &mut [u64] {
         &mut self.words
     }
@@ -66,13 +66,13 @@ impl CellSet {
         self.words[cell as usize / 64] >> (cell % 64) & 1 == 1
     }
 
-    /// 1 if `cell` is in the set, else 0; so is what is no cell ([`NONE`](crate::mesh::NONE)).
+    /// 1 if `cell` is in the set, else 0, also for [`NONE`](crate::mesh::NONE).
     #[inline]
     pub(super) fn bit(&self, cell: u32) -> u64 {
         self.words.get(cell as usize / 64).map_or(0, |word| word >> (cell % 64) & 1)
     }
 
-    /// Puts `cell` in or out.
+    /// Adds or removes `cell`.
     pub fn set(&mut self, cell: u32, member: bool) {
         let bit = 1 << (cell % 64);
         let word = &mut self.words[cell as usize / 64];

@@ -1,7 +1,7 @@
-//! Cells and vertices in clusters: what is decided for many at once.
+//! Clusters of cells and vertices, for decisions about many at once.
 //!
-//! Cells and vertices lie along a space-filling curve, so that those that follow each other are near each other: a cluster
-//! of them has a small box and few neighbours.
+//! Cells and vertices are in the order of a space-filling curve, so successive ones are near each other: a cluster has a small box and few
+//! neighbours.
 
 use super::Label;
 use crate::mesh::Mesh;
@@ -9,26 +9,26 @@ use crate::slowdown::{Slow, waste};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// The clusters of a mesh: boxes of the cells, and which vertices they use. Made once per mesh.
+/// The clusters of a mesh: bounding boxes, and which vertex clusters each uses. Made once per mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clusters {
-    /// Least and greatest coordinates of the corners of a cluster's cells, local.
+    /// Bounding box of each cluster of cells: least and greatest local coordinates.
     pub(super) boxes: Vec<[Vec3; 2]>,
     /// The clusters of vertices that cluster c of cells uses, ascending: `used[starts[c]..starts[c + 1]]`.
     starts: Vec<u32>,
     used: Vec<u32>,
-    /// Two clusters of vertices with a cell in common, the lower one first.
+    /// Pairs of vertex clusters with a cell in common, the lower one first.
     pairs: Vec<[u32; 2]>,
     pub(super) vertices: usize,
 }
 
 impl Clusters {
-    /// Cells that follow each other in a cluster (the last one may have fewer); a multiple of 64, the cells in a word of a set.
+    /// Number of successive cells in a cluster (the last may have fewer); a multiple of 64, the cells in a word of a set.
     pub const CELLS: usize = 4096;
-    /// Vertices in a cluster: there are five or six times as many cells.
+    /// Number of vertices in a cluster; a mesh has five or six times as many cells as vertices.
     pub const VERTICES: usize = 256;
 
-    /// The clusters of a mesh.
+    /// Clusters the cells and vertices of a mesh.
     pub fn new(mesh: &Mesh) -> Self {
         let local = &mesh.positions.local;
         let of_cluster = |tets: &[[u32; 4]]| {
@@ -59,21 +59,21 @@ impl Clusters {
         self.vertices.div_ceil(Self::VERTICES)
     }
 
-    /// Number of vertices in a cluster of vertices.
+    /// Number of vertices in a vertex cluster.
     pub fn vertices_in(&self, cluster: usize) -> usize {
         Self::VERTICES.min(self.vertices - cluster * Self::VERTICES)
     }
 
-    /// The clusters of vertices that the cells of a cluster use.
+    /// The vertex clusters used by the cells of a cluster.
     pub fn of_cluster(&self, cluster: usize) -> &[u32] {
         &self.used[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
     }
 
-    /// Whether the scalars of each cluster of vertices are needed, given the label that all of its scalars have, if they have
-    /// one. A cell that can be seen has vertices of clusters without a label, or of clusters with different ones: these are needed.
+    /// Whether the scalars of each vertex cluster are needed, given the common label of its scalars, if they have one. A visible cell has
+    /// vertices in clusters without a label, or in clusters with different labels: these are needed.
     ///
     /// # Panics
-    /// If there is not one label, or none, for each cluster of vertices.
+    /// If there is not one entry per vertex cluster.
     pub fn needed_scalars(&self, labels: &[Option<Label>]) -> Vec<bool> {
         assert_eq!(labels.len(), self.vertex_clusters(), "one label per cluster");
         let mut needed: Vec<bool> = labels.iter().map(Option::is_none).collect();
@@ -86,9 +86,9 @@ impl Clusters {
     }
 }
 
-/// The clusters that some cells use, ascending, and which of them have a cell in common.
+/// The vertex clusters used by some cells, ascending, and the pairs that have a cell in common.
 fn of_cells(cells: &[[u32; 4]]) -> (Vec<u32>, Vec<[u32; 2]>) {
-    // A cluster is a pair with itself.
+    // Each cluster is also paired with itself.
     let (mut pairs, mut recent) = (Vec::new(), [[u32::MAX; 2]; RECENT]);
     let mut push = |pair: [u32; 2]| {
         let slot = &mut recent[(pair[0].wrapping_mul(31) ^ pair[1]) as usize % RECENT];
@@ -112,7 +112,7 @@ fn of_cells(cells: &[[u32; 4]]) -> (Vec<u32>, Vec<[u32; 2]>) {
     (used, pairs)
 }
 
-/// Pairs that are remembered while cells are gone through: cells that follow each other have the same, and few are left to be sorted.
+/// Number of recent pairs to compare with: successive cells share pairs, so few are left to sort.
 const RECENT: usize = 256;
 
 #[cfg(test)]

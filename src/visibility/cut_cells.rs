@@ -1,4 +1,4 @@
-//! Which cells planes cut, and which they cut away.
+//! Finds the cells that planes intersect or clip.
 
 use super::{Activity, CellSet, Pool};
 use crate::mesh::{Mesh, Plane};
@@ -6,32 +6,32 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
 
-/// Cells whose corners are this close to a plane (local units) may lie on either side of it. Renderers find out where a ray meets a plane from
-/// the eye, which is rounded by some 2^-50 of its distance: far less, up to distances of a million times the mesh.
+/// Tolerance (local units): cells whose corners are this close to a plane count as on both sides. Renderers intersect rays with planes from
+/// the eye, with a rounding of some 2^-50 of its distance: far less, up to distances of a million times the mesh.
 const MARGIN: f64 = 1e-7;
 
-/// Planes through a mesh, local coordinates.
+/// Section and clip planes through a mesh, local coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CutPlanes {
-    /// Those whose section is seen.
+    /// Planes whose section is shown.
     pub sections: Vec<Plane>,
-    /// Those in front of which, on the side that the normal points to, nothing is seen.
+    /// Clip planes: the side that the normal points to is hidden.
     pub clips: Vec<Plane>,
 }
 
 impl CutPlanes {
-    /// Whether there is none.
+    /// Whether there are no planes.
     pub fn is_empty(&self) -> bool {
         self.sections.is_empty() && self.clips.is_empty()
     }
 
-    /// Whether a cell with these corners (local coordinates) lies wholly in what is cut away.
+    /// Whether a clip plane hides all of a cell with these corners (local coordinates).
     fn cut_away(&self, corners: [Vec3; 4]) -> bool {
         let corners = corners.map(|corner| corner.as_dvec3());
         self.clips.iter().any(|clip| corners.iter().all(|&corner| clip.distance(corner) > MARGIN))
     }
 
-    /// Whether a section goes through a cell with these corners.
+    /// Whether a section plane intersects a cell with these corners.
     fn cross(&self, corners: [Vec3; 4]) -> bool {
         let corners = corners.map(|corner| corner.as_dvec3());
         self.sections.iter().any(|section| {
@@ -40,29 +40,29 @@ impl CutPlanes {
         })
     }
 
-    /// Whether clips leave something of a mesh.
+    /// Whether the clip planes leave any part of a mesh visible.
     pub fn leave_something_of(&self, mesh: &Mesh) -> bool {
         mesh.topology.tets.par_iter().any(|&tet| !self.cut_away(mesh.positions.corners(tet)))
     }
 }
 
-/// The cells that planes cut and cut away, kept while mesh and planes stay.
+/// The cells that planes intersect and clip, cached while mesh and planes stay.
 #[derive(Debug, Default)]
 pub struct CutCells {
     of: Weak<Mesh>,
     planes: CutPlanes,
-    /// Cells that a section goes through.
+    /// Cells that a section plane intersects.
     crossed: CellSet,
-    /// Cells of which all is cut away.
+    /// Cells that are clipped completely.
     away: CellSet,
     pool: Pool<CellSet>,
-    /// What was made of which cells.
+    /// Input sets and result of the last update.
     last: Option<([Weak<CellSet>; 2], Activity, u64)>,
 }
 
 impl CutCells {
-    /// The cells of which something is to be seen with these planes: finite ones that a section goes through as well, and none that is
-    /// cut away, unless `keep_away`. Returns them with the number of active cells that are left out.
+    /// The cells that are visible with these planes: active ones and finite ones that a section intersects, except fully clipped ones
+    /// unless `keep_away`. Also returns the number of active cells left out.
     pub fn update(
         &mut self,
         mesh: &Arc<Mesh>,

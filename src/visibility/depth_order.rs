@@ -1,19 +1,19 @@
-//! Faces front to back.
+//! Sorts faces front to back.
 //!
 //! The key of a face is the depth of its centroid along the view direction, in the mesh's local frame (dissertation 6.1.3: faces
-//! are "sorted approximately by their centroids"): dot(direction, centroid - origin). It has no eye in it, so that panning and
-//! dollying need no new order, and changing the length or the projection does not either. The mean of three corners is a third
-//! of their sum, and a third of every key is the same order: the key is the sum. Projections of the vertices are made once, in
-//! f64, and rounded to f32; a face is two sums of them.
+//! are "sorted approximately by their centroids"): dot(direction, centroid - origin). It does not depend on the eye, so panning, dollying
+//! and a change of projection need no new order, nor does the direction's length matter. Since a common factor does not change the order,
+//! the key is the sum over the three corners, not their mean. Vertices are projected once, in f64, and rounded to f32; a face takes two
+//! additions.
 //!
 //! # What is sorted, and when
-//! Sorted is a set of faces for a direction; what a frame draws is filtered from it by one bit a face. As long as mesh and
+//! A set of faces is sorted for a direction; the faces that a frame draws are filtered from it by one bit per face. While mesh and
 //! direction stay and the faces to draw are among the sorted ones, nothing is sorted:
 //!
 //! | | sorted |
 //! |---|---|
 //! | new direction | the faces to draw: the time is linear in their number |
-//! | same direction, faces that were not among them (another step has other active cells) | all faces: there is no third sort for this direction |
+//! | same direction, new faces (another step has other active cells) | all faces: this direction needs no third sort |
 //!
 //! # Which sort
 //! Of 2.02 million faces (a million cells, two threads of a Xeon, median of 15, runs differ by a fifth), keys included:
@@ -28,8 +28,8 @@
 //! | the same, keys only, usual tuner | 23 to 41 | not stable |
 //! | the same, keys only, tuner for little memory | 16 to 21 | not stable |
 //!
-//! The crate is as fast only where equal depths may come in any order; those are common in regular meshes, and their order
-//! must not depend on threads. `benches/face_order.rs` measures ours and the standard library's.
+//! The crate is as fast only where equal depths may come in any order; those are common in regular meshes, and their order must not depend
+//! on threads. `benches/face_order.rs` measures our sort and the standard library's.
 
 use super::parts::{CHUNK, fill_parts};
 use super::radix::RadixSort;
@@ -41,14 +41,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Vertices that a thread projects at a time.
+/// Vertices per task when projecting.
 const VERTICES_AT_ONCE: usize = 8192;
 
-/// Brings faces into depth order, and remembers what it has sorted. Keeps its memory: 20 bytes for each face that it has sorted
-/// at once, 4 a vertex, and what it has handed out.
+/// Sorts faces by depth, and keeps the last sort. Keeps its memory: 20 bytes per face of the largest sort, 4 per vertex, and the lists
+/// handed out.
 #[derive(Debug, Default)]
 pub struct DepthOrder {
-    /// What `sorted` is sorted for.
+    /// Mesh and direction that `sorted` belongs to.
     state: Option<(Arc<Mesh>, DVec3)>,
     /// The faces that are sorted.
     pub(super) scope: FaceSelection,
@@ -57,9 +57,9 @@ pub struct DepthOrder {
     /// The faces of `scope`, ascending by id, if they are not all faces.
     ids: Vec<u32>,
     radix: RadixSort,
-    /// Where the faces of each chunk end in a list of those that remain of it.
+    /// End of each chunk's remaining faces in a filtered list.
     ends: Vec<u32>,
-    /// What was asked for last, and the answer.
+    /// The last request and its answer.
     last: Option<(Arc<FaceSelection>, Arc<DrawnFaces>)>,
     pool: Pool<DrawnFaces>,
     sorts: u64,
@@ -67,26 +67,26 @@ pub struct DepthOrder {
 }
 
 impl DepthOrder {
-    /// Nothing sorted yet.
+    /// Nothing is sorted yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// How often faces were sorted.
+    /// Number of sorts.
     pub fn sorts(&self) -> u64 {
         self.sorts
     }
 
-    /// How often an order was asked for and nothing had to be sorted for it.
+    /// Number of requests answered without a sort.
     pub fn sorts_skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// The faces of `selection`, front to back along `direction` (world or local: the frames are parallel; any length; finite).
-    /// Those of the same depth are ascending by id. `None` if `cancel` was raised before the order was there.
+    /// The faces of `selection`, front to back along `direction` (world or local: the frames are parallel; any length; finite). Faces of
+    /// equal depth are ascending by id. `None` if `cancel` was raised before the end.
     ///
     /// # Panics
-    /// If `selection` is not one of the faces of `mesh`.
+    /// If `selection` belongs to another mesh.
     pub fn order(
         &mut self,
         mesh: &Arc<Mesh>,
@@ -152,7 +152,7 @@ impl DepthOrder {
             a + b + c
         };
         if *scope_count == faces.len() {
-            // A list of all faces need not be made, nor read.
+            // A list of all faces need not be built.
             return radix.sort(faces.len(), |at| at as u32, key, range, cancel);
         }
         list(scope, ends, ids);
@@ -179,7 +179,7 @@ fn list(set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
     });
 }
 
-/// The numbers of the bits that are set, ascending.
+/// The indices of the set bits, ascending.
 fn bits(mut word: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let bit = word.trailing_zeros();
@@ -194,7 +194,7 @@ fn copy(sorted: &[u32], out: &mut Vec<u32>) {
     parts.for_each(|(out, sorted)| out.copy_from_slice(sorted));
 }
 
-/// Those of `sorted` that are in a set, in their order.
+/// The faces of `sorted` that are in a set, in their order.
 fn filter(sorted: &[u32], set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
     let is_in = |face: &u32| u32::from(set.contains(*face));
     sorted.par_chunks(CHUNK).map(|faces| faces.iter().map(is_in).sum()).collect_into_vec(ends);
@@ -203,7 +203,7 @@ fn filter(sorted: &[u32], set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Ve
         let faces = sorted[CHUNK * chunk..].iter().take(CHUNK);
         let mut end = 0;
         for &face in faces {
-            // Written whether it stays or not: a branch on it would be mispredicted every other time.
+            // Written in any case: a branch would be mispredicted every other time.
             if let Some(slot) = part.get_mut(end) {
                 *slot = face;
             }
@@ -212,7 +212,7 @@ fn filter(sorted: &[u32], set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Ve
     });
 }
 
-/// Turns lengths into ends; returns the last one.
+/// Turns lengths into end offsets; returns the last one.
 fn accumulate(lengths: &mut [u32]) -> usize {
     let mut end = 0;
     for length in lengths {

@@ -5,7 +5,7 @@
 pub struct DrawnFaces {
     /// Ids of unique faces, each once, ascending by the depth of their centroids.
     pub faces: Vec<u32>,
-    /// Whether all faces of the active cells are among them (level of detail 100 %): two faces that follow each other on a
-    /// ray are then those of one cell, or of a gap between cells.
+    /// Whether all faces of the active cells are included (level of detail 100 %): two successive faces on a ray then belong to one cell,
+    /// or bound a gap between cells.
     pub is_complete: bool,
 }

@@ -1,27 +1,27 @@
-//! Which faces a frame draws.
+//! The set of faces that a frame draws.
 
 use super::parts::CHUNK;
 use crate::visibility::CellSet;
 use rayon::prelude::*;
 
-/// A set of faces of one mesh, one bit each, and what it leaves out.
+/// A set of faces of one mesh, one bit each, and whether it is complete.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FaceSelection {
     pub(super) words: Vec<u64>,
     pub(super) len: usize,
-    /// Whether all faces of the active cells are among them (level of detail 100 %).
+    /// Whether all faces of the active cells are included (level of detail 100 %).
     pub is_complete: bool,
 }
 
 impl FaceSelection {
-    /// No face of a mesh of `len` faces, in memory that is there.
+    /// Becomes empty for a mesh of `len` faces, in its own memory.
     pub fn clear(&mut self, len: usize) {
         self.words.clear();
         self.words.resize(len.div_ceil(64), 0);
         (self.len, self.is_complete) = (len, false);
     }
 
-    /// Becomes equal to `other`, in memory that is there.
+    /// Becomes equal to `other`, in its own memory.
     pub fn copy_from(&mut self, other: &Self) {
         self.words.clone_from(&other.words);
         self.len = other.len;
@@ -44,13 +44,13 @@ impl FaceSelection {
         self.words[face as usize / 64] >> (face % 64) & 1 == 1
     }
 
-    /// Puts `face` in.
+    /// Adds `face`.
     #[inline]
     pub fn insert(&mut self, face: u32) {
         self.words[face as usize / 64] |= 1 << (face % 64);
     }
 
-    /// Puts all faces of `other`, which is of the same mesh, in.
+    /// Adds all faces of `other`, which is of the same mesh.
     pub fn insert_all(&mut self, other: &Self) {
         self.words.iter_mut().zip(&other.words).for_each(|(word, more)| *word |= more);
     }
@@ -60,7 +60,7 @@ impl FaceSelection {
         self.len == other.len && self.words.iter().zip(&other.words).all(|(word, other)| word & !other == 0)
     }
 
-    /// All faces of a mesh of `len` faces.
+    /// Adds all faces of a mesh of `len` faces.
     pub(super) fn fill(&mut self, len: usize) {
         self.clear(len);
         self.words.fill(u64::MAX);
@@ -71,8 +71,8 @@ impl FaceSelection {
         }
     }
 
-    /// The faces between an active cell and an inactive one or the outside become this set, those between two active cells
-    /// `inner`. `face_cells`: as in [`Topology`](crate::mesh::Topology).
+    /// Becomes the set of faces between an active cell and an inactive one or the outside; `inner` becomes that of the faces between two
+    /// active cells. `face_cells`: as in [`Topology`](crate::mesh::Topology).
     pub fn set_boundary_of(&mut self, active: &CellSet, face_cells: &[[u32; 2]], inner: &mut Self) {
         self.clear(face_cells.len());
         inner.clear(face_cells.len());

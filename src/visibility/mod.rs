@@ -1,4 +1,4 @@
-//! What a scene does not need, and the order of what it does: active cells, faces by depth.
+//! Culling and order: which cells and faces a frame needs, and faces by depth.
 
 mod active;
 mod cell_set;

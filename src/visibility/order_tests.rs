@@ -1,4 +1,4 @@
-//! The depth order beside a plain sort, and what it does not do again.
+//! The depth order against a plain sort, and which requests need no sort.
 
 use super::radix::RadixSort;
 use super::*;
@@ -26,7 +26,7 @@ fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool) -> Arc<FaceSelection> {
     Arc::new(selection)
 }
 
-/// By the definition: a stable sort by the depth of the centroid.
+/// Oracle: a stable sort by the depth of the centroid.
 fn naive(mesh: &Mesh, direction: DVec3, selection: &FaceSelection) -> Vec<u32> {
     let depth: Vec<f32> = mesh.positions.local.iter().map(|p| direction.dot(p.as_dvec3()) as f32).collect();
     let key = |face: u32| {
@@ -34,7 +34,7 @@ fn naive(mesh: &Mesh, direction: DVec3, selection: &FaceSelection) -> Vec<u32> {
         a + b + c
     };
     let mut faces: Vec<u32> = (0..selection.universe() as u32).filter(|&face| selection.contains(face)).collect();
-    // The sort of the standard library is stable; +0 and -0 are equal to it.
+    // The standard library's sort is stable; +0 and -0 compare equal.
     faces.sort_by(|&a, &b| key(a).partial_cmp(&key(b)).unwrap());
     faces
 }
@@ -47,7 +47,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
     fn faces_come_in_the_order_of_a_stable_sort_by_depth(
-        // From one bucket to several, and more than one chunk.
+        // One bucket to several, and more than one chunk.
         n in prop::sample::select(vec![[1, 1, 1], [3, 2, 2], [9, 9, 9], [20, 20, 20]]),
         direction in prop::array::uniform3(prop::sample::select(vec![-1.0, -0.3, 0.0, 0.5, 1.0])),
         keep in 1_u32..5, parts in prop::collection::vec(2_u32..9, 3),
@@ -59,13 +59,13 @@ proptest! {
         let drawn = order(&mut depth_order, &mesh, direction, &selection);
         prop_assert_eq!(&drawn.faces, &naive(&mesh, direction, &selection));
         prop_assert_eq!(drawn.is_complete, selection.is_complete);
-        // Filtered from what is sorted, or sorted anew.
+        // Filtered from the sorted faces, or sorted anew.
         for part in parts {
             let part = some(&mesh, |face| face % part != 1);
             prop_assert_eq!(&order(&mut depth_order, &mesh, direction, &part).faces, &naive(&mesh, direction, &part));
         }
         prop_assert!(depth_order.sorts() <= 2, "at most twice for a direction");
-        // The comparison notices another direction.
+        // The comparison detects another direction.
         if direction != DVec3::ZERO {
             let other = order(&mut depth_order, &mesh, -direction, &selection);
             prop_assert_ne!(&other.faces, &drawn.faces);
@@ -96,7 +96,7 @@ fn the_order_is_the_same_with_any_number_of_threads() {
 
 #[test]
 fn faces_that_all_lie_in_one_bucket_are_sorted_too() {
-    // One point far away makes the range long, and all others lie in a thousandth of it.
+    // One distant point stretches the range, so that all others lie in a thousandth of it.
     let mut raw = RawMesh::default();
     let mesh = grid([24, 24, 24]);
     raw.points = (0..mesh.positions.local.len()).map(|v| mesh.positions.world(v)).collect();
@@ -120,7 +120,7 @@ fn nothing_is_sorted_again_for_the_same_mesh_direction_and_faces() {
     let again = order(&mut depth_order, &mesh, DVec3::X, &Arc::new((*all).clone()));
     assert!(Arc::ptr_eq(&first, &again), "the same list, in the same place");
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (1, 1));
-    // Each of these makes a sort necessary.
+    // Each of these requires a sort.
     order(&mut depth_order, &mesh, DVec3::Y, &all);
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (2, 1));
     let other = Arc::new((*mesh).clone());
@@ -183,7 +183,7 @@ fn a_cancelled_order_is_none_and_the_next_one_is_right() {
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (1, 0));
 }
 
-/// Depths from everywhere in the format, and many that are equal.
+/// Depths from the whole range of f32, many of them equal.
 fn depths() -> impl Strategy<Value = f32> {
     let extremes = vec![
         f32::NEG_INFINITY,
@@ -206,7 +206,7 @@ proptest! {
     #[test]
     fn depths_are_sorted_as_the_standard_library_sorts_them(
         depths in prop::collection::vec(depths(), 0..3000),
-        // What the depths are said to be spread over need not be true.
+        // The given range of the depths may be wrong.
         range in prop::sample::select(vec![[-1.0, 1.0], [0.0, 0.0], [f32::MIN, f32::MAX], [f32::INFINITY, f32::NEG_INFINITY]]),
         copies in 1_usize..4,
     ) {
@@ -217,7 +217,7 @@ proptest! {
         let (last, key) = (depths.len(), |id: u32| depths[id as usize]);
         sort.sort(depths.len(), |at| (last - 1 - at) as u32, key, range, &Cancel::new()).unwrap();
         prop_assert_eq!(sort.sorted(), &expected);
-        // Equal depths in another order would be seen.
+        // Another order of equal depths is detected.
         if depths.windows(2).any(|pair| pair[0] == pair[1]) {
             sort.sort(depths.len(), |at| at as u32, key, range, &Cancel::new()).unwrap();
             prop_assert_ne!(sort.sorted(), &expected);

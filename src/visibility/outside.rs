@@ -1,34 +1,33 @@
-//! Which clusters lie outside of a view.
+//! Finds the clusters outside of a view.
 //!
-//! One look at the box of a cluster does for all of its cells (view-frustum culling of bounding volumes: Assarsson and Moller,
-//! "Optimized View Frustum Culling Algorithms for Bounding Boxes", J. Graphics Tools 5 (2000); here a single level is enough,
-//! since clusters are few).
+//! One box test per cluster covers all of its cells (view-frustum culling of bounding volumes: Assarsson and Moller, "Optimized View
+//! Frustum Culling Algorithms for Bounding Boxes", J. Graphics Tools 5 (2000); clusters are so few that a single level is enough).
 
 use super::{CellSet, Clusters};
 use crate::camera::View;
 use glam::{DVec3, Vec3};
 
-/// Which clusters a view needs.
+/// The clusters that a view needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NeededClusters {
-    /// For each cluster of cells whether one of its active cells may be met by a ray.
+    /// Whether a ray may meet an active cell of each cluster of cells.
     pub cells: Vec<bool>,
-    /// For each cluster of vertices whether such a cluster of cells uses one of them.
+    /// Whether such a cluster of cells uses each cluster of vertices.
     pub vertices: Vec<bool>,
-    /// Clusters of cells with active cells that no ray meets.
+    /// Number of clusters with active cells that no ray meets.
     pub outside: u64,
 }
 
 impl Clusters {
-    /// Finds the clusters that hold an `active` cell that a ray of `view` (in the mesh's local coordinates) may pass through:
-    /// in perspective on its way from the eye, else anywhere on its line. Conservative by much more than view coordinates are rounded by.
+    /// Finds the clusters with an `active` cell that a ray of `view` (in the mesh's local coordinates) may pass through: in front of the
+    /// eye in perspective, else anywhere on its line. Conservative by much more than the rounding of view coordinates.
     pub fn needed(&self, view: &View, active: &CellSet, out: &mut NeededClusters) {
         let sides = Sides::new(view);
         out.vertices.clear();
         out.vertices.resize(self.vertices.div_ceil(Self::VERTICES), false);
         out.cells.clear();
         out.outside = 0;
-        // All cells but the last few of a cluster fill words of the set.
+        // All cells of a cluster, but for its last few, fill words of the set.
         const WORDS: usize = Clusters::CELLS / 64;
         for ((bounds, cluster), words) in self.boxes.iter().zip(0..).zip(active.words().chunks(WORDS)) {
             let has_active = words.iter().any(|&word| word != 0);
@@ -43,8 +42,7 @@ impl Clusters {
     }
 }
 
-/// The four planes at the sides of what a view shows, as `normal . (p - eye) <= distance` inside. In perspective they leave
-/// nothing behind the eye.
+/// The four side planes of the view volume, as `normal . (p - eye) <= distance` inside. In perspective nothing behind the eye is inside.
 struct Sides {
     eye: DVec3,
     normals: [DVec3; 4],
@@ -62,12 +60,12 @@ impl Sides {
         } else {
             [view.half_width, view.half_width, view.half_height, view.half_height]
         };
-        // View coordinates and sheared ones are rounded by a few 2^-53 of the magnitudes that are summed.
+        // View coordinates and sheared ones are rounded by a few 2^-53 of the summed magnitudes.
         let magnitudes = (view.eye.length() + 4.0) * (1.0 + view.half_width + view.half_height);
         Self { eye: view.eye, normals: [right[0], right[1], up[0], up[1]], distances, margin: 1e-9 * magnitudes }
     }
 
-    /// Whether a box lies wholly on the outer side of one of them, by more than the margin.
+    /// Whether a box lies wholly outside of one of the planes, by more than the margin.
     fn have_outside(&self, [least, greatest]: [Vec3; 2]) -> bool {
         let (least, greatest) = (least.as_dvec3(), greatest.as_dvec3());
         let (centre, half) = (0.5 * (least + greatest) - self.eye, 0.5 * (greatest - least));
@@ -90,8 +88,7 @@ mod tests {
         Mesh::build(jittered(kuhn_grid([20, 20, 20]), &mut Random::new(3))).unwrap().0
     }
 
-    /// Views in the mesh's local coordinates: from inside, nearby and far away, turned anywhere, wide and narrow, in both
-    /// projections.
+    /// Views in the mesh's local coordinates: inside, near and far, in any orientation, wide and narrow, in both projections.
     fn views() -> Vec<View> {
         let mut random = Random::new(17);
         let mut views = Vec::new();
@@ -110,7 +107,7 @@ mod tests {
         views
     }
 
-    /// Whether a ray of a pixel may meet a point near it: on the ray, to f64's accuracy.
+    /// Whether a point is within f64's accuracy of a ray through a pixel.
     fn is_seen(view: &View, p: DVec3) -> bool {
         let d = p - view.eye;
         let (x, y, w) = (view.right.dot(d), view.up.dot(d), view.forward.dot(d));
@@ -118,7 +115,7 @@ mod tests {
         h >= 0.0 && x.abs() <= view.half_width * h && y.abs() <= view.half_height * h
     }
 
-    /// Whether a point of a needed cell is seen that is not in a needed cluster.
+    /// Whether a point of an active cell is visible but not in a needed cluster.
     fn misses(clusters: &Clusters, mesh: &Mesh, view: &View, active: &CellSet, needed: &NeededClusters) -> bool {
         let mut random = Random::new(1);
         (0..mesh.topology.tets.len()).filter(|&cell| active.contains(cell as u32)).any(|cell| {
@@ -147,7 +144,7 @@ mod tests {
                 clusters.needed(view, active, &mut needed);
                 assert!(!misses(&clusters, &mesh, view, active, &needed), "view {i}: {view:?}");
                 outside += needed.outside;
-                // The comparison notices boxes that are too small.
+                // The comparison detects boxes that are too small.
                 let mut small = Clusters::new(&mesh);
                 for [least, greatest] in &mut small.boxes {
                     let inset = 0.3 * (*greatest - *least);

@@ -1,10 +1,10 @@
-//! The connected parts of a mesh, by number.
+//! Restricts cells to connected parts of a mesh, by number.
 
 use super::{Activity, CellSet};
 use crate::mesh::Mesh;
 use std::sync::{Arc, Weak};
 
-/// The cells of some parts of a mesh, kept while mesh and parts stay.
+/// The cells of some parts of a mesh, cached while mesh and parts stay.
 #[derive(Debug, Default)]
 pub struct PartCells {
     of: Weak<Mesh>,
@@ -14,7 +14,7 @@ pub struct PartCells {
 }
 
 impl PartCells {
-    /// What is left of the cells of a mesh if these parts of it are shown alone.
+    /// The cells of `activity` that belong to these parts of the mesh.
     pub fn restrict(&mut self, mesh: &Arc<Mesh>, parts: &[u32], activity: Activity) -> Activity {
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.parts != parts {
             let (part, sizes) = mesh.topology.parts();

@@ -1,10 +1,10 @@
 //! Work on lists in chunks of a fixed size, so that no result depends on the number of threads.
 
-/// Ids that are the work of one thread at a time; a multiple of 64, the ids in a word of a set.
+/// Ids per task; a multiple of 64, the ids in a word of a set.
 pub(super) const CHUNK: usize = 1 << 16;
 
-/// Fills parts of `out` in parallel: chunk i ends where `ends[i]` says, and begins where the one before it ends. `first` is the
-/// number of the first chunk, `begin` where it begins; those of the whole are 0.
+/// Fills chunks of `out` in parallel: chunk i ends at `ends[i]`, and begins where the one before it ends. `first` is the number of the
+/// first chunk and `begin` its start; both are 0 for the whole list.
 pub(super) fn fill_parts<T: Send>(out: &mut [T], ends: &[u32], fill: &(impl Fn(usize, &mut [T]) + Sync)) {
     fill_from(out, ends, [0, 0], fill);
 }

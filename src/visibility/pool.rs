@@ -1,4 +1,4 @@
-//! Memory that goes round: shared results whose last holder gives them back.
+//! Recycled memory: shared results are reused once nobody holds them.
 
 use std::sync::Arc;
 
@@ -13,16 +13,16 @@ impl<T> Default for Pool<T> {
 }
 
 impl<T: Default> Pool<T> {
-    /// Results that are remembered; one more is made anew and then remembered instead of the oldest.
+    /// Maximum number of results kept; a further one replaces the oldest.
     const MOST: usize = 8;
 
-    /// Hands out what `fill` makes of a result that nobody holds any more, or of a new one.
+    /// Hands out a result filled by `fill`: one that nobody holds any more, or a new one.
     pub fn make(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.0.iter_mut().position(|one| Arc::get_mut(one).is_some());
         let mut one = free.map(|at| self.0.remove(at)).unwrap_or_default();
         match Arc::get_mut(&mut one) {
             Some(unshared) => fill(unshared),
-            // Somebody with a weak reference has taken hold of it between the two looks.
+            // A weak reference was upgraded between the two checks.
             None => {
                 let mut new = T::default();
                 fill(&mut new);

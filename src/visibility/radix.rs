@@ -3,22 +3,21 @@
 //! ```text
 //! keys     depth of every id, chunk by chunk; how many ids of the chunk are in each bucket of equal depth
 //! scan     where the ids of (bucket, chunk) go: ascending by bucket, then by chunk
-//! scatter  each chunk its ids, in their order, with their keys
+//! scatter  each chunk moves its ids and keys, in their order
 //! buckets  each is sorted by the bits in which its keys differ, 8 at a time, the lowest first
 //! ```
-//! A radix sort whose first digit is the most significant one and not a group of bits (Knuth, *The Art of Computer Programming* 3,
-//! 5.2.5). It is stable because chunks and buckets keep the order of what is in them; it does not depend on the number of threads
-//! because chunks have a fixed size, and chunks and buckets are each the work of one thread.
+//! A radix sort whose first digit is the most significant one and not a group of bits (Knuth, *The Art of Computer Programming* 3, 5.2.5).
+//! It is stable because chunks and buckets keep the order of their ids; it does not depend on the number of threads because chunks have a
+//! fixed size, and each chunk and bucket is sorted by one thread.
 //!
-//! Why the first digit is depth itself: only that pass moves ids through all of the memory. Ids that are near in memory are
-//! near in space, so they go to a few buckets, and those are so small that all other passes stay in the nearest cache. A sort that
-//! begins with the lowest digit scatters over all of the memory with every pass; it was written first and takes longer
-//! (`depth_order` has the figures). Filling two halves of a chunk in turn, so that no count waits for the one before it, gained
-//! nothing. Buckets that became large all the same, since most faces lie in a small part of the depths,
-//! are sorted by comparing, on all threads.
+//! Why the first digit is depth itself: only that pass moves ids through all of the memory. Ids near in memory are near in space, so they
+//! go to few buckets, which are so small that all other passes stay in the first-level cache. A sort that begins with the lowest digit
+//! scatters over all of the memory in every pass; it takes longer (`depth_order` has the figures). Filling two halves of a chunk in turn,
+//! so that no count waits for the one before it, gained nothing. Buckets that are large all the same, since most faces lie in a small range
+//! of depths, are sorted by comparison, on all threads.
 //!
-//! Threads write to places that the scan has given to them alone, but which lie anywhere. That is what relaxed atomics say
-//! without `unsafe`; on the processors at hand they are plain loads and stores.
+//! Threads write to disjoint slots assigned by the scan, but scattered over the array. Relaxed atomics express that without `unsafe`; on
+//! current processors they are plain loads and stores.
 
 use super::parts::{CHUNK, fill_parts};
 use crate::task::Cancel;
@@ -26,38 +25,37 @@ use rayon::prelude::*;
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Ids in a bucket, on average: with their keys they fill a quarter of a first-level cache.
+/// Mean ids per bucket: with their keys they fill a quarter of a first-level cache.
 const PER_BUCKET: usize = 1024;
-/// More buckets than this would not be written to side by side.
+/// Maximum number of buckets: more cannot be written to side by side.
 const MOST_BUCKETS: usize = 2048;
-/// A bucket of more ids than this is sorted by comparing: the memory of a thread for the other way stays small.
+/// A bucket of more ids than this is sorted by comparison, which bounds the scratch memory of a thread.
 const LARGE: usize = 1 << 15;
 /// Bits of a digit within a bucket.
 const BITS: u32 = 9;
 const DIGITS: usize = 1 << BITS;
 
-/// Sorts ids by depth; keeps its memory (16 bytes an id) from one call to the next.
+/// Sorts ids by depth; keeps its memory (16 bytes per id) from one call to the next.
 #[derive(Debug, Default)]
 pub(super) struct RadixSort {
     keys: Vec<f32>,
     /// Key and id in one word, by bucket.
     pairs: Vec<AtomicU64>,
     sorted: Vec<u32>,
-    /// For each chunk how many of its ids are in each bucket; then where they go.
+    /// Per chunk, the number of ids in each bucket; then their destinations.
     places: Vec<u32>,
-    /// Where the buckets end.
+    /// End of each bucket.
     ends: Vec<u32>,
 }
 
 impl RadixSort {
-    /// What was sorted last.
+    /// Result of the last sort.
     pub(super) fn sorted(&self) -> &[u32] {
         &self.sorted
     }
 
-    /// Sorts `count` ids, of which `id` gives the one at each place (fewer than 2^32), ascending by `key`, those of one key in the
-    /// order that they have. Keys should be spread over `range`, but need not lie within. `None`, and nothing sorted, if
-    /// `cancel` was raised before the end.
+    /// Sorts `count` ids (fewer than 2^32), where `id` gives the one at each index, ascending by `key` and stably. Keys should be spread
+    /// over `range`, but need not lie within. `None` if `cancel` was raised before the end; the result is then undefined.
     pub(super) fn sort(
         &mut self,
         count: usize,
@@ -104,7 +102,7 @@ impl RadixSort {
     }
 }
 
-/// Turns counts of each bucket in each chunk into places, and says where buckets end.
+/// Turns counts of each bucket in each chunk into destinations, and writes the ends of the buckets.
 fn scan(places: &mut [u32], buckets: usize, ends: &mut Vec<u32>) {
     ends.clear();
     let mut next = 0;
@@ -116,7 +114,7 @@ fn scan(places: &mut [u32], buckets: usize, ends: &mut Vec<u32>) {
     }
 }
 
-/// The bucket of a depth. It does not fall as the depth rises: each operation is rounded, but none changes the order.
+/// The bucket of a depth, monotonic in the depth: each operation is rounded, but none changes the order.
 fn bucket_of([lo, hi]: [f32; 2], buckets: usize) -> impl Fn(f32) -> usize + Copy {
     let scale = buckets as f32 / (hi - lo);
     let scale = if scale.is_finite() { scale } else { 0.0 };
@@ -124,19 +122,19 @@ fn bucket_of([lo, hi]: [f32; 2], buckets: usize) -> impl Fn(f32) -> usize + Copy
     move |depth| (((depth - lo) * scale) as usize).min(buckets - 1)
 }
 
-/// Bits of a number that are in the order of the numbers: -NaN < -inf < .. < -0 < +0 < .. < inf < NaN.
+/// Bits of a number, ordered as the numbers are: -NaN < -inf < .. < -0 < +0 < .. < inf < NaN.
 pub fn ascending_bits(x: f32) -> u32 {
     let bits = x.to_bits();
-    // Of negative numbers all bits are turned, of others the first.
+    // Negative numbers flip all bits, others the sign bit.
     bits ^ ((bits as i32 >> 31) as u32 | 1 << 31)
 }
 
 thread_local! {
-    /// Where a thread sorts a bucket: two times up to [`LARGE`] words.
+    /// Scratch of a thread that sorts a bucket: twice up to [`LARGE`] words.
     static SCRATCH: RefCell<[Vec<u64>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
 }
 
-/// Sorts the first of `pairs`, as many as there is room for in `out`.
+/// Sorts the first `out.len()` of `pairs`.
 fn sort_bucket(pairs: &[AtomicU64], out: &mut [u32]) {
     let pairs = &pairs[..out.len()];
     if pairs.len() > LARGE {
@@ -153,7 +151,7 @@ fn sort_bucket(pairs: &[AtomicU64], out: &mut [u32]) {
             (least, most) = (least.min(key_of(pair)), most.max(key_of(pair)));
             pair
         }));
-        // Differences from the least key have only those bits in which keys differ.
+        // Differences from the least key vary only in the low bits.
         let differing = u32::BITS - most.saturating_sub(least).leading_zeros();
         let passes = differing.div_ceil(BITS);
         for pass in 1..passes {
@@ -172,7 +170,7 @@ fn key_of(pair: u64) -> u32 {
     (pair >> 32) as u32
 }
 
-/// Moves pairs, with `to`, to their places by the digit at `shift` of what their keys are above `least`.
+/// Moves pairs to their slots, with `to`, by the digit at `shift` of key minus `least`.
 fn move_by_digit(from: &[u64], least: u32, shift: u32, mut to: impl FnMut(usize, u64)) {
     let digit = |pair: u64| (key_of(pair) - least) as usize >> shift & (DIGITS - 1);
     let mut places = [0u32; DIGITS];

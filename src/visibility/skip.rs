@@ -1,29 +1,29 @@
-//! Switches of what is left out.
+//! Switches for work that may be skipped.
 
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// What may be left out of a frame, or done in another order, because the image does not need it: a switch each. With any of
-/// them off the image is the same; it only takes longer. `docs/skipping.md` says what each saves.
+/// Work that a frame may skip or reorder without changing the image: one switch each. Switched off, the frame only takes longer.
+/// `docs/skipping.md` has what each saves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Skip {
     /// Cells in which the transfer function shows nothing at this step.
     pub transparent_cells: bool,
-    /// Decoding chunks of vertices of which no cell can be seen.
+    /// Decoding of vertex chunks that no visible cell uses.
     pub transparent_chunks: bool,
-    /// What lies behind an opaque pixel.
+    /// Samples behind an opaque pixel.
     pub opaque: bool,
-    /// What lies outside of the view.
+    /// Cells outside of the view.
     pub outside: bool,
     /// Work whose result is known from the frames before.
     pub unchanged: bool,
-    /// Begin with the tiles that took longest in the last frame, so that no thread waits for them at the end.
+    /// Begins with the tiles that took longest in the last frame, so that no thread waits for them at the end.
     pub costly_first: bool,
 }
 
 impl Default for Skip {
-    /// All of it.
+    /// All switches on.
     fn default() -> Self {
         Self::ALL
     }
@@ -66,8 +66,7 @@ impl Skip {
 impl FromStr for Skip {
     type Err = String;
 
-    /// `all`, `none`, or names of switches with commas between them; names behind `all` are those that are off, as in
-    /// `all,-opaque`.
+    /// Reads `all`, `none`, or comma-separated names of switches; names after `all` are switched off, as in `all,-opaque`.
     fn from_str(text: &str) -> Result<Self, String> {
         let mut skip = Self::NONE;
         for (at, word) in text.split(',').map(str::trim).enumerate() {
@@ -75,7 +74,7 @@ impl FromStr for Skip {
                 ("all", 0) => skip = Self::ALL,
                 ("none", 0) => {}
                 _ => {
-                    // Requests of older versions say `clear-cells` and `clear-chunks`.
+                    // Requests of older versions use `clear-cells` and `clear-chunks`.
                     let name = word.strip_prefix('-').unwrap_or(word).replace("clear-", "transparent-");
                     let Some((_, switch)) = Self::SWITCHES.iter().find(|(known, _)| *known == name) else {
                         let names: Vec<&str> = Self::SWITCHES.iter().map(|(name, _)| *name).collect();
@@ -93,7 +92,7 @@ impl FromStr for Skip {
 }
 
 impl fmt::Display for Skip {
-    /// The text that reads back as the same switches.
+    /// Text that parses to the same switches.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::ALL => f.write_str("all"),

@@ -1,38 +1,38 @@
-//! Where a transfer function shows nothing.
+//! The scalars at which a transfer function is transparent.
 //!
-//! A cell is active if the table has extinction somewhere between the least and the greatest of its scalars. The scalars at
-//! which it has none are a few intervals; a cell shows nothing if and only if all of its scalars lie in one of them. So each
-//! vertex is labelled by the interval that it lies in, and cells compare labels: no range of a cell is ever computed, and none
-//! is looked up in samples of the table, which would lose what lies between two of them.
+//! A cell is active if the table has extinction somewhere between the least and the greatest of its scalars. The table is transparent in a
+//! few intervals of scalars; a cell is invisible if and only if all of its scalars lie in one of them. So each vertex is labelled with its
+//! interval, and cells compare labels: no cell needs a scalar range, nor samples of the table, which would miss what lies between two of
+//! them.
 
 use crate::node_table::{Node, NodeTable};
 
-/// Which transparent interval a scalar lies in, counted from 1; or [`VISIBLE`], or [`HOLE`].
+/// Transparent interval of a scalar, counted from 1; or [`VISIBLE`], or [`HOLE`].
 pub type Label = u8;
 
 /// The table has extinction at the scalar.
 pub const VISIBLE: Label = 0;
 
-/// The scalar is not finite: cells at it are no part of the domain.
+/// The scalar is not finite: cells with it are outside of the domain.
 pub const HOLE: Label = Label::MAX;
 
-/// Intervals that have labels of their own.
+/// Maximum number of intervals with their own labels.
 const INTERVALS_MAX: usize = HOLE as usize - 1;
 
-/// A few intervals are gone through one after the other, for many scalars side by side; more are searched.
+/// Up to this number of intervals are searched linearly, for many scalars side by side; more by bisection.
 const GONE_THROUGH: usize = 16;
 
 /// The scalars at which a table has no extinction, as maximal closed intervals of f32, ascending. By default there are none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TransparentIntervals {
-    /// Least and greatest scalar of each.
+    /// Least and greatest scalar of each interval.
     intervals: Vec<[f32; 2]>,
 }
 
 impl TransparentIntervals {
-    /// Those of a table. A scalar at which it steps counts as visible if either side is: a cell that reaches it would show it.
+    /// The intervals of a table. A scalar at a discontinuity counts as visible if either side is: a cell that reaches it would show it.
     ///
-    /// Exact: nodes are compared with scalars in f64. Of more than 254 intervals the others count as visible.
+    /// Exact: nodes are compared with scalars in f64. Intervals beyond the first 254 count as visible.
     pub fn of(table: &NodeTable) -> Self {
         let mut found = Found::default();
         let groups: Vec<&[Node]> = table.nodes().chunk_by(|a, b| a.scalar == b.scalar).collect();
@@ -52,16 +52,15 @@ impl TransparentIntervals {
         Self::rounded(&found.done())
     }
 
-    /// Those in which nothing is to be seen of a table that was sampled at `samples` scalars, evenly spaced from its first node to
-    /// its last, and is linear in between: light leaks from each sample to its neighbours. Two more samples on either side
-    /// are left out for rounding.
+    /// The intervals that are transparent in a table sampled at `samples` scalars, evenly spaced from its first node to its last, and
+    /// linear in between: extinction spreads from each sample to its neighbours. Two more samples on either side are excluded for rounding.
     pub fn of_sampled(table: &NodeTable, samples: usize) -> Self {
         let nodes = table.nodes();
         let (lo, hi) = (nodes[0].scalar, nodes[nodes.len() - 1].scalar);
         let margin = 2.0 * (hi - lo) / (samples.max(2) - 1) as f64;
         let shrunk = |&[a, b]: &[f32; 2]| {
             let [a, b] = [a, b].map(f64::from);
-            // A constant reaches beyond the last node as it is; the samples do not.
+            // A constant extends beyond the last node unchanged; the samples do not.
             let end = |end: f64, by: f64| if end.is_finite() { end + by } else { end };
             let (a, b) = (end(a, margin), end(b, -margin));
             (a <= b).then_some(Interval { lo: a, hi: b, lo_is_in: true, hi_is_in: true })
@@ -69,8 +68,8 @@ impl TransparentIntervals {
         Self::rounded(&Self::of(table).intervals.iter().filter_map(shrunk).collect::<Vec<_>>())
     }
 
-    /// The same intervals, each cut in two at every value inside of it, which belongs to the upper part: a cell with scalars on both
-    /// sides of a value is then in no interval, and shows what is at that value.
+    /// The same intervals, each split at every value inside of it, which belongs to the upper part: a cell with scalars on both sides of a
+    /// value is then in no interval, and shows the isosurface at that value.
     #[must_use]
     pub fn cut_at(&self, values: &[f64]) -> Self {
         let mut intervals = Vec::with_capacity(self.intervals.len() + values.len());
@@ -93,20 +92,20 @@ impl TransparentIntervals {
         Self { intervals }
     }
 
-    /// The finite f32 in each interval.
+    /// The finite f32 range of each interval.
     fn rounded(found: &[Interval]) -> Self {
         let intervals = found.iter().filter_map(Interval::rounded).take(INTERVALS_MAX).collect();
         Self { intervals }
     }
 
-    /// Whether every scalar can be seen.
+    /// Whether every scalar is visible.
     pub fn is_empty(&self) -> bool {
         self.intervals.is_empty()
     }
 
-    /// The scalars whose label is another one than that of those just below, ascending.
+    /// The scalars whose label differs from that of the next lower one, ascending.
     pub(super) fn steps(&self) -> Vec<f32> {
-        // A zero is one step, whatever its sign: scalars are compared by their value.
+        // Zeros of both signs are one step: scalars are compared by value.
         let ends = self.intervals.iter().flat_map(|&[lo, hi]| [lo + 0.0, hi.next_up() + 0.0]);
         let mut steps: Vec<f32> = ends.filter(|step| step.is_finite()).collect();
         steps.dedup();
@@ -125,19 +124,19 @@ impl TransparentIntervals {
         }
     }
 
-    /// The one label of all scalars from `lo` to `hi`, if they have one that is not [`VISIBLE`].
+    /// The common label of all scalars from `lo` to `hi`, if they have one other than [`VISIBLE`].
     pub fn label_of_range(&self, lo: f32, hi: f32) -> Option<Label> {
         let label = self.label(lo);
         (label != VISIBLE && label != HOLE && label == self.label(hi)).then_some(label)
     }
 
-    /// The labels of some scalars.
+    /// Labels many scalars.
     pub(super) fn label_all(&self, scalars: &[f32], out: &mut [Label]) {
         if self.intervals.len() > GONE_THROUGH {
             out.iter_mut().zip(scalars).for_each(|(out, &s)| *out = self.label(s));
             return;
         }
-        // In pieces that stay in the nearest cache.
+        // In blocks that stay in the first-level cache.
         for (out, scalars) in out.chunks_mut(1024).zip(scalars.chunks(1024)) {
             for (label, &s) in out.iter_mut().zip(scalars) {
                 *label = if s.is_finite() { VISIBLE } else { HOLE };
@@ -151,7 +150,7 @@ impl TransparentIntervals {
     }
 }
 
-/// An interval of scalars, perhaps without its ends.
+/// An interval of scalars, open or closed at each end.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     lo: f64,
@@ -161,7 +160,7 @@ struct Interval {
 }
 
 impl Interval {
-    /// Its least and greatest finite f32, if there is one.
+    /// Its least and greatest finite f32, if any.
     fn rounded(&self) -> Option<[f32; 2]> {
         let mut lo = self.lo.max(f64::from(f32::MIN)) as f32;
         let mut hi = self.hi.min(f64::from(f32::MAX)) as f32;
@@ -176,7 +175,7 @@ impl Interval {
     }
 }
 
-/// Transparent pieces of the axis, from left to right, become intervals.
+/// Merges transparent pieces of the scalar axis, from left to right, into intervals.
 #[derive(Default)]
 struct Found {
     done: Vec<Interval>,
@@ -184,7 +183,7 @@ struct Found {
 }
 
 impl Found {
-    /// A piece without its ends.
+    /// Adds an open piece.
     fn add(&mut self, transparent: bool, lo: f64, hi: f64) {
         match (&mut self.open, transparent) {
             (Some(open), true) => (open.hi, open.hi_is_in) = (hi, false),
@@ -193,7 +192,7 @@ impl Found {
         }
     }
 
-    /// One scalar.
+    /// Adds a single scalar.
     fn add_point(&mut self, transparent: bool, at: f64) {
         match (&mut self.open, transparent) {
             (Some(open), true) => (open.hi, open.hi_is_in) = (at, true),

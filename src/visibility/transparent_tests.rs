@@ -14,21 +14,21 @@ fn intervals_end_at_nodes_and_at_the_side_of_steps() {
     const ALL: [f32; 2] = [f32::MIN, f32::MAX];
     assert_eq!(intervals(&[(0.0, 0.0)]), [ALL]);
     assert_eq!(intervals(&[(0.0, 1.0)]), [] as [[f32; 2]; 0]);
-    // A tent: its feet are transparent.
+    // A tent is transparent at its feet.
     assert_eq!(intervals(&[(1.0, 0.0), (2.0, 1.0), (3.0, 0.0)]), [[f32::MIN, 1.0], [3.0, f32::MAX]]);
-    // A step: its scalar is not.
+    // A step is visible at its scalar.
     let step = intervals(&[(1.0, 0.0), (1.0, 2.0), (3.0, 2.0), (3.0, 0.0)]);
     assert_eq!(step, [[f32::MIN, 1.0f32.next_down()], [3.0f32.next_up(), f32::MAX]]);
-    // Two tents foot to foot: one scalar in between.
+    // Two tents that share a foot: one transparent scalar.
     let two = intervals(&[(0.0, 1.0), (1.0, 0.0), (2.0, 1.0)]);
     assert_eq!(two, [[1.0, 1.0]]);
-    // A node that is no f32 lies between two of them.
+    // A node that is not an f32 lies between two of them.
     let tenth = intervals(&[(0.1, 0.0), (0.2, 1.0)])[0][1];
     assert!(f64::from(tenth) <= 0.1 && f64::from(tenth.next_up()) > 0.1);
-    // Nodes far beyond f32, and one so near to the next that no f32 lies between.
+    // Nodes far beyond f32, and two so close that no f32 lies between.
     assert_eq!(intervals(&[(-1e300, 1.0), (-1e299, 0.0), (1e299, 0.0), (1e300, 1.0)]), [ALL]);
     assert_eq!(intervals(&[(0.1, 1.0), (0.1 + 1e-12, 0.0), (0.1 + 2e-12, 1.0)]), [] as [[f32; 2]; 0]);
-    // Denormal scalars are scalars.
+    // Subnormal scalars count.
     let tiny = f32::from_bits(1);
     assert_eq!(intervals(&[(f64::from(tiny), 0.0), (3.0 * f64::from(tiny), 1.0)])[0][1], tiny);
 }
@@ -39,11 +39,11 @@ fn a_spike_of_any_width_is_seen() {
         for at in [0.0, 0.123_456_7, 0.5, 1.0 - 1e-9] {
             let spike = table(&[(at - width, 0.0), (at, 5.0), (at + width, 0.0)]);
             let transparent = TransparentIntervals::of(&spike);
-            // A cell from one side of it to the other has two labels, however narrow it is.
+            // A cell across it has two labels, however narrow it is.
             let (below, above) = (transparent.label(-1.0), transparent.label(2.0));
             assert!(below != above && below != VISIBLE && above != VISIBLE, "{width} at {at}");
             assert_eq!(transparent.label_of_range(-1.0, 2.0), None);
-            // And one that reaches just into it.
+            // A cell that just reaches into it.
             let (side, f32_at) = (at as f32, at as f32);
             assert_eq!(transparent.label_of_range(-1.0, side.max(f32_at)).is_some(), f64::from(f32_at) <= at - width);
         }
@@ -73,7 +73,7 @@ fn intervals_without_a_label_count_as_visible() {
     assert!((0..2000).all(|i| transparent.label(i as f32) != HOLE));
 }
 
-/// Random tables: nodes at few scalars, so that there are steps, and many of them transparent.
+/// Random tables: nodes at few scalars, so that there are steps, and many transparent nodes.
 fn tables() -> impl Strategy<Value = NodeTable> {
     let tau = prop_oneof![2 => Just(0.0), 1 => 0.1..5.0f64];
     prop::collection::vec((-20..20i32, tau), 1..40).prop_map(|mut nodes| {
@@ -128,7 +128,7 @@ proptest! {
         let mut labels = [0; 2];
         transparent.label_all(&[a, b], &mut labels);
         prop_assert_eq!(labels, [a, b].map(|s| transparent.label(s)));
-        // Another table, with a spike in between, is told from it.
+        // A table with a spike in between is distinguished.
         let at = 0.5 * (f64::from(lo) + f64::from(hi));
         let mut nodes: Vec<Node> = table.nodes().iter().filter(|n| n.scalar < at - 0.01).copied().collect();
         nodes.push(Node { scalar: at, rgb: [0.0; 3], tau: 1.0 });

@@ -1,11 +1,11 @@
-//! The triangles of single cells, whose corners are named by edges.
+//! The triangles of single cells, with corners keyed by mesh edges.
 
 use super::Crossing;
 use crate::mesh::FACE_VERTICES;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// An edge of the mesh, or a vertex as an edge from it to itself: the lower vertex in the upper half.
+/// Key of a point on an edge of the mesh, with the lower vertex in the upper half; a vertex is the edge from it to itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key(u64);
 
@@ -31,10 +31,10 @@ impl Key {
     }
 }
 
-/// Triangles as they come from the cells.
+/// Triangles in the order of the cells.
 #[derive(Default)]
 pub(super) struct Triangles {
-    /// Of each triangle its corners.
+    /// Corner keys of each triangle.
     pub(super) keys: Vec<[Key; 3]>,
     /// Triangles without area that were left out.
     pub(super) dropped: u64,
@@ -44,7 +44,7 @@ impl Triangles {
     /// The triangles of all cells in their order, found in parallel: `add` gets the index of a cell, its vertices, and where to put its
     /// triangles.
     pub(super) fn collect(tets: &[[u32; 4]], add: impl Fn(usize, &[u32; 4], &mut Self) + Sync) -> Self {
-        /// Cells that one thread works on in well under a millisecond.
+        /// Cells per task; one thread takes well under a millisecond for them.
         const RUN: usize = 1 << 14;
         let of_run = |(run, cells): (usize, &[[u32; 4]])| {
             let mut triangles = Self::default();
@@ -62,7 +62,7 @@ impl Triangles {
         all
     }
 
-    /// Adds a triangle unless two of its corners are one.
+    /// Adds a triangle unless two of its corners coincide.
     fn add(&mut self, [a, b, c]: [Key; 3]) {
         if a == b || b == c || c == a {
             self.dropped += 1;
@@ -72,18 +72,18 @@ impl Triangles {
     }
 }
 
-/// A scalar and the value at which it is cut.
+/// A scalar and its isovalue.
 pub(super) struct Cut<'a, L> {
     /// World coordinates of the vertices.
     pub(super) points: &'a [DVec3],
     /// The scalar at a vertex.
     pub(super) level: L,
-    /// The value.
+    /// The isovalue.
     pub(super) value: f64,
 }
 
-/// For each set of two vertices of a cell that are above (bits of a mask) these two and the other two, as an even permutation: a cell of
-/// which the vertices are taken in this order is still positively oriented.
+/// For each pair of vertices above the isovalue (a bit mask): the pair and then the other two, as an even permutation, so that a cell with
+/// its vertices in this order is still positively oriented.
 const PAIRS: [(u8, [usize; 4]); 6] = [
     (0b0011, [0, 1, 2, 3]),
     (0b0101, [0, 2, 3, 1]),
@@ -94,7 +94,7 @@ const PAIRS: [(u8, [usize; 4]); 6] = [
 ];
 
 impl<L: Fn(u32) -> f64> Cut<'_, L> {
-    /// The point of an edge whose ends lie on both sides of the surface, or at an end of it.
+    /// The point of an edge that crosses the surface, or the vertex where the surface meets it.
     pub(super) fn crossing(&self, key: Key) -> (Crossing, DVec3) {
         let (low, high) = (key.low(), key.high());
         let [from, to] = [low, high].map(|v| self.points[v as usize]);
@@ -104,12 +104,12 @@ impl<L: Fn(u32) -> f64> Cut<'_, L> {
         let [at_low, at_high] = [low, high].map(|v| (self.level)(v));
         let t = ((self.value - at_low) / (at_high - at_low)).clamp(0.0, 1.0);
         let way = to - from;
-        // An edge may be longer than the largest number, as its ends are not.
+        // The difference of the ends may overflow although the ends are finite.
         let point = if way.is_finite() { from + t * way } else { (1.0 - t) * from + t * to };
         (key.crossing(t), point.clamp(from.min(to), from.max(to)))
     }
 
-    /// The key of the point between two vertices: that of a vertex where it cannot be told from it.
+    /// Key of the crossing between two vertices; that of a vertex if the crossing rounds to it.
     fn corner(&self, a: u32, b: u32) -> Key {
         let key = Key::edge(a, b);
         let (Crossing { low, high, t }, point) = self.crossing(key);
@@ -123,12 +123,12 @@ impl<L: Fn(u32) -> f64> Cut<'_, L> {
         }
     }
 
-    /// Adds the triangles of a positively oriented cell. Normals point to where the scalar is below the value.
+    /// Adds the triangles of a positively oriented cell, with normals towards lower scalars.
     pub(super) fn add_cell(&self, tet: [u32; 4], out: &mut Triangles) {
         let is_above = tet.map(|v| (self.level)(v) >= self.value);
         let mask = (0..4).fold(0, |mask, i| mask | u8::from(is_above[i]) << i);
         match mask.count_ones() {
-            // Seen from its single vertex on a side, the others are in the order of the face opposite.
+            // Seen from the single vertex on one side, the others have the order of the opposite face.
             1 => out.add(self.around(tet, mask.trailing_zeros() as usize)),
             3 => {
                 let [a, b, c] = self.around(tet, (!mask).trailing_zeros() as usize);
@@ -143,12 +143,12 @@ impl<L: Fn(u32) -> f64> Cut<'_, L> {
         }
     }
 
-    /// The points of the three edges at a vertex, counter-clockwise seen from the face opposite.
+    /// The crossings on the three edges at a vertex, counter-clockwise seen from the opposite face.
     fn around(&self, tet: [u32; 4], i: usize) -> [Key; 3] {
         FACE_VERTICES[i].map(|other| self.corner(tet[i], tet[other]))
     }
 
-    /// The quadrilateral of a positively oriented cell of which the first two vertices are above, parted along its shorter diagonal.
+    /// Adds the quadrilateral of a positively oriented cell whose first two vertices are above, split along its shorter diagonal.
     fn add_quad(&self, [a, b, c, d]: [u32; 4], out: &mut Triangles) {
         let [p, q, r, s] = [(a, c), (a, d), (b, d), (b, c)].map(|(above, below)| self.corner(above, below));
         let length = |k: Key, l: Key| self.crossing(k).1.distance_squared(self.crossing(l).1);

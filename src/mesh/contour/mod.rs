@@ -1,19 +1,18 @@
-//! Surfaces of a mesh as triangles: where a scalar has a value, and the boundary of the mesh.
+//! Surfaces of a mesh as triangles: isosurfaces, plane sections and the boundary.
 //!
 //! Marching tetrahedra (A. Doi, A. Koide, *An efficient method of triangulating equi-valued surfaces by using tetrahedral cells*,
-//! IEICE Transactions E74, 1991): a scalar is linear in a cell, so that its surface there is a triangle or a plane quadrilateral, which
-//! is two triangles. A value counts as above if it is at least the value of the surface, as in the renderers. What the table of cases
-//! says depends on nothing but this, so that the surfaces of two neighbours fit together on their face, also where vertices have the
-//! very value.
+//! IEICE Transactions E74, 1991): a scalar is linear in a cell, so its isosurface there is a triangle or a plane quadrilateral, which is
+//! split into two triangles. A scalar counts as above if it is at least the isovalue, as in the renderers. The case table depends on
+//! nothing else, so the surfaces of two neighbouring cells match on their face, also where vertices have exactly the isovalue.
 //!
 //! - A point belongs to an edge of the mesh and is computed from its lower to its higher vertex, in f64: all cells around the edge
-//!   agree on it. One that is rounded to an end of the edge, or has its value, belongs to that vertex instead, and edges share it.
-//! - Triangles of which two corners are then one have no area; they are dropped and counted. What is left is closed: beside a triangle's
-//!   edge from a to b there is one from b to a, unless the edge lies on the boundary of the mesh or of a hole. It is the only one,
-//!   unless a and b are both vertices of the mesh: where these have the value, surfaces may touch, and as many triangles go from a to b
-//!   as from b to a.
+//!   agree on it. A point that rounds to an end of the edge, or an end that has the isovalue, becomes that vertex, shared by its edges.
+//! - Triangles with two equal corners have no area; they are dropped and counted. The rest is closed: next to a triangle's edge
+//!   from a to b there is one from b to a, unless the edge lies on the boundary of the mesh or of a hole. It is the only one, unless
+//!   a and b are both vertices of the mesh: where these have the isovalue, surfaces may touch, and as many triangles go from a to b as
+//!   from b to a.
 //! - Normals point towards lower values (corners are counter-clockwise seen from there). On the boundary they point outward.
-//! - Results do not depend on the number of threads: triangles are in the order of cells, points in that of their edges.
+//! - Results do not depend on the number of threads: triangles are in cell order, points in the order of their edges.
 
 mod cells;
 #[cfg(test)]
@@ -24,14 +23,14 @@ use cells::{Cut, Key, Triangles};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The part of a mesh in which there are values at a step.
+/// A mesh at one step, with the vertices that have no finite value marked.
 #[derive(Clone, Copy, Debug)]
 pub struct Domain<'a> {
-    /// Cells.
+    /// Connectivity.
     pub topology: &'a Topology,
     /// World coordinates of the vertices, in the file's units.
     pub points: &'a [DVec3],
-    /// Of each vertex whether it has no finite value. Its cells are holes.
+    /// Whether each vertex lacks a finite value; its cells are holes.
     pub missing: &'a [bool],
 }
 
@@ -40,9 +39,9 @@ pub struct Domain<'a> {
 pub struct Crossing {
     /// The lower vertex of the edge.
     pub low: u32,
-    /// Its higher vertex; the same for a point at a vertex.
+    /// The higher vertex of the edge; equal to `low` for a point at a vertex.
     pub high: u32,
-    /// Where between them the point is: 0 at the lower, 1 at the higher.
+    /// Position between them: 0 at the lower vertex, 1 at the higher.
     pub t: f64,
 }
 
@@ -51,7 +50,7 @@ pub struct Crossing {
 pub struct Surface {
     /// World coordinates, in the file's units.
     pub points: Vec<DVec3>,
-    /// For each point where in the mesh it is, ascending.
+    /// Position of each point on the mesh, ascending.
     pub crossings: Vec<Crossing>,
     /// Indices of points.
     pub triangles: Vec<[u32; 3]>,
@@ -60,8 +59,8 @@ pub struct Surface {
 }
 
 impl Crossing {
-    /// A field at the point: linear along the edge, never beyond the values at its ends, and exact at a vertex. `values` are those of
-    /// the vertices of the mesh, finite here.
+    /// Value of a field at the point: linear along the edge, never beyond the values at its ends, and exact at a vertex. `values` holds one
+    /// per vertex of the mesh, finite at this edge.
     pub fn value(&self, values: &[f32]) -> f32 {
         let [low, high] = [self.low, self.high].map(|v| f64::from(values[v as usize]));
         if self.low == self.high {
@@ -72,14 +71,14 @@ impl Crossing {
 }
 
 impl Surface {
-    /// A field at all points ([`Crossing::value`]), one value for each, into `out`.
+    /// Interpolates a field to all points ([`Crossing::value`]), one value per point, into `out`.
     pub fn interpolate(&self, values: &[f32], out: &mut Vec<f32>) {
         self.crossings.par_iter().map(|crossing| crossing.value(values)).collect_into_vec(out);
     }
 }
 
 impl Domain<'_> {
-    /// Where `level`, a scalar of the vertices, is `value`. It is finite at all vertices that are not missing.
+    /// The isosurface at which `level`, a scalar per vertex, is `value`. `level` must be finite at all vertices that are not missing.
     ///
     /// # Panics
     /// If the mesh has more vertices than `points` or `missing`.
@@ -93,7 +92,7 @@ impl Domain<'_> {
         self.surface(&triangles, |key| cut.crossing(key))
     }
 
-    /// Where a plane cuts the mesh. Normals point against that of the plane, whose side counts as higher.
+    /// The section of the mesh by a plane, from signed distances of the vertices. Normals point to the side of lower distances.
     ///
     /// # Panics
     /// As [`Domain::contour`].
@@ -101,7 +100,7 @@ impl Domain<'_> {
         self.contour(|v| distances[v as usize], 0.0)
     }
 
-    /// The faces with a cell on one side only; holes count as outside.
+    /// The faces with a cell on one side only; holes count as outside. Normals point outward.
     ///
     /// # Panics
     /// As [`Domain::contour`].
@@ -124,12 +123,12 @@ impl Domain<'_> {
         tet.iter().any(|&v| self.missing[v as usize])
     }
 
-    /// Numbers the points.
+    /// Builds the surface: unique points, and triangles that index them.
     fn surface(&self, triangles: &Triangles, point: impl Fn(Key) -> (Crossing, DVec3) + Sync) -> Surface {
         let mut keys = triangles.keys.as_flattened().to_vec();
         keys.par_sort_unstable();
         keys.dedup();
-        // There are fewer edges than 4/3 of 2^30 cells and as many vertices, so that u32 counts them. Each key is in the list.
+        // Edges number fewer than 4/3 of 2^30 cells plus as many vertices, so u32 counts them. Every key is in the list.
         let rank = |key: Key| keys.partition_point(|&other| other < key) as u32;
         let (crossings, points) = keys.par_iter().map(|&key| point(key)).unzip();
         Surface {

@@ -1,4 +1,4 @@
-//! Surfaces of known shape, and what holds of every surface: it is closed, has no triangle without area, and faces lower values.
+//! Surfaces of known shape, and invariants of every surface: it is closed, has no triangle without area, and faces lower values.
 
 use super::*;
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, shuffled};
@@ -51,13 +51,13 @@ fn area(surface: &Surface) -> f64 {
     surface.triangles.iter().map(|&t| 0.5 * normal(surface, t).length()).sum()
 }
 
-/// Volume inside of a closed surface whose normals point outward.
+/// Volume enclosed by a closed surface with outward normals.
 fn volume(surface: &Surface) -> f64 {
     let of = |t: &[u32; 3]| t.map(|i| surface.points[i as usize]);
     surface.triangles.iter().map(of).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
-/// How many triangles go along each edge from its lower to its higher point, and back.
+/// Number of triangles along each edge from its lower to its higher point, and back.
 fn edges(surface: &Surface) -> BTreeMap<(u32, u32), [usize; 2]> {
     let mut edges: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
     for [a, b, c] in &surface.triangles {
@@ -84,7 +84,7 @@ fn rim(field: &Field) -> std::collections::BTreeSet<[u32; 3]> {
     boundary.triangles.iter().map(face).collect()
 }
 
-/// The vertices of the mesh that an edge of the surface touches: its face, if it lies in one.
+/// The vertices of the mesh that an edge of the surface touches: those of a face if it lies in one.
 fn touched(surface: &Surface, (a, b): (u32, u32)) -> Vec<u32> {
     let ends = [a, b].map(|i| surface.crossings[i as usize]);
     let mut all: Vec<u32> = ends.iter().flat_map(|c| [c.low, c.high]).collect();
@@ -93,7 +93,7 @@ fn touched(surface: &Surface, (a, b): (u32, u32)) -> Vec<u32> {
     all
 }
 
-/// What holds of every surface of a field. Returns how many edges have more than two triangles.
+/// Checks the invariants of a field's surface. Returns the number of edges with more than two triangles.
 fn check(field: &Field, surface: &Surface) -> Result<usize, TestCaseError> {
     let rim = rim(field);
     let on_rim = |touched: &[u32]| rim.iter().any(|face| touched.iter().all(|v| face.contains(v)));
@@ -125,7 +125,7 @@ fn a_sphere_has_its_area_and_volume_to_second_order_and_is_one_closed_piece() {
         assert_eq!(euler(&surface), 2);
         assert!(edges(&surface).values().all(|sides| *sides == [1, 1]));
         assert_eq!(check(&sphere, &surface).unwrap(), 0);
-        // Values grow outward, so that normals towards lower ones point inward.
+        // Values grow outward, so normals point inward.
         for &t in &surface.triangles {
             let centre = t.iter().map(|&i| surface.points[i as usize]).sum::<DVec3>();
             assert!(normal(&surface, t).dot(centre) < 0.0);
@@ -160,13 +160,13 @@ fn every_case_of_a_single_cell_faces_lower_values_and_halves_the_edges() {
 fn a_plane_through_vertices_is_cut_once_with_whole_triangles() {
     let field = Field::new(cube(4), |p| p.z as f32);
     let middle = field.contour(0.0);
-    // Of the cells above, some have only an edge in the plane.
+    // Some of the cells above have only an edge in the plane.
     assert_eq!((middle.triangles.len(), middle.points.len(), area(&middle)), (2 * 16, 25, 4.0));
     assert!(middle.crossings.iter().all(|c| c.low == c.high) && middle.points.iter().all(|p| p.z == 0.0));
     assert!(middle.triangles.iter().all(|&t| normal(&middle, t).z < 0.0));
     assert!(middle.dropped > 0);
     assert_eq!(check(&field, &middle).unwrap(), 0);
-    // Values of the surface's own count as above: there is a surface at the top, and none at the bottom.
+    // Values equal to the isovalue count as above: there is a surface at the top, and none at the bottom.
     assert_eq!((area(&field.contour(1.0)), field.contour(-1.0)), (4.0, Surface::default()));
     let distances: Vec<f64> = field.points.iter().map(|p| p.z).collect();
     assert_eq!(field.with(|domain| domain.section(&distances)), middle);
@@ -191,7 +191,7 @@ fn the_boundary_is_closed_faces_outward_and_goes_around_holes() {
     assert_eq!((boundary.triangles.len(), area(&boundary)), (6 * 2 * 16, 24.0));
     assert!((volume(&boundary) - 8.0).abs() < 1e-12);
     assert_eq!(euler(&boundary), 2);
-    // One vertex without a value takes the 24 cells around it out.
+    // A vertex without a finite value removes the 24 cells around it.
     for gone in [f32::NAN, f32::INFINITY] {
         let holed = Field::new(cube(4), |p| if p == DVec3::ZERO { gone } else { p.x as f32 });
         let boundary = holed.boundary();
@@ -209,7 +209,7 @@ fn the_boundary_is_closed_faces_outward_and_goes_around_holes() {
 #[test]
 fn a_mesh_far_away_has_the_surface_that_it_has_nearby() {
     let offset = DVec3::new(1e9, -1e9, 1e9);
-    // Multiples of 1/16: what is added to 1e9 stays exact.
+    // Multiples of 1/16: adding them to 1e9 is exact.
     let far = |p: DVec3| p + offset;
     let mut raw = cube(16);
     let near = Field::new(raw.clone(), |p| p.length() as f32);
@@ -236,7 +236,7 @@ fn an_edge_longer_than_the_largest_number_is_cut() {
 
 #[test]
 fn values_that_are_almost_that_of_the_surface_make_no_needles() {
-    // The crossing is at the vertex as far as f64 can tell.
+    // The crossing rounds to the vertex in f64.
     let field = Field::new(cube(4), |p| if p == DVec3::splat(0.5) { 1e-30 } else { -1.0 });
     let surface = field.contour(0.0);
     assert_eq!((surface.triangles.len(), surface.dropped), (0, 24));
@@ -290,7 +290,7 @@ proptest! {
         for (value, drawn) in field.values.iter_mut().zip(drawn) {
             *value = if has_holes && random.below(12) == 0 { f32::NAN } else { drawn };
         }
-        // All values that there are, which makes ties, and one in between.
+        // All values that occur, which makes ties, and one in between.
         let tie = random.below(values) as f64;
         for value in [tie, tie + 0.5] {
             let surface = field.contour(value);
