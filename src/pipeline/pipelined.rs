@@ -12,9 +12,9 @@
 //! between frames, but no state that an image depends on.
 //!
 //! - **Errors and panics** are delivered in place of the frame: channels are bounded, and all requests pass all stages in order. After a
-//! panic the stage is reset.
+//!   panic the stage is reset.
 //! - **Buffers** are recycled. Scalars and frames are reference-counted; the last holder returns the buffer. Memory is bounded by two
-//! preparations, one frame that is rendered and three that are shown or waiting, whatever the playback speed.
+//!   preparations, one frame that is rendered and three that are shown or waiting, whatever the playback speed.
 //! - **Blocks** are loaded in the order in which the player expects to need them ([`crate::codec::blocks`]), on a thread of its own.
 //! - **Frames** of an unchanged view are cached within a budget, keyed by the whole request: a loop over a fixed view is rendered once.
 
